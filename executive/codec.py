@@ -1,0 +1,141 @@
+"""JSON forms of what a journal holds: events, commands and trace records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from executive.engine.instance import Abort, Effect, Note, Send, UtilityUsed
+from executive.ports import (
+    Acknowledgement,
+    Command,
+    CommandId,
+    Event,
+    Operation,
+    Operator,
+    Product,
+    Result,
+    TraceRecord,
+    Update,
+)
+
+Json = dict[str, Any]
+
+
+def event_to_json(event: Event) -> Json:
+    """Return an event as a JSON object; `event_from_json` gives it back."""
+    match event:
+        case Update():
+            return {"e": "update", "t": event.t_ms, "values": dict(event.values)}
+        case Result():
+            return {
+                "e": "result",
+                "t": event.t_ms,
+                "command": command_id_to_json(event.command),
+                "success": event.success,
+                "reason": event.reason,
+                "values": dict(event.values),
+                "updates": dict(event.updates),
+            }
+        case Acknowledgement():
+            return {
+                "e": "acknowledgement",
+                "t": event.t_ms,
+                "command": command_id_to_json(event.command),
+                "updates": dict(event.updates),
+            }
+        case Product():
+            return {
+                "e": "product",
+                "t": event.t_ms,
+                "command": command_id_to_json(event.command),
+                "kind": event.kind,
+                "path": event.path,
+                "sha256": event.sha256,
+                "label": dict(event.label),
+            }
+        case Operator():
+            return {
+                "e": "operator",
+                "t": event.t_ms,
+                "operation": event.operation.value,
+                "plan": event.plan_text,
+            }
+
+
+def event_from_json(document: Mapping[str, Any]) -> Event:
+    """Return the event that `event_to_json` wrote."""
+    t_ms = document["t"]
+    match document["e"]:
+        case "update":
+            return Update(t_ms, document["values"])
+        case "result":
+            return Result(
+                t_ms,
+                command_id_from_json(document["command"]),
+                document["success"],
+                document["reason"],
+                document["values"],
+                document["updates"],
+            )
+        case "acknowledgement":
+            return Acknowledgement(t_ms, command_id_from_json(document["command"]), document["updates"])
+        case "product":
+            return Product(
+                t_ms,
+                command_id_from_json(document["command"]),
+                document["kind"],
+                document["path"],
+                document["sha256"],
+                document["label"],
+            )
+        case "operator":
+            return Operator(t_ms, Operation(document["operation"]), document["plan"])
+        case other:
+            raise ValueError(f"unknown kind of event {other!r}")
+
+
+def command_id_to_json(command: CommandId) -> list[Any]:
+    return [command.run, command.task, command.attempt]
+
+
+def command_id_from_json(document: list[Any]) -> CommandId:
+    run, task, attempt = document
+    return CommandId(run, task, attempt)
+
+
+def command_to_json(command: Command) -> Json:
+    return {
+        "id": command_id_to_json(command.id),
+        "action": command.action,
+        "parameters": dict(command.parameters),
+        "metadata": dict(command.metadata),
+        "issue": command.issue,
+    }
+
+
+def effect_to_json(effect: Effect) -> Json:
+    """Return an effect of the engine as the member(s) of a journal record; `k` is its kind."""
+    match effect:
+        case TraceRecord():
+            return {"k": "trace", "t": effect.t_ms, "e": effect.event, "a": list(effect.arguments)}
+        case Send():
+            return {"k": "send", **command_to_json(effect.command)}
+        case Abort():
+            return {"k": "abort", "id": command_id_to_json(effect.command)}
+        case Note():
+            return {
+                "k": "note",
+                "t": effect.t_ms,
+                "kind": effect.kind,
+                "text": effect.text,
+                "node": effect.node,
+            }
+        case UtilityUsed():
+            return {"k": "utility", "t": effect.t_ms, "option": effect.option, "value": effect.value}
+
+
+def trace_line(record: TraceRecord) -> list[Any]:
+    """Return a trace record as the specification writes it: time in seconds, event, arguments."""
+    t_s = record.t_ms / 1000
+    return [int(t_s) if t_s.is_integer() else t_s, record.event, *record.arguments]

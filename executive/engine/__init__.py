@@ -1,0 +1,1 @@
+"""The engine: events of one time stamp in, effects out; pure and single-owner."""

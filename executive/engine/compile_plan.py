@@ -1,0 +1,225 @@
+"""From the nodes of the language to what the engine runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from executive.crl import nodes as crl
+from executive.engine.conditions import (
+    TIME_KEY,
+    Guard,
+    Test,
+    all_of,
+    any_of,
+    comparison,
+    is_number,
+    known,
+    negation,
+)
+from executive.engine.spec import (
+    END,
+    INFINITY,
+    PLAN_CLOCK,
+    RELATIVE,
+    START,
+    AlternateSpec,
+    ContingencySpec,
+    Kind,
+    NodeSpec,
+    OptionSpec,
+    PlanSpec,
+    ResourceSpec,
+    Window,
+)
+
+
+def compile_plan(
+    plan: crl.Plan, *, digest: str = "", text: str = "", identity: Callable[[crl.Node], str] = repr
+) -> PlanSpec:
+    """Return the plan as the engine runs it.
+
+    `identity` gives the canonical text of a task; two tasks are identical iff it is equal (CRL.md 2). It is
+    asked only when a running plan is replaced. The plan must be valid.
+    """
+    root = compile_node(plan.node, identity)
+    resources: dict[str, ResourceSpec] = {}
+    for resource in plan.resources:
+        match resource:
+            case crl.UnitResource():
+                resources[resource.name] = ResourceSpec(resource.name, 1.0)
+            case crl.CapacityResource():
+                resources[resource.name] = ResourceSpec(resource.name, float(resource.capacity))
+            case crl.ConsumableResource():
+                resources[resource.name] = ResourceSpec(
+                    resource.name, None, resource.key, float(resource.floor)
+                )
+    contingencies = tuple(
+        ContingencySpec(
+            id=c.id,
+            node=compile_node(c.node, identity),
+            trigger=compile_guard(c.trigger_conditions) or Guard(lambda database: True, ()),
+            utility=c.utility,
+            interrupt=c.mode is crl.Mode.INTERRUPT,
+            scope=c.scope if c.scope is not None else root.id,
+            max_insertions=c.max_insertions,
+            continue_on_failure=c.continue_on_failure,
+        )
+        for c in plan.floating
+    )
+    alternates = tuple(
+        AlternateSpec(
+            id=a.id,
+            node=compile_node(a.node, identity),
+            eligible=compile_guard(a.eligible_conditions),
+            utility=a.utility,
+            requires=amounts(a.requires),
+        )
+        for a in plan.library
+    )
+    return PlanSpec(
+        id=plan.id or "",
+        root=root,
+        resources=resources,
+        contingencies=contingencies,
+        alternates=alternates,
+        overrun_penalty=plan.overrun_penalty,
+        budgets=tuple((b.resource, b.amount) for b in plan.budgets),
+        digest=digest,
+        text=text,
+    )
+
+
+def compile_node(top: crl.Node, identity: Callable[[crl.Node], str]) -> NodeSpec:
+    """Return one tree; children are compiled before their parents, to any depth."""
+    done: dict[str, NodeSpec] = {}
+    for node in reversed(list(crl.walk(top))):
+        spec = _common(node)
+        match node:
+            case crl.Task():
+                spec.action = node.action
+                spec.parameters = dict(node.parameters)
+                spec.retries = node.retries
+                spec.retry_delay_ms = node.retry_delay_ms
+                spec.interruptible = node.interruptible
+                spec.on_resume = node.on_resume
+                spec.identity = lambda node=node: identity(node)  # type: ignore[misc]
+            case crl.Block():
+                spec.kind = Kind.BLOCK
+                spec.children = tuple(done[child.id] for child in node.node_list)
+            case crl.ConcurrentBlock():
+                spec.kind = Kind.CONCURRENT
+                spec.children = tuple(done[child.id] for child in node.node_list)
+            case crl.Branch():
+                spec.kind = Kind.BRANCH
+                spec.if_none = node.if_none
+                spec.next_on_failure = node.on_option_failure is crl.OnOptionFailure.NEXT
+                spec.options = tuple(
+                    OptionSpec(
+                        id=option.id,
+                        node=done[option.node.id],
+                        utility=option.utility,
+                        eligible=compile_guard(option.eligible_conditions),
+                        requires=amounts(option.requires),
+                    )
+                    for option in node.options
+                )
+        done[node.id] = spec
+    return done[top.id]
+
+
+def _common(node: crl.Node) -> NodeSpec:
+    return NodeSpec(
+        kind=Kind.TASK,
+        id=node.id,
+        wait_for=compile_guard(node.wait_for_conditions),
+        start=compile_guard(node.start_conditions),
+        maintain=compile_guard(node.maintain_conditions),
+        end=compile_guard(node.end_conditions),
+        start_windows=tuple(map(compile_window, crl.start_temporals(node))),
+        end_windows=tuple(map(compile_window, crl.end_temporals(node))),
+        continue_on_failure=node.continue_on_failure,
+        uses=amounts(node.uses),
+        requires=tuple((a.resource, a.amount) for a in node.requires),
+        priority=node.priority,
+        reward=node.reward,
+        metadata=node.metadata,
+    )
+
+
+def amounts(entries: Sequence[crl.Amount]) -> tuple[tuple[str, float], ...]:
+    """Return names and amounts; entries of the same resource are added up."""
+    if not entries:
+        return ()
+    total: dict[str, float] = {}
+    for entry in entries:
+        total[entry.resource] = total.get(entry.resource, 0) + entry.amount
+    return tuple(total.items())
+
+
+def compile_window(temporal: crl.Temporal) -> Window:
+    interval = temporal.interval
+    lo = -INFINITY if interval.lo_ms is None else interval.lo_ms
+    hi = INFINITY if interval.hi_ms is None else interval.hi_ms
+    match temporal:
+        case crl.Absolute():
+            return Window(PLAN_CLOCK, START, lo, hi)
+        case crl.Relative():
+            return Window(RELATIVE, START, lo, hi)
+        case crl.Reference():
+            return Window(temporal.node, START if temporal.point is crl.Point.START else END, lo, hi)
+
+
+def database_key(keyword: str, arguments: Sequence[str | float]) -> str:
+    """Return the key of the database: keyword and arguments joined with blanks, numbers in shortest form."""
+    if not arguments:
+        return keyword
+    return " ".join([keyword, *(a if isinstance(a, str) else shortest(a) for a in arguments)])
+
+
+def shortest(number: float) -> str:
+    """Return a number in its shortest form: 10 for 10.0."""
+    if isinstance(number, float) and number.is_integer() and abs(number) < 1e16:
+        return str(int(number))
+    return repr(number)
+
+
+def compile_guard(conditions: crl.Conditions) -> Guard | None:
+    """Return the conjunction of conditions, or None where there is nothing to ask."""
+    if not conditions:
+        return None
+    keys: dict[str, None] = {}
+    thresholds: list[float] = []
+    top = crl.And(conditions)
+    order: list[crl.Condition] = []
+    stack: list[crl.Condition] = [top]
+    while stack:
+        condition = stack.pop()
+        order.append(condition)
+        match condition:
+            case crl.And() | crl.Or():
+                stack.extend(condition.parts)
+            case crl.Not():
+                stack.append(condition.part)
+    made: dict[int, Test] = {}
+    for condition in reversed(order):
+        match condition:
+            case crl.Comparison():
+                key = database_key(condition.key, condition.arguments)
+                if key == TIME_KEY:
+                    if is_number(condition.value):
+                        thresholds.append(float(condition.value))
+                else:
+                    keys[key] = None
+                made[id(condition)] = comparison(key, condition.operator.value, condition.value)
+            case crl.Known():
+                key = database_key(condition.key, condition.arguments)
+                if key != TIME_KEY:
+                    keys[key] = None
+                made[id(condition)] = known(key)
+            case crl.And():
+                made[id(condition)] = all_of(tuple(made[id(part)] for part in condition.parts))
+            case crl.Or():
+                made[id(condition)] = any_of(tuple(made[id(part)] for part in condition.parts))
+            case crl.Not():
+                made[id(condition)] = negation(made[id(condition.part)])
+    return Guard(made[id(top)], tuple(keys), tuple(thresholds))

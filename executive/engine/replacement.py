@@ -1,0 +1,240 @@
+"""Replacement of the running plan (CRL.md 7.4)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from executive.engine import floating, lifecycle
+from executive.engine.instance import ACTIVE, RUNNING, Instance, Outcome, State
+from executive.engine.spec import Kind, NodeSpec, PlanSpec
+
+if TYPE_CHECKING:
+    from executive.engine.core import Engine
+
+KEPT_TASK_STATES = (State.FINISHED, State.ENDING, State.EXECUTING)
+
+
+def replace(engine: Engine, text: str) -> None:
+    """Let the plan in `text` take the place of the running one, or note why it cannot."""
+    loaded = engine.loader(text)
+    if isinstance(loaded, str):
+        engine.note("rejected", loaded)
+        return
+    if engine.hold is not None and engine.hold.root is not None:
+        engine.note("rejected", f"E111: contingency {engine.hold.floating.spec.id} is active")
+        return
+    wrong = out_of_order(engine, loaded)
+    if wrong:
+        engine.note("rejected", f"E110: {wrong}")
+        return
+    engine.record("replace")
+    exchange(engine, loaded)
+
+
+def kept(engine: Engine, spec: NodeSpec) -> Instance | None:
+    """Return the old node that the new one goes on with, if there is one."""
+    old = engine.instances.get(spec.id)
+    if old is None or old.kind is not spec.kind or (old.outcome is Outcome.SKIPPED and old.start is None):
+        return None
+    if spec.kind is Kind.TASK:
+        if old.state not in KEPT_TASK_STATES:
+            return None
+        return old if old.spec is spec or old.spec.identity() == spec.identity() else None
+    return old if old.start is not None else None
+
+
+def out_of_order(engine: Engine, plan: PlanSpec) -> str:
+    """Return what E110 forbids in the new main tree, or nothing."""
+    stack: list[tuple[NodeSpec, str]] = [(plan.root, "")]
+    while stack:
+        spec, barrier = stack.pop()
+        old = kept(engine, spec)
+        if old is not None and barrier:
+            return f"{spec.id} has started, {barrier}"
+        if spec.kind is Kind.BLOCK and old is not None:
+            waits = ""
+            for child in spec.children:
+                stack.append((child, waits and f"but would follow {waits}, which has not"))
+                if not waits and kept(engine, child) is None:
+                    waits = child.id
+            continue
+        for child in spec.below():
+            stack.append(
+                (child, barrier or ("" if old is not None else f"but lies below {spec.id}, which has not"))
+            )
+    return ""
+
+
+def exchange(engine: Engine, plan: PlanSpec) -> None:
+    """Keep what may be kept, stop or skip the rest, and open the new nodes."""
+    former_nodes = list(engine.instances.values())
+    keeping = {spec.id: node for spec in plan.root.walk() if (node := kept(engine, spec)) is not None}
+    alternate = keep_alternate(engine, plan)
+    engine.former_ids.update(dict.fromkeys(engine.plan.node_ids()))
+    engine.plan = plan
+    engine.ledger.redeclare(plan.resources)
+    engine.network.rebuild()
+    if engine.hold is not None:
+        engine.hold = None
+        engine.release_held()
+    exchange_contingencies(engine, plan)
+    engine.dependents = {}
+    root = rebuild(engine, plan.root, keeping)
+    if alternate is None:
+        engine.root = root
+        engine.root_alternate = None
+    else:
+        for node in alternate.walk():
+            keeping[node.id] = node
+            engine.register_windows(node)
+    gone = [node for node in former_nodes if keeping.get(node.id) is not node]
+    for node in gone:
+        engine.old[node.id] = node
+    separate(gone, set(keeping.values()))
+    for node in gone:
+        retire(engine, node)
+    reopen(engine, root)
+    engine.sort_again()
+
+
+def exchange_contingencies(engine: Engine, plan: PlanSpec) -> None:
+    """Take over the contingencies of the new plan; those with a known id keep count and armed state."""
+    former = {f.spec.id: f for f in engine.floating}
+    engine.floating = []
+    for place, contingency in enumerate(plan.contingencies):
+        fresh = floating.Floating(contingency, place)
+        if contingency.id in former:
+            fresh.armed = former[contingency.id].armed
+            fresh.insertions = former[contingency.id].insertions
+        engine.floating.append(fresh)
+        floating.set_timers(engine, fresh)
+    floating.watch_triggers(engine)
+
+
+def keep_alternate(engine: Engine, plan: PlanSpec) -> Instance | None:
+    """Return the alternate that is running as the root, if the new plan has it unchanged."""
+    current = engine.root_alternate
+    old_main = engine.instances.get(plan.root.id)
+    if current is None or old_main is None or old_main.state is not State.FINISHED:
+        return None
+    for alternate in plan.alternates:
+        if alternate.id == current.id and same_tree(alternate.node, current.node):
+            return engine.root
+    return None
+
+
+def same_tree(left: NodeSpec, right: NodeSpec) -> bool:
+    lefts, rights = list(left.walk()), list(right.walk())
+    return len(lefts) == len(rights) and all(
+        a.id == b.id and a.kind is b.kind and a.identity() == b.identity()
+        for a, b in zip(lefts, rights, strict=True)
+    )
+
+
+def rebuild(engine: Engine, top: NodeSpec, keeping: dict[str, Instance]) -> Instance:
+    """Make the new main tree out of kept and new nodes, in the text order of the new plan."""
+    root: Instance | None = None
+    stack: list[tuple[NodeSpec, Instance | None, int]] = [(top, None, 0)]
+    while stack:
+        spec, parent, index = stack.pop()
+        node = keeping.get(spec.id)
+        if node is None:
+            node = Instance(spec, parent, index, 0)
+            engine.register(node)
+        else:
+            adopt(engine, node, spec, parent, index)
+        node.order = engine.next_order
+        engine.next_order += 1
+        if parent is None:
+            root = node
+        else:
+            parent.below.append(node)
+        node.below = []
+        stack.extend((child, node, i) for i, child in reversed(list(enumerate(spec.below()))))
+    assert root is not None
+    for node in root.walk():
+        node.remaining = sum(child.state is not State.FINISHED for child in node.below)
+        node.fatal = node.kind is not Kind.BRANCH and any(
+            child.state is State.FINISHED and child.failed_fatally() for child in node.below
+        )
+        node.cursor = 0
+    return root
+
+
+def adopt(engine: Engine, node: Instance, spec: NodeSpec, parent: Instance | None, index: int) -> None:
+    """Let a kept node live on under the new definition."""
+    chosen = node.spec.options[node.chosen].id if node.chosen is not None else None
+    engine.ledger.unreserve(node)
+    node.spec = spec
+    node.parent = parent
+    node.index = index
+    if node.start is not None and node.state in RUNNING:
+        engine.ledger.reserve(node)
+    if chosen is not None:
+        node.chosen = next((i for i, o in enumerate(spec.options) if o.id == chosen), None)
+    engine.register_windows(node)
+
+
+def separate(gone: list[Instance], keeping: set[Instance]) -> None:
+    """Let the nodes that go keep only children that go too; under kept parents they become extra children."""
+    for node in gone:
+        node.below = [child for child in node.below if child not in keeping]
+        node.remaining = 0
+        for index, child in enumerate(node.below):
+            child.index = index
+            node.remaining += child.state is not State.FINISHED
+    for node in gone:
+        parent = node.parent
+        if parent is None or parent not in keeping:
+            continue
+        node.index = -1
+        if node.state in (State.INACTIVE, State.WAITING, State.FINISHED):
+            node.parent = None
+        else:
+            parent.extra.append(node)
+
+
+def retire(engine: Engine, node: Instance) -> None:
+    """Stop an old node that is not kept, or skip it."""
+    if node.state in (State.INACTIVE, State.WAITING):
+        node.void = True
+        lifecycle.close(engine, node, Outcome.SKIPPED, "replaced")
+    elif node.state is not State.FINISHED:
+        engine.stopping.add(node)
+        if node.state in ACTIVE:
+            lifecycle.begin_failing(engine, node, Outcome.ABORTED, "replaced")
+        engine.touch(node)
+
+
+def reopen(engine: Engine, root: Instance) -> None:
+    """Open what follows from the kept nodes: activate new children, skip those of finished parents."""
+    if root.state is State.INACTIVE:
+        lifecycle.activate(engine, root)
+    for node in list(root.walk()):
+        if node.state in (State.FINISHED, State.FAILING):
+            for child in node.below:
+                if child.state is State.INACTIVE:
+                    lifecycle.skip(engine, child, "parent-ended")
+            continue
+        if node.state not in ACTIVE:
+            continue
+        if node.kind is Kind.CONCURRENT:
+            for child in node.below:
+                if child.state is State.INACTIVE:
+                    lifecycle.activate(engine, child)
+        elif node.kind is Kind.BRANCH:
+            reopen_branch(engine, node)
+        engine.refresh(node)
+
+
+def reopen_branch(engine: Engine, node: Instance) -> None:
+    """Open the chosen option of a kept branch; skip the others unless they may still be tried."""
+    if node.chosen is None:
+        return
+    for index, child in enumerate(node.below):
+        if child.state is not State.INACTIVE:
+            continue
+        if index == node.chosen:
+            lifecycle.activate(engine, child)
+        elif not node.spec.next_on_failure:
+            lifecycle.skip(engine, child, "not-chosen")

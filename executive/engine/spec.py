@@ -1,0 +1,152 @@
+"""A plan made ready to run: windows in milliseconds, conditions compiled, fields with their defaults.
+
+Nothing here changes during a run; what changes lives in `instance.py`. `compile_plan.py` makes these values
+from the nodes of the language.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from executive.crl.nodes import IfNone, OnResume, Utility
+from executive.engine.conditions import Guard
+from executive.ports import Value
+
+INFINITY = 1 << 60
+"""An unbounded time, milliseconds; far beyond any plan clock."""
+
+START, END = 0, 1
+
+
+class Kind(IntEnum):
+    TASK = 0
+    BLOCK = 1
+    CONCURRENT = 2
+    BRANCH = 3
+
+
+PLAN_CLOCK = ""
+"""Reference of a window on the plan clock."""
+
+RELATIVE = ":relative"
+"""Reference of a window relative to the activation (starts) or to the own start (ends)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """`lo <= point - reference <= hi` in milliseconds; `ref` is a node id, PLAN_CLOCK or RELATIVE."""
+
+    ref: str
+    point: int
+    lo: int
+    hi: int
+
+
+@dataclass(slots=True, eq=False)
+class OptionSpec:
+    id: str
+    node: NodeSpec
+    utility: Utility
+    eligible: Guard | None
+    requires: tuple[tuple[str, float], ...]
+
+
+@dataclass(slots=True, eq=False)
+class NodeSpec:
+    """One node of a plan; fields of other kinds keep their defaults."""
+
+    kind: Kind
+    id: str
+    wait_for: Guard | None = None
+    start: Guard | None = None
+    maintain: Guard | None = None
+    end: Guard | None = None
+    start_windows: tuple[Window, ...] = ()
+    end_windows: tuple[Window, ...] = ()
+    continue_on_failure: bool = False
+    uses: tuple[tuple[str, float], ...] = ()
+    requires: tuple[tuple[str, float], ...] = ()
+    priority: float = 50.0
+    reward: float = 0.0
+    action: str = ""
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    metadata: Mapping[str, Value] = field(default_factory=dict)
+    retries: int = 0
+    retry_delay_ms: int = 0
+    interruptible: bool = True
+    on_resume: OnResume = OnResume.REATTACH
+    children: tuple[NodeSpec, ...] = ()
+    options: tuple[OptionSpec, ...] = ()
+    if_none: IfNone = IfNone.FAIL
+    next_on_failure: bool = False
+    identity: Callable[[], str] = str
+    """Canonical text of a task, made when a running plan is replaced."""
+
+    def below(self) -> tuple[NodeSpec, ...]:
+        """Return the nodes one level down, in text order; a branch gives those of its options."""
+        if self.kind is Kind.BRANCH:
+            return tuple(option.node for option in self.options)
+        return self.children
+
+    def walk(self) -> Iterator[NodeSpec]:
+        """Yield the node and its descendants in text order."""
+        stack = [self]
+        while stack:
+            node = stack.pop()
+            yield node
+            stack.extend(reversed(node.below()))
+
+
+@dataclass(slots=True, eq=False)
+class ContingencySpec:
+    id: str
+    node: NodeSpec
+    trigger: Guard
+    utility: Utility
+    interrupt: bool
+    scope: str
+    max_insertions: int
+    continue_on_failure: bool
+
+
+@dataclass(slots=True, eq=False)
+class AlternateSpec:
+    id: str
+    node: NodeSpec
+    eligible: Guard | None
+    utility: Utility
+    requires: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ResourceSpec:
+    """A unit resource is a capacity of 1; a consumable has the database key of its level and a floor."""
+
+    name: str
+    capacity: float | None
+    key: str | None = None
+    floor: float = 0.0
+
+
+@dataclass(slots=True, eq=False)
+class PlanSpec:
+    id: str
+    root: NodeSpec
+    resources: dict[str, ResourceSpec] = field(default_factory=dict)
+    contingencies: tuple[ContingencySpec, ...] = ()
+    alternates: tuple[AlternateSpec, ...] = ()
+    overrun_penalty: float = 0.0
+    budgets: tuple[tuple[str, float], ...] = ()
+    digest: str = ""
+    text: str = ""
+    """Canonical text, which a journal holds so that it can be replayed by itself."""
+
+    def trees(self) -> list[NodeSpec]:
+        """Return the roots of all trees of the plan: the main tree, contingencies, alternates."""
+        return [self.root, *(c.node for c in self.contingencies), *(a.node for a in self.alternates)]
+
+    def node_ids(self) -> list[str]:
+        """Return the ids of all nodes in text order, the main tree first."""
+        return [node.id for tree in self.trees() for node in tree.walk()]

@@ -1,0 +1,97 @@
+"""Own windows: the intersection of a point's conditions with reference times that are known (CRL.md 8.2)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from executive.engine.instance import ACTIVE, Instance, State
+from executive.engine.spec import END, INFINITY, RELATIVE, START, Window
+
+if TYPE_CHECKING:
+    from executive.engine.core import Engine
+
+
+def occurred(node: Instance, point: int) -> int | None:
+    """Return the time of a point that has occurred, else None."""
+    return node.start if point == START else node.end
+
+
+def intersect(
+    engine: Engine, node: Instance, conditions: tuple[Window, ...], origin: int
+) -> tuple[int, int, bool]:
+    """Return lower bound, upper bound and whether a point is still awaited."""
+    lo, hi, awaited = 0, INFINITY, False
+    for window in conditions:
+        ref = window.ref
+        if not ref:
+            base = 0
+        elif ref == RELATIVE:
+            base = origin
+        else:
+            other = engine.instances.get(ref)
+            time = None if other is None else occurred(other, window.point)
+            if time is None:
+                if (other is None or not other.void) and window.lo >= 0:
+                    awaited = True
+                continue
+            base = time
+        if window.lo > -INFINITY and base + window.lo > lo:
+            lo = base + window.lo
+        if window.hi < INFINITY and base + window.hi < hi:
+            hi = base + window.hi
+    return lo, hi, awaited
+
+
+def open_start(engine: Engine, node: Instance) -> None:
+    """Work out the start window of a WAITING node, with its timer and deadline."""
+    if not node.spec.start_windows:
+        return
+    lo, hi, awaited = intersect(engine, node, node.spec.start_windows, node.activation)
+    node.start_blocked = awaited
+    if lo != node.start_lo:
+        node.start_lo = lo
+        engine.set_timer(lo, node)
+    if hi != node.start_hi:
+        node.start_hi = hi
+        engine.set_deadline(hi, node)
+
+
+def open_end(engine: Engine, node: Instance) -> None:
+    """Work out the end window of a node that has started, with its timer and deadline."""
+    if not node.spec.end_windows or node.start is None:
+        return
+    lo, hi, awaited = intersect(engine, node, node.spec.end_windows, node.start)
+    node.end_held = awaited
+    if lo != node.end_lo:
+        node.end_lo = lo
+        engine.set_timer(lo, node)
+    if hi != node.end_hi:
+        node.end_hi = hi
+        engine.set_deadline(hi, node)
+
+
+def reference_settled(engine: Engine, node: Instance, other: Instance, point: int) -> None:
+    """A point that the node refers to has occurred or is void."""
+    if node.state is State.WAITING:
+        open_start(engine, node)
+        engine.consider(node)
+    elif node.state in ACTIVE:
+        open_end(engine, node)
+        engine.touch(node)
+    time = occurred(other, point)
+    if time is None:
+        return
+    for conditions, own, name in (
+        (node.spec.start_windows, node.start, "start"),
+        (node.spec.end_windows, node.end, "end"),
+    ):
+        if own is None:
+            continue
+        for window in conditions:
+            if window.ref == other.id and window.point == point and not window.lo <= own - time <= window.hi:
+                engine.note(
+                    "risk",
+                    f"{name} of {node.id} at {own / 1000:g} s lies outside its window on the "
+                    f"{'end' if point == END else 'start'} of {other.id} at {time / 1000:g} s",
+                    node.id,
+                )

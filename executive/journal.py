@@ -1,0 +1,293 @@
+"""Write-ahead journal: everything that happened to a run, durable before any effect of it leaves.
+
+A journal is a text file of JSON lines. Each line ends in a checksum over the text before it and carries its
+number, so that a torn tail, a gap and a foreign line are told apart:
+
+``{"n":7,"k":"trace","t":12000,"e":"start","a":["snd"],"crc":"9c0f3a11"}``
+
+=========== ========================================================================================
+kind `k`    members
+=========== ========================================================================================
+header      `format` "journal/1", `run`, `plan` (text), `plan_digest`, `start` (first step, ms), `risks`
+step        `t`, `events`: a macro step and its input
+deadline    `t`: the first node with an expired upper bound took its transition
+restart     `t`: the executive came back
+trace       `t`, `e`, `a`: an event of the trace and its arguments
+send        `id` (run, task, attempt), `action`, `parameters`, `metadata`, `issue`
+abort       `id`
+utility     `t`, `option`, `value`: a utility that is not that of the plan
+note        `t`, `kind`, `text`, `node`: a risk, an event without a use, a rejected replacement
+end         `t`, `outcome`, `reward`, `utility`
+=========== ========================================================================================
+
+The records `step`, `deadline` and `restart` are inputs: they determine all the others.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from executive.codec import Json
+from executive.errors import JournalError
+
+FORMAT = "journal/1"
+
+_encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
+
+
+def line_of(number: int, record: Json) -> str:
+    """Return the line of a record, checksum included, without the line break."""
+    body = _encode({"n": number, **record})[:-1]
+    return f'{body},"crc":"{zlib.crc32(body.encode()):08x}"}}'
+
+
+def record_of(line: str) -> Json | None:
+    """Return the record of a line, or None if the line is not whole."""
+    body, mark, tail = line.rpartition(',"crc":"')
+    if not mark or len(tail) != 10 or tail[8:] != '"}':
+        return None
+    if f"{zlib.crc32(body.encode()):08x}" != tail[:8]:
+        return None
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return None
+    return record if isinstance(record, dict) else None
+
+
+class Sink(Protocol):
+    """Where the records of a run go."""
+
+    def append(self, records: Sequence[Json], *, durable: bool) -> None:
+        """Add records; with `durable` they are safe when the call returns."""
+
+    def close(self) -> None: ...
+
+
+class MemoryJournal:
+    """A journal that lives as long as its process: for simulations and tests."""
+
+    def __init__(self, records: Sequence[Json] = ()) -> None:
+        self.records: list[Json] = list(records)
+
+    def append(self, records: Sequence[Json], *, durable: bool) -> None:
+        start = len(self.records)
+        self.records.extend({"n": start + i, **record} for i, record in enumerate(records))
+
+    def close(self) -> None:
+        pass
+
+
+class FileJournal:
+    """A journal on disk. One write and at most one fsync for the records of a macro step.
+
+    Raises
+    ------
+    JournalError
+        If the file exists already (`create`), cannot be written, or the disk is full. After a failed write
+        the file is cut back to its last whole record where that is possible, and nothing more is written.
+    """
+
+    def __init__(self, path: Path, *, number: int = 0, sync: bool = True) -> None:
+        self.path = path
+        self.number = number
+        self.sync = sync
+        self.fsyncs = 0
+        self.broken = ""
+        self._unsynced = False
+        try:
+            self._file = os.open(path, os.O_WRONLY | os.O_APPEND)
+            self._size = os.fstat(self._file).st_size
+        except OSError as error:
+            raise JournalError(f"journal {path} cannot be opened: {error.strerror}") from error
+
+    @classmethod
+    def create(cls, path: Path, *, sync: bool = True) -> FileJournal:
+        """Begin a new journal; an existing file is never overwritten."""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise JournalError(f"journal {path} cannot be created: {error.strerror}") from error
+        try:
+            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))
+            directory = os.open(path.parent, os.O_RDONLY)
+            try:
+                os.fsync(directory)
+            finally:
+                os.close(directory)
+        except FileExistsError as error:
+            raise JournalError(f"journal {path} exists already; recover it or choose another name") from error
+        except OSError as error:
+            raise JournalError(f"journal {path} cannot be created: {error.strerror}") from error
+        return cls(path, sync=sync)
+
+    def append(self, records: Sequence[Json], *, durable: bool) -> None:
+        if self.broken:
+            raise JournalError(self.broken)
+        text = "".join(line_of(self.number + i, r) + "\n" for i, r in enumerate(records))
+        try:
+            if text:
+                self._write(text.encode())
+                self.number += len(records)
+                self._unsynced = True
+            if durable and self.sync and self._unsynced:
+                self._fsync()
+                self._unsynced = False
+        except OSError as error:
+            self._give_up(error)
+
+    def _write(self, data: bytes) -> None:
+        view = memoryview(data)
+        while view:
+            written = os.write(self._file, view)
+            view = view[written:]
+        self._size += len(data)
+
+    def _fsync(self) -> None:
+        os.fsync(self._file)
+        self.fsyncs += 1
+
+    def _give_up(self, error: OSError) -> None:
+        self.broken = (
+            f"journal {self.path} cannot be written: {error.strerror}; "
+            f"the {self.number} records before are safe, nothing after them has left the executive"
+        )
+        with contextlib.suppress(OSError):
+            os.truncate(self.path, self._size)
+        raise JournalError(self.broken) from error
+
+    def close(self) -> None:
+        if self._file >= 0:
+            if self._unsynced and self.sync and not self.broken:
+                self._fsync()
+            os.close(self._file)
+            self._file = -1
+
+
+class JournalFile:
+    """What a journal on disk holds.
+
+    Attributes
+    ----------
+    records
+        All whole records, the header first.
+    torn
+        The last line was not whole (a crash during a write); it is not among the records.
+    size
+        Bytes up to the end of the last whole record.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.records: list[Json] = []
+        self.torn = False
+        self.size = 0
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise JournalError(f"journal {path} cannot be read: {error.strerror}") from error
+        self._read(data)
+        self._check_header()
+
+    def _read(self, data: bytes) -> None:
+        lines = data.split(b"\n")
+        for place, raw in enumerate(lines):
+            last = place >= len(lines) - 2
+            if not raw and place == len(lines) - 1:
+                break
+            whole = place < len(lines) - 1
+            record = record_of(raw.decode("utf-8", "replace")) if whole else None
+            if record is None:
+                if last and not any(lines[place + 1 :]):
+                    self.torn = True
+                    break
+                raise JournalError(
+                    f"journal {self.path}: line {place + 1} is damaged and is not the last one; "
+                    "the records after it cannot be trusted"
+                    if place
+                    else f"{self.path} is not a journal: line 1 is no record of format {FORMAT}"
+                )
+            if record.get("n") != place:
+                raise JournalError(
+                    f"journal {self.path}: line {place + 1} has number {record.get('n')!r}, expected {place}"
+                )
+            self.records.append(record)
+            self.size += len(raw) + 1
+
+    def _check_header(self) -> None:
+        if not self.records:
+            what = "its header is torn: nothing of this run was ever sent" if self.torn else "it is empty"
+            raise JournalError(f"journal {self.path} has no header: {what}")
+        header = self.records[0]
+        if header.get("k") != "header" or header.get("format") != FORMAT:
+            raise JournalError(
+                f"{self.path} is not a journal of format {FORMAT}: "
+                f"its first record has kind {header.get('k')!r} and format {header.get('format')!r}"
+            )
+
+    @property
+    def header(self) -> Json:
+        return self.records[0]
+
+    def cut_torn_tail(self) -> None:
+        """Remove what follows the last whole record, so that the journal can be continued."""
+        if self.torn:
+            try:
+                os.truncate(self.path, self.size)
+            except OSError as error:
+                raise JournalError(f"journal {self.path} cannot be repaired: {error.strerror}") from error
+
+    def check_identity(self, *, run_id: str | None = None, plan_digest: str | None = None) -> None:
+        """Refuse a journal of another run or another plan."""
+        for name, wanted, found in (
+            ("run", run_id, self.header.get("run")),
+            ("plan digest", plan_digest, self.header.get("plan_digest")),
+        ):
+            if wanted is not None and wanted != found:
+                raise JournalError(
+                    f"journal {self.path} belongs to another run: its {name} is {found!r}, not {wanted!r}"
+                )
+
+
+INPUTS = ("step", "deadline", "restart")
+
+
+def macro_steps(records: Sequence[Json]) -> Iterator[tuple[Json, list[Json]]]:
+    """Yield each input record with the records that followed from it."""
+    current: Json | None = None
+    effects: list[Json] = []
+    for record in records:
+        if record["k"] in INPUTS:
+            if current is not None:
+                yield current, effects
+            current, effects = record, []
+        elif current is not None:
+            effects.append(record)
+    if current is not None:
+        yield current, effects
+
+
+def header_record(*, run_id: str, plan_text: str, plan_digest: str, start_ms: int, risks: bool) -> Json:
+    return {
+        "k": "header",
+        "format": FORMAT,
+        "run": run_id,
+        "plan_digest": plan_digest,
+        "start": start_ms,
+        "risks": risks,
+        "plan": plan_text,
+    }
+
+
+def require(record: Json, member: str, kind: type[Any]) -> Any:
+    """Return a member of a record, or say what is wrong with it."""
+    value = record.get(member)
+    if not isinstance(value, kind):
+        raise JournalError(f"record {record.get('n')} ({record.get('k')}): member {member!r} is {value!r}")
+    return value

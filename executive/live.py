@@ -1,0 +1,424 @@
+"""A run on the wall clock: threads that only post events, and one owner of all state.
+
+::
+
+    telemetry ──┐
+    action      ├──> Mailbox ──> owner (LiveRuntime.turn) ──> rover
+    monitor     │                    │
+    plan        │                    └──> journal, listeners
+    watcher   ──┘
+
+The timer is the owner's wait itself: it sleeps until something is posted or the next bound is due. `turn` is
+one round of the owner and may be called without any thread, which is how the rules below are tested.
+
+Safety: `stop` is an operator abort that goes before everything that waits. When the rover has said nothing
+for `silence_ms`, the plan gives way to its alternate `safe`, or, without one, is aborted and the rover is
+sent `safemode`; commands that are not acknowledged within `grace_ms` are then taken as stopped.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, cast, runtime_checkable
+
+from executive.clocks import MonotonicClock
+from executive.crl import Plan, canonical_text, parse
+from executive.engine.instance import Note
+from executive.engine.snapshot import Snapshot
+from executive.errors import MisuseError
+from executive.journal import FileJournal, JournalFile, Sink
+from executive.mailbox import Mailbox
+from executive.ports import (
+    Acknowledgement,
+    Clock,
+    Command,
+    CommandId,
+    CommandPort,
+    CommandState,
+    CommandStatus,
+    Event,
+    EventSource,
+    Operation,
+    Operator,
+    Result,
+    TraceListener,
+    UtilitySource,
+)
+from executive.recovery import resume_session
+from executive.session import RunOutcome, Session
+
+logger = logging.getLogger(__name__)
+
+SAFE_ALTERNATE = "safe"
+SAFEMODE = "safemode"
+
+
+@runtime_checkable
+class Heartbeat(Protocol):
+    """A command port may want to hear from the executive regularly."""
+
+    def heartbeat(self, t_ms: int) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSettings:
+    """How a live run watches over the rover; times in milliseconds of the plan clock, None = off."""
+
+    silence_ms: int | None = 60_000
+    grace_ms: int = 10_000
+    heartbeat_ms: int | None = 5_000
+    monitor_ms: int | None = 10_000
+    watch_s: float = 1.0
+    mailbox_limit: int = 10_000
+    resend_limit: int = 3
+
+
+class Inbox:
+    """What the owner has taken from the mailbox, as the rover of its session; commands go to the port."""
+
+    def __init__(self, port: CommandPort, complain: Callable[[str, str], None]) -> None:
+        self.port = port
+        self.events: list[Event] = []
+        self.complain = complain
+        self.sent: dict[CommandId, Command] = {}
+
+    def next_event(self, until_ms: int | None) -> Event | None:
+        if self.events and (until_ms is None or self.events[0].t_ms <= until_ms):
+            return self.events.pop(0)
+        return None
+
+    def send(self, command: Command) -> None:
+        self.sent[command.id] = command
+        self._try("send", command.id, lambda: self.port.send(command))
+
+    def abort(self, command: CommandId) -> None:
+        self._try("abort", command, lambda: self.port.abort(command))
+
+    def status(self, command: CommandId) -> CommandStatus:
+        try:
+            return self.port.status(command)
+        except Exception as error:
+            self.complain("port", f"status of {command} cannot be had: {error}")
+            return CommandStatus(CommandState.RUNNING)
+
+    def _try(self, what: str, command: CommandId, act: Callable[[], None]) -> None:
+        """A port that breaks must not break the executive: the action monitor asks again."""
+        try:
+            act()
+        except Exception as error:
+            logger.warning("command port failed", extra={"command": str(command), "what": what})
+            self.complain("port", f"{what} of {command} failed: {error}")
+
+
+class LiveRuntime:
+    """One plan on a live rover.
+
+    Parameters
+    ----------
+    plan
+        CRL text or a plan.
+    port
+        The way to the rover; it may also be an `EventSource`, which a thread then reads, and a `Heartbeat`.
+    journal
+        Path of the journal; with `resume` an existing one is continued (CRL.md 10).
+    plan_folder
+        Folder in which new plans (`*.crl`) appear; each replaces the running one.
+    """
+
+    def __init__(
+        self,
+        plan: str | Plan,
+        port: CommandPort,
+        *,
+        run_id: str,
+        journal: Path | Sink | None = None,
+        resume: bool = False,
+        clock: Clock | None = None,
+        settings: LiveSettings | None = None,
+        plan_folder: Path | None = None,
+        listeners: Sequence[TraceListener] = (),
+        utility_source: UtilitySource | None = None,
+    ) -> None:
+        self.settings = settings if settings is not None else LiveSettings()
+        self.clock = clock if clock is not None else MonotonicClock()
+        self.mailbox = Mailbox(self.settings.mailbox_limit)
+        self.port = port
+        self.plan_folder = plan_folder
+        self.run_id = run_id
+        self._complaints: list[Note] = []
+        self._inbox = Inbox(port, self.complain)
+        self._sink: Sink | None = None
+        self._own_sink = isinstance(journal, Path)
+        self._now = self.clock.now_ms()
+        self._heard = self._now
+        self._beat = self._now
+        self._safing_since: int | None = None
+        self._threads: list[threading.Thread] = []
+        self._stopping = threading.Event()
+        self._running: tuple[CommandId, ...] = ()
+        self._asked_again: dict[CommandId, int] = {}
+        self._picture: Snapshot = {}
+        if isinstance(journal, Path) and resume and journal.exists():
+            file = JournalFile(journal)
+            file.check_identity(run_id=run_id)
+            file.cut_torn_tail()
+            self._sink = FileJournal(journal, number=len(file.records))
+            self.session = resume_session(
+                file.records,
+                self._inbox,
+                self._sink,
+                now_ms=self._now,
+                listeners=listeners,
+                utility_source=utility_source,
+            )
+        else:
+            self._sink = FileJournal.create(journal) if isinstance(journal, Path) else journal
+            self.session = Session(
+                plan,
+                self._inbox,
+                run_id=run_id,
+                journal=self._sink,
+                listeners=listeners,
+                utility_source=utility_source,
+                start_ms=self._now,
+            )
+        text = self.session.plan_text or (plan if isinstance(plan, str) else canonical_text(plan))
+        self._safe_plan = safe_plan(text)
+
+    # --- for any thread ------------------------------------------------------------
+
+    def post(self, event: Event) -> None:
+        """Hand over an event from the rover or an operator."""
+        self.mailbox.post(event)
+
+    def pause(self) -> None:
+        self.post(Operator(0, Operation.PAUSE))
+
+    def resume(self) -> None:
+        self.post(Operator(0, Operation.RESUME))
+
+    def stop(self) -> None:
+        """Stop the plan: an operator abort that goes before everything that waits."""
+        self.post(Operator(0, Operation.ABORT))
+
+    def replace(self, plan_text: str) -> None:
+        self.post(Operator(0, Operation.REPLACE, plan_text))
+
+    def emergency_stop(self) -> None:
+        """Send `safemode` from the calling thread at once, even if the owner is stuck, and stop the plan."""
+        self.stop()
+        self.port.send(Command(CommandId(self.run_id, "emergency-stop", 1), SAFEMODE, {}))
+
+    def complain(self, kind: str, text: str) -> None:
+        """Note something for the journal."""
+        self._complaints.append(Note(self._now, kind, text))
+
+    @property
+    def picture(self) -> Snapshot:
+        """The state of the run after the last round of the owner; may be read by any thread."""
+        return self._picture
+
+    # --- the owner -------------------------------------------------------------------
+
+    def turn(self) -> None:
+        """Do one round: let what was posted and everything that is due happen, look after the rover."""
+        session = self.session
+        now = max(self._now, self.clock.now_ms())
+        self._now = now
+        events = self.mailbox.take(now)
+        if any(not isinstance(event, Operator) for event in events):
+            self._heard = now
+        self._inbox.events += events
+        self._write_complaints()
+        session.step(now)
+        if not session.over:
+            self._watch_over(now)
+        self._running = tuple(session.engine.commands)
+        self._picture = session.snapshot()
+
+    def run(self) -> RunOutcome:
+        """Be the owner until the plan is over; starts and ends the threads."""
+        self._start_threads()
+        try:
+            while not self.session.over and not self._stopping.is_set():
+                self.turn()
+                self.mailbox.wait(self._pause_s() if not self.session.over else 0.0)
+        finally:
+            self.shut_down()
+        return self.session.result()
+
+    def shut_down(self) -> None:
+        """End the threads and close the journal; the plan can be resumed from the journal."""
+        self._stopping.set()
+        self.mailbox.close()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(timeout=5)
+        self._threads = []
+        if self._own_sink and self._sink is not None:
+            self._sink.close()
+
+    def _pause_s(self) -> float:
+        """Return how long the owner may wait if nothing is posted."""
+        due = [self.session.engine.next_wakeup()]
+        settings = self.settings
+        if settings.silence_ms is not None:
+            due.append(self._heard + settings.silence_ms)
+        if settings.heartbeat_ms is not None:
+            due.append(self._beat + settings.heartbeat_ms)
+        if self._safing_since is not None:
+            due.append(self._safing_since + settings.grace_ms)
+        ahead = min((t for t in due if t is not None), default=self._now + 1000) - self._now
+        speed = float(getattr(self.clock, "speed", 1.0))
+        return min(max(ahead, 1) / 1000 / speed, 1.0)
+
+    def _write_complaints(self) -> None:
+        if self._complaints:
+            complaints, self._complaints = self._complaints, []
+            self.session.add_notes(complaints)
+
+    # --- looking after the rover --------------------------------------------------------
+
+    def _watch_over(self, now: int) -> None:
+        settings = self.settings
+        if settings.heartbeat_ms is not None and now - self._beat >= settings.heartbeat_ms:
+            self._beat = now
+            if isinstance(self.port, Heartbeat):
+                try:
+                    self.port.heartbeat(now)
+                except Exception as error:
+                    self.complain("port", f"heartbeat failed: {error}")
+        if self._safing_since is not None:
+            self._finish_safing(now, self._safing_since)
+        elif settings.silence_ms is not None and now - self._heard >= settings.silence_ms:
+            self._make_safe(now)
+
+    def _make_safe(self, now: int) -> None:
+        """The rover has been silent for too long."""
+        silent_s = (now - self._heard) / 1000
+        self._safing_since = now
+        if self._safe_plan is not None:
+            what = f"the alternate {SAFE_ALTERNATE!r} takes over"
+            self.replace(self._safe_plan)
+        else:
+            what = f"the plan is aborted and the rover is sent {SAFEMODE!r}"
+            self.stop()
+            self._inbox.send(Command(CommandId(self.run_id, "safing", 1), SAFEMODE, {}))
+        self.complain("safing", f"no word from the rover for {silent_s:g} s: {what}")
+        logger.warning("safing", extra={"t_s": now / 1000, "silent_s": silent_s})
+
+    def _finish_safing(self, now: int, since: int) -> None:
+        """Commands whose stop a silent rover does not acknowledge count as stopped after the grace."""
+        if now - since < self.settings.grace_ms:
+            return
+        if self._heard > since:
+            self._safing_since = None
+            return
+        for command, node in list(self.session.engine.commands.items()):
+            if node.abort_asked:
+                self.complain("safing", f"{command} was not acknowledged: taken as stopped")
+                self._inbox.events.append(Acknowledgement(now, command))
+        self._safing_since = now
+
+    # --- threads ----------------------------------------------------------------------
+
+    def _start_threads(self) -> None:
+        if self._threads:
+            raise MisuseError(f"run {self.run_id} is running already")
+        jobs: list[tuple[str, Callable[[], None]]] = []
+        if hasattr(self.port, "next_event"):
+            jobs.append(("telemetry", self._read_telemetry))
+        if self.settings.monitor_ms is not None:
+            jobs.append(("action-monitor", self._monitor_actions))
+        if self.plan_folder is not None:
+            jobs.append(("plan-watcher", self._watch_plans))
+        for name, job in jobs:
+            thread = threading.Thread(target=job, name=f"{self.run_id}-{name}", daemon=True)
+            self._threads.append(thread)
+            thread.start()
+
+    def _read_telemetry(self) -> None:
+        """Telemetry thread: post what the rover says."""
+        source = cast("EventSource", self.port)
+        while not self._stopping.is_set():
+            try:
+                event = source.next_event(self.clock.now_ms())
+            except Exception as error:
+                self.complain("port", f"telemetry cannot be read: {error}")
+                event = None
+            if event is None:
+                self._stopping.wait(0.002)
+            else:
+                self.mailbox.post(event)
+
+    def _monitor_actions(self) -> None:
+        """Action monitor thread: ask for the status of running commands, in case a result was lost."""
+        period = (self.settings.monitor_ms or 1000) / 1000 / float(getattr(self.clock, "speed", 1.0))
+        while not self._stopping.wait(period):
+            self.check_actions()
+
+    def check_actions(self) -> None:
+        """Ask the rover about each running command: post a lost result, repeat a lost command."""
+        for command in self._running:
+            status = self._inbox.status(command)
+            if status.state is CommandState.DONE and status.result is not None:
+                self.mailbox.post(status.result)
+            elif status.state is CommandState.UNKNOWN:
+                tries = self._asked_again.get(command, 0)
+                self._asked_again[command] = tries + 1
+                sent = self._inbox.sent.get(command)
+                if sent is not None and tries < self.settings.resend_limit:
+                    self.complain("port", f"the rover does not know {command}: sent again")
+                    self._inbox.send(sent)
+                elif tries == self.settings.resend_limit:
+                    self.mailbox.post(Result(0, command, success=False, reason="the rover does not know it"))
+
+    def _watch_plans(self) -> None:
+        """Plan watcher thread: post plans that appear in the folder."""
+        seen: set[tuple[str, int]] = set()
+        while not self._stopping.wait(self.settings.watch_s):
+            self.check_plans(seen)
+
+    def check_plans(self, seen: set[tuple[str, int]]) -> None:
+        """Post each plan of the folder that was not seen before, in order of name."""
+        folder = self.plan_folder
+        if folder is None or not folder.is_dir():
+            return
+        for path in sorted(folder.glob("*.crl")):
+            try:
+                mark = (path.name, path.stat().st_mtime_ns)
+                if mark in seen:
+                    continue
+                seen.add(mark)
+                text = path.read_text(encoding="utf-8")
+            except (OSError, UnicodeDecodeError) as error:
+                self.complain("plan-watcher", f"{path.name} cannot be read: {error}")
+                continue
+            self.replace(text)
+
+
+def safe_plan(plan_text: str) -> str | None:
+    """Return a plan that consists of the alternate `safe` of a plan, or None if it has none."""
+    plan = parse(plan_text)
+    for alternate in plan.library:
+        if alternate.id == SAFE_ALTERNATE:
+            return canonical_text(
+                Plan(id=plan.id, node=alternate.node, resources=plan.resources, epoch=plan.epoch)
+            )
+    return None
+
+
+def stop_on_signals(runtime: LiveRuntime, *numbers: int) -> None:
+    """Let signals (SIGINT, SIGTERM, ...) stop the plan; a second one ends the process as usual."""
+    import signal
+
+    def handle(number: int, frame: object) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        runtime.stop()
+
+    for number in numbers or (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handle)

@@ -1,0 +1,41 @@
+"""From the text of a plan to what the engine runs, with everything that is wrong with it."""
+
+from __future__ import annotations
+
+import hashlib
+
+from executive.crl import CrlValidationError, Plan
+from executive.crl.printer import canonical_node, canonical_text
+from executive.crl.reader import parse
+from executive.crl.validate import check
+from executive.engine.compile_plan import compile_plan
+from executive.engine.spec import PlanSpec
+
+
+def load_plan(plan: str | Plan, *, trusted: bool = False) -> PlanSpec:
+    """Return a plan ready to run. A text is validated unless it is `trusted` (it was validated before).
+
+    Raises
+    ------
+    CrlValidationError
+        With all findings, if the text is no valid plan.
+    """
+    if isinstance(plan, str):
+        if trusted:
+            plan = parse(plan)
+        else:
+            report = check(plan)
+            if report.plan is None or report.errors:
+                raise CrlValidationError(report.findings)
+            plan = report.plan
+    text = canonical_text(plan)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return compile_plan(plan, digest=digest, text=text, identity=canonical_node)
+
+
+def load_replacement(text: str) -> PlanSpec | str:
+    """Return the plan of a replacing text, or why it is rejected."""
+    try:
+        return load_plan(text)
+    except CrlValidationError as error:
+        return str(error)

@@ -1,0 +1,166 @@
+"""Ports of the executive: what it asks of a rover, a clock and its listeners.
+
+Times are integers, milliseconds on the plan clock (0 = start of the plan), the resolution of CRL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+Value = float | str | bool
+"""What the database of the executive holds under a key."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandId:
+    """Identity of one command: a rover carries out each at most once."""
+
+    run: str
+    task: str
+    attempt: int
+
+    def __str__(self) -> str:
+        return f"{self.run}/{self.task}/{self.attempt}"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One action sent to the rover; `metadata` is that of the CRL task (observation, target, ...).
+
+    `issue` counts the commands of this copy of the task from 1: a task that is inserted again goes on with
+    its attempts (a rover must never see one twice) and begins again with its issues.
+    """
+
+    id: CommandId
+    action: str
+    parameters: Mapping[str, Value]
+    metadata: Mapping[str, Value] = field(default_factory=dict)
+    issue: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Update:
+    """State values reported by the rover; the last value of a key wins."""
+
+    t_ms: int
+    values: Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """An action has returned: `values` are its return values, `updates` state values that came with it."""
+
+    t_ms: int
+    command: CommandId
+    success: bool
+    reason: str = ""
+    values: Mapping[str, Value] = field(default_factory=dict)
+    updates: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """An abort has taken effect: the action is over and will return no result."""
+
+    t_ms: int
+    command: CommandId
+    updates: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """A data product was written: `path` is relative to the run's folder, `label` describes it."""
+
+    t_ms: int
+    command: CommandId
+    kind: str
+    path: str
+    sha256: str
+    label: Mapping[str, Value] = field(default_factory=dict)
+
+
+class Operation(StrEnum):
+    """What an operator may ask of a running plan (CRL.md 7.2)."""
+
+    PAUSE = "pause"
+    RESUME = "resume"
+    ABORT = "abort"
+    REPLACE = "replace"
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """An operator command; `plan_text` is the new plan of a replacement."""
+
+    t_ms: int
+    operation: Operation
+    plan_text: str | None = None
+
+
+Event = Update | Result | Acknowledgement | Product | Operator
+
+
+class CommandState(StrEnum):
+    UNKNOWN = "unknown"
+    RUNNING = "running"
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True)
+class CommandStatus:
+    """Answer of a rover to `status`: unknown, running, or done with its result or acknowledgement."""
+
+    state: CommandState
+    result: Result | Acknowledgement | None = None
+
+
+class CommandPort(Protocol):
+    """The way to the rover. A repeat of a command id is ignored by the rover."""
+
+    def send(self, command: Command) -> None: ...
+
+    def abort(self, command: CommandId) -> None:
+        """Ask the rover to stop an action; an `Acknowledgement` follows, or its `Result` if it was faster."""
+
+    def status(self, command: CommandId) -> CommandStatus: ...
+
+
+class EventSource(Protocol):
+    """The way back. A simulated rover advances the virtual clock by it."""
+
+    def next_event(self, until_ms: int | None) -> Event | None:
+        """Return the next event with `t_ms <= until_ms`, in order of time, or None when there is none.
+
+        `until_ms=None` means: whenever it comes; None is then returned only if no event can come any more.
+        A command sent at time t yields its first event at t or later.
+        """
+
+
+class Rover(CommandPort, EventSource, Protocol):
+    """Both ways. The first events are updates at t = 0 that hold the initial state."""
+
+
+class Clock(Protocol):
+    def now_ms(self) -> int: ...
+
+
+@dataclass(frozen=True, slots=True)
+class TraceRecord:
+    """One event of the trace (CRL.md 10): `[t, event, id, ...]`."""
+
+    t_ms: int
+    event: str
+    arguments: tuple[str, ...] = ()
+
+
+class TraceListener(Protocol):
+    def __call__(self, record: TraceRecord, /) -> None: ...
+
+
+class UtilitySource(Protocol):
+    """Utility of an option from the present state, or None: then the table in the plan holds."""
+
+    def __call__(self, option: str, t_ms: int, database: Mapping[str, Value]) -> float | None: ...

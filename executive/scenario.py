@@ -1,0 +1,478 @@
+"""Scenarios: a plan, a scripted world and the trace that must come of it; and the rover that plays it."""
+
+from __future__ import annotations
+
+import heapq
+import json
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from executive.codec import trace_line
+from executive.crl import CrlValidationError, Finding
+from executive.engine.spec import PlanSpec
+from executive.errors import ScenarioError
+from executive.journal import MemoryJournal
+from executive.loading import load_plan
+from executive.ports import (
+    Acknowledgement,
+    Command,
+    CommandId,
+    CommandState,
+    CommandStatus,
+    Event,
+    Operation,
+    Operator,
+    Result,
+    TraceRecord,
+    Update,
+    Value,
+)
+from executive.recovery import recover_session
+from executive.session import RunOutcome, Session
+
+Updates = dict[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Behaviour:
+    """What an action does: when it returns (None = never), with what, and what happens meanwhile."""
+
+    duration_ms: int | None = 1000
+    success: bool = True
+    updates: Mapping[str, Value] = field(default_factory=dict)
+    abort_delay_ms: int = 0
+    during: tuple[tuple[int, Mapping[str, Value]], ...] = ()
+    values: Mapping[str, Value] = field(default_factory=dict)
+
+
+_Entry = tuple[int, int, int, Event, CommandId | None]
+"""Time, rank at equal times, serial number, event, and the command it belongs to."""
+
+_UNKNOWN = CommandStatus(CommandState.UNKNOWN)
+_RUNNING = CommandStatus(CommandState.RUNNING)
+
+
+class ScriptedRover:
+    """A rover that does what a script says, on a virtual clock that it advances itself.
+
+    Parameters
+    ----------
+    initial
+        State values at t = 0.
+    actions
+        Behaviours by task id, one for each command of a copy of the task (the last one repeats); `*` for all
+        other tasks.
+    script
+        Events in file order; at equal stamps they come before what actions report.
+    """
+
+    def __init__(
+        self,
+        initial: Mapping[str, Value] | None = None,
+        actions: Mapping[str, Sequence[Behaviour]] | None = None,
+        script: Sequence[Event] = (),
+    ) -> None:
+        self.actions = dict(actions or {})
+        self.t_ms = 0
+        self.sent: list[Command] = []
+        self.aborted: list[CommandId] = []
+        self._queue: list[_Entry] = []
+        self._serial = 0
+        self._running: dict[CommandId, Behaviour] = {}
+        self._order: dict[CommandId, int] = {}
+        self._status: dict[CommandId, CommandStatus] = {}
+        if initial:
+            self._push(0, -1, Update(0, dict(initial)))
+        for event in script:
+            self._push(event.t_ms, 0, event)
+
+    def _push(self, t_ms: int, rank: int, event: Event, command: CommandId | None = None) -> None:
+        self._serial += 1
+        heapq.heappush(self._queue, (t_ms, rank, self._serial, event, command))
+
+    def behaviour_of(self, command: Command) -> Behaviour:
+        """Return how this command will go."""
+        script = self.actions.get(command.id.task) or self.actions.get("*")
+        if not script:
+            return Behaviour()
+        return script[min(command.issue, len(script)) - 1]
+
+    def send(self, command: Command) -> None:
+        if command.id in self._order:
+            return
+        self.sent.append(command)
+        rank = len(self._order) + 1
+        self._order[command.id] = rank
+        behaviour = self.behaviour_of(command)
+        self._running[command.id] = behaviour
+        self._status[command.id] = _RUNNING
+        for offset, values in behaviour.during:
+            if behaviour.duration_ms is None or offset <= behaviour.duration_ms:
+                at = self.t_ms + offset
+                self._push(at, rank, Update(at, values), command.id)
+        if behaviour.duration_ms is not None:
+            at = self.t_ms + behaviour.duration_ms
+            result = Result(at, command.id, behaviour.success, "", behaviour.values, behaviour.updates)
+            self._push(at, rank, result, command.id)
+
+    def abort(self, command: CommandId) -> None:
+        behaviour = self._running.pop(command, None)
+        if behaviour is None:
+            return
+        self.aborted.append(command)
+        at = self.t_ms + behaviour.abort_delay_ms
+        if behaviour.duration_ms is not None or behaviour.during:
+            self._call_off(command, at)
+        self._push(at, self._order[command], Acknowledgement(at, command), command)
+
+    def _call_off(self, command: CommandId, at: int) -> None:
+        """Take back what a stopped action would still have reported after its acknowledgement."""
+        kept: list[_Entry] = []
+        for entry in self._queue:
+            t_ms, rank, serial, event, of = entry
+            if of == command:
+                if isinstance(event, Result):
+                    if t_ms >= self.t_ms or not event.updates:
+                        continue
+                    entry = (t_ms, rank, serial, Update(t_ms, event.updates), of)
+                elif t_ms > at:
+                    continue
+            kept.append(entry)
+        self._queue = kept
+        heapq.heapify(self._queue)
+
+    def status(self, command: CommandId) -> CommandStatus:
+        return self._status.get(command, _UNKNOWN)
+
+    def next_event(self, until_ms: int | None) -> Event | None:
+        if not self._queue or (until_ms is not None and self._queue[0][0] > until_ms):
+            if until_ms is not None and until_ms > self.t_ms:
+                self.t_ms = until_ms
+            return None
+        t_ms, _, _, event, _ = heapq.heappop(self._queue)
+        self.t_ms = max(self.t_ms, t_ms)
+        if isinstance(event, Result | Acknowledgement):
+            self._running.pop(event.command, None)
+            self._status[event.command] = CommandStatus(CommandState.DONE, event)
+        return event
+
+    def wait_until(self, t_ms: int) -> None:
+        """Let time go by; what happens meanwhile is kept for the executive."""
+        self.t_ms = max(self.t_ms, t_ms)
+
+
+# --- files --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Crash:
+    """The executive stops at `t_ms`, before acting on anything of that time, and comes back at `until_ms`."""
+
+    t_ms: int
+    until_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    name: str
+    plan: str
+    initial: Mapping[str, Value]
+    actions: Mapping[str, tuple[Behaviour, ...]]
+    script: tuple[Event, ...]
+    crashes: tuple[Crash, ...]
+    expect: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioRun:
+    """What running a scenario gave: a run, or the findings with which its plan was rejected."""
+
+    scenario: Scenario
+    outcome: RunOutcome | None
+    findings: tuple[Finding, ...]
+    differences: tuple[str, ...]
+
+    @property
+    def agrees(self) -> bool:
+        return not self.differences
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the members of `expect` as they came out."""
+        if self.outcome is None:
+            return {"errors": [finding.to_json() for finding in self.findings if finding.is_error]}
+        return {
+            "plan_outcome": self.outcome.outcome,
+            "end_time": seconds(self.outcome.end_ms),
+            "events": [trace_line(record) for record in self.outcome.trace],
+            "outcomes": self.outcome.outcomes,
+        }
+
+
+def seconds(t_ms: int | None) -> float | None:
+    if t_ms is None:
+        return None
+    return t_ms // 1000 if t_ms % 1000 == 0 else t_ms / 1000
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read a scenario file.
+
+    Raises
+    ------
+    ScenarioError
+        Naming the file and the member that is missing or wrong.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"scenario {path} cannot be read: {error}") from error
+    try:
+        document = json.loads(text)
+    except ValueError as error:
+        raise ScenarioError(f"scenario {path} is no JSON: {error}") from error
+    try:
+        return parse_scenario(document, path.name)
+    except ScenarioError as error:
+        raise ScenarioError(f"scenario {path}: {error}") from error
+
+
+def parse_scenario(document: Any, name: str) -> Scenario:
+    """Return the scenario of a JSON document."""
+    top = _mapping(document, "the document")
+    if "plan" not in top:
+        raise ScenarioError('member "plan" is missing')
+    plan = top["plan"]
+    if not isinstance(plan, str):
+        raise ScenarioError(f'member "plan" must be CRL text, found {_short(plan)}')
+    world = _mapping(top.get("world", {}), '"world"')
+    initial = _updates(world.get("initial", {}), '"world.initial"')
+    actions = {
+        task: _behaviours(value, f'"world.actions.{task}"')
+        for task, value in _mapping(world.get("actions", {}), '"world.actions"').items()
+    }
+    script: list[Event] = []
+    crashes: list[Crash] = []
+    entries = world.get("events", [])
+    if not isinstance(entries, list):
+        raise ScenarioError(f'"world.events" must be a list, found {_short(entries)}')
+    for place, entry in enumerate(entries):
+        where = f'"world.events[{place}]"'
+        event = _scripted(_mapping(entry, where), where)
+        if isinstance(event, Crash):
+            crashes.append(event)
+        else:
+            script.append(event)
+    expect = top.get("expect")
+    return Scenario(
+        name=name,
+        plan=plan,
+        initial=initial,
+        actions=actions,
+        script=tuple(script),
+        crashes=tuple(sorted(crashes, key=lambda c: c.t_ms)),
+        expect=None if expect is None else _mapping(expect, '"expect"'),
+    )
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value, ensure_ascii=False, default=repr)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _mapping(value: Any, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise ScenarioError(f"{where} must be an object, found {_short(value)}")
+    return value
+
+
+def _updates(value: Any, where: str) -> Updates:
+    for key, entry in _mapping(value, where).items():
+        if not isinstance(entry, str | int | float | bool):
+            raise ScenarioError(
+                f"{where}: the value of {key!r} must be a number, string or boolean, found {_short(entry)}"
+            )
+    return dict(value)
+
+
+def _ms(value: Any, where: str, *, allow_none: bool = False) -> int | None:
+    if value is None and allow_none:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 2**40:
+        raise ScenarioError(f"{where} must be a time in seconds, found {_short(value)}")
+    return round(value * 1000)
+
+
+def _time(value: Any, where: str) -> int:
+    t_ms = _ms(value, where)
+    assert t_ms is not None
+    return t_ms
+
+
+def _behaviours(value: Any, where: str) -> tuple[Behaviour, ...]:
+    if isinstance(value, list):
+        if not value:
+            raise ScenarioError(f"{where}: the list of behaviours is empty")
+        return tuple(_behaviour(entry, f"{where}[{i}]") for i, entry in enumerate(value))
+    return (_behaviour(value, where),)
+
+
+def _behaviour(value: Any, where: str) -> Behaviour:
+    entry = _mapping(value, where)
+    unknown = set(entry) - {"duration", "result", "set", "abort_delay", "during", "values"}
+    if unknown:
+        raise ScenarioError(f"{where}: unknown member {sorted(unknown)[0]!r}")
+    result = entry.get("result", "success")
+    during: list[tuple[int, Updates]] = []
+    pairs = entry.get("during", [])
+    if not isinstance(pairs, list):
+        raise ScenarioError(f'{where}: "during" must be a list of [offset, updates], found {_short(pairs)}')
+    for pair in pairs:
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise ScenarioError(f'{where}: "during" must hold [offset, updates], found {_short(pair)}')
+        during.append((_time(pair[0], f"{where}: offset"), _updates(pair[1], f"{where}: updates")))
+    return Behaviour(
+        duration_ms=_ms(entry.get("duration", 1), f'{where}: "duration"', allow_none=True),
+        success=result == "success",
+        updates=_updates(entry.get("set", {}), f'{where}: "set"'),
+        abort_delay_ms=_time(entry.get("abort_delay", 0), f'{where}: "abort_delay"'),
+        during=tuple(during),
+        values=_updates(entry.get("values", {}), f'{where}: "values"'),
+    )
+
+
+def _scripted(entry: Mapping[str, Any], where: str) -> Event | Crash:
+    if "t" not in entry:
+        raise ScenarioError(f'{where}: member "t" is missing')
+    t_ms = _time(entry["t"], f'{where}: "t"')
+    if "set" in entry:
+        return Update(t_ms, _updates(entry["set"], f'{where}: "set"'))
+    if "operator" in entry:
+        word = entry["operator"]
+        if word not in ("pause", "resume", "abort"):
+            raise ScenarioError(f'{where}: "operator" must be pause, resume or abort, found {_short(word)}')
+        return Operator(t_ms, Operation(word))
+    if "replace" in entry:
+        if not isinstance(entry["replace"], str):
+            raise ScenarioError(f'{where}: "replace" must be CRL text, found {_short(entry["replace"])}')
+        return Operator(t_ms, Operation.REPLACE, entry["replace"])
+    if "crash_until" in entry:
+        until_ms = _time(entry["crash_until"], f'{where}: "crash_until"')
+        if until_ms < t_ms:
+            raise ScenarioError(f'{where}: "crash_until" lies before "t"')
+        return Crash(t_ms, until_ms)
+    raise ScenarioError(f"{where}: needs one of set, operator, replace, crash_until")
+
+
+# --- running ------------------------------------------------------------------
+
+
+def run_scenario(scenario: Scenario) -> ScenarioRun:
+    """Run a scenario and compare what came with what it expects, if it expects anything."""
+    try:
+        plan = load_plan(scenario.plan)
+    except CrlValidationError as error:
+        findings = error.findings
+        differences = () if scenario.expect is None else _compare_errors(findings, scenario.expect)
+        return ScenarioRun(scenario, None, findings, differences)
+    outcome = play(scenario, plan)
+    differences = () if scenario.expect is None else compare(outcome, scenario.expect)
+    return ScenarioRun(scenario, outcome, (), differences)
+
+
+def play(scenario: Scenario, plan: PlanSpec) -> RunOutcome:
+    """Run the plan of a scenario against its world; a crash rebuilds the executive from its journal."""
+    rover = ScriptedRover(scenario.initial, scenario.actions, scenario.script)
+    journal = MemoryJournal()
+    session = Session(plan, rover, run_id=scenario.name, journal=journal)
+    for crash in scenario.crashes:
+        if session.started and crash.t_ms <= session.now_ms:
+            continue
+        if crash.t_ms > 0:
+            session.step(crash.t_ms - 1)
+        else:
+            session.open_journal()
+        if session.over:
+            break
+        rover.wait_until(crash.until_ms)
+        session = recover_session(plan, rover, journal, now_ms=crash.until_ms)
+    return session.run()
+
+
+def compare(outcome: RunOutcome, expect: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return how a run differs from what was expected; nothing if the traces agree."""
+    if "errors" in expect:
+        return (f"the plan was accepted, expected errors {expect['errors']}",)
+    differences: list[str] = []
+    events = [trace_line(record) for record in outcome.trace]
+    if "plan_outcome" in expect and expect["plan_outcome"] != outcome.outcome:
+        differences.append(f"plan_outcome is {outcome.outcome}, expected {expect['plan_outcome']}")
+    if "end_time" in expect and not _same_time(expect["end_time"], outcome.end_ms):
+        differences.append(f"end_time is {seconds(outcome.end_ms)}, expected {expect['end_time']}")
+    if "events" in expect:
+        differences += _compare_events(events, expect["events"])
+    for node, wanted in dict(expect.get("outcomes", {})).items():
+        found = outcome.outcomes.get(node)
+        if found != wanted:
+            differences.append(f"outcome of {node} is {found}, expected {wanted}")
+    return tuple(differences)
+
+
+def _same_time(wanted: Any, t_ms: int | None) -> bool:
+    if wanted is None or t_ms is None:
+        return wanted is None and t_ms is None
+    return bool(round(wanted * 1000) == t_ms)
+
+
+def _compare_events(found: Sequence[Sequence[Any]], wanted: Sequence[Sequence[Any]]) -> list[str]:
+    differences: list[str] = []
+
+    def by_time(events: Sequence[Sequence[Any]]) -> dict[int, Counter[tuple[Any, ...]]]:
+        table: dict[int, Counter[tuple[Any, ...]]] = defaultdict(Counter)
+        for event in events:
+            table[round(event[0] * 1000)][tuple(event[1:])] += 1
+        return table
+
+    def by_id(events: Sequence[Sequence[Any]]) -> dict[str, list[tuple[Any, ...]]]:
+        table: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
+        for event in events:
+            table[str(event[2]) if len(event) > 2 else ""].append((round(event[0] * 1000), *event[1:]))
+        return table
+
+    found_at, wanted_at = by_time(found), by_time(wanted)
+    for t_ms in sorted({*found_at, *wanted_at}):
+        for event in (found_at[t_ms] - wanted_at[t_ms]).elements():
+            differences.append(f"at {seconds(t_ms)}: unexpected {list(event)}")
+        for event in (wanted_at[t_ms] - found_at[t_ms]).elements():
+            differences.append(f"at {seconds(t_ms)}: missing {list(event)}")
+    if not differences:
+        found_of, wanted_of = by_id(found), by_id(wanted)
+        for name in sorted({*found_of, *wanted_of}):
+            if found_of[name] != wanted_of[name]:
+                differences.append(f"events of {name or 'the plan'} come in another order")
+    return differences
+
+
+def _compare_errors(findings: Sequence[Finding], expect: Mapping[str, Any]) -> tuple[str, ...]:
+    codes = {finding.code for finding in findings if finding.is_error}
+    if "errors" not in expect:
+        return ("the plan was rejected: " + "; ".join(str(f) for f in findings if f.is_error),)
+    wanted = [e["code"] if isinstance(e, dict) else e for e in expect["errors"]]
+    return tuple(
+        f"error {code} is not reported, found {sorted(codes)}" for code in wanted if code not in codes
+    )
+
+
+__all__ = [
+    "Behaviour",
+    "Scenario",
+    "ScenarioRun",
+    "ScriptedRover",
+    "TraceRecord",
+    "load_scenario",
+    "parse_scenario",
+    "play",
+    "run_scenario",
+]

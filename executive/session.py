@@ -1,0 +1,431 @@
+"""A run driven step by step on the virtual clock of its rover."""
+
+from __future__ import annotations
+
+import heapq
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from executive.codec import Json, effect_to_json, event_to_json
+from executive.crl import Plan
+from executive.engine.core import Engine
+from executive.engine.instance import Abort, Effect, Note, Send
+from executive.engine.snapshot import Snapshot, snapshot
+from executive.engine.spec import PlanSpec
+from executive.errors import MisuseError
+from executive.journal import MemoryJournal, Sink, header_record
+from executive.loading import load_plan, load_replacement
+from executive.ports import (
+    Acknowledgement,
+    CommandId,
+    CommandState,
+    Event,
+    Operation,
+    Operator,
+    Product,
+    Rover,
+    TraceListener,
+    TraceRecord,
+    UtilitySource,
+)
+from executive.sanitize import sanitized
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class RunOutcome:
+    """What came of a run.
+
+    Attributes
+    ----------
+    outcome, end_ms
+        Of the last root (CRL.md 4.8), and when it ended; None if the plan stayed unfinished.
+    trace
+        Every event of the trace, in order.
+    outcomes
+        Outcome of every node of the plan; None for a node that did not finish.
+    reward, utility
+        Sum of the rewards of tasks that succeeded, and that minus the penalty for overrun (CRL.md 6.4).
+    over_budget
+        Whether the penalty was due.
+    """
+
+    run_id: str
+    plan_digest: str
+    outcome: str | None
+    end_ms: int | None
+    trace: tuple[TraceRecord, ...]
+    outcomes: dict[str, str | None]
+    reward: float
+    utility: float
+    over_budget: bool
+    products: tuple[Product, ...] = ()
+    notes: tuple[Note, ...] = ()
+    reason: str = ""
+
+    @property
+    def end_s(self) -> float | None:
+        return None if self.end_ms is None else self.end_ms / 1000
+
+
+@dataclass(order=True, slots=True)
+class _Injected:
+    t_ms: int
+    serial: int
+    event: Event = field(compare=False)
+
+
+class Session:
+    """One run on a virtual clock: nothing moves but by `step` and `run`; single-threaded, never sleeps.
+
+    Parameters
+    ----------
+    plan
+        Text, plan or compiled plan. A text is validated.
+    rover
+        Carries out commands and advances the clock by its events.
+    journal
+        Where the records go; None keeps none.
+    listeners
+        Called with each trace record once it is durable.
+    """
+
+    def __init__(
+        self,
+        plan: str | Plan | PlanSpec,
+        rover: Rover,
+        *,
+        run_id: str = "run",
+        journal: Sink | None = None,
+        listeners: Sequence[TraceListener] = (),
+        utility_source: UtilitySource | None = None,
+        operator_events: Iterable[Operator] = (),
+        start_ms: int = 0,
+        risks: bool | None = None,
+    ) -> None:
+        compiled = plan if isinstance(plan, PlanSpec) else load_plan(plan)
+        self.risks = journal is not None if risks is None else risks
+        self.engine = Engine(
+            compiled, run_id=run_id, loader=load_replacement, utilities=utility_source, risks=self.risks
+        )
+        self.engine.begin_at(start_ms)
+        self.rover = rover
+        self.run_id = run_id
+        self.start_ms = start_ms
+        self.journal = journal
+        self.listeners = list(listeners)
+        self.trace: list[TraceRecord] = []
+        self.notes: list[Note] = []
+        self.products: list[Product] = []
+        self.macro_steps = 0
+        self.plan_text = plan if isinstance(plan, str) else compiled.text
+        self._injected: list[_Injected] = []
+        self._serial = 0
+        self._started = False
+        self._ended = False
+        self._opened = False
+        self._stamp = start_ms
+        for event in operator_events:
+            self.inject(event)
+
+    @classmethod
+    def resumed(
+        cls,
+        engine: Engine,
+        rover: Rover,
+        *,
+        journal: Sink | None,
+        listeners: Sequence[TraceListener] = (),
+        trace: Sequence[TraceRecord] = (),
+        plan_text: str = "",
+    ) -> Session:
+        """Return the session of a run that is under way: its engine was rebuilt from a journal."""
+        session = cls(engine.plan, rover, run_id=engine.run_id, journal=journal, listeners=listeners)
+        session.engine = engine
+        session.plan_text = plan_text
+        session.trace = list(trace)
+        session._started = True
+        session._ended = engine.over
+        return session
+
+    # --- driving ----------------------------------------------------------------
+
+    @property
+    def started(self) -> bool:
+        return self._started
+
+    @property
+    def over(self) -> bool:
+        """The plan is over."""
+        return self.engine.over
+
+    @property
+    def now_ms(self) -> int:
+        """The plan clock."""
+        return self.engine.t
+
+    def start(self) -> None:
+        """Take the first macro step: the initial state of the rover and the activation of the root."""
+        if self._started:
+            raise MisuseError(f"run {self.run_id} was started already")
+        self.open_journal()
+        self._started = True
+        self._macro_step(self.start_ms, self._collect(self.start_ms))
+
+    def open_journal(self) -> None:
+        """Write the header of the journal."""
+        if self.journal is not None and not self._opened:
+            self._opened = True
+            self._append(
+                [
+                    header_record(
+                        run_id=self.run_id,
+                        plan_text=self.plan_text,
+                        plan_digest=self.engine.plan.digest,
+                        start_ms=self.start_ms,
+                        risks=self.risks,
+                    )
+                ],
+                durable=False,
+            )
+
+    def run(self) -> RunOutcome:
+        """Drive the plan to its end, or until nothing can happen any more; return what came of it."""
+        if not self._started:
+            self.start()
+        self.step(None)
+        return self.result()
+
+    def step(self, until_ms: int | None) -> None:
+        """Let everything happen up to and including `until_ms`; None = to the end."""
+        if not self._started:
+            self.start()
+        while not self.engine.over and self._next(until_ms):
+            pass
+        if self.engine.over:
+            self._end()
+        elif until_ms is not None:
+            self.engine.move_to(until_ms)
+
+    def step_once(self) -> bool:
+        """Take the next macro step, whenever it comes; tell whether there was one."""
+        if not self._started:
+            self.start()
+            return True
+        if self.over or not self._next(None):
+            return False
+        if self.engine.over:
+            self._end()
+        return True
+
+    def pause(self) -> None:
+        """Operator command `pause`, at the present time."""
+        self.inject(Operator(self.now_ms, Operation.PAUSE))
+
+    def resume(self) -> None:
+        """Operator command `resume-plan`, at the present time."""
+        self.inject(Operator(self.now_ms, Operation.RESUME))
+
+    def abort(self) -> None:
+        """Operator command `abort`, at the present time."""
+        self.inject(Operator(self.now_ms, Operation.ABORT))
+
+    def replace(self, plan_text: str) -> None:
+        """Operator command `replace`, at the present time."""
+        self.inject(Operator(self.now_ms, Operation.REPLACE, plan_text))
+
+    def inject(self, event: Event) -> None:
+        """Add an event that does not come from the rover; one of the past counts as one of now."""
+        self._serial += 1
+        heapq.heappush(self._injected, _Injected(max(event.t_ms, self.engine.t), self._serial, event))
+
+    def add_notes(self, notes: Sequence[Note]) -> None:
+        """Write notes that do not come from the engine."""
+        self.notes += notes
+        if self.journal is not None:
+            self._append([effect_to_json(note) for note in notes], durable=False)
+
+    def snapshot(self) -> Snapshot:
+        """Return the node tree, windows, watched conditions, pending events and resource levels."""
+        pending = [event_to_json(entry.event) for entry in sorted(self._injected)]
+        return snapshot(self.engine, pending_events=pending, sequence=len(self.trace))
+
+    def events_since(self, sequence: int) -> list[tuple[int, TraceRecord]]:
+        """Return the trace records after the first `sequence` ones, each with its number, counted from 1.
+
+        A viewer that reconnects asks with the last number it has seen and misses nothing.
+        """
+        return list(enumerate(self.trace[max(0, sequence) :], max(0, sequence) + 1))
+
+    def result(self) -> RunOutcome:
+        """Return what has come of the run so far."""
+        engine = self.engine
+        return RunOutcome(
+            run_id=self.run_id,
+            plan_digest=engine.plan.digest,
+            outcome=engine.outcome.value if engine.outcome is not None else None,
+            end_ms=engine.end_ms if engine.over else None,
+            trace=tuple(self.trace),
+            outcomes=engine.outcomes(),
+            reward=engine.reward,
+            utility=engine.utility(),
+            over_budget=engine.over_budget(),
+            products=tuple(self.products),
+            notes=tuple(self.notes),
+            reason=engine.root.reason if engine.over else "",
+        )
+
+    def come_back(self, now_ms: int, unwritten: Sequence[Effect] = ()) -> None:
+        """Go on after a crash: `restart`, then the missed events, then what the rover says of open commands.
+
+        `unwritten` are effects of the last macro step that the journal does not hold yet.
+        """
+        engine = self.engine
+        if self.journal is not None and unwritten:
+            self._append([effect_to_json(effect) for effect in unwritten], durable=False)
+        for effect in unwritten:
+            if isinstance(effect, TraceRecord):
+                self._tell(effect)
+        if engine.over:
+            self._end()
+            return
+        unknown: list[CommandId] = []
+        for command in list(engine.commands):
+            status = self.rover.status(command)
+            if status.state is CommandState.UNKNOWN:
+                unknown.append(command)
+            elif status.state is CommandState.DONE and status.result is not None:
+                self.inject(replace(status.result, t_ms=now_ms))
+        effects = engine.restart(now_ms)
+        aborted = {effect.command for effect in effects if isinstance(effect, Abort)}
+        open_aborts = [c for c, node in engine.commands.items() if node.abort_asked and c not in aborted]
+        self._handle({"k": "restart", "t": engine.t}, [e for e in effects if e_is_not_for(e, unknown)], True)
+        for command in open_aborts:
+            if command not in unknown:
+                self.rover.abort(command)
+        for command in unknown:
+            node = engine.commands.get(command)
+            if node is None:
+                continue
+            if node.abort_asked:
+                self.inject(Acknowledgement(engine.t, command))
+            else:
+                self.rover.send(engine.command_of(node))
+        events = self._collect(engine.t)
+        self._macro_step(engine.t, events)
+
+    # --- inside -----------------------------------------------------------------
+
+    def _next(self, until_ms: int | None) -> bool:
+        """Do the next thing that is due up to `until_ms`; tell whether there was one."""
+        engine = self.engine
+        events = self._collect(engine.t)
+        if events:
+            self._macro_step(engine.t, events)
+            return True
+        effects = engine.deadline(engine.t)
+        if effects is not None:
+            self._handle({"k": "deadline", "t": engine.t}, effects)
+            return True
+        wake = engine.next_wakeup()
+        limit = wake if until_ms is None else until_ms if wake is None else min(wake, until_ms)
+        events = self._collect(limit)
+        if events:
+            self._macro_step(max(engine.t, self._stamp), events)
+            return True
+        if wake is not None and (until_ms is None or wake <= until_ms):
+            self._macro_step(max(engine.t, wake), [])
+            return True
+        return False
+
+    def _collect(self, until_ms: int | None) -> list[Event]:
+        """Return all events of the next time stamp up to `until_ms`, and keep the stamp."""
+        injected = self._injected
+        limit = until_ms
+        if injected and (limit is None or injected[0].t_ms < limit):
+            limit = injected[0].t_ms
+        events: list[Event] = []
+        event = self.rover.next_event(limit)
+        if event is not None:
+            self._stamp = stamp_of(event, self.engine.t)
+            while event is not None:
+                events.append(event)
+                event = self.rover.next_event(self._stamp)
+        elif injected and limit == injected[0].t_ms:
+            self._stamp = injected[0].t_ms
+        else:
+            return events
+        while injected and injected[0].t_ms <= self._stamp:
+            events.append(heapq.heappop(injected).event)
+        return events
+
+    def _macro_step(self, t_ms: int, events: Sequence[Event]) -> None:
+        clean, complaints = sanitized(events, self.engine.t)
+        effects = self.engine.step(t_ms, clean)
+        self.macro_steps += 1
+        for event in clean:
+            if isinstance(event, Product):
+                self.products.append(event)
+        record: Json = {}
+        if self.journal is not None:
+            record = {"k": "step", "t": self.engine.t, "events": [event_to_json(e) for e in clean]}
+        self._handle(record, [*complaints, *effects], bool(events))
+
+    def _handle(self, record: Json, effects: Sequence[Effect], durable: bool = False) -> None:
+        """Make records durable, then let the effects out."""
+        if self.journal is not None:
+            records = [record, *(effect_to_json(effect) for effect in effects)]
+            self._append(records, durable=durable or bool(effects))
+        for effect in effects:
+            if isinstance(effect, Send):
+                self.rover.send(effect.command)
+            elif isinstance(effect, Abort):
+                self.rover.abort(effect.command)
+            elif isinstance(effect, TraceRecord):
+                self._tell(effect)
+            elif isinstance(effect, Note):
+                self.notes.append(effect)
+
+    def _tell(self, record: TraceRecord) -> None:
+        self.trace.append(record)
+        for listener in self.listeners:
+            listener(record)
+
+    def _append(self, records: Sequence[Json], *, durable: bool) -> None:
+        assert self.journal is not None
+        self.journal.append(records, durable=durable)
+
+    def _end(self) -> None:
+        if self._ended:
+            return
+        self._ended = True
+        engine = self.engine
+        if self.journal is not None:
+            self._append(
+                [
+                    {
+                        "k": "end",
+                        "t": engine.end_ms,
+                        "outcome": engine.outcome.value if engine.outcome is not None else None,
+                        "reward": engine.reward,
+                        "utility": engine.utility(),
+                    }
+                ],
+                durable=True,
+            )
+
+
+def stamp_of(event: object, now_ms: int) -> int:
+    """Return the time stamp of what a rover gave; what has none counts as of now."""
+    t_ms = getattr(event, "t_ms", None)
+    return t_ms if isinstance(t_ms, int) and not isinstance(t_ms, bool) else now_ms
+
+
+def e_is_not_for(effect: Effect, commands: Sequence[CommandId]) -> bool:
+    """Tell whether an effect does not ask the rover to stop something it has never heard of."""
+    return not (isinstance(effect, Abort) and effect.command in commands)
+
+
+__all__ = ["MemoryJournal", "RunOutcome", "Session"]
