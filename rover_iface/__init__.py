@@ -1,0 +1,1 @@
+"""The rover as the executive sees it, and the rover itself, simulated."""

@@ -1,0 +1,303 @@
+"""Stereo: one point along its epipolar line, the slant of the patch round it, or a dense cloud.
+
+Camera models may be any of the three kinds and of a subframe; nothing is rectified except for the dense
+cloud.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.cameras.linear import FAR_M, aligned_pair, warp
+from rover_iface.cameras.model import Array, CameraModel, ModelKind
+from rover_iface.errors import CameraError
+
+Image = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class PointMatch:
+    """A point seen by both cameras.
+
+    Attributes
+    ----------
+    left_px, right_px
+        (sample, line) in each image.
+    score
+        Normalised cross-correlation of the two patches, -1 to 1.
+    point
+        (3,), frame of the cameras, metres.
+    covariance
+        (3, 3), m^2, from `sigma_px` in each of the four coordinates.
+    normal
+        (3,), of the surface patch, towards the left camera.
+    """
+
+    left_px: Array
+    right_px: Array
+    score: float
+    point: Array
+    covariance: Array
+    normal: Array
+
+
+@dataclass(frozen=True, slots=True)
+class PointStereo:
+    """Parameters of point stereo. Kim et al. 2009, section 4.4: rows +-2 px, window 21."""
+
+    template_px: int = 21
+    row_tolerance_px: float = 2.0
+    nearest_m: float = 0.5
+    farthest_m: float = 60.0
+    plane_px: int = 31
+    slant_sigma: float = 1.0
+    sigma_px: float = 0.30
+
+    def __post_init__(self) -> None:
+        if self.template_px < 5 or self.template_px % 2 == 0 or self.plane_px % 2 == 0:
+            raise CameraError(f"stereo window is {self.template_px} and {self.plane_px} px; odd, at least 5")
+        if not 0 < self.nearest_m < self.farthest_m:
+            raise CameraError(f"stereo ranges {self.nearest_m} to {self.farthest_m} m are not a range")
+
+
+def triangulate(
+    left: CameraModel,
+    right: CameraModel,
+    left_px: npt.ArrayLike,
+    right_px: npt.ArrayLike,
+    *,
+    sigma_px: float = 0.5,
+) -> tuple[Array, Array]:
+    """Return points (..., 3) and covariances (..., 3, 3) that best explain pixels (..., 2) in both cameras.
+
+    Least squares over the four coordinates by Gauss and Newton from the middle of the shortest line between
+    the rays; NaN where the rays do not meet in front of the cameras.
+    """
+    a, b = np.asarray(left_px, dtype=np.float64), np.asarray(right_px, dtype=np.float64)
+    shape = a.shape[:-1]
+    a, b = a.reshape(-1, 2), b.reshape(-1, 2)
+    o1, d1 = left.back_project(a)
+    o2, d2 = right.back_project(b)
+    gap = o2 - o1
+    c = (d1 * d2).sum(axis=1)
+    den = 1.0 - c * c
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t1 = ((gap * d1).sum(axis=1) - c * (gap * d2).sum(axis=1)) / den
+        t2 = (c * (gap * d1).sum(axis=1) - (gap * d2).sum(axis=1)) / den
+    points = 0.5 * (o1 + t1[:, None] * d1 + o2 + t2[:, None] * d2)
+    points[~((t1 > 0) & (t2 > 0))] = np.nan
+    normal_matrix = np.full((len(a), 3, 3), np.nan)
+    for _ in range(3):
+        j = np.concatenate((left.jacobian(points), right.jacobian(points)), axis=1)
+        r = np.concatenate((a - left.project(points), b - right.project(points)), axis=1)
+        good = np.isfinite(j).all(axis=(1, 2)) & np.isfinite(r).all(axis=1)
+        points[~good] = np.nan
+        if not good.any():
+            break
+        jt = np.swapaxes(j[good], 1, 2)
+        normal_matrix[good] = jt @ j[good]
+        step = np.linalg.solve(normal_matrix[good], (jt @ r[good][..., None]))[..., 0]
+        points[good] += step
+    covariance = np.full((len(a), 3, 3), np.nan)
+    good = np.isfinite(points).all(axis=1)
+    if good.any():
+        covariance[good] = sigma_px**2 * np.linalg.inv(normal_matrix[good])
+    return points.reshape(*shape, 3), covariance.reshape(*shape, 3, 3)
+
+
+def point_stereo(
+    left_image: Image,
+    right_image: Image,
+    left: CameraModel,
+    right: CameraModel,
+    pixel: npt.ArrayLike,
+    *,
+    options: PointStereo | None = None,
+    expected_range_m: float | None = None,
+    range_spread: float = 0.5,
+) -> PointMatch | None:
+    """Return the point under a pixel of the left image, or None when the right image does not show it.
+
+    The right image is searched along the epipolar curve within the row tolerance, between the nearest and the
+    farthest range, or within `range_spread` (a share) of the expected one. The best place is then refined
+    together with the slant of the patch, so that a tilted face is matched to a fraction of a pixel.
+    """
+    from rover_iface.cameras import stereo_kernels as k
+
+    options = options or PointStereo()
+    at = np.asarray(pixel, dtype=np.float64)
+    near, far = options.nearest_m, options.farthest_m
+    if expected_range_m is not None:
+        near = max(near, expected_range_m / (1.0 + range_spread))
+        far = min(far, expected_range_m * (1.0 + range_spread)) if range_spread < 1 else far
+    if not near < far:
+        return None
+    half = options.template_px // 2
+    if not _inside(at, left_image.shape, half):
+        return None
+    found = k.search_epipolar(
+        left_image,
+        right_image,
+        left.packed,
+        right.packed,
+        at,
+        half,
+        options.row_tolerance_px,
+        1.0 / far,
+        1.0 / near,
+    )
+    inverse, row_offset, coarse = float(found[0]), float(found[1]), float(found[2])
+    if not coarse > -1.0:
+        return None
+    plane = np.array([inverse, 0.0, 0.0])
+    right_px = np.empty(2)
+    score = k.refine_plane(
+        left_image,
+        right_image,
+        left.packed,
+        right.packed,
+        at,
+        min(options.plane_px // 2, int(_room(at, left_image.shape))),
+        row_offset,
+        options.slant_sigma,
+        plane,
+        right_px,
+    )
+    if not score > -1.0:
+        return None
+    points, covariances = triangulate(left, right, at[None], right_px[None], sigma_px=options.sigma_px)
+    if not np.isfinite(points).all():
+        return None
+    normal = _plane_normal(left, at, plane)
+    return PointMatch(at, right_px, float(score), points[0], covariances[0], normal)
+
+
+def _room(at: Array, shape: tuple[int, ...]) -> float:
+    return float(min(at[0], at[1], shape[1] - 1 - at[0], shape[0] - 1 - at[1])) - 1.0
+
+
+def _inside(at: Array, shape: tuple[int, ...], half: int) -> bool:
+    return bool(np.isfinite(at).all()) and _room(at, shape) >= half
+
+
+def _plane_normal(left: CameraModel, at: Array, plane: Array) -> Array:
+    """Return the unit normal of the patch whose inverse range is plane[0] + plane[1:] . (pixel - at)."""
+    corners = at + np.array([[0.0, 0.0], [8.0, 0.0], [0.0, 8.0]])
+    origins, rays = left.back_project(corners)
+    inverse = plane[0] + (corners - at) @ plane[1:]
+    points = origins + rays / np.maximum(inverse, 1e-4)[:, None]
+    normal = np.cross(points[1] - points[0], points[2] - points[0])
+    normal /= np.linalg.norm(normal)
+    return np.asarray(-normal if normal @ rays[0] > 0 else normal)
+
+
+@dataclass(frozen=True, slots=True)
+class Cloud:
+    """Points of a dense stereo pair, frame of the cameras.
+
+    Attributes
+    ----------
+    points
+        (n, 3), metres.
+    pixels
+        (n, 2), in the aligned left image.
+    disparities
+        (n,), pixels.
+    camera
+        The aligned left camera, of which `pixels` are; `baseline_m` to the right one.
+    intensity
+        (n,), 0..1.
+    """
+
+    points: Array
+    pixels: Array
+    disparities: Array
+    camera: CameraModel
+    baseline_m: float
+    intensity: npt.NDArray[np.float32]
+
+    def covariances(self, sigma_px: float = 0.35) -> Array:
+        """Return (n, 3, 3), m^2, from independent errors in the four image coordinates."""
+        a = self.camera.A
+        row = self.camera.horizontal
+        column = np.cross(a, row)
+        focal = self.camera.hs
+        relative = self.points - self.camera.C
+        z = relative @ a
+        # d(point) = M d(u_left, v, disparity), M in the axes (row, column, depth)
+        x, y = relative @ row, relative @ column
+        m = np.zeros((len(z), 3, 3))
+        m[:, 0, 0] = z / focal
+        m[:, 1, 1] = z / focal
+        shrink = -z / self.disparities
+        m[:, 0, 2], m[:, 1, 2], m[:, 2, 2] = shrink * x / z, shrink * y / z, shrink
+        s = sigma_px**2 * np.array([[1.0, 0.0, 1.0], [0.0, 0.5, 0.0], [1.0, 0.0, 2.0]])
+        axes = np.stack((row, column, a), axis=1)
+        full = axes @ m
+        return np.asarray(full @ s @ np.swapaxes(full, 1, 2))
+
+
+def dense_stereo(
+    left_image: Image,
+    right_image: Image,
+    left: CameraModel,
+    right: CameraModel,
+    *,
+    nearest_m: float = 1.0,
+    block_px: int = 7,
+    step: int = 1,
+    least_contrast: float = 2.5,
+) -> Cloud:
+    """Return the cloud of a stereo pair, images float in 0..1, by semi-global matching on an aligned pair.
+
+    Every `step`-th pixel gives a point, if its 9 x 9 neighbourhood varies by `least_contrast` of 255 and both
+    images agree on it. Nothing may be nearer than `nearest_m` (depth along the axis): what is matches
+    falsely.
+
+    Raises
+    ------
+    CameraError
+        If the pair cannot be aligned.
+    """
+    import cv2
+
+    one, two = aligned_pair(left, right)
+    # rays of a CAHVORE camera do not start in one point: warp for the ranges that matter
+    focus = FAR_M if left.kind is not ModelKind.CAHVORE else 3.0 * nearest_m
+    pair = [
+        np.round(255.0 * np.clip(warp(image, source, to, range_m=focus, fill=0.0), 0, 1)).astype(np.uint8)
+        for image, source, to in ((left_image, left, one), (right_image, right, two))
+    ]
+    baseline = float(np.linalg.norm(two.C - one.C))
+    count = int(np.ceil(one.hs * baseline / nearest_m / 16.0)) * 16
+    count = max(16, min(count, one.width // 2 // 16 * 16))
+    matcher = cv2.StereoSGBM.create(
+        minDisparity=0,
+        numDisparities=count,
+        blockSize=block_px,
+        P1=8 * block_px**2,
+        P2=32 * block_px**2,
+        disp12MaxDiff=1,
+        uniquenessRatio=8,
+        speckleWindowSize=120,
+        speckleRange=2,
+        preFilterCap=31,
+        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    )
+    disparity = matcher.compute(pair[0], pair[1]).astype(np.float64) / 16.0
+    valid = (disparity > 0.5) & (pair[0] > 0)
+    # a patch without contrast (sky, full shade) matches anywhere
+    grey = pair[0].astype(np.float32)
+    mean = cv2.blur(grey, (9, 9))
+    valid &= cv2.blur(grey * grey, (9, 9)) - mean * mean > least_contrast**2
+    lines, samples = np.nonzero(valid[::step, ::step])
+    lines, samples = lines * step, samples * step
+    d = disparity[lines, samples]
+    pixels = np.column_stack((samples, lines)).astype(np.float64)
+    z = one.hs * baseline / d
+    rays = one.back_project(pixels)[1]
+    points = one.C + rays * (z / (rays @ one.A))[:, None]
+    return Cloud(points, pixels, d, one, baseline, pair[0][lines, samples].astype(np.float32) / 255.0)

@@ -1,0 +1,298 @@
+"""Compiled kernels of point stereo."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from rover_iface.cameras.kernels import back_project_one, project_one
+from rover_iface.cameras.model import Array
+
+Image = npt.NDArray[np.float32]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def bilinear(image: Image, x: float, y: float) -> float:
+    """Return the image between pixels; NaN outside."""
+    rows, columns = image.shape
+    if not (0.0 <= x <= columns - 1.0 and 0.0 <= y <= rows - 1.0):
+        return math.nan
+    i, j = min(int(x), columns - 2), min(int(y), rows - 2)
+    fx, fy = x - i, y - j
+    top = image[j, i] * (1.0 - fx) + image[j, i + 1] * fx
+    low = image[j + 1, i] * (1.0 - fx) + image[j + 1, i + 1] * fx
+    return top * (1.0 - fy) + low * fy
+
+
+@njit(cache=True, nogil=True)
+def patch_score(left: Image, right: Image, u: float, v: float, x: float, y: float, half: int) -> float:
+    """Return the normalised cross-correlation of two square patches, -2 if one leaves its image. Eq. 11."""
+    n, sa, sb, saa, sbb, sab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(-half, half + 1):
+        for i in range(-half, half + 1):
+            a, b = bilinear(left, u + i, v + j), bilinear(right, x + i, y + j)
+            if math.isnan(a) or math.isnan(b):
+                return -2.0
+            n += 1.0
+            sa += a
+            sb += b
+            saa += a * a
+            sbb += b * b
+            sab += a * b
+    va, vb = saa - sa * sa / n, sbb - sb * sb / n
+    if va < 1e-9 or vb < 1e-9:
+        return -2.0
+    return (sab - sa * sb / n) / math.sqrt(va * vb)
+
+
+@njit(cache=True, nogil=True)
+def search_epipolar(
+    left: Image,
+    right: Image,
+    p_left: Array,
+    p_right: Array,
+    pixel: Array,
+    half: int,
+    rows: float,
+    inverse_far: float,
+    inverse_near: float,
+) -> tuple[float, float, float]:
+    """Return inverse range, row offset and score of the best place along the epipolar curve.
+
+    Coarse steps of two pixels with every second pixel of the window first, then all rows within the
+    tolerance about the best eight.
+    """
+    ox, oy, oz, dx, dy, dz = back_project_one(p_left, pixel[0], pixel[1])
+    # inverse range is close to linear along the curve
+    x0, y0, _a = project_one(p_right, ox + dx / inverse_far, oy + dy / inverse_far, oz + dz / inverse_far)
+    x1, y1, _b = project_one(p_right, ox + dx / inverse_near, oy + dy / inverse_near, oz + dz / inverse_near)
+    if math.isnan(x0) or math.isnan(x1):
+        return 0.0, 0.0, -2.0
+    length = math.hypot(x1 - x0, y1 - y0)
+    count = max(3, int(math.ceil(length)) + 1)  # noqa: RUF046
+    scores = np.full(count, -2.0)
+    span = int(rows)
+    for s in range(count):
+        w = inverse_far + (inverse_near - inverse_far) * s / (count - 1.0)
+        x, y, _c = project_one(p_right, ox + dx / w, oy + dy / w, oz + dz / w)
+        if math.isnan(x):
+            continue
+        for row in range(-span, span + 1, 2 if span >= 2 else 1):
+            n, sa, sb, saa, sbb, sab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            ok = True
+            xi, yi = math.floor(x + 0.5), math.floor(y + row + 0.5)
+            ui, vi = math.floor(pixel[0] + 0.5), math.floor(pixel[1] + 0.5)
+            if (
+                xi - half < 0
+                or yi - half < 0
+                or xi + half >= right.shape[1]
+                or yi + half >= right.shape[0]
+                or ui - half < 0
+                or vi - half < 0
+                or ui + half >= left.shape[1]
+                or vi + half >= left.shape[0]
+            ):
+                ok = False
+            if not ok:
+                continue
+            for j in range(-half, half + 1, 2):
+                for i in range(-half, half + 1, 2):
+                    a, b = left[vi + j, ui + i], right[yi + j, xi + i]
+                    n += 1.0
+                    sa += a
+                    sb += b
+                    saa += a * a
+                    sbb += b * b
+                    sab += a * b
+            va, vb = saa - sa * sa / n, sbb - sb * sb / n
+            if va > 1e-9 and vb > 1e-9:
+                scores[s] = max(scores[s], (sab - sa * sb / n) / math.sqrt(va * vb))
+    best, best_w, best_row = -2.0, 0.0, 0.0
+    for _ in range(8):
+        s = int(np.argmax(scores))
+        if scores[s] <= -2.0:
+            break
+        for t in range(max(0, s - 1), min(count, s + 2)):
+            scores[t] = -2.0
+        for part in range(-2, 3):
+            w = inverse_far + (inverse_near - inverse_far) * (s + 0.5 * part) / (count - 1.0)
+            if w <= 0.0:
+                continue
+            x, y, _d = project_one(p_right, ox + dx / w, oy + dy / w, oz + dz / w)
+            if math.isnan(x):
+                continue
+            for row in range(-span, span + 1):
+                score = patch_score(left, right, pixel[0], pixel[1], x, y + row, half)
+                if score > best:
+                    best, best_w, best_row = score, w, float(row)
+    return best_w, best_row, best
+
+
+@njit(cache=True, nogil=True)
+def refine_plane(
+    left: Image,
+    right: Image,
+    p_left: Array,
+    p_right: Array,
+    pixel: Array,
+    half: int,
+    row_offset: float,
+    slant_sigma: float,
+    plane: Array,
+    right_px: Array,
+) -> float:
+    """Refine `plane` (inverse range and its slopes per pixel) and `right_px`; return the patches' score.
+
+    Gauss and Newton on brightness with gain and offset left free, one row shift, and a prior that keeps the
+    slant below `slant_sigma` (tangent) unless the patch says otherwise.
+    """
+    size = 2 * half + 1
+    count = size * size
+    if half < 3:
+        return -2.0
+    value = np.empty(count)
+    base_x, base_y = np.empty(count), np.empty(count)
+    step_x, step_y = np.empty(count), np.empty(count)
+    du, dv, weight = np.empty(count), np.empty(count), np.empty(count)
+    w0 = plane[0]
+    small = 1e-3 * w0
+    n = 0
+    for j in range(-half, half + 1):
+        for i in range(-half, half + 1):
+            a = bilinear(left, pixel[0] + i, pixel[1] + j)
+            if math.isnan(a):
+                continue
+            ox, oy, oz, dx, dy, dz = back_project_one(p_left, pixel[0] + i, pixel[1] + j)
+            x, y, _a = project_one(p_right, ox + dx / w0, oy + dy / w0, oz + dz / w0)
+            w1 = w0 + small
+            x1, y1, _b = project_one(p_right, ox + dx / w1, oy + dy / w1, oz + dz / w1)
+            if math.isnan(x) or math.isnan(x1):
+                continue
+            value[n], base_x[n], base_y[n] = a, x, y
+            step_x[n], step_y[n] = (x1 - x) / small, (y1 - y) / small
+            du[n], dv[n] = i, j
+            weight[n] = math.exp(-0.5 * (i * i + j * j) / (0.6 * half) ** 2)
+            n += 1
+    if n < 25:
+        return -2.0
+    # slopes wu, wv are per pixel: a plane at 45 degrees has |slope| = w0 / focal
+    focal = 1.0 / _pixel_angle(p_left, pixel)
+    prior = 1.0 / (slant_sigma * w0 / focal) ** 2
+    w, wu, wv, row = w0, 0.0, 0.0, row_offset
+    gain, offset = 1.0, 0.0
+    unit_w = 1.0 / max(1e-12, math.hypot(step_x[n // 2], step_y[n // 2]))  # inverse range of one pixel
+    M = np.zeros((6, 6))
+    g = np.zeros(6)
+    for iteration in range(12):
+        M[:, :] = 0.0
+        g[:] = 0.0
+        energy, used = 0.0, 0.0
+        for k in range(n):
+            shift = w - w0 + wu * du[k] + wv * dv[k]
+            x, y = base_x[k] + step_x[k] * shift, base_y[k] + step_y[k] * shift + row
+            b = bilinear(right, x, y)
+            if math.isnan(b):
+                continue
+            bx = 0.5 * (bilinear(right, x + 1.0, y) - bilinear(right, x - 1.0, y))
+            by = 0.5 * (bilinear(right, x, y + 1.0) - bilinear(right, x, y - 1.0))
+            if math.isnan(bx) or math.isnan(by):
+                continue
+            r = value[k] - gain * b - offset
+            along = gain * (bx * step_x[k] + by * step_y[k]) * unit_w
+            row_d = gain * by
+            t0, t1, t2, t3, t4, t5 = along, along * du[k], along * dv[k], row_d, b, 1.0
+            q = weight[k]
+            for c in range(6):
+                tc = (
+                    t0
+                    if c == 0
+                    else t1
+                    if c == 1
+                    else t2
+                    if c == 2
+                    else t3
+                    if c == 3
+                    else t4
+                    if c == 4
+                    else t5
+                )
+                g[c] += q * tc * r
+                for d in range(c, 6):
+                    td = (
+                        t0
+                        if d == 0
+                        else t1
+                        if d == 1
+                        else t2
+                        if d == 2
+                        else t3
+                        if d == 3
+                        else t4
+                        if d == 4
+                        else t5
+                    )
+                    M[c, d] += q * tc * td
+            energy += q * r * r
+            used += q
+        if used < 5.0:
+            return -2.0
+        for c in range(6):
+            for d in range(c):
+                M[c, d] = M[d, c]
+        noise = max(energy / used, 1e-6)
+        M[1, 1] += noise * prior * unit_w * unit_w
+        M[2, 2] += noise * prior * unit_w * unit_w
+        g[1] -= noise * prior * unit_w * wu
+        g[2] -= noise * prior * unit_w * wv
+        M[3, 3] += noise / 0.25
+        g[3] -= noise * (row - 0.0) / 0.25
+        for c in range(6):
+            M[c, c] += 1e-9 * (M[c, c] + 1.0)
+        s = np.linalg.solve(M, g)
+        move = max(-1.5, min(1.5, s[0]))
+        w += move * unit_w
+        wu += s[1] * unit_w
+        wv += s[2] * unit_w
+        limit = 6.0 * w0 / focal
+        wu, wv = max(-limit, min(limit, wu)), max(-limit, min(limit, wv))
+        row += max(-0.5, min(0.5, s[3]))
+        gain += s[4]
+        offset += s[5]
+        if gain <= 0.05:
+            gain = 0.05
+        if abs(s[0]) < 2e-3 and iteration > 2:
+            break
+    if w <= 0.0:
+        return -2.0
+    m, sa, sb, saa, sbb, sab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(n):
+        shift = w - w0 + wu * du[k] + wv * dv[k]
+        b = bilinear(right, base_x[k] + step_x[k] * shift, base_y[k] + step_y[k] * shift + row)
+        if math.isnan(b):
+            continue
+        q = weight[k]
+        m += q
+        sa += q * value[k]
+        sb += q * b
+        saa += q * value[k] * value[k]
+        sbb += q * b * b
+        sab += q * value[k] * b
+    va, vb = saa - sa * sa / m, sbb - sb * sb / m
+    plane[0], plane[1], plane[2] = w, wu, wv
+    ox, oy, oz, dx, dy, dz = back_project_one(p_left, pixel[0], pixel[1])
+    x, y, _c = project_one(p_right, ox + dx / w, oy + dy / w, oz + dz / w)
+    right_px[0], right_px[1] = x, y + row
+    if math.isnan(x) or va < 1e-9 or vb < 1e-9:
+        return -2.0
+    return (sab - sa * sb / m) / math.sqrt(va * vb)
+
+
+@njit(cache=True, nogil=True)
+def _pixel_angle(p: Array, pixel: Array) -> float:
+    """Return the angle between the rays of two neighbouring pixels."""
+    _x, _y, _z, ax, ay, az = back_project_one(p, pixel[0], pixel[1])
+    _u, _v, _w, bx, by, bz = back_project_one(p, pixel[0] + 1.0, pixel[1])
+    return math.sqrt((ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2)

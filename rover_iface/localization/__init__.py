@@ -1,0 +1,1 @@
+"""Rock tie points, visual odometry, bundle adjustment."""

@@ -1,0 +1,107 @@
+"""How a six-wheel rocker-bogie stands on the ground: pose from wheel contacts, and what is under its
+belly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rover_iface.frames import Pose
+from rover_iface.profile import RoverProfile
+
+Array = NDArray[np.floating]
+
+
+class Ground(Protocol):
+    """Anything that knows heights: a `Terrain`, or a map the rover has made."""
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return heights at points, NaN where unknown."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """How the rover stands in many poses at once; every array has the shape of the poses.
+
+    `z` is the height of the rover's origin, `belly_gap` the least distance between the ground and the
+    underside of
+    the body, `step` the largest difference between neighbouring wheels of one side, beyond what the slope
+    explains. Unknown ground gives NaN.
+    """
+
+    z: Array
+    roll: Array
+    pitch: Array
+    belly_gap: Array
+    step: Array
+    slope: Array
+
+    @property
+    def tilt(self) -> Array:
+        """Return the angle between the rover's up and the vertical."""
+        return np.arccos(np.clip(np.cos(self.roll) * np.cos(self.pitch), -1.0, 1.0))
+
+
+def settle(ground: Ground, profile: RoverProfile, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> Standing:
+    """Return how the rover stands with its origin above (x, y) [n] and its nose towards heading [n].
+
+    Notes
+    -----
+    A wheel touches where the ground, raised by the wheel's outline, is highest. Middle and rear wheel of a
+    side carry the bogie pivot, that and the front wheel the rocker; the differential gives the body the mean
+    angle of
+    both rockers. The angle of the whole rover is neglected when the wheels' places on the map are worked
+    out, which is worth 1 - cos(tilt) of the wheelbase: 3 cm at 15 degrees.
+    """
+    x, y, heading = np.broadcast_arrays(
+        np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(heading, dtype=float)
+    )
+    wheels, body = profile.wheels, profile.body
+    c, s = np.cos(heading)[..., None], np.sin(heading)[..., None]
+    axle = np.array(wheels.axle_x_m)
+    half = wheels.track_m / 2
+    # Wheels in the order left front, middle, rear, right front, middle, rear.
+    wheel_x = np.concatenate([axle, axle])
+    wheel_y = np.concatenate([np.full(3, half), np.full(3, -half)])
+    offset = np.linspace(-0.8, 0.8, 5) * wheels.radius_m
+    lift = np.sqrt(wheels.radius_m**2 - offset**2) - wheels.radius_m
+    px = wheel_x[:, None] + offset
+    py = np.broadcast_to(wheel_y[:, None], px.shape)
+    sx = x[..., None] + c * px.ravel() - s * py.ravel()
+    sy = y[..., None] + s * px.ravel() + c * py.ravel()
+    heights = ground.height(sx, sy).reshape(*x.shape, 6, 5)
+    contact = (heights + lift).max(axis=-1)
+
+    front = contact[..., [0, 3]]
+    bogie_share = (wheels.bogie_pivot_x_m - axle[2]) / (axle[1] - axle[2])
+    bogie = contact[..., [2, 5]] + bogie_share * (contact[..., [1, 4]] - contact[..., [2, 5]])
+    rise = (front - bogie) / (axle[0] - wheels.bogie_pivot_x_m)
+    pivot = bogie + rise * (wheels.rocker_pivot_x_m - wheels.bogie_pivot_x_m)
+    climb = np.arctan(rise.mean(axis=-1))
+    pitch = -climb
+    roll = np.arctan2(pivot[..., 0] - pivot[..., 1], wheels.track_m)
+    z = pivot.mean(axis=-1) - np.tan(climb) * wheels.rocker_pivot_x_m
+
+    bx = np.linspace(-0.5, 0.5, 9) * body.length_m
+    by = np.linspace(-0.5, 0.5, 7) * min(body.width_m, wheels.track_m - wheels.width_m)
+    gx, gy = (g.ravel() for g in np.meshgrid(bx, by))
+    under = ground.height(x[..., None] + c * gx - s * gy, y[..., None] + s * gx + c * gy)
+    plane = z[..., None] + np.tan(climb)[..., None] * gx + np.tan(roll)[..., None] * gy
+    gap = (plane + body.clearance_m - under).min(axis=-1)
+
+    sides = contact.reshape(*contact.shape[:-1], 2, 3)
+    level = sides - np.tan(climb)[..., None, None] * axle
+    step = np.abs(np.diff(level, axis=-1)).max(axis=(-2, -1))
+    slope = np.arctan(np.hypot(np.tan(climb), np.tan(roll)))
+    return Standing(z, roll, pitch, gap, step, slope)
+
+
+def settled_pose(ground: Ground, profile: RoverProfile, x: float, y: float, heading: float) -> Pose:
+    """Return one pose with its height, pitch and roll on the ground; NaN where the ground is unknown."""
+    standing = settle(ground, profile, np.array([x]), np.array([y]), np.array([heading]))
+    return Pose(x, y, float(standing.z[0]), heading, float(standing.pitch[0]), float(standing.roll[0]))

@@ -1,0 +1,1 @@
+"""Hazard map and arcs."""

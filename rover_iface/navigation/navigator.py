@@ -1,0 +1,242 @@
+"""The stop-and-go navigator: look, map, choose an arc, drive it, look again.
+
+After section 5 of the single-cycle instrument placement paper (Morphin and GESTALT before it): at each stop
+four
+stereo pairs become a grid of local planes; cells are judged by residual, tilt and step; the cost of a cell
+joins
+that with the way to the goal over the cumulative map; the arc of least cost is driven. Two things are added:
+the way
+to the goal is worked out over the whole map (so that the rover leaves dead ends), and turns in place are
+candidates.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_iface.errors import RoverError
+from rover_iface.frames import Pose, wrap_angle
+from rover_iface.navigation.hazard_map import HazardMap, MapParameters
+from rover_iface.navigation.kernels import cost_to_go, obstacle_distance, try_ways
+from rover_iface.profile import RoverProfile
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True, slots=True)
+class NavigatorParameters:
+    """How arcs are chosen. Margins in metres round the rover's outline; costs are in metres of way."""
+
+    curvatures: int = 15
+    turns_deg: tuple[float, ...] = (15, 30, 50, 75, 105, 140, 180)
+    margin_m: float = 0.13
+    least_margin_m: float = 0.07
+    lookahead: float = 1.6
+    unknown_cost: float = 0.35
+    hazard_cost: float = 1.6
+    turn_cost_m: float = 0.22
+    curve_cost: float = 0.08
+    coarse_m: float = 0.2
+    patience: int = 5
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.least_margin_m <= self.margin_m:
+            raise RoverError(
+                f"margins are {self.least_margin_m} and {self.margin_m} m; the least must not be the larger"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """What to drive next: turn in place, then an arc (backwards if the length is negative)."""
+
+    turn_rad: float
+    curvature_1_m: float
+    length_m: float
+
+
+@dataclass
+class Navigator:
+    """Chooses ways to a goal from what has been mapped. One for a drive; the map may outlive it.
+
+    Parameters
+    ----------
+    step_m
+        Longest way between two looks; a tracker may ask for less.
+    ignore
+        Circle (x, y, radius) whose obstacles do not count: the tracked target's own rock.
+    """
+
+    profile: RoverProfile
+    map: HazardMap
+    parameters: NavigatorParameters = field(default_factory=NavigatorParameters)
+    step_m: float | None = None
+    ignore: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    _stuck: int = 0
+    _last_turn: float = 0.0
+
+    @staticmethod
+    def fresh(
+        profile: RoverProfile,
+        start: tuple[float, float],
+        goal: tuple[float, float],
+        *,
+        map_parameters: MapParameters | None = None,
+    ) -> Navigator:
+        """Return a navigator with an empty map that holds start and goal with room to go round."""
+        centre = ((start[0] + goal[0]) / 2, (start[1] + goal[1]) / 2)
+        size = math.hypot(goal[0] - start[0], goal[1] - start[1]) + 16.0
+        return Navigator(profile, HazardMap(profile, centre, size, map_parameters))
+
+    def choose(self, pose: Pose, goal: tuple[float, float]) -> Way | None:
+        """Return the way to drive next from an estimated pose, or None if none is safe."""
+        p = self.parameters
+        field_ = self._cost_field(goal)
+        step = self.step_m if self.step_m is not None else self.profile.mobility.step_m
+        left = math.hypot(goal[0] - pose.x, goal[1] - pose.y)
+        step = min(step, max(left, 0.05))
+        candidates = self._candidates(step * p.lookahead, pose, goal)
+        body = self.profile.body
+        for margin in (p.margin_m, (p.margin_m + p.least_margin_m) / 2, p.least_margin_m):
+            seen = try_ways(
+                self.map.hazard,
+                self.map.west,
+                self.map.south,
+                self.map.cell,
+                pose.x,
+                pose.y,
+                pose.heading,
+                candidates,
+                body.length_m / 2,
+                body.width_m / 2,
+                margin,
+                p.unknown_cost,
+                *self.ignore,
+            )
+            way = self._best(pose, goal, step, candidates, seen, field_)
+            if way is not None:
+                self._stuck = 0
+                self._last_turn = way.turn_rad
+                return way
+        self._stuck += 1
+        return None
+
+    @property
+    def given_up(self) -> bool:
+        """Return whether so many looks in a row showed no way that it is time to give up."""
+        return self._stuck >= self.parameters.patience
+
+    def _candidates(self, length: float, pose: Pose, goal: tuple[float, float]) -> Array:
+        p = self.parameters
+        sharp = 1.0 / self.profile.mobility.min_arc_radius_m
+        curvature = np.linspace(-sharp, sharp, p.curvatures)
+        arcs = np.column_stack([np.zeros_like(curvature), curvature, np.full_like(curvature, length)])
+        turns = np.radians(np.array(p.turns_deg))
+        direct = wrap_angle(math.atan2(goal[1] - pose.y, goal[0] - pose.x) - pose.heading)
+        turns = np.concatenate([turns, -turns, [direct]])
+        straight = np.column_stack([turns, np.zeros_like(turns), np.full_like(turns, length)])
+        back = np.array(
+            [[0.0, 0.0, -0.6 * length], [0.0, 0.5 * sharp, -0.6 * length], [0.0, -0.5 * sharp, -0.6 * length]]
+        )
+        return np.concatenate([arcs, straight, back])
+
+    def _best(
+        self, pose: Pose, goal: tuple[float, float], step: float, ways: Array, seen: Array, field_: Array
+    ) -> Way | None:
+        p = self.parameters
+        best, best_cost = None, math.inf
+        for (turn, curvature, length), (free, hazard, _, _, _, _) in zip(
+            ways.tolist(), seen.tolist(), strict=True
+        ):
+            wanted = min(step, abs(length))
+            usable = min(wanted, free)
+            if usable < min(0.6 * wanted, 0.3) or usable < 0.02:
+                continue
+            x, y, heading = end_of(pose, turn, curvature, math.copysign(usable, length))
+            togo = self._togo(field_, x, y)
+            if not math.isfinite(togo):
+                continue
+            facing = abs(wrap_angle(math.atan2(goal[1] - y, goal[0] - x) - heading))
+            near = math.hypot(goal[0] - x, goal[1] - y)
+            cost = togo + p.hazard_cost * hazard * abs(length)
+            cost += p.turn_cost_m * min(1.0, abs(turn) / 1.5) + (0.08 if turn else 0.0)
+            cost += p.curve_cost * abs(curvature) * abs(length)
+            cost += 0.06 * facing * min(1.0, near)
+            # A way that ends against an obstacle soon is worth less than one that goes on.
+            cost += 0.5 * max(0.0, abs(length) - free)
+            if turn * self._last_turn < -1e-9:
+                cost += 0.25
+            if length < 0:
+                cost += 0.6
+            if cost < best_cost:
+                best_cost = cost
+                best = Way(turn, curvature, math.copysign(usable, length))
+        return best
+
+    def _cost_field(self, goal: tuple[float, float]) -> Array:
+        """Return the cost to reach the goal over the map, on cells of `coarse_m`; closed cells cost, not
+        forbid.
+        """
+        p = self.parameters
+        factor = max(1, round(p.coarse_m / self.map.cell))
+        hazard = self.map.hazard
+        rows, columns = (n // factor for n in hazard.shape)
+        block = hazard[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
+        known = ~np.isnan(block)
+        level = np.where(known, np.nan_to_num(block), -1.0).max(axis=(1, 3))
+        unknown = level < 0
+        coarse = self.map.cell * factor
+        blocked = level >= 1.0
+        first = self.map.cell * (factor - 1) / 2
+        self._west, self._south, self._coarse = self.map.west + first, self.map.south + first, coarse
+        gr, gc = self._index(goal[0], goal[1], rows, columns)
+        if self.ignore[2] > 0:
+            r, c = np.mgrid[0:rows, 0:columns]
+            near = (
+                np.hypot(self._west + c * coarse - self.ignore[0], self._south + r * coarse - self.ignore[1])
+                <= self.ignore[2]
+            )
+            blocked &= ~near
+        distance = obstacle_distance(blocked, coarse)
+        inner = self.profile.body.width_m / 2 + p.least_margin_m
+        outer = self.profile.body.radius_m + p.margin_m
+        price = 1.0 + p.hazard_cost * np.where(unknown, p.unknown_cost, np.clip(level, 0, 1))
+        tight = np.clip((outer - distance) / max(outer - inner, 1e-6), 0.0, 1.0)
+        price += 3.0 * tight
+        price = np.where(distance < inner, price + 12.0, price)
+        price = np.where(blocked, price + 25.0, price)
+        price[gr, gc] = 1.0
+        return cost_to_go(price, coarse, gr, gc)
+
+    def _index(self, x: float, y: float, rows: int, columns: int) -> tuple[int, int]:
+        r = round((y - self._south) / self._coarse)
+        c = round((x - self._west) / self._coarse)
+        return min(max(r, 0), rows - 1), min(max(c, 0), columns - 1)
+
+    def _togo(self, field_: Array, x: float, y: float) -> float:
+        rows, columns = field_.shape
+        fx = min(max((x - self._west) / self._coarse, 0.0), columns - 1.001)
+        fy = min(max((y - self._south) / self._coarse, 0.0), rows - 1.001)
+        c, r = int(fx), int(fy)
+        u, v = fx - c, fy - r
+        return float(
+            (field_[r, c] * (1 - u) + field_[r, c + 1] * u) * (1 - v)
+            + (field_[r + 1, c] * (1 - u) + field_[r + 1, c + 1] * u) * v
+        )
+
+
+def end_of(pose: Pose, turn: float, curvature: float, length: float) -> tuple[float, float, float]:
+    """Return x, y, heading at the end of a way."""
+    start = pose.heading + turn
+    heading = start + curvature * length
+    if abs(curvature) < 1e-9:
+        return pose.x + length * math.cos(start), pose.y + length * math.sin(start), wrap_angle(heading)
+    return (
+        pose.x + (math.sin(heading) - math.sin(start)) / curvature,
+        pose.y - (math.cos(heading) - math.cos(start)) / curvature,
+        wrap_angle(heading),
+    )

@@ -1,0 +1,240 @@
+"""Drives by the navigator alone, and the study that counts how they end."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rover_iface.frames import Pose
+from rover_iface.mobility import settle
+from rover_iface.navigation.navigator import Navigator, Way
+from rover_iface.navigation.sensor import GroundRaster, StereoSensor
+from rover_iface.profile import RoverProfile
+from rover_iface.simulator.chassis import Chassis
+from rover_iface.simulator.world import Soil
+from rover_iface.terrain.generate import Recipe, generate_terrain
+from rover_iface.terrain.terrain import Terrain
+
+
+@dataclass(frozen=True, slots=True)
+class Traverse:
+    """How one drive ended: `arrived` by the rover's own estimate; `error_m` is how far off it truly is."""
+
+    arrived: bool
+    collided: bool
+    reason: str
+    looks: int
+    length_m: float
+    error_m: float
+    duration_s: float
+    energy_j: float
+    update_s: float
+    worst_gap_m: float
+    track: tuple[tuple[float, float], ...]
+
+
+def drive(
+    chassis: Chassis,
+    ground: GroundRaster,
+    goal: tuple[float, float],
+    *,
+    sensor: StereoSensor | None = None,
+    navigator: Navigator | None = None,
+    tolerance_m: float = 0.3,
+    near_m: float = 0.8,
+    most_looks: int = 120,
+) -> Traverse:
+    """Drive a chassis to a goal in its own estimate of the site frame, and return how it ended.
+
+    It has arrived within `tolerance_m`, or within `near_m` if six looks brought it no nearer: by its own
+    drift the goal may lie on a rock.
+    """
+    profile = chassis.profile
+    sensor = sensor or StereoSensor(profile)
+    start = (chassis.believed.x, chassis.believed.y)
+    navigator = navigator or Navigator.fresh(profile, start, goal)
+    step_cost = profile.activity("navigator_step")
+    duration = energy = update = length = 0.0
+    worst = math.inf
+    track = [(chassis.pose.x, chassis.pose.y)]
+    reason = "too many looks"
+    looks = 0
+    arrived = collided = False
+    nearest, since = math.inf, 0
+    while looks < most_looks:
+        believed = chassis.believed
+        if math.hypot(goal[0] - believed.x, goal[1] - believed.y) <= tolerance_m:
+            arrived, reason = True, "arrived"
+            break
+        left = math.hypot(goal[0] - believed.x, goal[1] - believed.y)
+        if left < nearest - 0.1:
+            nearest, since = left, looks
+        elif left <= near_m and looks - since >= 6:
+            arrived, reason = True, "as near as the ground allows"
+            break
+        looks += 1
+        clouds = sensor.look(ground, chassis.pose, chassis.rng, down=navigator.map.updates == 0)
+        begin = time.perf_counter()
+        site_from_rover = believed.site_from_rover
+        navigator.map.update([site_from_rover.apply(c) for c in clouds], site_from_rover.apply(sensor.eye))
+        update += time.perf_counter() - begin
+        duration += step_cost.fixed_s
+        energy += step_cost.fixed_j
+        way = navigator.choose(believed, goal)
+        if way is None:
+            if navigator.given_up:
+                reason = "no safe way"
+                break
+            way = Way(math.radians(40.0) * (1 if navigator._stuck % 2 else -1) * navigator._stuck, 0.0, 0.0)
+        driven = chassis.follow(way)
+        duration += driven.duration_s
+        energy += driven.energy_j
+        length += driven.true_m
+        worst = min(worst, driven.worst_gap_m)
+        track += driven.track[1:]
+        if driven.collision:
+            collided, reason = True, f"collision: {driven.collision}"
+            break
+        if driven.stuck:
+            reason = "stuck"
+            break
+    error = math.hypot(goal[0] - chassis.pose.x, goal[1] - chassis.pose.y)
+    return Traverse(
+        arrived,
+        collided,
+        reason,
+        looks,
+        length,
+        error,
+        duration,
+        energy,
+        update / max(1, looks),
+        worst,
+        tuple(track),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """Counts of a traverse study."""
+
+    runs: int
+    arrived: int
+    collided: int
+    reasons: dict[str, int]
+    update_ms_median: float
+    update_ms_worst: float
+    looks_median: float
+    length_ratio_median: float
+    error_share_median: float
+    seconds: float
+
+
+def study_terrain(seed: int, rock_cover: float, size_m: float = 50.0) -> Terrain:
+    """Return the ground of the study: fractal, rocky, without crater and slabs."""
+    return generate_terrain(
+        recipe=Recipe(
+            seed=seed,
+            size_m=size_m,
+            inner_m=size_m,
+            spacing_m=0.05,
+            inner_spacing_m=0.05,
+            rock_cover=rock_cover,
+            crater=False,
+            outcrop=False,
+            ripples=False,
+            ortho=False,
+            clear_start_m=0.0,
+            relief_m=1.06,
+            rough=1.5,
+        )
+    )
+
+
+def traverse_study(
+    profile: RoverProfile,
+    *,
+    runs: int = 500,
+    length_m: float = 20.0,
+    covers: tuple[float, float] = (0.05, 0.10),
+    seed: int = 0,
+    drives_per_terrain: int = 10,
+    soil: Soil | None = None,
+) -> tuple[Study, list[Traverse]]:
+    """Return counts and drives of random straight goals `length_m` apart, at rock covers between two limits.
+
+    Start and goal are places where the rover can stand with some room; everything else is left to the
+    navigator.
+    """
+    begin = time.perf_counter()
+    found: list[Traverse] = []
+    number = 0
+    while len(found) < runs:
+        rng = np.random.default_rng([seed, number])
+        cover = float(rng.uniform(*covers))
+        ground = GroundRaster.of(study_terrain(seed * 100_003 + number, cover), 25.0)
+        number += 1
+        for _ in range(min(drives_per_terrain, runs - len(found))):
+            pose, goal = _ends(ground, profile, length_m, rng)
+            chassis = Chassis(ground, profile, pose, soil=soil or Soil(), rng=rng)
+            found.append(drive(chassis, ground, goal))
+    reasons: dict[str, int] = {}
+    for run in found:
+        reasons[run.reason] = reasons.get(run.reason, 0) + 1
+    updates = np.array([run.update_s for run in found]) * 1000.0
+    went = [run for run in found if run.arrived]
+    return (
+        Study(
+            runs=len(found),
+            arrived=len(went),
+            collided=sum(run.collided for run in found),
+            reasons=reasons,
+            update_ms_median=float(np.median(updates)),
+            update_ms_worst=float(updates.max()),
+            looks_median=float(np.median([run.looks for run in found])),
+            length_ratio_median=float(np.median([run.length_m / length_m for run in went]))
+            if went
+            else math.nan,
+            error_share_median=float(np.median([run.error_m / length_m for run in went]))
+            if went
+            else math.nan,
+            seconds=time.perf_counter() - begin,
+        ),
+        found,
+    )
+
+
+def _ends(
+    ground: GroundRaster, profile: RoverProfile, length_m: float, rng: np.random.Generator
+) -> tuple[Pose, tuple[float, float]]:
+    """Return a start pose and a goal `length_m` away, both on ground where the rover can stand and turn."""
+    reach = -ground.west - 6.0
+    for _ in range(2000):
+        x, y = rng.uniform(-reach, reach, 2)
+        heading = float(rng.uniform(-math.pi, math.pi))
+        gx, gy = x + length_m * math.cos(heading), y + length_m * math.sin(heading)
+        if max(abs(gx), abs(gy)) > reach:
+            continue
+        if _roomy(ground, profile, x, y) and _roomy(ground, profile, gx, gy):
+            aside = float(rng.uniform(-0.6, 0.6))
+            return Pose(float(x), float(y), 0.0, heading + aside), (gx, gy)
+    raise AssertionError("no room for a traverse")
+
+
+def _roomy(ground: GroundRaster, profile: RoverProfile, x: float, y: float) -> bool:
+    headings = np.linspace(0, 2 * math.pi, 12, endpoint=False)
+    standing = settle(ground, profile, np.full(12, x), np.full(12, y), headings)
+    mobility = profile.mobility
+    return bool(
+        (standing.belly_gap > 0.06).all()
+        and (standing.step < 0.6 * mobility.max_step_m).all()
+        and (standing.tilt < 0.6 * mobility.max_slope_rad).all()
+    )
+
+
+def shorter(profile: RoverProfile, step_m: float) -> RoverProfile:
+    """Return a profile with another step between looks."""
+    return replace(profile, mobility=replace(profile.mobility, step_m=step_m))

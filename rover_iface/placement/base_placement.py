@@ -1,0 +1,472 @@
+"""Where the rover must stand to observe a target: the observation point.
+
+For a contact instrument the arm must reach the target with the tool along the surface normal, on ground the
+rover can stand on. The arm has five joints (azimuth, shoulder, elbow, wrist, turret): the tool moves in the
+vertical plane
+through shoulder and target, so the normal's angle out of that plane is what the arm cannot make good. For a
+remote instrument the rover stands at a distance with a free line of sight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rover_iface.errors import PlacementError
+from rover_iface.frames import Pose, wrap_angle
+from rover_iface.mobility import Standing, settle
+from rover_iface.profile import RoverProfile
+from rover_iface.terrain.terrain import Terrain
+
+Array = NDArray[np.floating]
+
+MARGIN_M = 0.03
+"""Ground clearance that must be left under the body."""
+
+REACH_SHARE = 0.95
+"""Share of the arm's reach that a planned pose may use; the rest is for driving errors."""
+
+
+@dataclass(frozen=True, slots=True)
+class ObservationPoint:
+    """A pose for one observation and what it is worth: `score` 0 (poor) to 1 (ideal).
+
+    `reach_m` is the distance from the shoulder (or, for remote instruments, the mast camera) to the target,
+    `tool_tilt_rad` the angle between tool and surface normal that is left (or the angle of view off the
+    normal), `clearance_m` the gap under the body.
+    """
+
+    pose: Pose
+    target: str
+    instrument: str
+    score: float
+    reach_m: float
+    tool_tilt_rad: float
+    slope_rad: float
+    clearance_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """One reason to refuse a candidate: where it holds, what is wrong, and the best figure of all
+    candidates.
+    """
+
+    name: str
+    bad: NDArray[np.bool_]
+    text: str
+
+
+def place_base(
+    terrain: Terrain,
+    profile: RoverProfile,
+    point: Sequence[float],
+    normal: ArrayLike | None = None,
+    *,
+    target: str = "target",
+    instrument: str = "mi",
+    start: Pose | None = None,
+    keep_out: Sequence[ArrayLike] = (),
+    count: int = 5,
+) -> list[ObservationPoint]:
+    """Return poses from which the instrument observes the target, best first, at least 0.25 m or 20 degrees
+    apart.
+
+    Parameters
+    ----------
+    point
+        Target [3], site metres.
+    normal
+        Surface normal there [3], outward; taken from the terrain over 10 cm when absent.
+    instrument
+        Name in the rover profile; its kind decides between arm and stand-off.
+    start
+        Where the rover comes from: poses on that side are preferred, since the target was seen from there
+        and is tracked on the way. The origin when absent.
+    keep_out
+        Polygons [k, 2] in which the rover's origin may not stand.
+    count
+        How many poses at most.
+
+    Raises
+    ------
+    PlacementError
+        If there is none; the message gives the commonest reason with figures, `reasons` all of them.
+    OutsideTerrainError
+        If the target lies outside the terrain.
+    """
+    px, py, pz = (float(v) for v in point)
+    terrain.require_inside(px, py, f"target {target}")
+    figures = profile.instrument(instrument)
+    up = np.asarray(normal if normal is not None else terrain.normal(px, py, 0.10), dtype=float)
+    if up.shape != (3,) or not np.linalg.norm(up) > 0:
+        raise PlacementError(
+            f"target {target} has the normal {up.tolist()}; three numbers, not all 0, are needed"
+        )
+    up = up / np.linalg.norm(up)
+    origin = start if start is not None else Pose(0.0, 0.0)
+    contact = figures.kind == "contact"
+    x, y, heading = _candidates(profile, px, py, origin, contact, figures.standoff_m)
+    standing = settle(terrain, profile, x, y, heading)
+    here = np.array([px, py, pz])
+    if contact:
+        reach, tilt, rules = _arm_rules(profile, here, up, x, y, heading, standing)
+    else:
+        reach, tilt, rules = _view_rules(terrain, profile, here, up, x, y, standing, figures.standoff_m)
+    rules = [*_ground_rules(profile, standing, x, y, keep_out), *rules]
+    bad = np.zeros(len(x), dtype=bool)
+    for rule in rules:
+        bad |= rule.bad
+    if bad.all():
+        raise _refusal(target, instrument, rules)
+    score = _score(profile, origin, here, contact, x, y, heading, standing, reach, tilt)
+    score[bad] = -1.0
+    found: list[ObservationPoint] = []
+    for k in np.argsort(-score, kind="stable"):
+        if score[k] < 0 or len(found) == count:
+            break
+        close = any(
+            math.hypot(p.pose.x - x[k], p.pose.y - y[k]) < 0.25
+            and abs(wrap_angle(p.pose.heading - heading[k])) < math.radians(20)
+            for p in found
+        )
+        if close:
+            continue
+        found.append(
+            ObservationPoint(
+                Pose(
+                    float(x[k]),
+                    float(y[k]),
+                    float(standing.z[k]),
+                    wrap_angle(float(heading[k])),
+                    float(standing.pitch[k]),
+                    float(standing.roll[k]),
+                ),
+                target,
+                instrument,
+                float(score[k]),
+                float(reach[k]),
+                float(tilt[k]),
+                float(standing.slope[k]),
+                float(standing.belly_gap[k]),
+            )
+        )
+    return found
+
+
+def check_observation_point(
+    terrain: Terrain,
+    profile: RoverProfile,
+    pose: Pose,
+    point: Sequence[float],
+    normal: ArrayLike | None = None,
+    *,
+    target: str = "target",
+    instrument: str = "mi",
+    keep_out: Sequence[ArrayLike] = (),
+) -> ObservationPoint:
+    """Return what a given pose is worth for a target.
+
+    Raises
+    ------
+    PlacementError
+        If the target cannot be observed from there; the message gives the figures.
+    """
+    px, py, pz = (float(v) for v in point)
+    terrain.require_inside(px, py, f"target {target}")
+    terrain.require_inside(pose.x, pose.y, f"observation point of target {target}")
+    figures = profile.instrument(instrument)
+    up = np.asarray(normal if normal is not None else terrain.normal(px, py, 0.10), dtype=float)
+    up = up / np.linalg.norm(up)
+    x, y, heading = np.array([pose.x]), np.array([pose.y]), np.array([pose.heading])
+    standing = settle(terrain, profile, x, y, heading)
+    here = np.array([px, py, pz])
+    if figures.kind == "contact":
+        reach, tilt, rules = _arm_rules(profile, here, up, x, y, heading, standing, share=1.0)
+    else:
+        reach, tilt, rules = _view_rules(terrain, profile, here, up, x, y, standing, figures.standoff_m)
+    rules = [*rules, *_ground_rules(profile, standing, x, y, keep_out)]
+    for rule in rules:
+        if bool(rule.bad[0]):
+            raise PlacementError(
+                f"observation point ({pose.x:.2f}, {pose.y:.2f}) for target {target}: {rule.text}",
+                {rule.name: 1},
+            )
+    score = _score(
+        profile,
+        Pose(pose.x - math.cos(pose.heading), pose.y - math.sin(pose.heading)),
+        here,
+        figures.kind == "contact",
+        x,
+        y,
+        heading,
+        standing,
+        reach,
+        tilt,
+    )
+    settled = Pose(
+        pose.x,
+        pose.y,
+        float(standing.z[0]),
+        pose.heading,
+        float(standing.pitch[0]),
+        float(standing.roll[0]),
+    )
+    return ObservationPoint(
+        settled,
+        target,
+        instrument,
+        float(score[0]),
+        float(reach[0]),
+        float(tilt[0]),
+        float(standing.slope[0]),
+        float(standing.belly_gap[0]),
+    )
+
+
+def _candidates(
+    profile: RoverProfile, px: float, py: float, origin: Pose, contact: bool, standoff_m: float
+) -> tuple[Array, Array, Array]:
+    """Return x, y, heading [n] round the target; the first direction is the one the rover comes from."""
+    come = math.atan2(origin.y - py, origin.x - px) if (origin.x, origin.y) != (px, py) else math.pi
+    around = come + np.linspace(0, 2 * math.pi, 36, endpoint=False)
+    if contact:
+        shoulder = profile.arm.shoulder_m[0]
+        distance = shoulder + np.linspace(profile.arm.min_reach_m, profile.arm.reach_m * REACH_SHARE, 8)
+        aside = np.radians([-25.0, 0.0, 25.0])
+    else:
+        near = max(standoff_m, profile.body.radius_m + 0.3)
+        distance = near * np.array([1.0, 1.25, 1.5, 0.8])
+        aside = np.array([0.0])
+    a, d, e = (g.ravel() for g in np.meshgrid(around, distance, aside, indexing="ij"))
+    return px + d * np.cos(a), py + d * np.sin(a), a + math.pi + e
+
+
+def _ground_rules(
+    profile: RoverProfile, standing: Standing, x: Array, y: Array, keep_out: Sequence[ArrayLike]
+) -> list[_Rule]:
+    mobility = profile.mobility
+    unknown = ~np.isfinite(standing.z)
+    slope = np.nan_to_num(standing.slope, nan=0.0)
+    tilt = np.nan_to_num(standing.tilt, nan=0.0)
+    gap = np.nan_to_num(standing.belly_gap, nan=0.0)
+    step = np.nan_to_num(standing.step, nan=0.0)
+    inside = np.zeros(len(x), dtype=bool)
+    for polygon in keep_out:
+        inside |= inside_polygon(x, y, polygon)
+    return [
+        _Rule("terrain", unknown, "the rover would stand off the terrain"),
+        _Rule("keep-out", inside, "it lies in a keep-out region"),
+        _Rule(
+            "slope",
+            (slope > mobility.max_slope_rad) | (tilt > mobility.max_tilt_rad),
+            f"the ground slopes by {math.degrees(slope.min()):.0f} degrees or more; "
+            f"the rover stands on {math.degrees(mobility.max_slope_rad):.0f}",
+        ),
+        _Rule(
+            "clearance",
+            gap < MARGIN_M,
+            f"the ground comes within {100 * max(0.0, gap.max()):.0f} cm of the body; "
+            f"{100 * MARGIN_M:.0f} cm must be left",
+        ),
+        _Rule(
+            "step",
+            step > mobility.max_step_m,
+            f"wheels stand on steps of {100 * step.min():.0f} cm or more; "
+            f"the rover takes {100 * mobility.max_step_m:.0f} cm",
+        ),
+    ]
+
+
+def _arm_rules(
+    profile: RoverProfile,
+    point: Array,
+    up: Array,
+    x: Array,
+    y: Array,
+    heading: Array,
+    standing: Standing,
+    share: float = REACH_SHARE,
+) -> tuple[Array, Array, list[_Rule]]:
+    """Return reach [n], angle between tool and normal [n], and the rules of the arm."""
+    arm = profile.arm
+    rotation = _rotations(standing.roll, standing.pitch, heading)
+    base = np.stack([x, y, standing.z], axis=-1)
+    shoulder = base + rotation @ np.array(arm.shoulder_m)
+    reach = np.linalg.norm(point - shoulder, axis=-1)
+    local = np.einsum("nji,nj->ni", rotation, point - shoulder)
+    height = np.einsum("nji,nj->ni", rotation, point - base)[:, 2]
+    azimuth = np.arctan2(local[:, 1], local[:, 0])
+    # Normal of the arm's plane: horizontal in the rover frame, across the direction to the target.
+    across = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
+    normal = np.einsum("nji,j->ni", rotation, up)
+    out_of_plane = np.arcsin(np.clip(np.abs(np.einsum("ni,ni->n", across, normal)), 0.0, 1.0))
+    # Within the plane the wrist turns the tool from straight down to level and 20 degrees beyond.
+    forward = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
+    ahead = np.einsum("ni,ni->n", forward, normal)
+    pitch = np.arctan2(-ahead, normal[:, 2])
+    beyond = np.maximum(0.0, np.maximum(pitch - math.radians(110), -pitch - math.radians(30)))
+    tilt = np.arccos(np.clip(np.cos(out_of_plane) * np.cos(beyond), -1.0, 1.0))
+    safe = np.nan_to_num(reach, nan=np.inf)
+    low, high = arm.workspace_height_m
+    nearest = float(safe.min())
+    rules = [
+        _Rule(
+            "reach",
+            safe > arm.reach_m * share,
+            f"the target is {nearest:.2f} m from the arm's shoulder; the arm reaches {arm.reach_m:.2f} m",
+        ),
+        _Rule(
+            "too close",
+            safe < arm.min_reach_m,
+            f"the target is {nearest:.2f} m from the arm's shoulder; "
+            f"the arm works from {arm.min_reach_m:.2f} m",
+        ),
+        _Rule(
+            "azimuth",
+            np.abs(azimuth) > arm.azimuth_limit_rad,
+            f"the target is {math.degrees(float(np.abs(azimuth).min())):.0f} degrees off the arm's middle; "
+            f"the arm turns {math.degrees(arm.azimuth_limit_rad):.0f}",
+        ),
+        _Rule(
+            "height",
+            ~((height >= low) & (height <= high)),
+            f"the target is {float(height[np.argmin(safe)]):.2f} m above the wheels; "
+            f"the arm works from {low:.2f} to {high:.2f} m",
+        ),
+        _Rule(
+            "normal",
+            tilt > arm.max_tool_tilt_rad,
+            f"the tool would stand {math.degrees(float(np.nanmin(tilt))):.0f} degrees or more off the "
+            f"surface normal; {math.degrees(arm.max_tool_tilt_rad):.0f} are allowed",
+        ),
+    ]
+    return reach, tilt, rules
+
+
+def _view_rules(
+    terrain: Terrain,
+    profile: RoverProfile,
+    point: Array,
+    up: Array,
+    x: Array,
+    y: Array,
+    standing: Standing,
+    standoff_m: float,
+) -> tuple[Array, Array, list[_Rule]]:
+    """Return range [n], angle of view off the normal [n], and the rules of a remote observation."""
+    eye = np.stack([x, y, standing.z + profile.mast.height_m], axis=-1)
+    view = eye - point
+    distance = np.linalg.norm(view, axis=-1)
+    angle = np.arccos(np.clip(view @ up / distance, -1.0, 1.0))
+    known = np.isfinite(standing.z)
+    clear = np.zeros(len(x), dtype=bool)
+    clear[known] = terrain.line_of_sight(eye[known], np.broadcast_to(point, (int(known.sum()), 3)))
+    limit = max(2.5 * standoff_m, standoff_m + 1.5)
+    return (
+        distance,
+        angle,
+        [
+            _Rule(
+                "range",
+                np.nan_to_num(distance, nan=np.inf) > limit,
+                f"the target is {float(np.nanmin(distance)):.2f} m away; {limit:.2f} m is the limit",
+            ),
+            _Rule("sight", known & ~clear, "the ground hides the target from the mast"),
+            _Rule(
+                "angle",
+                np.nan_to_num(angle, nan=0.0) > math.radians(85),
+                f"the surface is seen {math.degrees(float(np.nanmin(angle))):.0f} degrees off its normal "
+                "or more; 85 are allowed",
+            ),
+        ],
+    )
+
+
+def _rotations(roll: Array, pitch: Array, heading: Array) -> Array:
+    """Return site_from_rover rotations [n, 3, 3]."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(heading), np.sin(heading)
+    return np.stack(
+        [
+            np.stack([cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr], axis=-1),
+            np.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], axis=-1),
+            np.stack([-sp, cp * sr, cp * cr], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def _score(
+    profile: RoverProfile,
+    origin: Pose,
+    point: Array,
+    contact: bool,
+    x: Array,
+    y: Array,
+    heading: Array,
+    standing: Standing,
+    reach: Array,
+    tilt: Array,
+) -> Array:
+    """Return the worth of each candidate, 0 to 1: a product of terms that are 1 when ideal."""
+    mobility = profile.mobility
+    come = math.atan2(origin.y - point[1], origin.x - point[0])
+    side = np.arctan2(y - point[1], x - point[0]) - come
+    off = np.abs(np.arctan2(np.sin(side), np.cos(side)))
+    approach = 0.35 + 0.65 * np.cos(off / 2) ** 2
+    level = 1.0 - 0.6 * np.clip(standing.slope / mobility.max_slope_rad, 0, 1) ** 2
+    gap = 0.5 + 0.5 * np.clip((standing.belly_gap - MARGIN_M) / (0.5 * profile.body.clearance_m), 0, 1)
+    flat = 1.0 - 0.4 * np.clip(standing.step / mobility.max_step_m, 0, 1)
+    if contact:
+        arm = profile.arm
+        middle = (arm.min_reach_m + arm.reach_m) / 2
+        fit = 1.0 - 0.5 * np.clip(np.abs(reach - middle) / ((arm.reach_m - arm.min_reach_m) / 2), 0, 1) ** 2
+        tool = 1.0 - 0.5 * np.clip(tilt / arm.max_tool_tilt_rad, 0, 1) ** 2
+        facing = np.arctan2(point[1] - y, point[0] - x) - heading
+        straight = 0.9 + 0.1 * np.cos(facing)
+    else:
+        fit = 1.0 - 0.2 * np.clip(reach / max(1e-6, float(np.nanmin(reach))) - 1.0, 0, 1)
+        tool = 0.4 + 0.6 * np.cos(np.clip(tilt, 0, math.pi / 2))
+        straight = np.ones_like(reach)
+    score: Array = np.nan_to_num(approach * level * gap * flat * fit * tool * straight, nan=0.0)
+    return score
+
+
+def _refusal(target: str, instrument: str, rules: Sequence[_Rule]) -> PlacementError:
+    """Return the error that names the rule which alone, or most often, stands in the way."""
+    counts = {rule.name: int(rule.bad.sum()) for rule in rules if rule.bad.any()}
+    total = len(rules[0].bad)
+
+    def saved(rule: _Rule) -> int:
+        others = np.zeros(total, dtype=bool)
+        for other in rules:
+            if other is not rule:
+                others |= other.bad
+        return int((rule.bad & ~others).sum())
+
+    decisive = max(rules, key=lambda rule: (bool(rule.bad.all()), saved(rule), counts.get(rule.name, 0)))
+    listing = ", ".join(f"{name} {n}" for name, n in sorted(counts.items(), key=lambda item: -item[1]))
+    return PlacementError(
+        f"target {target} has no observation point for {instrument}: {decisive.text} "
+        f"(of {total} poses fall out for {listing})",
+        counts,
+    )
+
+
+def inside_polygon(x: Array, y: Array, polygon: ArrayLike) -> NDArray[np.bool_]:
+    """Return which points [n] lie in a polygon [k, 2], by the even-odd rule."""
+    corners = np.asarray(polygon, dtype=float)
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
+        raise PlacementError(f"a keep-out region needs at least three corners [k, 2], found {corners.shape}")
+    inside = np.zeros(np.shape(x), dtype=bool)
+    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if ay == by:
+            continue
+        crosses = (ay > y) != (by > y)
+        inside ^= crosses & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
+    return inside

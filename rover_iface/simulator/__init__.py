@@ -1,0 +1,1 @@
+"""The simulated rovers, renderer and faults."""

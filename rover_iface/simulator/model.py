@@ -1,0 +1,329 @@
+"""The world of the abstract rover: a planning problem as plain arrays, and one future of it.
+
+The problem is a JSON document `contingency/1` or `problem/1`. Places are numbered 0 = start, then the
+targets in
+order; observations in the order of the targets. This room reads the document by itself: it never sees the
+planner.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_iface.errors import WorldError
+from rover_iface.frames import Pose
+from rover_iface.profile import RoverProfile
+
+Array = NDArray[np.floating]
+START = "start"
+
+
+@dataclass(frozen=True, slots=True)
+class ModelObservation:
+    """One observation: which place it is made from, how it is carried out, and what must go before."""
+
+    id: str
+    place: int
+    contact: bool
+    instrument: str
+    p_success: float
+    time_s: tuple[float, float]
+    energy_j: tuple[float, float]
+    data_mbit: float = 0.0
+    before: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class AbstractModel:
+    """A planning problem as the abstract rover lives in it; `(mean, sd)` pairs are log-normal, sd 0 =
+    constant.
+
+    `leg_time_s[a, b]`, `leg_energy_j[a, b]` are [n+1, n+1, 2] with NaN where there is no leg; `p_lose[a, b,
+    i]` is the chance to lose tracked target i on that leg.
+    """
+
+    name: str
+    targets: tuple[str, ...]
+    points: tuple[tuple[float, float, float] | None, ...]
+    poses: tuple[Pose | None, ...]
+    observations: tuple[ModelObservation, ...]
+    leg_time_s: Array
+    leg_energy_j: Array
+    p_lose: Array
+    routes: Mapping[tuple[int, int], tuple[tuple[float, float], ...]]
+    hotel_w: float
+    battery_j: float
+    track_time_s: float
+    track_energy_j: float
+    track_overhead_s: float
+
+    @property
+    def index(self) -> dict[str, int]:
+        """Return place numbers by target id."""
+        return {target: k + 1 for k, target in enumerate(self.targets)}
+
+    @staticmethod
+    def from_problem(document: Mapping[str, Any]) -> AbstractModel:
+        """Return the model of a problem document.
+
+        Raises
+        ------
+        WorldError
+            If the format is unknown or a member is missing or malformed.
+        """
+        form = document.get("format")
+        if form not in ("contingency/1", "problem/1"):
+            raise WorldError(f'problem: "format" is {form!r}; "contingency/1" and "problem/1" are readable')
+        try:
+            return _read(document, legacy=form == "contingency/1")
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError) as err:
+            raise WorldError(f"problem {document.get('name')!r}: malformed member: {err!r}") from err
+
+
+@dataclass(frozen=True, eq=False)
+class Future:
+    """What will happen, whatever is done: one row of a table of draws.
+
+    Places as in `AbstractModel`. A tracked target i is lost on the leg a -> b iff `leg_loss_u[a, b, i]` is
+    less than its chance; observation k succeeds iff `obs_success_u[k]` is less than its probability.
+    """
+
+    leg_time_s: Array
+    leg_energy_j: Array
+    leg_loss_u: Array
+    obs_time_s: Array
+    obs_energy_j: Array
+    obs_success_u: Array
+
+    @staticmethod
+    def from_arrays(table: Any, model: AbstractModel) -> Future:
+        """Return a future from arrays: a mapping or any object with these names, a leading axis of 1 allowed.
+
+        Raises
+        ------
+        WorldError
+            If an array is missing or has another shape than the problem.
+        """
+        n, m = len(model.targets) + 1, len(model.observations)
+        shapes = {
+            "leg_time_s": (n, n),
+            "leg_energy_j": (n, n),
+            "leg_loss_u": (n, n, n),
+            "obs_time_s": (m,),
+            "obs_energy_j": (m,),
+            "obs_success_u": (m,),
+        }
+        arrays = {}
+        for name, shape in shapes.items():
+            value = table.get(name) if isinstance(table, Mapping) else getattr(table, name, None)
+            if value is None:
+                raise WorldError(f'table of draws: "{name}" is missing')
+            array = np.asarray(value, dtype=float)
+            if array.shape == (1, *shape):
+                array = array[0]
+            if array.shape != shape:
+                raise WorldError(
+                    f'table of draws: "{name}" has shape {array.shape}; the problem needs {shape}'
+                )
+            arrays[name] = array
+        return Future(**arrays)
+
+    @staticmethod
+    def draw(model: AbstractModel, seed: int) -> Future:
+        """Return one future drawn from the distributions of the problem; the same for the same seed.
+
+        Durations are whole milliseconds, energies whole thousandths of a joule.
+        """
+        n, m = len(model.targets) + 1, len(model.observations)
+        streams = [np.random.default_rng([seed, k]) for k in range(6)]
+        leg_time = _log_normal(streams[0], model.leg_time_s)
+        leg_energy = _log_normal(streams[1], model.leg_energy_j)
+        times = np.array([o.time_s for o in model.observations], dtype=float).reshape(m, 2)
+        energies = np.array([o.energy_j for o in model.observations], dtype=float).reshape(m, 2)
+        return Future(
+            leg_time,
+            leg_energy,
+            streams[2].random((n, n, n)),
+            _log_normal(streams[3], times),
+            _log_normal(streams[4], energies),
+            streams[5].random(m),
+        )
+
+
+def _log_normal(rng: np.random.Generator, mean_sd: Array) -> Array:
+    mean, sd = np.nan_to_num(mean_sd[..., 0]), np.nan_to_num(mean_sd[..., 1])
+    z = rng.standard_normal(mean.shape)
+    safe = np.where(mean > 0, mean, 1.0)
+    spread = np.sqrt(np.log1p((sd / safe) ** 2))
+    value = np.exp(np.log(safe) - spread**2 / 2 + spread * z)
+    return np.round(np.where(mean > 0, value, 0.0), 3)
+
+
+def _amount(value: Mapping[str, Any]) -> tuple[float, float]:
+    return float(value["mean"]), float(value.get("sd", 0.0))
+
+
+def _point(value: Sequence[float] | None) -> tuple[float, float, float] | None:
+    if value is None:
+        return None
+    x, y, *rest = (float(v) for v in value)
+    return x, y, rest[0] if rest else 0.0
+
+
+def _pose(value: Any) -> Pose | None:
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        return Pose(
+            float(value["east_m"]), float(value["north_m"]), 0.0, float(value.get("heading_rad", 0.0))
+        )
+    return Pose(float(value[0]), float(value[1]))
+
+
+def _read(document: Mapping[str, Any], *, legacy: bool) -> AbstractModel:
+    targets: list[str] = []
+    points: list[tuple[float, float, float] | None] = []
+    poses: list[Pose | None] = [_pose(document.get("start")) or Pose(0.0, 0.0)]
+    raw: list[tuple[str, int, Mapping[str, Any]]] = []
+    for place, target in enumerate(document["targets"], start=1):
+        targets.append(str(target["id"]))
+        points.append(_point(target.get("target_m" if legacy else "point_m", target.get("point_m"))))
+        poses.append(_pose(target.get("observation_point_m" if legacy else "observation_point")))
+        entries = [dict(target)] if legacy else target["observations"]
+        raw += [(str(entry["id"]), place, entry) for entry in entries]
+    names = {name: k for k, (name, _, _) in enumerate(raw)}
+    before: dict[int, list[int]] = {}
+    for first, second in document.get("precedence", ()):
+        before.setdefault(names[second], []).append(names[first])
+    observations = tuple(
+        ModelObservation(
+            id=name,
+            place=place,
+            contact=entry["kind"] == "place",
+            instrument=str(entry.get("instrument", "")),
+            p_success=float(entry.get("p_success", 1.0)),
+            time_s=_amount(entry["observe"]["time_s"]),
+            energy_j=_amount(entry["observe"]["energy_j"]),
+            data_mbit=float(entry.get("data_mbit", 0.0)),
+            before=tuple(before.get(k, ())),
+        )
+        for k, (name, place, entry) in enumerate(raw)
+    )
+    index = {START: 0, **{target: k + 1 for k, target in enumerate(targets)}}
+    n = len(index)
+    leg_time = np.full((n, n, 2), np.nan)
+    leg_energy = np.full((n, n, 2), np.nan)
+    p_lose = np.zeros((n, n, n))
+    routes: dict[tuple[int, int], tuple[tuple[float, float], ...]] = {}
+    for leg in document["legs"]:
+        a, b = index[leg["from"]], index[leg["to"]]
+        leg_time[a, b] = _amount(leg["time_s"])
+        leg_energy[a, b] = _amount(leg["energy_j"])
+        for target, chance in leg.get("p_lose", {}).items():
+            p_lose[a, b, index[target]] = float(chance)
+        if leg.get("route"):
+            routes[a, b] = tuple((float(p[0]), float(p[1])) for p in leg["route"])
+    start = document["track_start"]
+    return AbstractModel(
+        name=str(document.get("name", "")),
+        targets=tuple(targets),
+        points=tuple(points),
+        poses=tuple(poses),
+        observations=observations,
+        leg_time_s=leg_time,
+        leg_energy_j=leg_energy,
+        p_lose=p_lose,
+        routes=routes,
+        hotel_w=float(document["hotel_w"]),
+        battery_j=float(document["budget"]["energy_j"]),
+        track_time_s=float(start["time_s"]),
+        track_energy_j=float(start["energy_j"]),
+        track_overhead_s=float(document["track_overhead_s_per_leg"]),
+    )
+
+
+def problem_from_targets(
+    targets: Sequence[Mapping[str, Any]], profile: RoverProfile, start: Pose, *, loss_per_m: float = 0.004
+) -> dict[str, Any]:
+    """Return a `problem/1` document for targets with observation points, with times from a rover profile.
+
+    It serves worlds that come without a planning problem: legs are straight lines, each target has one
+    observation with the first instrument of the rover that fits (contact where `kind` is "place").
+    """
+    drive, overhead = profile.activity("navigate"), profile.activity("track_overhead")
+    begin = profile.activity("trackstart")
+    places: list[tuple[str, float, float]] = [(START, start.x, start.y)]
+    listed = []
+    for target in targets:
+        pose = target.get("observation_point") or {}
+        point = target.get("point_m") or (0.0, 0.0, 0.0)
+        east = float(pose.get("east_m", point[0]))
+        north = float(pose.get("north_m", point[1]))
+        places.append((str(target["id"]), east, north))
+        kind = str(target.get("kind", "place"))
+        wanted = "contact" if kind == "place" else "remote"
+        instrument = next((n for n, i in profile.instruments.items() if i.kind == wanted), "")
+        figures = profile.instrument(instrument)
+        listed.append(
+            {
+                "id": str(target["id"]),
+                "point_m": list(point),
+                "observation_point": {
+                    "east_m": east,
+                    "north_m": north,
+                    "heading_rad": float(pose.get("heading_rad", 0.0)),
+                },
+                "observations": [
+                    {
+                        "id": f"{target['id']}-{instrument}",
+                        "instrument": instrument,
+                        "kind": kind,
+                        "utility": float(target.get("utility", 1.0)),
+                        "p_success": figures.p_success,
+                        "observe": {
+                            "time_s": {"mean": figures.time_s.mean, "sd": figures.time_s.sd},
+                            "energy_j": {"mean": figures.energy_j.mean, "sd": figures.energy_j.sd},
+                        },
+                    }
+                ],
+            }
+        )
+    legs = []
+    for a, ax, ay in places:
+        for b, bx, by in places[1:]:
+            if a == b:
+                continue
+            length = math.hypot(bx - ax, by - ay)
+            time, energy = drive.time_s(length), drive.energy_j(length)
+            lost = 1.0 - math.exp(-loss_per_m * length)
+            legs.append(
+                {
+                    "from": a,
+                    "to": b,
+                    "length_m": length,
+                    "time_s": {"mean": time.mean, "sd": time.sd},
+                    "energy_j": {"mean": energy.mean, "sd": energy.sd},
+                    "p_lose": {t[0]: lost for t in places[1:]},
+                }
+            )
+    return {
+        "format": "problem/1",
+        "name": "targets",
+        "start": {"east_m": start.x, "north_m": start.y, "heading_rad": start.heading},
+        "budget": {
+            "time_s": 14400.0,
+            "energy_j": profile.power.initial_j,
+            "energy_floor_j": profile.power.floor_j,
+        },
+        "hotel_w": profile.power.hotel_w,
+        "track_start": {"time_s": begin.fixed_s, "energy_j": begin.fixed_j},
+        "track_overhead_s_per_leg": overhead.fixed_s,
+        "targets": listed,
+        "legs": legs,
+    }

@@ -1,0 +1,376 @@
+"""Images of a scene through a camera model, with the truth behind every pixel."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.cameras.model import CameraModel
+from rover_iface.cameras.rig import Sensor
+from rover_iface.errors import RenderError
+from rover_iface.frames import Pose, Transform
+from rover_iface.simulator.render.scene import Array, Scene
+
+Window = tuple[int, int, int, int]
+"""Left, top, width, height of a subframe, pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sun:
+    """Light from the sun and the dusty sky.
+
+    Attributes
+    ----------
+    direction
+        Unit vector to the sun, site frame.
+    opacity
+        Optical depth of the dust; 0.4 is a clear day.
+    strength
+        1 for a clear sun; less when something covers it (a cloud).
+    """
+
+    direction: tuple[float, float, float]
+    opacity: float = 0.45
+    strength: float = 1.0
+
+    def __post_init__(self) -> None:
+        length = math.sqrt(sum(v * v for v in self.direction))
+        if not math.isfinite(length) or abs(length - 1.0) > 1e-3:
+            raise RenderError(f"sun direction has length {length}; it must be a unit vector")
+
+    @classmethod
+    def from_angles(cls, azimuth_rad: float, elevation_rad: float, **options: float) -> Sun:
+        """Return the sun at an azimuth (clockwise from north) and elevation."""
+        level = math.cos(elevation_rad)
+        return cls(
+            (level * math.sin(azimuth_rad), level * math.cos(azimuth_rad), math.sin(elevation_rad)), **options
+        )
+
+    @property
+    def direct(self) -> float:
+        """Return what of the sun's light arrives unscattered; 0 below the horizon."""
+        height = self.direction[2]
+        if height <= 0.0:
+            return 0.0
+        return self.strength * math.exp(-self.opacity / max(height, 0.05))
+
+    @property
+    def diffuse(self) -> float:
+        """Return the light of the sky on a level plate: most of what the dust takes, forward scattered."""
+        height = max(self.direction[2], 0.0)
+        lost = height * (1.0 - math.exp(-self.opacity / max(height, 0.05)))
+        return 0.004 + 0.5 * lost
+
+
+@dataclass(frozen=True, slots=True)
+class AutoExposure:
+    """Exposure set so that `percent` of the window's pixels lie above `cut` of full scale.
+
+    The rule of the MER flight software (auto exposure data cut and percent), over the subframe as in
+    Kim et al. 2009, section 4.5.
+    """
+
+    cut: float = 0.62
+    percent: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How rough the surface is below the triangles; the defaults pass the texture acceptance test."""
+
+    soil_slope: float = 0.10
+    stone_slope: float = 0.12
+    mottle: float = 0.14
+    bounce: float = 0.35
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What each pixel of a window sees; arrays (height, width).
+
+    Attributes
+    ----------
+    range_m
+        Distance along the ray, inf for sky.
+    object_index
+        Index into `ids`, -1 for sky.
+    lit
+        Whether the sun reaches the surface (other bodies' shadows and its own).
+    normal_site
+        (height, width, 3), of the triangles.
+    """
+
+    range_m: npt.NDArray[np.float32]
+    object_index: npt.NDArray[np.int32]
+    lit: npt.NDArray[np.bool_]
+    normal_site: npt.NDArray[np.float32]
+    ids: tuple[str, ...]
+    camera: CameraModel
+    window: Window
+
+    @cached_property
+    def point_site(self) -> Array:
+        """Return surface points (height, width, 3), site frame; not finite for sky."""
+        left, top, width, height = self.window
+        u, v = np.meshgrid(left + np.arange(width), top + np.arange(height))
+        origins, directions = self.camera.back_project(np.stack((u, v), axis=-1))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(origins + self.range_m[..., None] * directions)
+
+    def object_id(self, line: int, sample: int) -> str:
+        """Return the id of the body seen by a pixel of the window, "" for ground and sky."""
+        index = int(self.object_index[line, sample])
+        return self.ids[index] if index >= 0 else ""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """An image, the camera it was taken by (site frame, of the window itself) and its truth.
+
+    `image` is uint8 or uint16, (height, width); `exposure` is the gain that made it.
+    """
+
+    image: npt.NDArray[np.unsignedinteger]
+    camera: CameraModel
+    window: Window
+    exposure: float
+    bits: int
+    truth: Truth = field(repr=False)
+
+    @property
+    def unit(self) -> npt.NDArray[np.float32]:
+        """Return the image as float32 in 0..1."""
+        return (self.image / np.float32((1 << self.bits) - 1)).astype(np.float32)
+
+    @property
+    def image8(self) -> npt.NDArray[np.uint8]:
+        """Return the image in 8 bits, by square root coding where it has more (as MER's tables do)."""
+        if self.bits == 8:
+            return self.image.astype(np.uint8)
+        return np.asarray(np.round(255.0 * np.sqrt(self.unit)), dtype=np.uint8)
+
+
+class Renderer:
+    """Takes pictures of one scene. Pure: the same arguments give the same image on any machine layout."""
+
+    def __init__(self, scene: Scene, *, look: Look | None = None) -> None:
+        self.scene = scene
+        self.look = look or Look()
+
+    def render(
+        self,
+        camera: CameraModel,
+        pose: Pose | Transform | None,
+        sun: Sun,
+        *,
+        window: Window | None = None,
+        sensor: Sensor | None = None,
+        exposure: AutoExposure | float | None = None,
+        seed: int = 0,
+        samples: int = 1,
+    ) -> Frame:
+        """Return what a camera sees.
+
+        Parameters
+        ----------
+        camera
+            In the rover frame (then `pose` says where the rover is) or in the site frame (`pose` None).
+        window
+            (left, top, width, height) of a subframe, default the whole frame; only its rays are cast.
+        exposure
+            A rule, or a gain of an earlier frame, so that a stereo pair is exposed alike.
+        seed
+            Of the noise: another picture of the same view needs another seed.
+        samples
+            Rays per pixel along each axis; 1 is what trackers are tested on, 2 gives smooth edges.
+
+        Raises
+        ------
+        RenderError
+            If the camera is below the ground, or the window is outside the frame.
+        """
+        site_camera = camera
+        if pose is not None:
+            site_camera = camera.transformed(pose.site_from_rover if isinstance(pose, Pose) else pose)
+        left, top, width, height = window or (0, 0, camera.width, camera.height)
+        if left < 0 or top < 0 or left + width > camera.width or top + height > camera.height or width < 1:
+            raise RenderError(
+                f"window {window} does not lie in the frame of {camera.width} x {camera.height} pixels"
+            )
+        self.scene.require_above_ground(site_camera.C)
+        sensor = sensor or Sensor()
+        pad = 3 if sensor.psf_sigma_px > 0 else 0
+        padded = (left - pad, top - pad, width + 2 * pad, height + 2 * pad)
+        light, truth = self._light(site_camera, padded, sun, samples)
+        if pad:
+            import cv2
+
+            light = cv2.GaussianBlur(light, (7, 7), sensor.psf_sigma_px)[pad:-pad, pad:-pad]
+        light = np.ascontiguousarray(light)
+        inner = (slice(pad, pad + height), slice(pad, pad + width))
+        truth = Truth(
+            truth.range_m[inner],
+            truth.object_index[inner],
+            truth.lit[inner],
+            truth.normal_site[inner],
+            truth.ids,
+            site_camera,
+            (left, top, width, height),
+        )
+        gain = exposure if isinstance(exposure, float) else _auto_gain(light, exposure or AutoExposure())
+        image = _digitise(light, gain, sensor, (left, top), seed)
+        return Frame(
+            image=image,
+            camera=site_camera if window is None else site_camera.window(left, top, width, height),
+            window=(left, top, width, height),
+            exposure=gain,
+            bits=sensor.bits,
+            truth=truth,
+        )
+
+    def depth(
+        self, camera: CameraModel, pose: Pose | Transform | None, *, step: int = 1
+    ) -> tuple[npt.NDArray[np.float32], Array]:
+        """Return ranges (h, w) and unit rays (h, w, 3, site frame) of every `step`-th pixel; inf for sky."""
+        site_camera = camera
+        if pose is not None:
+            site_camera = camera.transformed(pose.site_from_rover if isinstance(pose, Pose) else pose)
+        u, v = np.meshgrid(np.arange(0, camera.width, step), np.arange(0, camera.height, step))
+        origins, directions = site_camera.back_project(np.stack((u, v), axis=-1).astype(float))
+        shape = directions.shape[:2]
+        ranges = self.scene.ranges(origins.reshape(-1, 3), directions.reshape(-1, 3))
+        return ranges.reshape(shape).astype(np.float32), directions
+
+    def _light(
+        self, camera: CameraModel, window: Window, sun: Sun, samples: int
+    ) -> tuple[npt.NDArray[np.float32], Truth]:
+        if samples > 1:
+            return self._supersampled(camera, window, sun, samples)
+        from rover_iface.simulator.render import shade
+
+        scene = self.scene
+        left, top, width, height = window
+        count = width * height
+        origins, directions = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+        shade.window_rays(
+            camera.packed, float(left), float(top), width, height, scene.origin, origins, directions
+        )
+        hit = scene.cast_local(origins, directions)
+        far, prim = hit["tfar"], hit["primID"]
+        points, normal = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+        base, loose = np.zeros(count, np.float32), np.zeros(count, np.float32)
+        shadow_origins, shadow_index = np.empty((count, 3), np.float32), np.empty(count, np.int32)
+        to_sun = np.array(sun.direction)
+        found = shade.surface(
+            far,
+            prim,
+            hit["u"],
+            hit["v"],
+            origins,
+            directions,
+            scene.triangles,
+            scene.normals,
+            scene.albedo,
+            scene.gravel,
+            to_sun,
+            2e-3,
+            points,
+            normal,
+            base,
+            loose,
+            shadow_origins,
+            shadow_index,
+        )
+        lit = np.zeros(count, np.float32)
+        if sun.direct > 0.0 and found:
+            rays = np.broadcast_to(to_sun.astype(np.float32), (found, 3))
+            dark = scene.occluded_local(shadow_origins[:found], np.ascontiguousarray(rays))
+            lit[shadow_index[:found]] = ~dark
+        light = np.empty(count, np.float32)
+        look = self.look
+        phase = _phase_deg(camera, to_sun)
+        shade.radiance(
+            far,
+            prim,
+            directions,
+            points,
+            normal,
+            base,
+            loose,
+            lit,
+            scene.objects,
+            scene.materials,
+            scene.origin,
+            to_sun,
+            sun.direct,
+            sun.diffuse,
+            _lunar_lambert_weight(phase),
+            1.0 / camera.hs,
+            np.array([look.soil_slope, look.stone_slope, look.mottle, look.bounce]),
+            scene.seed,
+            light,
+        )
+        objects = np.where(prim >= 0, scene.objects[np.maximum(prim, 0)], -1).astype(np.int32)
+        truth = Truth(
+            np.where(prim >= 0, far, np.inf).astype(np.float32).reshape(height, width),
+            objects.reshape(height, width),
+            (lit > 0).reshape(height, width),
+            normal.reshape(height, width, 3),
+            scene.ids,
+            camera,
+            window,
+        )
+        return light.reshape(height, width), truth
+
+    def _supersampled(
+        self, camera: CameraModel, window: Window, sun: Sun, samples: int
+    ) -> tuple[npt.NDArray[np.float32], Truth]:
+        left, top, width, height = window
+        fine = camera.scaled(float(samples))
+        light, _ = self._light(
+            fine, (left * samples, top * samples, width * samples, height * samples), sun, 1
+        )
+        mean = light.reshape(height, samples, width, samples).mean(axis=(1, 3), dtype=np.float32)
+        return mean, self._light(camera, window, sun, 1)[1]
+
+
+def _phase_deg(camera: CameraModel, to_sun: Array) -> float:
+    """Return the phase angle at the middle of the frame, degrees; used for the whole frame."""
+    return math.degrees(math.acos(max(-1.0, min(1.0, float(-camera.A @ to_sun)))))
+
+
+def _lunar_lambert_weight(phase_deg: float) -> float:
+    """Return the weight of the Lommel-Seeliger part. McEwen 1996, fit for a dark dusty surface."""
+    g = min(phase_deg, 120.0)
+    return max(0.0, 1.0 - 0.019 * g + 2.42e-4 * g**2 - 1.46e-6 * g**3)
+
+
+def _auto_gain(light: npt.NDArray[np.float32], rule: AutoExposure) -> float:
+    bright = float(np.quantile(light[::2, ::2], 1.0 - rule.percent / 100.0))
+    return rule.cut / max(bright, 1e-4)
+
+
+def _digitise(
+    light: npt.NDArray[np.float32], gain: float, sensor: Sensor, corner: tuple[int, int], seed: int
+) -> npt.NDArray[np.unsignedinteger]:
+    from rover_iface.simulator.render import shade
+
+    out = np.empty(light.shape, np.uint16)
+    salt = int.from_bytes(hashlib.sha256(str(seed).encode()).digest()[:4], "big")
+    shade.expose(
+        light,
+        gain,
+        sensor.full_well_e,
+        sensor.read_noise_e,
+        1 << sensor.bits,
+        corner[0],
+        corner[1],
+        salt,
+        out,
+    )
+    return out.astype(np.uint8) if sensor.bits == 8 else out

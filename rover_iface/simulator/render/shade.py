@@ -1,0 +1,182 @@
+"""Compiled kernels of the renderer: rays of a window, surface points, radiance, sensor noise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from rover_iface.cameras.kernels import back_project_one
+from rover_iface.simulator.render.texture import gravel, scramble, soil, stone
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+
+
+@njit(cache=True, nogil=True)
+def window_rays(
+    p: F64, left: float, top: float, width: int, height: int, origin: F64, origins: F32, directions: F32
+) -> None:
+    """Fill float32 rays of a window of camera `p`, row by row, relative to the scene's `origin`."""
+    for j in range(height):
+        for i in range(width):
+            ox, oy, oz, dx, dy, dz = back_project_one(p, left + i, top + j)
+            n = j * width + i
+            origins[n, 0], origins[n, 1], origins[n, 2] = ox - origin[0], oy - origin[1], oz - origin[2]
+            directions[n, 0], directions[n, 1], directions[n, 2] = dx, dy, dz
+
+
+@njit(cache=True, nogil=True)
+def surface(
+    tfar: F32,
+    prim: I32,
+    u: F32,
+    v: F32,
+    origins: F32,
+    directions: F32,
+    triangles: I32,
+    normals: F32,
+    albedo: F32,
+    gravels: F32,
+    sun: F64,
+    lift: float,
+    points: F32,
+    normal: F32,
+    base: F32,
+    loose: F32,
+    shadow_origins: F32,
+    shadow_index: I32,
+) -> int:
+    """Fill points, normals and albedo of the hits; return how many shadow rays were written."""
+    count = 0
+    for n in range(prim.shape[0]):
+        if prim[n] < 0:
+            continue
+        a, b, c = triangles[prim[n], 0], triangles[prim[n], 1], triangles[prim[n], 2]
+        w = 1.0 - u[n] - v[n]
+        nx = w * normals[a, 0] + u[n] * normals[b, 0] + v[n] * normals[c, 0]
+        ny = w * normals[a, 1] + u[n] * normals[b, 1] + v[n] * normals[c, 1]
+        nz = w * normals[a, 2] + u[n] * normals[b, 2] + v[n] * normals[c, 2]
+        k = 1.0 / math.sqrt(max(1e-20, nx * nx + ny * ny + nz * nz))
+        # a smoothed normal may look away from the ray at a silhouette
+        if nx * directions[n, 0] + ny * directions[n, 1] + nz * directions[n, 2] > 0.0:
+            k = -k
+        normal[n, 0], normal[n, 1], normal[n, 2] = nx * k, ny * k, nz * k
+        for axis in range(3):
+            points[n, axis] = origins[n, axis] + tfar[n] * directions[n, axis]
+        base[n] = w * albedo[a] + u[n] * albedo[b] + v[n] * albedo[c]
+        loose[n] = w * gravels[a] + u[n] * gravels[b] + v[n] * gravels[c]
+        facing = normal[n, 0] * sun[0] + normal[n, 1] * sun[1] + normal[n, 2] * sun[2]
+        if facing > -0.25:
+            up = lift + 2e-4 * tfar[n]
+            for axis in range(3):
+                shadow_origins[count, axis] = points[n, axis] + up * (normal[n, axis] + 0.5 * sun[axis])
+            shadow_index[count] = n
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def radiance(
+    tfar: F32,
+    prim: I32,
+    directions: F32,
+    points: F32,
+    normal: F32,
+    base: F32,
+    loose: F32,
+    lit: F32,
+    objects: I32,
+    materials: I32,
+    origin: F64,
+    sun: F64,
+    direct: float,
+    diffuse: float,
+    limb: float,
+    pixel_rad: float,
+    parameters: F64,
+    seed: int,
+    out: F32,
+) -> None:
+    """Fill the radiance of each ray, in units where a white level plate in full sun has 1.
+
+    `parameters`: soil slope, stone slope, stone mottle, extra light from the ground. Photometry is
+    Lunar-Lambert (McEwen 1996), `limb` its weight.
+    """
+    soil_slope, stone_slope, mottle, bounce = parameters[0], parameters[1], parameters[2], parameters[3]
+    level = math.sqrt(max(1e-9, sun[0] * sun[0] + sun[1] * sun[1]))
+    sun_x, sun_y = sun[0] / level, sun[1] / level
+    sun_slope = max(0.05, sun[2] / level)
+    for n in range(prim.shape[0]):
+        if prim[n] < 0:
+            # brighter towards the sun and the horizon
+            c = directions[n, 0] * sun[0] + directions[n, 1] * sun[1] + directions[n, 2] * sun[2]
+            out[n] = diffuse * (0.9 + 0.5 * max(0.0, c) ** 8 + 0.25 * (1.0 - max(0.0, directions[n, 2])))
+            continue
+        x, y, z = origin[0] + points[n, 0], origin[1] + points[n, 1], origin[2] + points[n, 2]
+        nx, ny, nz = float(normal[n, 0]), float(normal[n, 1]), float(normal[n, 2])
+        vx, vy, vz = -directions[n, 0], -directions[n, 1], -directions[n, 2]
+        facing = max(0.12, nx * vx + ny * vy + nz * vz)
+        footprint = tfar[n] * pixel_rad / math.sqrt(facing)
+        material = materials[objects[prim[n]]]
+        gx, gy, gz, tint, shade = 0.0, 0.0, 0.0, 0.0, float(1.0 - lit[n])
+        if material == 0:
+            tint, gx, gy = soil(x, y, footprint, soil_slope, seed)
+            if loose[n] > 0.0:
+                t, hx, hy, s = gravel(x, y, footprint, loose[n], sun_x, sun_y, sun_slope, seed + 101)
+                tint += t
+                gx += hx
+                gy += hy
+                shade = max(shade, s)
+        elif material == 1:
+            tint, gx, gy, gz = stone(x, y, z, footprint, stone_slope, mottle, seed + 303)
+            tint += 0.22 * (nz - 0.3)  # dust settles on what faces up
+        along = gx * nx + gy * ny + gz * nz
+        nx, ny, nz = nx - (gx - along * nx), ny - (gy - along * ny), nz - (gz - along * nz)
+        k = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+        nx, ny, nz = nx * k, ny * k, nz * k
+        mu0 = nx * sun[0] + ny * sun[1] + nz * sun[2]
+        mu = max(0.05, nx * vx + ny * vy + nz * vz)
+        reflect = 0.0
+        if mu0 > 0.0:
+            reflect = limb * 2.0 * mu0 / (mu0 + mu) + (1.0 - limb) * mu0
+        open_sky = 0.5 + 0.5 * nz
+        light = direct * (1.0 - shade) * reflect + diffuse * (open_sky + bounce * (1.0 - open_sky))
+        # a bump that hides the sun also hides some sky
+        out[n] = max(0.02, base[n] * (1.0 + min(1.2, max(-0.75, tint)))) * light
+
+
+@njit(cache=True, nogil=True, inline="always")
+def gauss(i: int, j: int, k: int, salt: int) -> float:
+    """Return a standard normal number of four integers (Box and Muller)."""
+    a = (scramble(i, j, k, salt) + 1.0) * (1.0 / 4294967297.0)
+    b = scramble(i, j, k, salt + 1013) * (6.283185307179586 / 4294967296.0)
+    return math.sqrt(-2.0 * math.log(a)) * math.cos(b)
+
+
+@njit(cache=True, nogil=True)
+def expose(
+    light: F32,
+    gain: float,
+    full_well: float,
+    read_noise: float,
+    levels: int,
+    left: int,
+    top: int,
+    salt: int,
+    out: npt.NDArray[np.uint16],
+) -> None:
+    """Fill digital numbers of `light * gain` (1 fills the well) with shot and read noise.
+
+    Noise belongs to the pixel's place on the detector and to `salt`, so a window has the noise of the frame.
+    """
+    for j in range(light.shape[0]):
+        for i in range(light.shape[1]):
+            electrons = max(0.0, light[j, i] * gain) * full_well
+            spread = math.sqrt(electrons + read_noise * read_noise)
+            electrons += spread * gauss(left + i, top + j, 5, salt)
+            value = math.floor(electrons / full_well * (levels - 1) + 0.5)
+            out[j, i] = int(min(levels - 1.0, max(0.0, value)))

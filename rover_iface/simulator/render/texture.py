@@ -1,0 +1,206 @@
+"""Procedural detail below the triangles: noise of position alone, so that it stands still from every view.
+
+Every octave fades out as its wavelength nears the pixel's footprint. Without that the fine octaves alias, the
+image of a stone changes with every step of the rover, and no tracker could be judged on it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+MASK = 0xFFFFFFFF
+GRAIN = 3.0
+"""How much stronger the finest octaves of rock are than the coarse ones."""
+
+
+@njit(cache=True, nogil=True, inline="always")
+def scramble(i: int, j: int, k: int, salt: int) -> int:
+    """Return 32 well mixed bits of four integers."""
+    n = (i * 0x9E3779B1 + j * 0x85EBCA77 + k * 0xC2B2AE3D + salt * 0x27D4EB2F) & MASK
+    n = ((n ^ (n >> 15)) * 0x2C1B3C6D) & MASK
+    n = ((n ^ (n >> 12)) * 0x297A2D39) & MASK
+    return n ^ (n >> 15)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def unit(i: int, j: int, k: int, salt: int) -> float:
+    """Return a number in [0, 1) of four integers."""
+    return scramble(i, j, k, salt) * (1.0 / 4294967296.0)
+
+
+@njit(cache=True, nogil=True)
+def noise3(x: float, y: float, z: float, salt: int) -> tuple[float, float, float, float]:
+    """Return value noise in [-1, 1] with lattice constant 1, and its gradient."""
+    xi, yi, zi = math.floor(x), math.floor(y), math.floor(z)
+    i, j, k = int(xi), int(yi), int(zi)
+    fx, fy, fz = x - xi, y - yi, z - zi
+    ux, uy, uz = fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy), fz * fz * (3.0 - 2.0 * fz)
+    dx, dy, dz = 6.0 * fx * (1.0 - fx), 6.0 * fy * (1.0 - fy), 6.0 * fz * (1.0 - fz)
+    a, b = unit(i, j, k, salt), unit(i + 1, j, k, salt)
+    c, d = unit(i, j + 1, k, salt), unit(i + 1, j + 1, k, salt)
+    e, f = unit(i, j, k + 1, salt), unit(i + 1, j, k + 1, salt)
+    g, h = unit(i, j + 1, k + 1, salt), unit(i + 1, j + 1, k + 1, salt)
+    x00, x10, x01, x11 = a + ux * (b - a), c + ux * (d - c), e + ux * (f - e), g + ux * (h - g)
+    y0, y1 = x00 + uy * (x10 - x00), x01 + uy * (x11 - x01)
+    value = y0 + uz * (y1 - y0)
+    gx = dx * (((b - a) * (1 - uy) + (d - c) * uy) * (1 - uz) + ((f - e) * (1 - uy) + (h - g) * uy) * uz)
+    gy = dy * ((x10 - x00) * (1 - uz) + (x11 - x01) * uz)
+    gz = dz * (y1 - y0)
+    return 2.0 * value - 1.0, 2.0 * gx, 2.0 * gy, 2.0 * gz
+
+
+@njit(cache=True, nogil=True)
+def noise2(x: float, y: float, salt: int) -> tuple[float, float, float]:
+    """Return value noise in [-1, 1] with lattice constant 1, and its gradient."""
+    xi, yi = math.floor(x), math.floor(y)
+    i, j = int(xi), int(yi)
+    fx, fy = x - xi, y - yi
+    ux, uy = fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy)
+    a, b = unit(i, j, 7, salt), unit(i + 1, j, 7, salt)
+    c, d = unit(i, j + 1, 7, salt), unit(i + 1, j + 1, 7, salt)
+    low, high = a + ux * (b - a), c + ux * (d - c)
+    gx = 6.0 * fx * (1.0 - fx) * ((b - a) * (1.0 - uy) + (d - c) * uy)
+    gy = 6.0 * fy * (1.0 - fy) * (high - low)
+    return 2.0 * (low + uy * (high - low)) - 1.0, 2.0 * gx, 2.0 * gy
+
+
+@njit(cache=True, nogil=True, inline="always")
+def fade(wavelength: float, footprint: float) -> float:
+    """Return how much of an octave survives: 0 below 1 pixel a lattice cell (half a wave), 1 above 2."""
+    t = wavelength / footprint - 1.0
+    if t <= 0.0:
+        return 0.0
+    if t >= 1.0:
+        return 1.0
+    return t * t * (3.0 - 2.0 * t)
+
+
+@njit(cache=True, nogil=True)
+def soil(x: float, y: float, footprint: float, slope: float, salt: int) -> tuple[float, float, float]:
+    """Return brightness variation and the two slopes of bare soil."""
+    tint, hx, hy = 0.0, 0.0, 0.0
+    wavelength = 1.28
+    level = 0
+    while wavelength > footprint and level < 12:
+        keep = fade(wavelength, footprint)
+        # turn every octave, else the lattices line up and show
+        c, s = math.cos(1.1 * level), math.sin(1.1 * level)
+        u, v = (c * x + s * y) / wavelength, (c * y - s * x) / wavelength
+        n, gu, gv = noise2(u, v, salt + level)
+        tint += keep * n * (0.03 if wavelength > 0.3 else 0.05 if wavelength > 0.05 else 0.12)
+        steep = slope * keep * (0.25 if wavelength > 0.2 else 0.5 if wavelength > 0.05 else 1.0)
+        hx += steep * (c * gu - s * gv)
+        hy += steep * (s * gu + c * gv)
+        wavelength *= 0.5
+        level += 1
+    return tint, hx, hy
+
+
+@njit(cache=True, nogil=True)
+def gravel(
+    x: float,
+    y: float,
+    footprint: float,
+    cover: float,
+    sun_x: float,
+    sun_y: float,
+    sun_slope: float,
+    salt: int,
+) -> tuple[float, float, float, float]:
+    """Return brightness variation, two slopes and shadow (0..1) of stones from 3 cm down to 2 mm.
+
+    A stone is a truncated pyramid with five unequal sides, found in a jittered grid per size; `sun_x, sun_y`
+    is the level unit vector to the sun and `sun_slope` the tangent of its height.
+    """
+    tint, hx, hy, shade = 0.0, 0.0, 0.0, 0.0
+    top = 0.0
+    cell = 0.08
+    for level in range(5):
+        size = 0.5 * cell
+        keep = fade(1.3 * size, footprint)
+        if keep <= 0.0:
+            break
+        gi, gj = math.floor(x / cell), math.floor(y / cell)
+        dense = cover * (0.35 + 0.13 * level)
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                i, j = gi + di, gj + dj
+                h = scramble(i, j, level, salt)
+                if (h & 0xFFFF) * (1.0 / 65536.0) > dense:
+                    continue
+                h2 = scramble(i, j, level + 64, salt)
+                r = cell * (0.12 + 0.26 * ((h >> 16) & 0xFF) / 255.0 * ((h >> 24) & 0xFF) / 255.0 + 0.03)
+                cx = (i + 0.25 + 0.5 * (h2 & 0xFF) / 255.0) * cell
+                cy = (j + 0.25 + 0.5 * ((h2 >> 8) & 0xFF) / 255.0) * cell
+                ex, ey = x - cx, y - cy
+                tall = r * (0.35 + 0.5 * ((h2 >> 16) & 0xFF) / 255.0)
+                reach = tall / sun_slope
+                far = 1.5 * r
+                if ex * ex + ey * ey > (far + reach) * (far + reach):
+                    continue
+                turn = 6.2831853 * ((h2 >> 24) & 0xFF) / 255.0
+                # the sides, seen from the point itself and from where its sun ray passes the stone
+                along = -(ex * sun_x + ey * sun_y)
+                along = min(max(along, 0.0), reach)
+                qx, qy = ex + along * sun_x, ey + along * sun_y
+                d, dq, nx, ny = -9.0, -9.0, 0.0, 0.0
+                for side in range(5):
+                    a = turn + 1.2566371 * side + 0.5 * (unit(i, j, side, salt + 77) - 0.5)
+                    ca, sa = math.cos(a), math.sin(a)
+                    w = 1.0 / (r * (0.75 + 0.5 * unit(i, j, side + 9, salt + 77)))
+                    e = (ex * ca + ey * sa) * w
+                    if e > d:
+                        d, nx, ny = e, ca * w, sa * w
+                    q = (qx * ca + qy * sa) * w
+                    dq = max(dq, q)
+                if d < 1.0:
+                    rise = tall * min(1.0, 2.2 * (1.0 - d))
+                    if rise > top:
+                        top = rise
+                        k = keep
+                        tilt = 0.5 * (unit(i, j, 21, salt) - 0.5)
+                        tilt2 = 0.5 * (unit(i, j, 22, salt) - 0.5)
+                        if 2.2 * (1.0 - d) < 1.0:
+                            soft = min(1.0, 1.5 * size / footprint / 3.0)
+                            hx, hy = -k * soft * 2.2 * tall * nx + tilt, -k * soft * 2.2 * tall * ny + tilt2
+                        else:
+                            hx, hy = k * tilt, k * tilt2
+                        tint = k * (0.9 * unit(i, j, 23, salt) - 0.40)
+                        shade = 0.0
+                elif along > 0.0 and dq < 1.0:
+                    height = tall * min(1.0, 2.2 * (1.0 - dq)) - along * sun_slope
+                    if height > 0.0 and top < 0.3 * tall:
+                        shade = max(shade, keep * min(1.0, height / (0.15 * tall)))
+        cell *= 0.5
+    return tint, hx, hy, shade
+
+
+@njit(cache=True, nogil=True)
+def stone(
+    x: float, y: float, z: float, footprint: float, slope: float, mottle: float, salt: int
+) -> tuple[float, float, float, float]:
+    """Return brightness variation and the gradient of a rock surface's height: pits, grain and dust."""
+    tint, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
+    wavelength = 0.48
+    level = 0
+    while wavelength > footprint and level < 11:
+        keep = fade(wavelength, footprint)
+        c, s = math.cos(0.9 * level + 0.3), math.sin(0.9 * level + 0.3)
+        u, v, w = (c * x + s * z) / wavelength, y / wavelength + 3.7 * level, (c * z - s * x) / wavelength
+        n, nu, nv, nw = noise3(u, v, w, salt + level)
+        sharp = 1.0
+        grain = 1.0 if wavelength > 0.1 else min(GRAIN, (0.1 / wavelength) ** 0.55)
+        if level % 2 == 1:  # every second octave ridged: cracks and edges
+            sharp = -1.0 if n > 0.0 else 1.0
+            tint += keep * grain * mottle * (0.5 - 1.6 * abs(n))
+        else:
+            tint += keep * grain * mottle * n
+        steep = slope * keep * grain * sharp
+        gx += steep * (c * nu - s * nw)
+        gy += steep * nv
+        gz += steep * (s * nu + c * nw)
+        wavelength *= 0.5
+        level += 1
+    return tint, gx, gy, gz

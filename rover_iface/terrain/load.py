@@ -1,0 +1,330 @@
+"""Terrain on disk: the folder form `terrain/1`, folders of rasters by name, single GeoTIFFs, meshes.
+
+`terrain/1` is a folder with `terrain.json`::
+
+    {"format": "terrain/1", "name": ..., "credits": ..., "origin": {...},
+     "layers": [{"dem": "dem_32m.tif", "ground": "ground_32m.tif", "ortho": "ortho_32m.png",
+                 "mask": "mask_32m.png"}],
+     "rocks": "rocks.json"}
+
+Every member of a layer but `dem` may be absent; a single layer may be given by the members `dem`, `ortho`
+and `mask`
+of the document itself. An ortho image has the extent of its DEM unless a world file lies beside it. A folder
+without `terrain.json` is read by its names: `dem_<size>*.tif` with `ortho_<size>*` and `*mask_<size>*`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_iface.errors import TerrainFormatError
+from rover_iface.terrain.grid import Bounds, HeightLayer, Ortho
+from rover_iface.terrain.rocks import Rock
+from rover_iface.terrain.terrain import Terrain
+
+FORMAT = "terrain/1"
+_MESHES = {".glb", ".gltf", ".obj", ".ply"}
+_IMAGES = {".png", ".jpg", ".jpeg", ".tif", ".tiff"}
+
+
+def load_terrain(path: Path | str) -> Terrain:
+    """Return the terrain of a folder, a GeoTIFF or a mesh file.
+
+    Raises
+    ------
+    TerrainFormatError
+        If there is no DEM, it has no georeference, is not in metres, or a file is missing or malformed.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise TerrainFormatError(f"terrain {path} does not exist")
+    if path.is_file():
+        if path.name == "terrain.json":
+            return load_terrain(path.parent)
+        if path.suffix.lower() in _MESHES:
+            from rover_iface.terrain.mesh import load_mesh_terrain
+
+            return load_mesh_terrain(path)
+        return _assemble(path.stem, path.parent, [{"dem": path.name}], {})
+    description = path / "terrain.json"
+    if description.exists():
+        document = _read_json(description)
+        if document.get("format") != FORMAT:
+            raise TerrainFormatError(
+                f'{description}: "format" is {document.get("format")!r}; "{FORMAT}" is readable'
+            )
+        entries = document.get("layers")
+        if entries is None and "dem" in document:
+            entries = [{k: document[k] for k in ("dem", "ground", "ortho", "mask") if k in document}]
+        if not isinstance(entries, list) or not entries:
+            raise TerrainFormatError(f'{description}: "layers" must list at least one DEM')
+        for entry in entries:
+            if not isinstance(entry, dict) or not isinstance(entry.get("dem"), str):
+                raise TerrainFormatError(
+                    f'{description}: each layer needs a member "dem"; found {entry!r:.80}'
+                )
+        return _assemble(str(document.get("name", path.name)), path, entries, document)
+    entries = _by_names(path)
+    if not entries:
+        for mesh in sorted(path.iterdir()):
+            if mesh.suffix.lower() in _MESHES:
+                return load_terrain(mesh)
+        raise TerrainFormatError(
+            f"folder {path} holds no terrain: neither terrain.json nor a DEM (dem_*.tif) nor a mesh"
+        )
+    credit = path.parent / "CREDITS"
+    return _assemble(
+        path.name, path, entries, {"credits": credit.read_text().strip()} if credit.is_file() else {}
+    )
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as err:
+        raise TerrainFormatError(f"{path}: {err}") from err
+    if not isinstance(document, dict):
+        raise TerrainFormatError(f"{path}: an object is needed, found {document!r:.60}")
+    return document
+
+
+def _by_names(folder: Path) -> list[dict[str, str]]:
+    """Return layers from the file names of a folder, in no order."""
+    files = sorted(p.name for p in folder.iterdir() if p.is_file())
+    dems = [f for f in files if re.match(r"dem.*\.tiff?$", f, re.IGNORECASE)]
+    if not dems:
+        dems = [f for f in files if f.lower().endswith((".tif", ".tiff"))][:1]
+    entries = []
+    for dem in dems:
+        entry = {"dem": dem}
+        size = re.search(r"_(\d+(?:\.\d+)?m)(?:_|\.)", dem)
+        for kind in ("ortho", "mask"):
+            for name in files:
+                if kind in name and Path(name).suffix.lower() in _IMAGES and name != dem:
+                    same = re.search(r"_(\d+(?:\.\d+)?m)(?:_|\.)", name)
+                    if (same and size and same.group(1) == size.group(1)) or (not same and len(dems) == 1):
+                        entry[kind] = name
+                        break
+        entries.append(entry)
+    return entries
+
+
+def _assemble(name: str, folder: Path, entries: list[dict[str, Any]], document: dict[str, Any]) -> Terrain:
+    digest = hashlib.sha256()
+    read: list[tuple[HeightLayer, dict[str, Any]]] = []
+    shift: tuple[float, float] | None = None
+    origin = document.get("origin")
+    origin = dict(origin) if isinstance(origin, dict) else {}
+    for entry in entries:
+        heights, west, south, spacing = read_dem(folder / entry["dem"])
+        if shift is None:
+            # A map projection counts from far away: the site frame then starts in the middle of the first
+            # DEM.
+            far = max(abs(west), abs(south)) > 20_000
+            middle = (
+                west + heights.shape[1] * spacing / 2 - spacing / 2,
+                south + heights.shape[0] * spacing / 2 - spacing / 2,
+            )
+            shift = middle if far else (0.0, 0.0)
+            if far:
+                origin.update({"east_m": middle[0], "north_m": middle[1]})
+        ground = None
+        if entry.get("ground"):
+            ground, *place = read_dem(folder / entry["ground"])
+            if ground.shape != heights.shape or not np.allclose(place, (west, south, spacing)):
+                raise TerrainFormatError(
+                    f"{entry['ground']} has another grid than {entry['dem']}: {ground.shape} posts at {place}"
+                )
+        mask = _read_mask(folder / entry["mask"], heights.shape) if entry.get("mask") else None
+        digest.update(heights.tobytes())
+        layer = HeightLayer(
+            heights, west - shift[0], south - shift[1], spacing, ground, mask, Path(entry["dem"]).stem
+        )
+        read.append((layer, entry))
+    read.sort(key=lambda item: item[0].spacing)
+    orthos = []
+    for layer, entry in read:
+        if entry.get("ortho"):
+            image = folder / entry["ortho"]
+            if not image.is_file():
+                raise TerrainFormatError(f"ortho image {image} does not exist")
+            orthos.append(Ortho(_ortho_bounds(image, layer, shift or (0.0, 0.0)), path=image))
+            digest.update(image.read_bytes())
+    rocks: tuple[Rock, ...] = ()
+    if document.get("rocks"):
+        listing = _read_json(folder / str(document["rocks"]))
+        rocks = tuple(Rock.from_dict(item) for item in listing.get("rocks", []))
+        digest.update(json.dumps(listing, sort_keys=True).encode())
+    return Terrain(
+        name,
+        tuple(layer for layer, _ in read),
+        tuple(orthos),
+        rocks,
+        str(document.get("credits", "")),
+        origin,
+        digest.hexdigest(),
+    )
+
+
+def read_dem(path: Path) -> tuple[NDArray[np.float32], float, float, float]:
+    """Return heights [rows, columns] (row 0 south, NaN = unknown), west and south of the first post, spacing.
+
+    Raises
+    ------
+    TerrainFormatError
+        If the file is no raster, has no geotransform, is rotated, has oblong posts, degrees for metres or no
+        known height.
+    """
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning, RasterioIOError
+
+    if not path.is_file():
+        raise TerrainFormatError(f"DEM {path} does not exist")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        try:
+            with rasterio.open(path) as dataset:
+                transform = dataset.transform
+                crs = dataset.crs
+                band = dataset.read(1, masked=True)
+                unit = (dataset.units[0] or "").lower() if dataset.units else ""
+        except RasterioIOError as err:
+            raise TerrainFormatError(f"DEM {path}: {err}") from err
+    if transform.is_identity:
+        raise TerrainFormatError(
+            f"DEM {path} has no georeference: a geotransform (GeoTIFF tags or world file) in metres is needed"
+        )
+    if abs(transform.b) > 1e-9 or abs(transform.d) > 1e-9:
+        raise TerrainFormatError(
+            f"DEM {path} is rotated (b {transform.b:g}, d {transform.d:g}); north must be up"
+        )
+    step_x, step_y = transform.a, -transform.e
+    if not step_x > 0 or abs(step_x - abs(step_y)) > 1e-6 * step_x:
+        raise TerrainFormatError(f"DEM {path} has posts of {step_x:g} by {step_y:g}; they must be square")
+    if crs is not None and crs.is_geographic:
+        raise TerrainFormatError(
+            f"DEM {path} counts in degrees ({step_x:g} a post), not in metres; project it first"
+        )
+    if crs is not None and crs.is_projected:
+        factor = float(crs.linear_units_factor[1])
+        if abs(factor - 1) > 1e-6:
+            raise TerrainFormatError(f"DEM {path} counts in {crs.linear_units}, not in metres")
+    if unit in {"ft", "feet", "foot", "us survey foot", "km", "kilometre", "kilometer"}:
+        raise TerrainFormatError(f'DEM {path} gives heights in "{unit}", not in metres')
+    heights = np.ma.filled(band.astype(np.float32), np.nan)
+    if step_y > 0:
+        heights = heights[::-1]
+        south = transform.f - (heights.shape[0] - 0.5) * step_x
+    else:
+        south = transform.f + 0.5 * step_x
+    if not np.isfinite(heights).any():
+        raise TerrainFormatError(f"DEM {path} holds no known height")
+    return np.ascontiguousarray(heights), float(transform.c + 0.5 * step_x), float(south), float(step_x)
+
+
+def _read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            data = np.asarray(image.convert("L")) > 127
+    except OSError as err:
+        raise TerrainFormatError(f"mask {path}: {err}") from err
+    if data.shape != shape:
+        raise TerrainFormatError(f"mask {path} has {data.shape} pixels; its DEM has {shape} posts")
+    return np.ascontiguousarray(data[::-1])
+
+
+def _ortho_bounds(image: Path, layer: HeightLayer, shift: tuple[float, float]) -> Bounds:
+    for suffix in (image.suffix[:2] + image.suffix[-1:] + "w", image.suffix + "w", ".wld"):
+        world = image.with_suffix(suffix)
+        if world.is_file():
+            try:
+                a, d, b, e, c, f = (float(v) for v in world.read_text().split())
+            except ValueError as err:
+                raise TerrainFormatError(f"world file {world}: six numbers are needed") from err
+            if b or d or a <= 0 or e >= 0:
+                raise TerrainFormatError(f"world file {world}: the image must be north up")
+            from PIL import Image
+
+            with Image.open(image) as opened:
+                columns, rows = opened.size
+            west, north = c - a / 2 - shift[0], f - e / 2 - shift[1]
+            return west, north + rows * e, west + columns * a, north
+    return layer.bounds
+
+
+def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
+    """Write a terrain as a `terrain/1` folder and return the folder; reading it back gives an equal terrain.
+
+    Heights are rounded to 1 mm. Ortho images are PNG, kept as they are when they come from a file.
+    """
+    import rasterio
+    from affine import Affine
+    from PIL import Image
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    entries = []
+    for layer in terrain.layers:
+        tag = f"{layer.heights.shape[1] * layer.spacing:g}m"
+        west, _, _, north = layer.bounds
+        entry: dict[str, Any] = {}
+        for kind, data in (("dem", layer.heights), ("ground", layer.ground)):
+            if data is None or (kind == "ground" and not terrain.rocks):
+                continue
+            name = f"{kind}_{tag}.tif"
+            with rasterio.open(
+                folder / name,
+                "w",
+                driver="GTiff",
+                height=data.shape[0],
+                width=data.shape[1],
+                count=1,
+                dtype="float32",
+                nodata=math.nan,
+                transform=Affine(layer.spacing, 0.0, west, 0.0, -layer.spacing, north),
+                compress="deflate",
+                predictor=3,
+                zlevel=4,
+            ) as dataset:
+                dataset.write(np.round(data[::-1].astype(np.float64), 3).astype(np.float32), 1)
+            entry[kind] = name
+        ortho = next((o for o in terrain.orthos if np.allclose(o.bounds, layer.bounds, atol=1e-6)), None)
+        if ortho is not None:
+            if ortho.path is not None:
+                entry["ortho"] = f"ortho_{tag}{ortho.path.suffix}"
+                (folder / entry["ortho"]).write_bytes(ortho.path.read_bytes())
+            else:
+                entry["ortho"] = f"ortho_{tag}.png"
+                Image.fromarray(ortho.rgb).save(folder / entry["ortho"], compress_level=2)
+        if layer.mask is not None:
+            entry["mask"] = f"mask_{tag}.png"
+            Image.fromarray((layer.mask[::-1] * np.uint8(255)).astype(np.uint8)).convert("1").save(
+                folder / entry["mask"]
+            )
+        entries.append(entry)
+    document: dict[str, Any] = {
+        "format": FORMAT,
+        "name": terrain.name,
+        "credits": terrain.credits,
+        "origin": dict(terrain.origin),
+        "layers": entries,
+    }
+    if terrain.rocks:
+        document["rocks"] = "rocks.json"
+        listing = {"format": "rocks/1", "rocks": [rock.as_dict() for rock in terrain.rocks]}
+        (folder / "rocks.json").write_text(
+            json.dumps(listing, separators=(",", ":")) + "\n", encoding="utf-8"
+        )
+    (folder / "terrain.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    return folder

@@ -1,0 +1,343 @@
+"""Terrain: heights, ortho images and rocks of a site, with the questions one asks of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rover_iface.errors import OutsideTerrainError, TerrainFormatError
+from rover_iface.terrain.grid import Array, Bounds, HeightGrid, HeightLayer, Ortho
+from rover_iface.terrain.rocks import Mesh, Rock, rock_meshes
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """The ground of a site in its site frame (east-north-up, metres).
+
+    Parameters
+    ----------
+    layers
+        Height rasters, finest first: a question is answered by the first that covers the point.
+    orthos
+        Ortho images, finest first.
+    rocks
+        Rocks with known geometry, where the terrain was generated; they are part of the heights.
+    """
+
+    name: str
+    layers: tuple[HeightLayer, ...]
+    orthos: tuple[Ortho, ...] = ()
+    rocks: tuple[Rock, ...] = ()
+    credits: str = ""
+    origin: Mapping[str, float | str] = field(default_factory=dict)
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.layers:
+            raise TerrainFormatError(f'terrain "{self.name}" has no heights')
+
+    # ---- extent
+
+    @property
+    def bounds(self) -> Bounds:
+        """Return west, south, east, north of the widest layer."""
+        boxes = np.array([layer.bounds for layer in self.layers])
+        lo, hi = boxes.min(axis=0), boxes.max(axis=0)
+        return float(lo[0]), float(lo[1]), float(hi[2]), float(hi[3])
+
+    @property
+    def spacing(self) -> float:
+        """Return the finest distance between posts, metres."""
+        return self.layers[0].spacing
+
+    def inside(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Return where the height is known; shape of x."""
+        x, y = _pair(x, y)
+        found = np.zeros(x.shape, dtype=bool)
+        for layer in self.layers:
+            found |= layer.covers(x, y)
+        return found
+
+    def require_inside(self, x: float, y: float, what: str = "point") -> None:
+        """Raise `OutsideTerrainError`, which names the point and the extent, if the height there is
+        unknown.
+        """
+        if not bool(self.inside(x, y)):
+            west, south, east, north = self.bounds
+            raise OutsideTerrainError(
+                f'{what} ({x:.2f}, {y:.2f}) lies outside the terrain "{self.name}", which reaches from '
+                f"({west:.1f}, {south:.1f}) to ({east:.1f}, {north:.1f}) m"
+            )
+
+    # ---- heights and shape
+
+    def height(self, x: ArrayLike, y: ArrayLike, *, ground: bool = False) -> Array:
+        """Return heights at points, NaN outside; `ground` leaves the rocks away where they are known."""
+        x, y = _pair(x, y)
+        value = np.full(x.shape, np.nan)
+        for layer in self.layers:
+            missing = np.isnan(value)
+            if not missing.any():
+                break
+            take = missing & layer.covers(x, y)
+            if take.all():
+                return layer.sample(x, y, ground=ground)
+            if take.any():
+                value[take] = layer.sample(x[take], y[take], ground=ground)
+        return value
+
+    def height_at(self, x: float, y: float, what: str = "point") -> float:
+        """Return the height of one point.
+
+        Raises
+        ------
+        OutsideTerrainError
+            If the point lies outside.
+        """
+        self.require_inside(x, y, what)
+        return float(self.height(x, y))
+
+    def normal(self, x: ArrayLike, y: ArrayLike, baseline_m: float | None = None) -> Array:
+        """Return upward unit normals [..., 3] from central differences over `baseline_m` (default 2 posts).
+
+        At the rim of the terrain the one-sided difference is taken.
+        """
+        x, y = _pair(x, y)
+        half = (baseline_m if baseline_m is not None else 2 * self.spacing) / 2
+        middle = self.height(x, y)
+
+        def gradient(dx: float, dy: float) -> Array:
+            ahead, behind = self.height(x + dx, y + dy), self.height(x - dx, y - dy)
+            one = np.where(np.isnan(ahead), middle, ahead)
+            two = np.where(np.isnan(behind), middle, behind)
+            span = half * ((~np.isnan(ahead)).astype(float) + (~np.isnan(behind)).astype(float))
+            slope: Array = (one - two) / np.where(span > 0, span, np.nan)
+            return slope
+
+        gx, gy = gradient(half, 0.0), gradient(0.0, half)
+        normal = np.stack([-gx, -gy, np.ones_like(gx)], axis=-1)
+        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+    def slope(self, x: ArrayLike, y: ArrayLike, baseline_m: float = 1.0) -> Array:
+        """Return the steepest slope in radians over `baseline_m`, about a rover's length by default."""
+        up = self.normal(x, y, baseline_m)[..., 2]
+        return np.arccos(np.clip(up, -1.0, 1.0))
+
+    def roughness(self, x: ArrayLike, y: ArrayLike, radius_m: float = 0.5) -> Array:
+        """Return the rms distance in metres of a disc of `radius_m` from its best plane."""
+        x, y = _pair(x, y)
+        step = max(self.spacing, radius_m / 6)
+        count = math.floor(radius_m / step)
+        ax = np.arange(-count, count + 1) * step
+        dx, dy = (g.ravel() for g in np.meshgrid(ax, ax))
+        keep = np.hypot(dx, dy) <= radius_m
+        dx, dy = dx[keep], dy[keep]
+        basis = np.column_stack([dx, dy, np.ones_like(dx)])
+        heights = self.height(x[..., None] + dx, y[..., None] + dy)
+        residual = heights - (heights @ np.linalg.pinv(basis).T) @ basis.T
+        result: Array = np.sqrt(np.mean(residual**2, axis=-1))
+        return result
+
+    def observed(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Return where the ground was seen by the rover's own cameras (true where no mask says otherwise)."""
+        x, y = _pair(x, y)
+        seen = np.zeros(x.shape, dtype=bool)
+        open_ = np.ones(x.shape, dtype=bool)
+        for layer in self.layers:
+            take = open_ & layer.covers(x, y)
+            if layer.mask is None:
+                seen |= take
+            else:
+                rows, columns = layer.mask.shape
+                r = np.clip(np.rint((y - layer.south) / layer.spacing), 0, rows - 1).astype(np.int64)
+                c = np.clip(np.rint((x - layer.west) / layer.spacing), 0, columns - 1).astype(np.int64)
+                seen |= take & layer.mask[r, c]
+            open_ &= ~take
+        return seen
+
+    # ---- sight
+
+    def line_of_sight(
+        self, eye: ArrayLike, target: ArrayLike, *, clearance_m: float = 0.02, end_gap_m: float = 0.15
+    ) -> NDArray[np.bool_]:
+        """Return whether the straight line from `eye` [..., 3] to `target` [..., 3] stays above the ground.
+
+        The last `end_gap_m` before the target is not tested: a target lies on the surface it is picked from.
+        """
+        a, b = np.broadcast_arrays(np.asarray(eye, dtype=float), np.asarray(target, dtype=float))
+        length = np.linalg.norm(b - a, axis=-1)
+        far = float(length.max(initial=0.0))
+        count = int(min(2000, max(2, math.ceil(far / max(self.spacing, 0.05)))))
+        share = np.linspace(0.0, 1.0, count + 1)
+        reach = np.clip(1.0 - end_gap_m / np.maximum(length, 1e-9), 0.0, 1.0)
+        t = share * reach[..., None]
+        points = a[..., None, :] + t[..., None] * (b - a)[..., None, :]
+        ground = self.height(points[..., 0], points[..., 1])
+        blocked = (ground > points[..., 2] + clearance_m).any(axis=-1)
+        clear: NDArray[np.bool_] = ~blocked
+        return clear
+
+    def intersect_ray(self, eye: ArrayLike, direction: ArrayLike, max_range_m: float = 100.0) -> Array | None:
+        """Return the first point [3] where a ray from `eye` [3] meets the surface, or None."""
+        start = np.asarray(eye, dtype=float)
+        way = np.asarray(direction, dtype=float)
+        way = way / np.linalg.norm(way)
+        step = max(0.02, self.spacing / 2)
+        t = np.arange(0.0, max_range_m, step)
+        points = start + t[:, None] * way
+        gap = points[:, 2] - self.height(points[:, 0], points[:, 1])
+        below = np.flatnonzero(gap <= 0)
+        if below.size == 0:
+            return None
+        k = int(below[0])
+        if k == 0:
+            return points[0]
+        lo, hi = float(t[k - 1]), float(t[k])
+        for _ in range(30):
+            mid = (lo + hi) / 2
+            p = start + mid * way
+            if p[2] > float(self.height(p[0], p[1])):
+                lo = mid
+            else:
+                hi = mid
+        hit: Array = start + hi * way
+        return hit
+
+    # ---- rocks
+
+    @cached_property
+    def _rock_table(self) -> Array:
+        return np.array([(r.x, r.y, r.diameter / 2) for r in self.rocks], dtype=float).reshape(-1, 3)
+
+    def nearest_rock(self, x: float, y: float) -> tuple[Rock, float] | None:
+        """Return the rock whose edge is nearest and the distance to that edge (0 on the rock), or None."""
+        table = self._rock_table
+        if not len(table):
+            return None
+        distance = np.hypot(table[:, 0] - x, table[:, 1] - y) - table[:, 2]
+        k = int(np.argmin(distance))
+        return self.rocks[k], max(0.0, float(distance[k]))
+
+    def rocks_near(self, x: float, y: float, radius_m: float) -> list[Rock]:
+        """Return rocks that reach into a circle, nearest first."""
+        table = self._rock_table
+        if not len(table):
+            return []
+        distance = np.hypot(table[:, 0] - x, table[:, 1] - y) - table[:, 2]
+        order = np.argsort(distance, kind="stable")
+        return [self.rocks[int(k)] for k in order if distance[k] <= radius_m]
+
+    # ---- for others
+
+    def as_height_grid(self, spacing_m: float, bounds: Bounds | None = None) -> HeightGrid:
+        """Return heights sampled at `spacing_m` over `bounds` (default: everything).
+
+        Raises
+        ------
+        TerrainFormatError
+            If the spacing is not positive or the grid would hold more than 64 million posts.
+        """
+        west, south, east, north = bounds if bounds is not None else self.bounds
+        if not spacing_m > 0:
+            raise TerrainFormatError(f"spacing of a height grid is {spacing_m} m; it must be positive")
+        columns = math.floor((east - west) / spacing_m + 1e-9)
+        rows = math.floor((north - south) / spacing_m + 1e-9)
+        if columns < 2 or rows < 2 or columns * rows > 64_000_000:
+            raise TerrainFormatError(
+                f"height grid of {columns} x {rows} posts at {spacing_m} m; "
+                "2 x 2 to 64 million posts are possible"
+            )
+        first_x, first_y = west + spacing_m / 2, south + spacing_m / 2
+        gx = first_x + np.arange(columns) * spacing_m
+        gy = first_y + np.arange(rows) * spacing_m
+        heights = np.concatenate(
+            [self.height(*np.meshgrid(gx, part)) for part in np.array_split(gy, max(1, rows // 256))]
+        )
+        return HeightGrid(heights, first_x, first_y, spacing_m)
+
+    def mesh(
+        self, bounds: Bounds | None = None, spacing_m: float | None = None, *, ground: bool = True
+    ) -> Mesh:
+        """Return the ground as triangles; without rocks by default, since `rock_meshes` gives those.
+
+        Vertices [n, 3] in the site frame; triangles [m, 3] wound so that normals point up. Cells that touch
+        an unknown height are left out.
+        """
+        west, south, east, north = bounds if bounds is not None else self.bounds
+        step = spacing_m if spacing_m is not None else self.spacing
+        gx = np.arange(west + step / 2, east - step / 2 + 1e-9, step)
+        gy = np.arange(south + step / 2, north - step / 2 + 1e-9, step)
+        xx, yy = np.meshgrid(gx, gy)
+        zz = self.height(xx, yy, ground=ground)
+        rows, columns = zz.shape
+        index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+        a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+        triangles = np.concatenate(
+            [np.stack([a, b, d], axis=-1).reshape(-1, 3), np.stack([a, d, c], axis=-1).reshape(-1, 3)]
+        )
+        known = np.isfinite(zz).ravel()
+        triangles = triangles[known[triangles].all(axis=1)]
+        vertices = np.column_stack([xx.ravel(), yy.ravel(), np.nan_to_num(zz).ravel()]).astype(np.float32)
+        return Mesh(vertices, triangles)
+
+    def rock_meshes(self, x: float, y: float, radius_m: float, *, detail: int | None = None) -> list[Mesh]:
+        """Return one closed mesh per rock that reaches into a circle; `Mesh.id` is the rock's id."""
+        return rock_meshes(self.rocks_near(x, y, radius_m), detail=detail)
+
+
+def stereo_covariance(
+    eye: ArrayLike,
+    point: ArrayLike,
+    *,
+    focal_px: float,
+    baseline_m: float,
+    sigma_px: float = 0.5,
+    row_axis: ArrayLike = (0.0, 0.0, 1.0),
+) -> Array:
+    """Return the covariance [3, 3] of a point picked in a stereo pair, in the frame of `eye` and `point`.
+
+    Parameters
+    ----------
+    eye, point
+        [3], middle of the baseline and the point, metres.
+    focal_px, baseline_m
+        Focal length in pixels and distance between the cameras, metres.
+    sigma_px
+        Error of each of the four image coordinates.
+    row_axis
+        "Up" of the image, by default the vertical.
+
+    Notes
+    -----
+    Across the view sigma is R sigma_px / f; along it R^2 sigma_d / (f B) with sigma_d = sqrt(2) sigma_px, the
+    disparity being a difference of two coordinates (Kim et al. 2009, section on the error model).
+    """
+    a, b = np.asarray(eye, dtype=float), np.asarray(point, dtype=float)
+    ray = b - a
+    distance = float(np.linalg.norm(ray))
+    if not (distance > 0 and focal_px > 0 and baseline_m > 0):
+        raise TerrainFormatError(
+            "stereo geometry needs a positive range, focal length and baseline: "
+            f"{distance}, {focal_px}, {baseline_m}"
+        )
+    forward = ray / distance
+    right = np.cross(forward, np.asarray(row_axis, dtype=float))
+    if np.linalg.norm(right) < 1e-6:
+        right = np.array([1.0, 0.0, 0.0]) - forward * forward[0]
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    across = distance * sigma_px / focal_px
+    along = distance**2 * math.sqrt(2) * sigma_px / (focal_px * baseline_m)
+    axes = np.column_stack([right, up, forward])
+    covariance: Array = axes @ np.diag([across**2, across**2, along**2]) @ axes.T
+    return covariance
+
+
+def _pair(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    a, b = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    return a, b

@@ -1,0 +1,334 @@
+"""The correlation tracker that was flown on Opportunity, and what makes it better.
+
+Kim et al. 2009, section 4: the template of the last stop is magnified and rolled by what the pose estimate
+says, correlated with the new left image, the match is ranged by point stereo, four criteria tell a loss,
+and the template is replaced. `NccOptions.as_flown()` is that tracker. The default goes further in four
+ways, each of which can be switched off: the template is warped through the camera models over the plane
+that stereo found (`warp="plane"`, of which scale and roll are special cases); the match is aligned to a
+fraction of a pixel; a key template from an earlier stop takes the drift out; the best few peaks are
+compared over a wider patch before one is believed. The gain of each is in `docs/tracking.md`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.stereo import PointMatch, point_stereo
+from rover_iface.errors import TrackerError
+from rover_iface.vision.template import NccOptions, Template, TemplateMatcher, template_roll, template_scale
+from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
+
+NOWHERE = np.full(2, np.nan)
+
+
+@dataclass(slots=True)
+class _Target:
+    last: Template
+    key: Template
+    update: TrackUpdate
+    start_point: Array
+    start_range_m: float
+    start_travel_m: float
+    travelled_m: float
+    normal_weight: float
+    misses: int = 0
+
+
+class NccTracker:
+    """Normalised cross-correlation with templates predicted from the pose estimate (a `Tracker`).
+
+    Its confidence is the least of four margins (correlation, stereo score, range correction, agreement
+    forwards and backwards), each scaled to be 0 at the limit where the target counts as lost and 1 at
+    perfect, passed through a logistic curve: 0.5 is the limit, 0.98 and more a clear match.
+    """
+
+    def __init__(self, options: NccOptions | None = None) -> None:
+        self.options = options or NccOptions()
+        self.matcher = TemplateMatcher(self.options)
+        self._targets: dict[str, _Target] = {}
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Return what is followed."""
+        return tuple(self._targets)
+
+    def start(
+        self,
+        target: str,
+        position: npt.ArrayLike | None,
+        view: StereoView,
+        *,
+        pixel: npt.ArrayLike | None = None,
+    ) -> TrackUpdate:
+        """Begin to follow a surface point, given as position (3,) or as pixel (2,) of the left image."""
+        if target in self._targets:
+            raise TrackerError(f'target "{target}" is followed already; clear it first')
+        if pixel is None:
+            if position is None:
+                raise TrackerError(f'target "{target}" needs a position or a pixel')
+            at = view.left_camera.project(np.asarray(position, dtype=np.float64))
+        else:
+            at = np.asarray(pixel, dtype=np.float64)
+        if not np.isfinite(at).all():
+            raise TrackerError(f'target "{target}" lies behind the camera')
+        half = self.options.template_px // 2
+        if not _within(at, view.left.shape, half + 2):
+            raise TrackerError(
+                f'target "{target}" is at pixel ({at[0]:.1f}, {at[1]:.1f}), not {half + 2} px inside'
+            )
+        expected = None
+        if position is not None:
+            expected = float(np.linalg.norm(np.asarray(position) - view.left_camera.C))
+        match = self._stereo(view, at, expected, spread=0.9)
+        if match is None or match.score < self.options.stereo_limit:
+            found = "nothing" if match is None else f"a score of {match.score:.2f}"
+            raise TrackerError(
+                f'target "{target}": stereo found {found}; {self.options.stereo_limit} is needed'
+            )
+        distance = float(np.linalg.norm(match.point - view.left_camera.C))
+        view_template = Template(
+            view.left, view.left_camera, at, match.point, match.normal, distance, drift_px2=0.0
+        )
+        update = TrackUpdate(
+            target=target,
+            state=TrackState.TRACKED,
+            position=match.point,
+            covariance=match.covariance,
+            confidence=_confidence([(match.score - self.options.stereo_limit) / 0.3]),
+            pixel=at,
+            scores={"ncc": 1.0, "stereo": match.score, "range_m": distance, "scale": 1.0, "roll_rad": 0.0},
+        )
+        self._targets[target] = _Target(
+            view_template,
+            view_template,
+            update,
+            match.point,
+            distance,
+            view.travelled_m,
+            view.travelled_m,
+            normal_weight=distance**-4,
+        )
+        return update
+
+    def predicted(self, target: str) -> Array:
+        """Return where the target is believed to be: the last valid position."""
+        return self._get(target).update.position
+
+    def clear(self, target: str) -> None:
+        """Forget a target."""
+        self._get(target)
+        del self._targets[target]
+
+    def last(self, target: str) -> TrackUpdate:
+        """Return the last answer again."""
+        return self._get(target).update
+
+    def update(self, target: str, view: StereoView) -> TrackUpdate:
+        """Find the target again after a move; see the module for the steps."""
+        track = self._get(target)
+        if track.update.state is TrackState.FAILED:
+            return track.update
+        result = self._find(target, track, view)
+        if isinstance(result, TrackUpdate):
+            track.update = result
+            return result
+        reasons, scores, margins = result
+        track.misses += 1
+        state = TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST
+        moved = max(0.0, view.travelled_m - track.travelled_m)
+        drift = (self.options.odometry_share / 3.0 * moved) ** 2
+        track.update = TrackUpdate(
+            target=target,
+            state=state,
+            position=track.last.point,
+            covariance=track.update.covariance + drift * np.eye(3),
+            confidence=min(0.49, _confidence(margins)) * 0.6 ** (track.misses - 1),
+            pixel=NOWHERE.copy(),
+            reasons=tuple(reasons),
+            scores=scores,
+        )
+        track.travelled_m = view.travelled_m
+        return track.update
+
+    # ---- one update
+
+    def _find(
+        self, target: str, track: _Target, view: StereoView
+    ) -> TrackUpdate | tuple[list[str], dict[str, float], list[float]]:
+        options = self.options
+        last = track.last
+        camera = view.left_camera
+        prediction = camera.project(last.point)
+        scores: dict[str, float] = {}
+        if not np.isfinite(prediction).all():
+            return ["target is behind the camera"], scores, [-1.0]
+        if not _within(prediction, view.left.shape, options.template_px // 2):
+            return ["target is outside the image"], scores, [-1.0]
+        distance = float(np.linalg.norm(last.point - camera.C))
+        scores["scale"] = template_scale(last.range_m, distance)
+        scores["roll_rad"] = template_roll(last.camera, camera, last.point, options.adjacent_m)
+        template = self.matcher.predict(last, camera, prediction, last.point)
+        if template is None:
+            return ["the template lies outside the earlier image"], scores, [-1.0]
+        found = self.matcher.search(view.left, template, prediction)
+        if found is None:
+            return ["no contrast to correlate"], scores, [-1.0]
+        at, score = found
+        drift = last.drift_px2 * scores["scale"] ** 2 + 0.18**2
+        if options.key_template and track.key is not last:
+            better = self._with_key(track, view, prediction, at, distance)
+            if better is not None:
+                at, key_score, drift = better
+                scores["key"] = key_score
+        scores["ncc"] = score
+        scores["correction_px"] = float(np.hypot(*(at - prediction)))
+        reasons: list[str] = []
+        margins = [(score - options.score_limit) / (1.0 - options.score_limit)]
+        if score < options.score_limit:
+            reasons.append(f"correlation {score:.2f} is below {options.score_limit}")
+        if math.isfinite(options.back_check_px):
+            now = Template(view.left, camera, at, last.point, last.normal, distance, 0.0)
+            back = self.matcher.back_error(now, last)
+            scores["back_px"] = back
+            margins.append(1.0 - back / options.back_check_px)
+            if back > options.back_check_px:
+                reasons.append(f"matching back ends {back:.1f} px away, over {options.back_check_px}")
+        match = self._stereo(view, at, distance, spread=0.35)
+        if match is None:
+            return [*reasons, "stereo finds no partner"], scores, [*margins, -1.0]
+        scores["stereo"] = match.score
+        margins.append((match.score - options.stereo_limit) / (1.0 - options.stereo_limit))
+        if match.score < options.stereo_limit:
+            reasons.append(f"stereo score {match.score:.2f} is below {options.stereo_limit}")
+        measured = float(np.linalg.norm(match.point - camera.C))
+        moved = abs(view.travelled_m - track.travelled_m) or abs(last.range_m - distance)
+        tolerance = (
+            math.hypot(
+                self._range_error(view, last.range_m),
+                self._range_error(view, distance),
+            )
+            + options.odometry_share * moved
+            + 0.01
+        )
+        scores["range_m"] = measured
+        scores["range_correction_m"] = measured - distance
+        scores["range_tolerance_m"] = tolerance
+        margins.append(1.0 - abs(measured - distance) / tolerance)
+        if abs(measured - distance) > tolerance:
+            reasons.append(f"range corrected by {measured - distance:+.2f} m, over {tolerance:.2f} m")
+        total = float(np.linalg.norm(match.point - track.start_point))
+        allowed = (
+            self._range_error(view, track.start_range_m)
+            + options.odometry_share * abs(view.travelled_m - track.start_travel_m)
+            + 0.05
+        )
+        scores["total_correction_m"] = total
+        scores["total_tolerance_m"] = allowed
+        margins.append(1.0 - total / allowed)
+        if total > allowed:
+            reasons.append(f"position corrected by {total:.2f} m in all, over {allowed:.2f} m")
+        if reasons:
+            return reasons, scores, margins
+        normal = self._blend_normal(track, match, measured)
+        track.misses = 0
+        track.travelled_m = view.travelled_m
+        track.last = Template(view.left, camera, at, match.point, normal, measured, drift)
+        if max(track.key.range_m / measured, measured / track.key.range_m) > options.key_scale or (
+            _turned(track.key, track.last) > 0.35
+        ):
+            track.key = track.last
+        return TrackUpdate(
+            target=target,
+            state=TrackState.TRACKED,
+            position=match.point,
+            covariance=match.covariance + _drift_covariance(camera, match.point, normal, drift),
+            confidence=_confidence(margins),
+            pixel=at,
+            scores=scores,
+        )
+
+    def _with_key(
+        self, track: _Target, view: StereoView, prediction: Array, at: Array, distance: float
+    ) -> tuple[Array, float, float] | None:
+        """Return the match of the key template beside `at`, its score and its drift, if the two agree."""
+        key, last = track.key, track.last
+        template = self.matcher.predict(key, view.left_camera, prediction, last.point)
+        if template is None:
+            return None
+        spot = at.copy()
+        half = min(self.options.context_px // 2, self.options.template_px // 2 + 4)
+        score = self.matcher.align(view.left, template, spot, half)
+        if score < 0.75 or float(np.hypot(*(spot - at))) > 2.0:
+            return None
+        scale = key.range_m / distance
+        return spot, score, key.drift_px2 * scale**2 + 0.25**2
+
+    def _stereo(
+        self, view: StereoView, at: Array, distance: float | None, *, spread: float
+    ) -> PointMatch | None:
+        return point_stereo(
+            view.left,
+            view.right,
+            view.left_camera,
+            view.right_camera,
+            at,
+            options=self.options.stereo,
+            expected_range_m=distance,
+            range_spread=spread,
+        )
+
+    def _range_error(self, view: StereoView, range_m: float) -> float:
+        """Return the 3-sigma range error. Kim et al. 2009, eq. 1."""
+        baseline = float(np.linalg.norm(view.right_camera.C - view.left_camera.C))
+        return range_m**2 / (view.left_camera.hs * baseline) * self.options.disparity_error_px
+
+    def _blend_normal(self, track: _Target, match: PointMatch, range_m: float) -> Array:
+        """Return the plane's normal: stereo slant is good to the fourth power of nearness, so weigh by it."""
+        weight = range_m**-4
+        total = track.normal_weight + weight
+        normal = (track.normal_weight * track.last.normal + weight * match.normal) / total
+        track.normal_weight = total
+        length = float(np.linalg.norm(normal))
+        return match.normal if length < 0.2 else np.asarray(normal / length)
+
+    def _get(self, target: str) -> _Target:
+        if target not in self._targets:
+            known = ", ".join(self._targets) or "none"
+            raise TrackerError(f'target "{target}" is not followed; followed: {known}')
+        return self._targets[target]
+
+
+def _within(at: Array, shape: tuple[int, ...], margin: float) -> bool:
+    return bool(margin <= at[0] <= shape[1] - 1 - margin and margin <= at[1] <= shape[0] - 1 - margin)
+
+
+def _turned(a: Template, b: Template) -> float:
+    """Return the angle between two lines of sight to the target."""
+    one = (a.camera.C - a.point) / a.range_m
+    two = (b.camera.C - b.point) / b.range_m
+    return math.acos(max(-1.0, min(1.0, float(one @ two))))
+
+
+def _confidence(margins: list[float]) -> float:
+    least = max(-2.0, min(1.0, min(margins)))
+    return 1.0 / (1.0 + math.exp(-6.0 * least))
+
+
+def _drift_covariance(camera: CameraModel, point: Array, normal: Array, drift_px2: float) -> Array:
+    """Return the covariance (3, 3) of a point that may sit `drift_px2` off in the image, on its plane."""
+    jacobian = camera.jacobian(point)
+    toward = camera.C - point
+    toward = toward / np.linalg.norm(toward)
+    if toward @ normal < 0.3:
+        normal = toward
+    helper = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    first = np.cross(normal, helper)
+    first /= np.linalg.norm(first)
+    along = np.stack((first, np.cross(normal, first)), axis=1)
+    spread = along @ np.linalg.inv(jacobian @ along)
+    return np.asarray(drift_px2 * spread @ spread.T)

@@ -1,0 +1,312 @@
+"""Templates: cut from one view, warped to what another should show, and found there.
+
+Kim et al. 2009, section 4.3. Used by the correlation tracker and wherever a point is carried from one
+camera to another.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.stereo import PointStereo
+from rover_iface.errors import TrackerError
+from rover_iface.vision.tracker import Image
+
+Warp = Literal["none", "scale", "similarity", "plane"]
+
+
+@dataclass(frozen=True, slots=True)
+class NccOptions:
+    """Parameters of the tracker.
+
+    Attributes
+    ----------
+    template_px, search_px
+        Window (21) and search to either side of the prediction (61).
+    warp
+        What is done to the template: nothing, scale (eq. 6), scale and roll (eqs. 6 to 10), plane.
+    score_limit, stereo_limit
+        First and second criterion of loss.
+    disparity_error_px
+        3-sigma stereo error of the range tolerance (third criterion, eq. 1).
+    odometry_share
+        What the pose estimate may be off, share of the distance (third and fourth criterion).
+    lost_updates
+        N: updates allowed in LOST before FAILED.
+    adjacent_m
+        k of eq. 10.
+    context_px
+        Window over which the best peaks are compared.
+    """
+
+    template_px: int = 21
+    search_px: int = 61
+    warp: Warp = "plane"
+    coarse: bool = True
+    subpixel: bool = True
+    key_template: bool = True
+    rerank: bool = True
+    back_check_px: float = 2.5
+    score_limit: float = 0.7
+    stereo_limit: float = 0.7
+    disparity_error_px: float = 1.0
+    odometry_share: float = 0.15
+    lost_updates: int = 2
+    adjacent_m: float = 0.05
+    context_px: int = 41
+    key_scale: float = 1.7
+    stereo: PointStereo = field(default_factory=PointStereo)
+
+    def __post_init__(self) -> None:
+        if self.template_px < 7 or self.template_px % 2 == 0 or self.context_px % 2 == 0:
+            raise TrackerError(
+                f"template is {self.template_px} px, its context {self.context_px} px; odd, from 7, is needed"
+            )
+        if self.context_px < self.template_px:
+            raise TrackerError(
+                f"context of {self.context_px} px is less than the template of {self.template_px}"
+            )
+        if not (self.search_px >= 3 and self.lost_updates >= 0):
+            raise TrackerError(f"search is {self.search_px} px, N is {self.lost_updates}; at least 3 and 0")
+
+    @classmethod
+    def as_flown(cls, warp: Warp = "similarity") -> NccOptions:
+        """Return the published tracker: whole pixels, template of the last stop, best peak believed."""
+        return cls(warp=warp, subpixel=False, key_template=False, rerank=False, back_check_px=math.inf)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Template:
+    """A view of the target that templates are cut from."""
+
+    image: Image
+    camera: CameraModel
+    pixel: Array
+    point: Array
+    normal: Array
+    range_m: float
+    drift_px2: float
+
+
+def template_scale(range_old_m: float, range_new_m: float) -> float:
+    """Return the factor by which the template must be enlarged after a rover move.
+
+    Parameters
+    ----------
+    range_old_m, range_new_m
+        Distance from the left camera's centre to the target before and after the move, metres, both positive.
+        The factor exceeds 1 on approach.
+
+    Raises
+    ------
+    TrackerError
+        If either range is not positive.
+
+    Notes
+    -----
+    Kim et al. 2009, eq. 6.
+    """
+    if not (range_old_m > 0 and range_new_m > 0):
+        raise TrackerError(f"ranges {range_old_m} m and {range_new_m} m must be positive")
+    return range_old_m / range_new_m
+
+
+def template_roll(
+    old: CameraModel, new: CameraModel, point: npt.ArrayLike, adjacent_m: float = 0.05
+) -> float:
+    """Return the angle by which the template must be turned, radians, clockwise positive (y points down).
+
+    Parameters
+    ----------
+    old, new
+        Cameras before and after the move, in one frame.
+    point
+        (3,), the target in that frame.
+
+    Raises
+    ------
+    TrackerError
+        If the target is not in front of the new camera.
+
+    Notes
+    -----
+    Kim et al. 2009, eqs. 7 to 10: a point beside the target, along the rows of the old camera, is projected
+    by the new one. The old camera is used as if its axis pointed at the target, as the mast makes it do.
+    """
+    target = np.asarray(point, dtype=np.float64)
+    beside = target + adjacent_m * old.horizontal  # eq. 10, with eq. 9
+    pixels = new.project(np.stack((target, beside)))
+    if not np.isfinite(pixels).all():
+        raise TrackerError("target is behind the camera: no roll can be told")
+    before = old.project(np.stack((target, beside)))
+    turn = pixels[1] - pixels[0]
+    start = before[1] - before[0]
+    if not np.isfinite(start).all():
+        return math.atan2(turn[1], turn[0])
+    return math.atan2(turn[1], turn[0]) - math.atan2(start[1], start[0])
+
+
+@dataclass(frozen=True, slots=True)
+class TemplateMatcher:
+    """Predicts how a template looks from elsewhere and finds it there. Pure."""
+
+    options: NccOptions
+
+    def predict(self, source: Template, camera: CameraModel, center: Array, point: Array) -> Image | None:
+        """Return what the target should look like round `center`, context included; None when unknown."""
+        from rover_iface.vision import patch
+
+        options = self.options
+        half = options.context_px // 2
+        out = np.empty((options.context_px, options.context_px), np.float32)
+        distance = float(np.linalg.norm(point - camera.C))
+        scale = source.range_m / distance
+        warp = options.warp
+        if warp == "plane":
+            toward = (camera.C - point) / distance
+            toward_old = (source.camera.C - source.point) / source.range_m
+            if min(toward @ source.normal, toward_old @ source.normal) < 0.15:
+                warp = "similarity"
+        if warp == "plane":
+            samples = 1 if scale > 0.8 else 2 if scale > 0.4 else 3
+            patch.plane_template(
+                source.image,
+                source.camera.packed,
+                source.pixel,
+                camera.packed,
+                center,
+                point,
+                source.normal,
+                source.point,
+                half,
+                samples,
+                out,
+            )
+        else:
+            roll = 0.0
+            if warp == "similarity":
+                roll = template_roll(source.camera, camera, point, options.adjacent_m)
+            patch.similarity_template(
+                source.image, source.pixel, 1.0 if warp == "none" else scale, roll, half, out
+            )
+        inner = options.template_px // 2
+        core = out[half - inner : half + inner + 1, half - inner : half + inner + 1]
+        return None if np.isnan(core).mean() > 0.15 else out
+
+    def search(self, image: Image, template: Image, prediction: Array) -> tuple[Array, float] | None:
+        """Return the pixel of the best match within the search window, and its score."""
+
+        from rover_iface.vision import patch
+
+        options = self.options
+        half, middle = options.template_px // 2, options.context_px // 2
+        core = template[middle - half : middle + half + 1, middle - half : middle + half + 1]
+        core = np.where(np.isnan(core), np.nanmean(core), core).astype(np.float32)
+        if float(core.std()) < 1e-4:
+            return None
+        cx, cy = round(prediction[0]), round(prediction[1])
+        left, right = (
+            max(0, cx - options.search_px - half),
+            min(image.shape[1], cx + options.search_px + half + 1),
+        )
+        top, bottom = (
+            max(0, cy - options.search_px - half),
+            min(image.shape[0], cy + options.search_px + half + 1),
+        )
+        region = image[top:bottom, left:right]
+        if region.shape[0] < options.template_px or region.shape[1] < options.template_px:
+            return None
+        peaks = _coarse_to_fine(region, core) if options.coarse else _peaks(region, core)
+        if not peaks:
+            return None
+        best: tuple[float, Array] | None = None
+        for x, y, score in peaks if options.rerank else peaks[:1]:
+            at = np.array([x + left + half, y + top + half], dtype=np.float64)
+            rank = score
+            if options.rerank:
+                wide = patch.correlation(image, template, at[0], at[1], middle)
+                if wide > -1.5:
+                    rank = 0.5 * score + 0.5 * wide
+                away = float(np.hypot(*(at - prediction))) / 61.0
+                rank -= 0.05 * away
+            if best is None or rank > best[0]:
+                best = (rank, at)
+        assert best is not None
+        at = best[1]
+        if options.subpixel:
+            score = float(patch.align(image, template, at, half))
+        else:
+            score = float(patch.correlation(image, template, at[0], at[1], half))
+        return at, score
+
+    def align(self, image: Image, template: Image, at: Array, half: int) -> float:
+        """Move `at` to the best place within 2.5 px, to a fraction of a pixel; return the score there."""
+        from rover_iface.vision import patch
+
+        return float(patch.align(image, template, at, half))
+
+    def back_error(self, now: Template, before: Template) -> float:
+        """Return how far the patch of `now`, searched in the old image, ends from its place, px."""
+        template = self.predict(now, before.camera, before.pixel, before.point)
+        return 0.0 if template is None else self._nearby(before.image, template, before.pixel)
+
+    def _nearby(self, image: Image, template: Image, at: Array) -> float:
+        import cv2
+
+        half, middle = self.options.template_px // 2, self.options.context_px // 2
+        core = template[middle - half : middle + half + 1, middle - half : middle + half + 1]
+        core = np.where(np.isnan(core), np.nanmean(core), core).astype(np.float32)
+        reach = 12
+        x, y = round(at[0]), round(at[1])
+        left, top = max(0, x - reach - half), max(0, y - reach - half)
+        region = image[top : y + reach + half + 1, left : x + reach + half + 1]
+        if region.shape[0] < core.shape[0] or region.shape[1] < core.shape[1] or float(core.std()) < 1e-4:
+            return 0.0
+        _, _, _, place = cv2.minMaxLoc(cv2.matchTemplate(region, core, cv2.TM_CCOEFF_NORMED))
+        return float(np.hypot(place[0] + left + half - at[0], place[1] + top + half - at[1]))
+
+
+def _peaks(region: Image, core: Image, count: int = 8) -> list[tuple[int, int, float]]:
+    """Return the best places (upper left corner, x, y) and scores, at least 4 px apart."""
+    import cv2
+
+    score = cv2.matchTemplate(region, core, cv2.TM_CCOEFF_NORMED)
+    found: list[tuple[int, int, float]] = []
+    for _ in range(count):
+        _, value, _, (x, y) = cv2.minMaxLoc(score)
+        if not value > -0.99 or (found and value < found[0][2] - 0.35):
+            break
+        found.append((int(x), int(y), float(value)))
+        score[max(0, y - 4) : y + 5, max(0, x - 4) : x + 5] = -1.0
+    return found
+
+
+def _coarse_to_fine(region: Image, core: Image, count: int = 8) -> list[tuple[int, int, float]]:
+    """Return what `_peaks` does, from a search at half resolution first. Kim et al. 2009, section 4.3.2."""
+    import cv2
+
+    rows, columns = region.shape
+    even = region[: rows // 2 * 2, : columns // 2 * 2]
+    small = cv2.resize(even, (columns // 2, rows // 2), interpolation=cv2.INTER_AREA)
+    side = core.shape[0] // 2 * 2
+    small_core = cv2.resize(core[:side, :side], (side // 2, side // 2), interpolation=cv2.INTER_AREA)
+    if small.shape[0] < small_core.shape[0] or small.shape[1] < small_core.shape[1]:
+        return _peaks(region, core, count)
+    found: list[tuple[int, int, float]] = []
+    for x, y, _ in _peaks(small, small_core, count + 4):
+        left, top = max(0, 2 * x - 3), max(0, 2 * y - 3)
+        part = region[top : 2 * y + 4 + core.shape[0], left : 2 * x + 4 + core.shape[1]]
+        if part.shape[0] < core.shape[0] or part.shape[1] < core.shape[1]:
+            continue
+        _, value, _, (i, j) = cv2.minMaxLoc(cv2.matchTemplate(part, core, cv2.TM_CCOEFF_NORMED))
+        place = (left + int(i), top + int(j), float(value))
+        if all(abs(place[0] - p[0]) + abs(place[1] - p[1]) > 2 for p in found):
+            found.append(place)
+    found.sort(key=lambda p: -p[2])
+    return found[:count]

@@ -1,0 +1,146 @@
+"""Stereo against the truth of rendered pairs and against exact geometry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rover_iface.cameras.rig import load_cameras
+from rover_iface.cameras.stereo import PointStereo, dense_stereo, point_stereo, triangulate
+from rover_iface.errors import CameraError
+from rover_iface.frames import Pose
+from tests.rover_iface.render.scenes import SUN, picture, rig, rock_renderer
+
+
+@given(
+    preset=st.sampled_from(["mer", "k9"]),
+    pair=st.sampled_from(["navcam", "pancam", "hazcam"]),
+    u=st.floats(0.3, 0.7),
+    v=st.floats(0.3, 0.7),
+    distance=st.floats(0.8, 15.0),
+)
+@settings(max_examples=80, deadline=None)
+def test_triangulation_undoes_projection(preset: str, pair: str, u: float, v: float, distance: float) -> None:
+    cameras = load_cameras(preset)
+    left, right = cameras[f"{pair}_left"].model, cameras[f"{pair}_right"].model
+    origin, ray = left.back_project((u * left.width, v * left.height))
+    point = origin + distance * ray
+    points, covariance = triangulate(left, right, left.project(point)[None], right.project(point)[None])
+    assert np.allclose(points[0], point, atol=1e-6 * distance)
+    assert (np.linalg.eigvalsh(covariance[0]) > 0).all()
+
+
+def test_range_error_grows_as_the_square_of_the_range() -> None:
+    cameras = load_cameras("marsyard")
+    left, right = cameras["navcam_left"].model, cameras["navcam_right"].model
+    rng = np.random.default_rng(1)
+    for distance in (2.0, 10.0):
+        point = left.C + distance * left.A
+        a = np.tile(left.project(point), (3000, 1))
+        b = right.project(point) + np.column_stack((rng.normal(0, 1 / 3, 3000), np.zeros(3000)))
+        spread = 3 * float(np.std(triangulate(left, right, a, b)[0] @ left.A))
+        assert spread == pytest.approx(distance**2 / (left.hs * 0.2), rel=0.06)  # Kim et al. 2009, eq. 1
+
+
+def test_covariance_of_a_triangulated_point_is_that_of_drawn_errors() -> None:
+    cameras = load_cameras("mer")
+    left, right = cameras["navcam_left"].model, cameras["navcam_right"].model
+    origin, ray = left.back_project((600.0, 400.0))
+    point = origin + 5.0 * ray
+    rng = np.random.default_rng(2)
+    a = left.project(point) + rng.normal(0, 0.5, (4000, 2))
+    b = right.project(point) + rng.normal(0, 0.5, (4000, 2))
+    points, covariances = triangulate(left, right, a, b, sigma_px=0.5)
+    drawn = np.cov(points.T)
+    told = triangulate(left, right, left.project(point)[None], right.project(point)[None], sigma_px=0.5)[1][0]
+    assert np.trace(drawn) == pytest.approx(np.trace(told), rel=0.1)
+    assert np.isfinite(covariances).all()
+
+
+@pytest.mark.parametrize("distance", [9.0, 5.0, 2.6])
+def test_a_point_on_a_rendered_rock_is_ranged(distance: float) -> None:
+    pose = Pose(-distance, 0.0, 0.0)
+    left = picture(pose, half=90)
+    right = picture(pose, "navcam_right", half=90, exposure=left.exposure, seed=2)
+    pixel = np.array([90.0, 90.0])
+    truth = left.truth.point_site[90, 90]
+    match = point_stereo(left.unit, right.unit, left.camera, right.camera, pixel)
+    assert match is not None
+    assert match.score > 0.9
+    assert np.abs(match.right_px - right.camera.project(truth)).max() < 0.35
+    off = match.point - truth
+    assert off @ np.linalg.solve(match.covariance, off) < 16.0
+    if distance < 6:
+        normal = left.truth.normal_site[80:101, 80:101].reshape(-1, 3).mean(axis=0)
+        assert match.normal @ normal / np.linalg.norm(normal) > np.cos(np.radians(20.0))
+
+
+def test_an_expected_range_narrows_the_search() -> None:
+    pose = Pose(-5.0, 0.0, 0.0)
+    left = picture(pose, half=90)
+    right = picture(pose, "navcam_right", half=90, exposure=left.exposure, seed=2)
+    true_range = float(left.truth.range_m[90, 90])
+    near = point_stereo(
+        left.unit,
+        right.unit,
+        left.camera,
+        right.camera,
+        (90, 90),
+        expected_range_m=true_range,
+        range_spread=0.2,
+    )
+    assert near is not None
+    assert np.linalg.norm(near.point - left.camera.C) == pytest.approx(true_range, rel=0.03)
+    far_only = PointStereo(nearest_m=30.0)
+    nothing = point_stereo(left.unit, right.unit, left.camera, right.camera, (90, 90), options=far_only)
+    assert nothing is None or nothing.score < 0.7
+
+
+def test_without_a_partner_there_is_no_point() -> None:
+    pose = Pose(-5.0, 0.0, 0.0)
+    left = picture(pose, half=60)
+    right = picture(pose, "navcam_right", half=60, exposure=left.exposure, seed=2)
+    noise = np.random.default_rng(3).random(right.unit.shape).astype(np.float32)
+    match = point_stereo(left.unit, noise, left.camera, right.camera, (60, 60))
+    assert match is None or match.score < 0.7
+    assert point_stereo(left.unit, right.unit, left.camera, right.camera, (3, 3)) is None
+    with pytest.raises(CameraError, match="odd"):
+        PointStereo(template_px=20)
+
+
+@pytest.mark.parametrize(("preset", "pair", "nearest"), [("k9", "navcam", 2.0), ("mer", "hazcam", 0.3)])
+def test_a_dense_cloud_lies_on_the_ground_and_the_rock(preset: str, pair: str, nearest: float) -> None:
+    cameras = rig(preset)
+    pose = Pose(-4.0 if pair == "navcam" else -2.2, 0.0, 0.0)
+    frames, models = [], []
+    for side in ("left", "right"):
+        camera = cameras.camera(f"{pair}_{side}", 0.0, -0.35)
+        camera = camera.window(0, 0, camera.width, camera.height)
+        frames.append(
+            rock_renderer().render(
+                camera,
+                pose,
+                SUN,
+                sensor=cameras.mounted(f"{pair}_{side}").sensor,
+                exposure=frames[0].exposure if frames else None,
+                seed=len(frames),
+            )
+        )
+        models.append(frames[-1].camera)
+    cloud = dense_stereo(frames[0].unit, frames[1].unit, models[0], models[1], nearest_m=nearest, step=3)
+    assert len(cloud.points) > 5000
+    rays = cloud.points - models[0].C
+    distance = np.linalg.norm(rays, axis=1)
+    true = rock_renderer().scene.ranges(models[0].C, rays / distance[:, None])
+    near = distance < 6.0
+    error = np.abs(true - distance)[near]
+    expected = distance[near] ** 2 / (cloud.camera.hs * cloud.baseline_m)
+    assert np.median(error / expected) < 0.5  # half a pixel of disparity
+    assert np.mean(error / expected < 2.0) > 0.9
+    spread = cloud.covariances()[near]
+    along = np.einsum(
+        "ni,nij,nj->n", rays[near] / distance[near, None], spread, rays[near] / distance[near, None]
+    )
+    assert np.median(np.sqrt(along) / expected) == pytest.approx(0.5, abs=0.25)

@@ -1,0 +1,175 @@
+"""Observation points: the arm's reach, the ground, the side one comes from."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rover_iface.errors import OutsideTerrainError, PlacementError, ProfileError
+from rover_iface.frames import Pose
+from rover_iface.mobility import settle, settled_pose
+from rover_iface.placement import check_observation_point, place_base
+from rover_iface.placement.base_placement import inside_polygon
+from rover_iface.profile import load_profile
+from tests.rover_iface.worlds import bumpy, generated, plane
+from tests.shared import shared
+
+K9 = load_profile("k9")
+
+
+# ---- standing
+
+
+@given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-3, 3))
+def test_on_a_plane_the_rover_stands_along_the_plane(a: float, b: float, heading: float) -> None:
+    ground = plane(a, b)
+    pose = settled_pose(ground, K9, 1.0, -1.0, heading)
+    up = pose.site_from_rover.rotate([0.0, 0.0, 1.0])
+    expected = np.array([-a, -b, 1.0]) / math.sqrt(a * a + b * b + 1)
+    assert math.acos(min(1.0, float(up @ expected))) < 0.03
+    assert pose.z == pytest.approx(a - b, abs=0.02)
+
+
+def test_one_wheel_on_a_stone_lifts_the_body_by_less_than_the_stone() -> None:
+    half = K9.wheels.track_m / 2
+    stone = bumpy(lambda x, y: np.where(np.hypot(x - 0.39, y - half) < 0.15, 0.1, 0.0))
+    pose = settled_pose(stone, K9, 0.0, 0.0, 0.0)
+    assert 0.01 < pose.z < 0.06
+    assert pose.pitch < 0
+    assert pose.roll > 0
+
+
+def test_a_rock_under_the_belly_takes_the_clearance_it_has_height() -> None:
+    rock = bumpy(lambda x, y: np.where(np.hypot(x, y) < 0.15, 0.12, 0.0))
+    standing = settle(rock, K9, [0.0], [0.0], [0.0])
+    assert float(standing.belly_gap[0]) == pytest.approx(K9.body.clearance_m - 0.12, abs=0.01)
+
+
+def test_off_the_terrain_the_pose_is_unknown() -> None:
+    assert math.isnan(settled_pose(plane(), K9, 50.0, 0.0, 0.0).z)
+
+
+# ---- placing
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-6, 6), st.floats(-6, 6), st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
+def test_every_pose_given_passes_the_check_by_itself(x: float, y: float, a: float, b: float) -> None:
+    ground = plane(a, b)
+    point = (x, y, a * x + b * y)
+    for found in place_base(ground, K9, point):
+        again = check_observation_point(ground, K9, found.pose, point)
+        assert again.reach_m == pytest.approx(found.reach_m)
+        assert found.reach_m <= K9.arm.reach_m
+        assert found.tool_tilt_rad <= K9.arm.max_tool_tilt_rad
+        assert found.slope_rad <= K9.mobility.max_slope_rad
+
+
+def test_reach_is_measured_from_the_shoulder_to_the_target() -> None:
+    (best, *_) = place_base(plane(), K9, (5.0, 0.0, 0.0))
+    shoulder = best.pose.site_from_rover.apply(K9.arm.shoulder_m)
+    assert float(np.linalg.norm(shoulder - [5.0, 0.0, 0.0])) == pytest.approx(best.reach_m)
+
+
+def test_the_best_pose_is_on_the_side_the_rover_comes_from() -> None:
+    (best, *_) = place_base(plane(), K9, (5.0, 0.0, 0.0), start=Pose(0.0, 0.0))
+    assert best.pose.x < 5.0
+    assert abs(best.pose.y) < 0.3
+    (best, *_) = place_base(plane(), K9, (5.0, 0.0, 0.0), start=Pose(9.0, 0.0))
+    assert best.pose.x > 5.0
+
+
+def test_a_steep_face_is_approached_so_that_the_tool_stands_on_it() -> None:
+    """A face that looks north-west is reached only from where the arm's plane holds its normal."""
+    normal = np.array([-0.6, 0.6, 0.53])
+    for found in place_base(plane(), K9, (4.0, 0.0, 0.2), normal):
+        assert found.tool_tilt_rad <= K9.arm.max_tool_tilt_rad
+        side = np.array([found.pose.x - 4.0, found.pose.y])
+        assert float(side @ normal[:2]) > 0
+
+
+def test_out_of_reach_is_refused_with_both_figures() -> None:
+    with pytest.raises(PlacementError) as caught:
+        check_observation_point(plane(), K9, Pose(3.0, 0.0), (5.0, 0.0, 0.0), target="T-3")
+    assert "observation point (3.00, 0.00) for target T-3" in str(caught.value)
+    assert "the target is 1.65 m from the arm's shoulder; the arm reaches 0.79 m" in str(caught.value)
+
+
+def test_a_target_high_on_a_wall_has_no_observation_point_and_says_why() -> None:
+    tower = bumpy(lambda x, y: np.where(np.hypot(x - 2, y) < 0.3, 2.5, 0.0))
+    with pytest.raises(PlacementError, match=r"target T-1 has no observation point for mi: .*; the arm"):
+        place_base(tower, K9, (2.0, 0.0, 2.5), (0, 0, 1), target="T-1")
+
+
+def test_ground_too_steep_is_the_reason_given() -> None:
+    expected = r"slopes by 3\d degrees or more; the rover stands on 25"
+    with pytest.raises(PlacementError, match=expected) as caught:
+        place_base(plane(0.65, 0.0), K9, (2.0, 0.0, 1.3))
+    assert "slope" in caught.value.reasons
+
+
+def test_keep_out_regions_are_not_stood_in() -> None:
+    square = [(-10, -10), (4.2, -10), (4.2, 10), (-10, 10)]
+    for found in place_base(plane(), K9, (4.5, 0.0, 0.0), keep_out=[square]):
+        assert found.pose.x > 4.2
+    everywhere = [(-20, -20), (20, -20), (20, 20), (-20, 20)]
+    with pytest.raises(PlacementError, match="keep-out region"):
+        place_base(plane(), K9, (4.5, 0.0, 0.0), keep_out=[everywhere])
+    with pytest.raises(PlacementError, match="at least three corners"):
+        place_base(plane(), K9, (4.5, 0.0, 0.0), keep_out=[[(0, 0), (1, 1)]])
+
+
+def test_a_remote_instrument_stands_off_with_a_free_view() -> None:
+    def wall(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where((np.abs(x - 3.0) < 0.1) & (np.abs(y) < 4), 2.5, 0.0)
+
+    ground = bumpy(wall, spacing=0.1)
+    for found in place_base(ground, K9, (4.0, 0.0, 0.0), instrument="scicam"):
+        eye = [found.pose.x, found.pose.y, found.pose.z + K9.mast.height_m]
+        assert bool(ground.line_of_sight(eye, [4.0, 0.0, 0.0]))
+        assert math.hypot(found.pose.x - 4, found.pose.y) > 1.0
+
+
+def test_bad_requests_are_named() -> None:
+    with pytest.raises(OutsideTerrainError, match="target T-9"):
+        place_base(plane(), K9, (99.0, 0.0, 0.0), target="T-9")
+    with pytest.raises(ProfileError, match="no instrument"):
+        place_base(plane(), K9, (1.0, 0.0, 0.0), instrument="drill")
+    with pytest.raises(PlacementError, match="normal"):
+        place_base(plane(), K9, (1.0, 0.0, 0.0), (0, 0, 0))
+
+
+def test_rocks_of_a_generated_site_and_spots_of_murray_buttes_are_mostly_reachable() -> None:
+    ground = generated()
+    rocks = [r for r in ground.rocks if r.diameter > 0.25 and max(abs(r.x), abs(r.y)) < 10][:30]
+    found = 0
+    for rock in rocks:
+        try:
+            found += bool(place_base(ground, K9, (rock.x, rock.y, ground.height_at(rock.x, rock.y))))
+        except PlacementError:
+            continue
+    assert found >= 0.8 * len(rocks)
+    buttes = load_terrain_of_murray()
+    rng = np.random.default_rng(2)
+    for x, y in rng.uniform(-8, 8, (10, 2)):
+        place_base(buttes, K9, (x, y, buttes.height_at(x, y)))
+
+
+def load_terrain_of_murray():  # type: ignore[no-untyped-def]
+    from rover_iface.terrain import load_terrain
+
+    return load_terrain(shared("data/terrain/msl_onsight/murray_buttes"))
+
+
+@given(st.floats(-2, 2), st.floats(-2, 2))
+def test_inside_a_polygon_agrees_with_shapely(x: float, y: float) -> None:
+    from shapely import Point, Polygon
+
+    corners = [(-1.0, -1.0), (1.5, -0.5), (0.2, 0.1), (1.0, 1.5), (-1.2, 0.8)]
+    shape = Polygon(corners)
+    if shape.boundary.distance(Point(x, y)) > 1e-9:
+        assert bool(inside_polygon(np.array([x]), np.array([y]), corners)[0]) == shape.contains(Point(x, y))

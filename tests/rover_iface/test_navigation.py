@@ -1,0 +1,190 @@
+"""Navigator: clouds to hazards, hazards to arcs, arcs to drives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_iface.errors import RoverError
+from rover_iface.frames import Pose
+from rover_iface.navigation.hazard_map import HazardMap, MapParameters
+from rover_iface.navigation.kernels import cast_ranges, cost_to_go, obstacle_distance
+from rover_iface.navigation.navigator import Navigator, NavigatorParameters, Way, end_of
+from rover_iface.navigation.sensor import GroundRaster, StereoSensor
+from rover_iface.navigation.traverse import drive, traverse_study
+from rover_iface.profile import load_profile
+from rover_iface.simulator.chassis import Chassis
+from rover_iface.simulator.world import Soil
+from tests.rover_iface.worlds import bumpy, plane
+
+K9 = load_profile("k9")
+
+
+def looked(ground: GroundRaster, pose: Pose, looks: int = 2) -> HazardMap:
+    sensor = StereoSensor(K9)
+    rng = np.random.default_rng(1)
+    hazards = HazardMap(K9, (pose.x, pose.y), 16.0)
+    for k in range(looks):
+        site = pose.site_from_rover
+        clouds = [site.apply(c) for c in sensor.look(ground, pose, rng, down=k == 0)]
+        hazards.update(clouds, site.apply(sensor.eye))
+    return hazards
+
+
+def test_a_ray_straight_down_and_one_aslant_have_the_range_of_the_plane() -> None:
+    ground = GroundRaster.of(plane(0.1, 0.0), 9.0)
+    eye = np.array([0.0, 0.0, 2.0])
+    ways = np.array([[0.0, 0.0, -1.0], [0.8, 0.0, -0.6], [0.0, 0.0, 1.0]])
+    ranges = cast_ranges(ground.heights, ground.west, ground.south, ground.spacing, eye, ways, 10.0)
+    assert ranges[0] == pytest.approx(2.0, abs=1e-6)
+    assert ranges[1] == pytest.approx(2.0 / 0.68, abs=0.01)
+    assert math.isnan(ranges[2])
+
+
+def test_a_raster_gives_the_heights_of_its_terrain() -> None:
+    terrain = bumpy(lambda x, y: 0.2 * np.sin(x) * np.cos(y))
+    ground = GroundRaster.of(terrain, 5.0)
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-4.5, 4.5, (2, 100))
+    assert np.allclose(ground.height(x, y), terrain.height(x, y), atol=2e-3)
+    assert math.isnan(float(ground.height(99.0, 0.0)))
+
+
+def test_level_ground_is_harmless_and_a_rock_is_an_obstacle() -> None:
+    rock = bumpy(lambda x, y: np.where(np.hypot(x - 2.5, y) < 0.25, 0.25, 0.0))
+    hazards = looked(GroundRaster.of(rock, 5.9), Pose(0, 0))
+    assert hazards.at(2.3, 0.0) >= 1.0
+    assert hazards.at(2.0, 1.5) < 0.6
+    assert math.isnan(hazards.at(-5.0, 0.0))
+    assert math.isnan(hazards.at(500.0, 0.0))
+    row, column = (round((v - o) / hazards.cell) for v, o in ((1.5, hazards.south), (2.0, hazards.west)))
+    assert hazards.confidence[row, column] > 0.5
+    assert hazards.picture().shape == (*hazards.hazard.shape, 3)
+
+
+def test_a_slope_beyond_the_rovers_is_an_obstacle() -> None:
+    gentle = looked(GroundRaster.of(plane(0.2, 0.0), 9.0), Pose(0, 0, 0, 0.0, pitch=-math.atan(0.2)))
+    steep = looked(GroundRaster.of(plane(0.6, 0.0), 9.0), Pose(0, 0, 0, 0.0, pitch=-math.atan(0.6)))
+    assert gentle.at(2.0, 0.0) < 1.0
+    assert steep.at(2.0, 0.0) >= 1.0
+
+
+def test_distance_to_obstacles_is_that_of_geometry_within_six_per_cent() -> None:
+    blocked = np.zeros((60, 60), dtype=bool)
+    blocked[30, 20] = True
+    distance = obstacle_distance(blocked, 0.1)
+    r, c = np.mgrid[0:60, 0:60]
+    true = 0.1 * np.hypot(r - 30, c - 20)
+    assert np.all(np.abs(distance - true) <= 0.06 * true + 1e-9)
+
+
+def test_the_way_to_the_goal_goes_round_a_wall() -> None:
+    price = np.ones((41, 41))
+    price[20, :30] = np.inf
+    cost = cost_to_go(price, 1.0, 10, 5)
+    assert cost[30, 5] > 40.0
+    assert cost[10, 15] == pytest.approx(10.0)
+    assert math.isinf(cost[20, 5])
+
+
+def test_an_arc_ends_where_the_circle_says() -> None:
+    x, y, heading = end_of(Pose(0, 0), 0.0, 1.0, math.pi / 2)
+    assert (x, y, heading) == pytest.approx((1.0, 1.0, math.pi / 2))
+    assert end_of(Pose(1, 2), math.pi / 2, 0.0, 2.0) == pytest.approx((1.0, 4.0, math.pi / 2))
+
+
+def test_the_tracked_targets_own_rock_is_no_obstacle() -> None:
+    rock = bumpy(lambda x, y: np.where(np.hypot(x - 1.6, y) < 0.3, 0.3, 0.0))
+    hazards = looked(GroundRaster.of(rock, 5.9), Pose(0, 0))
+    navigator = Navigator(K9, hazards)
+    before = navigator.choose(Pose(0, 0), (1.2, 0.0))
+    navigator.ignore = (1.6, 0.0, 0.6)
+    after = navigator.choose(Pose(0, 0), (1.2, 0.0))
+    assert after is not None
+    assert abs(after.turn_rad) < 0.3
+    assert before is None or before.length_m < after.length_m or abs(before.turn_rad) > 0.3
+
+
+def test_slip_grows_uphill_and_the_rover_falls_short_of_what_it_believes() -> None:
+    level = Chassis(plane(), K9, Pose(0, 0), rng=np.random.default_rng(0))
+    assert level.slip(0.0) == pytest.approx(0.02)
+    assert level.slip(0.3) > level.slip(0.1)
+    short = []
+    for seed in range(20):
+        hill = Chassis(plane(0.25, 0.0), K9, Pose(0, 0), rng=np.random.default_rng(seed))
+        for _ in range(4):
+            hill.follow(Way(0.0, 0.0, 0.75))
+        short.append(hill.believed.x - hill.pose.x)
+    assert np.mean(short) > 0.4
+
+
+def test_odometry_is_off_by_about_its_share_of_the_distance() -> None:
+    errors = []
+    for seed in range(200):
+        chassis = Chassis(plane(), K9, Pose(0, 0), rng=np.random.default_rng(seed))
+        chassis.follow(Way(0.0, 0.0, 0.75))
+        errors.append((chassis.pose.x - chassis.believed.x) / 0.75)
+    assert np.std(errors) == pytest.approx(K9.mobility.odometry_error, rel=0.2)
+    assert abs(np.mean(errors)) < 0.01
+
+
+def test_a_drive_into_a_boulder_is_a_collision_and_a_stuck_wheel_goes_nowhere() -> None:
+    boulder = bumpy(lambda x, y: np.where(np.hypot(x - 1.5, y) < 0.3, 0.5, 0.0))
+    chassis = Chassis(boulder, K9, Pose(0, 0), soil=Soil(), rng=np.random.default_rng(0))
+    driven = chassis.follow(Way(0.0, 0.0, 2.0))
+    assert driven.collision == "belly"
+    assert chassis.pose.x < 1.3
+    stuck = Chassis(plane(), K9, Pose(0, 0), rng=np.random.default_rng(0))
+    stuck.wheel_stuck = True
+    assert stuck.follow(Way(0.0, 0.0, 1.0)).stuck
+    assert stuck.pose.x == 0.0
+
+
+def test_the_rover_drives_round_a_row_of_rocks() -> None:
+    def row(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where((np.abs(x - 2.5) < 0.25) & (np.abs(y) < 1.2), 0.4, 0.0)
+
+    ground = GroundRaster.of(bumpy(row), 5.9)
+    chassis = Chassis(ground, K9, Pose(0, 0), rng=np.random.default_rng(3))
+    went = drive(chassis, ground, (4.5, 0.0))
+    assert went.arrived, went.reason
+    assert not went.collided
+    assert went.length_m > 5.0
+    assert went.worst_gap_m > 0.0
+
+
+def test_a_goal_behind_a_ring_of_boulders_is_given_up_without_a_collision() -> None:
+    def ring(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(np.abs(np.hypot(x, y) - 3.0) < 0.35, 0.6, 0.0)
+
+    ground = GroundRaster.of(bumpy(ring), 5.9)
+    chassis = Chassis(ground, K9, Pose(0, 0), rng=np.random.default_rng(3))
+    went = drive(chassis, ground, (5.0, 0.0), most_looks=25)
+    assert not went.arrived
+    assert not went.collided
+
+
+def test_parameters_out_of_range_are_refused() -> None:
+    with pytest.raises(RoverError, match="cell of the hazard map is 5"):
+        MapParameters(cell_m=5)
+    with pytest.raises(RoverError, match="discount"):
+        MapParameters(discount=0)
+    with pytest.raises(RoverError, match="margins"):
+        NavigatorParameters(margin_m=0.01)
+
+
+def test_four_random_traverses_arrive_without_a_collision() -> None:
+    study, runs = traverse_study(K9, runs=4, seed=1000, length_m=14.0, drives_per_terrain=4)
+    assert study.collided == 0
+    assert study.arrived >= 3
+    assert len(runs) == 4
+
+
+@pytest.mark.slow
+def test_a_hundred_random_traverses_of_twenty_metres() -> None:
+    """The goal is no collision; three in this hundred are what has been reached, five would be worse."""
+    study, _ = traverse_study(K9, runs=100, seed=1000)
+    assert study.collided < 5
+    assert study.arrived >= 95

@@ -1,0 +1,173 @@
+"""The subframe rover: eyes that are rendered, ground that is true, a map that may be wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.ports import Acknowledgement, Command, CommandId, Result
+from rover_iface.contract import write_contract_world
+from rover_iface.errors import OutsideTerrainError, WorldError
+from rover_iface.simulator.faults import Fault, FaultKind
+from rover_iface.simulator.subframe_rover import SubframeRover, make_rover
+from rover_iface.terrain import load_terrain
+from rover_iface.terrain.strew import strew_rocks
+from tests.rover_iface.worlds import plane
+
+COUNT = iter(range(10**9))
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_contract_world(tmp_path_factory.mktemp("world"))
+
+
+def do(rover: SubframeRover, action: str, **parameters: Any) -> Result:
+    wanted = Command(CommandId("run", f"t{next(COUNT)}", 1), action, parameters)
+    rover.send(wanted)
+    while True:
+        event = rover.next_event(None)
+        assert event is not None
+        if isinstance(event, Result) and event.command == wanted.id:
+            return event
+
+
+@pytest.fixture(scope="module")
+def day(world: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[SubframeRover, Path, list[Result]]:
+    """One target tracked, approached and touched."""
+    out = tmp_path_factory.mktemp("run")
+    rover = make_rover(world, seed=4, out=out)
+    results = [
+        do(rover, "trackstart", target="T1"),
+        do(rover, "navigate", target="T1", mode="track", require_tracked=True),
+        do(rover, "handoff", target="T1"),
+        do(rover, "ipplaceinstrument", target="T1", dwell_s=10.0),
+        do(rover, "image", target="T2", instrument="scicam"),
+    ]
+    return rover, out, results
+
+
+def test_a_target_is_approached_and_touched_within_two_centimetres(
+    day: tuple[SubframeRover, Path, list[Result]],
+) -> None:
+    _, _, (start, drive, handoff, place, _) = day
+    assert start.success, start.reason
+    assert drive.success, drive.reason
+    assert drive.values["distance_m"] > 2.0
+    assert handoff.success, handoff.reason
+    assert place.values["made"] is True
+    assert place.values["placement_error_m"] < 0.02
+
+
+def test_dead_reckoning_drifts_but_the_track_holds(day: tuple[SubframeRover, Path, list[Result]]) -> None:
+    rover, _, _ = day
+    _, true, believed = rover.odometry[-1]
+    assert 0.005 < math.hypot(true.x - believed.x, true.y - believed.y) < 0.5
+    assert all(record.error_m < 0.05 for record in rover.history if record.state == "tracked")
+    assert len(rover.history) >= 5
+
+
+def test_products_carry_pose_camera_and_target(day: tuple[SubframeRover, Path, list[Result]]) -> None:
+    _, out, results = day
+    labels = [json.loads(p.read_text()) for p in sorted((out / "products").glob("*.png.json"))]
+    kinds = {label["kind"] for label in labels}
+    assert "hazardmap" in kinds
+    if results[3].success:
+        assert {"hazcam", "microscopic"} <= kinds
+    image = next(label for label in labels if label["kind"] == "image")
+    assert image["target"] == "T2"
+    assert image["camera_model"]["kind"] in ("CAHV", "CAHVOR", "CAHVORE")
+    assert len(image["camera_model"]["C"]) == 3
+    for kind in ("odometry", "tracking"):
+        table = next((out / "products").glob(f"*-{kind}.json"))
+        assert json.loads(table.read_text())
+
+
+def test_the_sun_and_the_battery_are_told(day: tuple[SubframeRover, Path, list[Result]]) -> None:
+    rover, _, _ = day
+    assert 0 < float(rover.get("sun-elevation") or 0) < math.pi / 2
+    assert 0 < rover.battery_j <= rover.profile.power.battery_j
+
+
+def test_a_lost_target_is_told_within_two_updates_and_fails_the_drive(world: Path) -> None:
+    rover = make_rover(world, seed=4, faults=[Fault(FaultKind.LOSE_TARGET, at_s=60, target="T1")])
+    assert do(rover, "trackstart", target="T1").success
+    drive = do(rover, "navigate", target="T1", mode="track", require_tracked=True)
+    assert not drive.success
+    assert drive.reason == "target T1 was lost"
+    assert rover.get("trackerstate T1") == "failed"
+    states = [r.state for r in rover.history]
+    assert states.index("lost") <= 3
+
+
+def test_a_sudden_change_of_light_is_not_taken_for_the_target(world: Path) -> None:
+    rover = make_rover(world, seed=4, faults=[Fault(FaultKind.SHADOW, at_s=60, target="T1")])
+    do(rover, "trackstart", target="T1")
+    do(rover, "navigate", target="T1", mode="track")
+    for record in rover.history:
+        assert record.state != "tracked" or record.error_m < 0.05
+
+
+def test_faults_of_the_body_and_the_camera(world: Path) -> None:
+    stuck = make_rover(world, seed=1, faults=[Fault(FaultKind.STUCK_WHEEL, at_s=0)])
+    assert do(stuck, "navigate", x=2.0, y=0.0, mode="blind").reason == "wheel stuck"
+    blind = make_rover(world, seed=1, faults=[Fault(FaultKind.CAMERA_FAILURE, at_s=0)])
+    assert do(blind, "trackstart", target="T1").reason == "camera failed"
+    slow = make_rover(world, seed=1, faults=[Fault(FaultKind.SLOW_DRIVE, at_s=0, amount=3.0)])
+    plain = make_rover(world, seed=1)
+    drives = [do(r, "navigate", x=2.0, y=0.0, mode="blind").t_ms for r in (slow, plain)]
+    assert drives[0] == pytest.approx(3 * drives[1], rel=0.05)
+    slip = make_rover(world, seed=1, faults=[Fault(FaultKind.SLIP_BURST, at_s=0, amount=2.0)])
+    do(slip, "navigate", x=2.0, y=0.0, mode="blind")
+    assert slip.chassis.pose.x < 1.4
+
+
+def test_an_abort_during_a_drive_is_acknowledged(world: Path) -> None:
+    rover = make_rover(world, seed=1)
+    drive = Command(CommandId("run", "d", 1), "navigate", {"x": 5.0, "y": 3.0, "mode": "avoid"})
+    rover.send(drive)
+    while rover.next_event(100_000) is not None:
+        pass
+    rover.abort(drive.id)
+    event = rover.next_event(100_000)
+    assert isinstance(event, Acknowledgement)
+    assert event.t_ms == 100_000
+
+
+def test_the_true_world_has_rocks_the_map_has_not(world: Path) -> None:
+    document = json.loads((world / "world.json").read_text())
+    document["map_error"] = {"unmapped_rocks_per_m2": 0.1, "softer": 1.3}
+    terrain = load_terrain(world / "terrain")
+    rover = make_rover(document, terrain=terrain, seed=2)
+    extra = [rock for rock in rover.terrain.rocks if rock.id.startswith("U")]
+    assert len(extra) > 10
+    assert len(terrain.rocks) == 2
+    big = max(extra, key=lambda rock: rock.height)
+    assert float(rover.terrain.height(big.x, big.y)) > float(terrain.height(big.x, big.y)) + 0.5 * big.height
+    for target in rover.targets.values():
+        assert all(math.hypot(r.x - target.point[0], r.y - target.point[1]) > 0.6 for r in extra)
+
+
+def test_rocks_can_be_strewn_on_any_ground() -> None:
+    bare = plane(0.05, 0.0)
+    rocky = strew_rocks(bare, seed=1, half_m=9.0, total_cover=0.08, keep_clear=[(0, 0, 2.0)])
+    assert len(rocky.rocks) > 20
+    assert all(math.hypot(r.x, r.y) > 2.0 for r in rocky.rocks)
+    x, y = np.array([[r.x, r.y] for r in rocky.rocks[:20]]).T
+    assert (rocky.height(x, y) >= bare.height(x, y) - 1e-6).all()
+    assert np.allclose(rocky.height(x, y, ground=True), bare.height(x, y), atol=1e-5)
+
+
+def test_impossible_worlds_are_refused(world: Path) -> None:
+    document = json.loads((world / "world.json").read_text())
+    with pytest.raises(OutsideTerrainError, match="start of the rover"):
+        make_rover(
+            {**document, "start": {"east_m": 99, "north_m": 0}}, terrain=load_terrain(world / "terrain")
+        )
+    with pytest.raises(WorldError, match="has no terrain"):
+        make_rover({k: v for k, v in document.items() if k != "terrain"})

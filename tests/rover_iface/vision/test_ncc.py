@@ -1,0 +1,267 @@
+"""The correlation tracker on rendered subframes: it follows, it loses, it says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rover_iface.cameras.model import pinhole
+from rover_iface.errors import TrackerError
+from rover_iface.frames import Pose, Transform
+from rover_iface.simulator.render.renderer import Frame, Sun
+from rover_iface.vision.ncc import NccTracker
+from rover_iface.vision.template import NccOptions, template_roll, template_scale
+from rover_iface.vision.tracker import StereoView, Tracker, TrackState
+from tests.rover_iface.render.scenes import LOOK, SUN, picture
+
+
+@lru_cache(maxsize=64)
+def frames(
+    x: float, y: float, heading: float, roll: float, sun: Sun = SUN, seed: int = 1
+) -> tuple[Frame, Frame]:
+    pose = Pose(x, y, 0.0, heading, 0.0, roll)
+    left = picture(pose, sun=sun, seed=seed)
+    return left, picture(pose, "navcam_right", sun=sun, exposure=left.exposure, seed=seed + 1)
+
+
+def view(
+    x: float,
+    y: float = 0.0,
+    heading: float = 0.0,
+    roll: float = 0.0,
+    *,
+    error: Transform | None = None,
+    sun: Sun = SUN,
+    travelled_m: float = 0.0,
+) -> tuple[StereoView, Frame]:
+    """Return what the rover at (x, y) sees; `error` moves what it believes of its pose."""
+    left, right = frames(x, y, heading, roll, sun)
+    cameras = [f.camera if error is None else f.camera.transformed(error) for f in (left, right)]
+    return StereoView(left.unit, right.unit, *cameras, travelled_m=travelled_m), left
+
+
+def approach() -> list[float]:
+    stops, x = [-8.0], -8.0
+    while x < -2.6:
+        x += 0.10 * -x
+        stops.append(round(x, 3))
+    return stops
+
+
+def target_pixel() -> tuple[np.ndarray, np.ndarray]:
+    left, _ = frames(-8.0, 0.0, 0.0, 0.0)
+    return np.array([80.0, 80.0]), left.truth.point_site[80, 80]
+
+
+def test_a_target_is_followed_to_a_centimetre_over_an_approach() -> None:
+    tracker: Tracker = NccTracker()
+    pixel, point = target_pixel()
+    first, _ = view(-8.0)
+    assert isinstance(tracker, NccTracker)
+    tracker.start("T1", None, first, pixel=pixel)
+    for x in approach()[1:]:
+        now, left = view(x, travelled_m=x + 8.0)
+        update = tracker.update("T1", now)
+        assert update.state is TrackState.TRACKED, update.reasons
+        assert update.confidence > 0.5
+        assert np.hypot(*(update.pixel - left.camera.project(point))) < 3.0
+    assert np.linalg.norm(update.position - point) < 0.02
+    assert np.linalg.norm(tracker.predicted("T1") - point) < 0.02
+    assert math.sqrt(np.linalg.eigvalsh(update.covariance).max()) < 0.03
+
+
+def test_position_is_corrected_when_the_pose_estimate_is_off() -> None:
+    tracker = NccTracker()
+    pixel, point = target_pixel()
+    tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+    error = Transform.from_rpy(0.0, 0.0, 0.01, (0.05, -0.06, 0.01))
+    now, left = view(-7.2, error=error, travelled_m=0.8)
+    update = tracker.update("T1", now)
+    assert update.state is TrackState.TRACKED, update.reasons
+    assert np.hypot(*(update.pixel - left.camera.project(point))) < 1.0
+    assert np.linalg.norm(update.position - error.apply(point)) < 0.1
+
+
+@pytest.mark.parametrize("roll", [-0.35, 0.2, 0.5])
+def test_a_rolled_rover_is_followed_only_with_the_roll_taken_out(roll: float) -> None:
+    pixel, point = target_pixel()
+    now, left = view(-7.2, roll=roll, travelled_m=0.8)
+    for warp, right in (("similarity", True), ("plane", True), ("scale", False)):
+        tracker = NccTracker(NccOptions.as_flown(warp))  # type: ignore[arg-type]
+        tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+        update = tracker.update("T1", now)
+        if right:
+            assert update.state is TrackState.TRACKED, (warp, update.reasons)
+            assert np.hypot(*(update.pixel - left.camera.project(point))) < 2.5
+            assert abs(update.scores["roll_rad"]) == pytest.approx(abs(roll), abs=0.05)
+        elif abs(roll) > 0.3:
+            assert update.scores["ncc"] < 0.85
+
+
+def test_a_static_scene_keeps_the_target_where_it_is() -> None:
+    tracker = NccTracker()
+    pixel, _ = target_pixel()
+    tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+    for _ in range(4):
+        update = tracker.update("T1", view(-8.0)[0])
+        assert np.hypot(*(update.pixel - pixel)) < 0.05
+    assert update.scores["scale"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_occlusion_is_told_as_lost_then_failed_and_stays_so_until_cleared() -> None:
+    tracker = NccTracker()
+    pixel, _ = target_pixel()
+    start = tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+    now, _ = view(-7.2, travelled_m=0.8)
+    hidden = now.left.copy()
+    hidden[30:130, 30:130] = np.random.default_rng(1).random((100, 100)).astype(np.float32)
+    covered = replace(now, left=hidden)
+    states = []
+    for _ in range(4):
+        update = tracker.update("T1", covered)
+        states.append(update.state)
+        assert update.confidence < 0.5
+        assert np.array_equal(update.position, start.position)
+        assert update.reasons
+    assert states == [TrackState.LOST, TrackState.LOST, TrackState.FAILED, TrackState.FAILED]
+    assert tracker.update("T1", now).state is TrackState.FAILED
+    tracker.clear("T1")
+    with pytest.raises(TrackerError, match='"T1" is not followed'):
+        tracker.update("T1", now)
+
+
+def test_a_target_that_comes_back_in_time_is_found_again() -> None:
+    tracker = NccTracker(NccOptions(lost_updates=2))
+    pixel, point = target_pixel()
+    tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+    now, _ = view(-7.2, travelled_m=0.8)
+    blank = replace(now, left=np.zeros_like(now.left))
+    assert tracker.update("T1", blank).state is TrackState.LOST
+    assert tracker.update("T1", blank).state is TrackState.LOST
+    later, left = view(-6.48, travelled_m=1.52)
+    update = tracker.update("T1", later)
+    assert update.state is TrackState.TRACKED
+    assert np.hypot(*(update.pixel - left.camera.project(point))) < 2.0
+    assert tracker.update("T1", blank).state is TrackState.LOST  # the count starts anew
+
+
+def test_a_jump_in_azimuth_or_light_is_followed_rightly_or_told_within_two_updates() -> None:
+    pixel, point = target_pixel()
+    night = Sun.from_angles(math.radians(60.0), math.radians(8.0), strength=0.5)
+    angle = math.radians(75.0)
+    jumps = [
+        view(-7.2, sun=night, travelled_m=0.8),
+        view(-7.2 * math.cos(angle), -7.2 * math.sin(angle), angle, travelled_m=3.0),
+    ]
+    for now, left in jumps:
+        tracker = NccTracker()
+        tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+        for _ in range(2):
+            update = tracker.update("T1", now)
+        if update.state is TrackState.TRACKED:
+            line, sample = (round(float(v)) for v in update.pixel[::-1])
+            assert np.linalg.norm(left.truth.point_site[line, sample] - point) < 0.05
+
+
+def test_a_wrong_target_lowers_the_confidence() -> None:
+    pixel, _ = target_pixel()
+    tracker = NccTracker()
+    tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+    good = tracker.update("T1", view(-7.2, travelled_m=0.8)[0])
+    tracker.clear("T1")
+    tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+    now, _ = view(-7.2, travelled_m=0.8)
+    other = replace(
+        now, left=np.ascontiguousarray(now.left[::-1]), right=np.ascontiguousarray(now.right[::-1])
+    )
+    bad = tracker.update("T1", other)
+    assert bad.confidence < 0.5 < good.confidence
+
+
+def test_several_targets_are_followed_at_once() -> None:
+    tracker = NccTracker()
+    left, _ = frames(-8.0, 0.0, 0.0, 0.0)
+    pixels = {"A": (80.0, 80.0), "B": (60.0, 88.0), "C": (100.0, 90.0)}
+    points = {k: left.truth.point_site[int(v[1]), int(v[0])] for k, v in pixels.items()}
+    for name, pixel in pixels.items():
+        tracker.start(name, None, view(-8.0)[0], pixel=pixel)
+    assert set(tracker.targets) == set(pixels)
+    for x in approach()[1:4]:
+        now, seen = view(x, travelled_m=x + 8)
+        for name in pixels:
+            update = tracker.update(name, now)
+            assert update.state is TrackState.TRACKED, (name, update.reasons)
+            assert np.hypot(*(update.pixel - seen.camera.project(points[name]))) < 2.0
+    tracker.clear("B")
+    assert set(tracker.targets) == {"A", "C"}
+
+
+def test_a_target_behind_the_rover_or_outside_the_image_cannot_be_started() -> None:
+    tracker = NccTracker()
+    first, _ = view(-8.0)
+    with pytest.raises(TrackerError, match="behind the camera"):
+        tracker.start("T1", (-20.0, 0.0, 0.0), first)
+    with pytest.raises(TrackerError, match="px inside"):
+        tracker.start("T1", None, first, pixel=(2.0, 80.0))
+    tracker.start("T1", LOOK, first, pixel=(80.0, 80.0))
+    with pytest.raises(TrackerError, match="followed already"):
+        tracker.start("T1", LOOK, first, pixel=(80.0, 80.0))
+    moved, _ = frames(-8.0, 0.0, 0.0, 0.0)
+    away = [c.moved(np.eye(3), np.array([40.0, 0, 0])) for c in (first.left_camera, first.right_camera)]
+    lost = tracker.update("T1", StereoView(moved.unit, first.right, *away))
+    assert lost.state is TrackState.LOST
+    assert "behind" in lost.reasons[0] or "outside" in lost.reasons[0]
+    with pytest.raises(TrackerError, match="left image is"):
+        replace(first, left=first.left[:10])
+
+
+def test_the_coarse_search_finds_what_the_full_search_finds() -> None:
+    pixel, _ = target_pixel()
+    found = []
+    for coarse in (True, False):
+        tracker = NccTracker(replace(NccOptions(), coarse=coarse))
+        tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+        found.append(tracker.update("T1", view(-7.2, travelled_m=0.8)[0]).pixel)
+    assert np.allclose(found[0], found[1], atol=0.02)
+
+
+@given(old=st.floats(0.5, 30), new=st.floats(0.5, 30))
+def test_template_scale_is_the_ratio_of_ranges(old: float, new: float) -> None:
+    assert template_scale(old, new) * template_scale(new, old) == pytest.approx(1.0)
+    assert (template_scale(old, new) > 1) == (new < old)
+
+
+@given(roll=st.floats(-1.2, 1.2), azimuth=st.floats(-0.2, 0.2), tilt=st.floats(-0.6, 0.1))
+@settings(deadline=None)
+def test_template_roll_is_the_roll_between_two_cameras(roll: float, azimuth: float, tilt: float) -> None:
+    forward = np.array(
+        [math.cos(tilt) * math.cos(azimuth), math.cos(tilt) * math.sin(azimuth), math.sin(tilt)]
+    )
+    old = pinhole(focal_px=1000, width=640, height=480, forward=forward)
+    # the new camera has turned clockwise about its axis: the scene turns the other way in its image
+    up = np.cross(np.cross(forward, [0, 0, 1.0]), forward)
+    up /= np.linalg.norm(up)
+    right = np.cross(forward, up)
+    new = pinhole(
+        focal_px=1000, width=640, height=480, forward=forward, up=math.cos(roll) * up + math.sin(roll) * right
+    )
+    assert template_roll(old, new, 5 * forward) == pytest.approx(-roll, abs=1e-9)
+    with pytest.raises(TrackerError, match="behind"):
+        template_roll(old, new, -5 * forward)
+
+
+def test_options_are_checked() -> None:
+    with pytest.raises(TrackerError, match="odd"):
+        NccOptions(template_px=20)
+    with pytest.raises(TrackerError, match="context of 15 px"):
+        NccOptions(context_px=15)
+    with pytest.raises(TrackerError, match="search is 1 px"):
+        NccOptions(search_px=1)
+    with pytest.raises(TrackerError, match="must be positive"):
+        template_scale(0.0, 1.0)
