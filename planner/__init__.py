@@ -1,0 +1,1 @@
+"""Pure algorithms: planning problem in, contingent plan out."""

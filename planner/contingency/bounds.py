@@ -1,0 +1,201 @@
+"""Upper bounds on what any policy whatever can earn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import linprog
+
+from planner.contingency.policy import LiveSets, Policy, TooLargeError
+from planner.evaluate.grid import Grid, Rounding, probability_below
+from planner.evaluate.model import Model
+
+GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 385, 513, 769))
+"""Nodes in time and energy."""
+
+TABLE_MB = 1200.0
+MACS_PER_S = 1e10
+DRIVE_S = 1.5e-5
+FIXED_S = 4.0
+LP_LIMIT_S = 5.0
+LP_CELLS = 48
+MANY_OBSERVATIONS = 60
+MARGIN = 2e-5
+"""Relative allowance for single precision in the tables."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """No policy earns more than `value`; `method` says how it was found, `nodes` on what grid."""
+
+    value: float
+    method: str
+    nodes: tuple[int, int] | None = None
+
+
+def trivial_bound(model: Model) -> Bound:
+    """Return the sum of all expected utilities: what would be earned if nothing cost anything."""
+    return Bound(float(np.sum(model.utility * model.p_success)), "sum of utilities")
+
+
+def upper_bound(
+    model: Model,
+    *,
+    time_limit_s: float,
+    deterministic: bool = False,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> Bound:
+    """Return the best bound that the time allows: a table with consumption rounded down on a fine grid.
+
+    It bounds every policy that does not come back to a target that it has left. Where no table fits, the
+    linear relaxation of `relaxed_bound` is taken. With `deterministic` the grid depends on the problem
+    alone.
+    """
+    best = trivial_bound(model)
+    if model.t_max_s <= 0.0 or model.e_max_j <= 0.0 or best.value <= 0.0:
+        return Bound(0.0, "nothing can be done")
+
+    def relaxed() -> Bound:
+        found = relaxed_bound(model)
+        return found if found.value < best.value else best
+
+    if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:
+        return relaxed()
+    sets = LiveSets(model, (1 << model.m) - 1)
+    one_stay = any(int(bits).bit_count() > 1 for bits in model.target_bits)
+    start = [sets.initial(sum(1 << p for p in range(1, model.n + 1) if model.trackable[p]))]
+    try:
+        if one_stay:
+            every, during = sets.once_from(start)
+        else:
+            every, during = sets.all_from(start), {}
+    except TooLargeError:
+        return relaxed()
+    drives = 0
+    for live in every:
+        if live not in during:
+            here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
+            drives += here * (model.n + 1 - here)
+    allowed = min(time_limit_s, FIXED_S) if deterministic else time_limit_s
+    chosen: tuple[int, int] | None = None
+    for nt, ng in GRIDS:
+        cost = drives * (nt * ng * (nt + ng) / MACS_PER_S + DRIVE_S)
+        size_mb = len(every) * (model.n + 1) * nt * ng * 4 / 1e6
+        if size_mb <= TABLE_MB and cost <= allowed:
+            chosen = nt, ng
+    if chosen is None:
+        return relaxed()
+    policy = Policy(
+        Grid(model, *chosen, Rounding.DOWN, np.float32), one_stay=one_stay, should_stop=should_stop
+    )
+    if not policy.complete:
+        return relaxed()
+    value = policy.best() * (1.0 + MARGIN) + 1e-9
+    if value < best.value:
+        best = Bound(value, "dynamic programming, consumption rounded down", chosen)
+    return best
+
+
+def _within(model: Model, ln: tuple[float, float], cells: int, step: float) -> np.ndarray[Any, Any]:
+    """Return P(X <= j * step) for j = 0..cells."""
+    edges = np.asarray(np.arange(cells + 1) * step, np.float64)
+    return np.asarray(probability_below(edges, ln[0], ln[1]))
+
+
+def relaxed_bound(model: Model) -> Bound:
+    """Return a bound by linear programming over start times, for problems that no table holds.
+
+    Variables are the chances that an observation, or a drive to a target, starts in a cell of time. A drive
+    takes the stochastically shortest of the ways to its target, no track is lost and energy is free. Every
+    policy satisfies: at each instant at most one action runs; an observation starts at most once, and not
+    more often than the rover has arrived. Starts are rounded down to their cell, which only loosens these
+    constraints.
+    """
+    cells = LP_CELLS if model.m <= MANY_OBSERVATIONS else LP_CELLS // 4
+    step = model.t_max_s / cells
+    cost: list[float] = []
+    rows: list[np.ndarray[Any, Any]] = []
+    cols: list[np.ndarray[Any, Any]] = []
+    vals: list[np.ndarray[Any, Any]] = []
+    column = 0
+    drives: dict[int, list[tuple[int, int]]] = {}
+    driven: dict[int, np.ndarray[Any, Any]] = {}
+    arrivals: dict[int, list[int]] = {}
+    wanted = [m for m in range(model.m) if model.utility[m] > 0.0]
+
+    def put(row: np.ndarray[Any, Any], value: np.ndarray[Any, Any]) -> None:
+        kept = np.abs(value) > 1e-12
+        rows.append(row[kept])
+        vals.append(value[kept])
+        cols.append(np.full(int(kept.sum()), column))
+
+    def occupy(within: np.ndarray[Any, Any], k: int) -> None:
+        later = np.arange(k + 1, cells + 1)
+        put(later, 1.0 - within[later - k])
+
+    for place in sorted({int(model.obs_place[m]) for m in wanted}):
+        legs = [a for a in range(model.n + 1) if model.has_leg[a, place]]
+        if not legs:
+            continue
+        within = np.max(
+            [_within(model, tuple(model.leg_ln[a, place, :2]), cells, step) for a in legs], axis=0
+        )
+        driven[place] = within
+        arrivals[place] = legs
+        drives[place] = []
+        for k in range(cells):
+            drives[place].append((k, column))
+            cost.append(0.0)
+            occupy(within, k)
+            column += 1
+    row = cells + 1
+    limits = [1.0] * row
+    once: list[int] = []
+    for m in wanted:
+        place = int(model.obs_place[m])
+        if place not in driven:
+            continue
+        worth = float(model.utility[m] * model.p_success[m])
+        within = _within(model, tuple(model.obs_ln[m, :2]), cells, step)
+        opens, closes = model.window[m]
+        kept = 1.0
+        if model.is_place[m]:  # the track must at least survive the drive that arrives
+            kept -= min(float(model.loss[a, place, place]) for a in arrivals[place])
+        base = row
+        for k in range(cells):
+            if k * step > closes or (k + 1) * step < opens:
+                continue
+            cost.append(-worth * float(within[cells - k]))
+            occupy(within, k)
+            put(np.arange(base + k, base + cells + 1), np.ones(cells + 1 - k))
+            column += 1
+        here = column
+        for k, drive in drives[place]:
+            reach = np.arange(k, cells)
+            rows.append(base + reach)
+            vals.append(-driven[place][reach + 1 - k])
+            cols.append(np.full(len(reach), drive))
+        column = here
+        limits += [0.0] * cells + [kept]
+        once.append(base + cells)
+        row = base + cells + 1
+    if not once:
+        return Bound(0.0, "nothing can be reached")
+    matrix = sparse.csr_matrix(
+        (np.concatenate(vals), (np.concatenate(rows), np.concatenate(cols))), shape=(row, column)
+    )
+    result = linprog(
+        np.array(cost),
+        A_ub=matrix,
+        b_ub=np.array(limits),
+        bounds=(0, None),
+        method="highs",
+        options={"time_limit": LP_LIMIT_S},
+    )
+    if result.status != 0:
+        return trivial_bound(model)
+    return Bound(-float(result.fun) * (1.0 + 1e-6), "linear relaxation over start times")

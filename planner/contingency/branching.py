@@ -1,0 +1,551 @@
+"""Contingent plans with at most k branches, grown where the optimal policy says that most is to be won.
+
+Starting from several main lines, an option is added again and again at the point and with the condition and
+plan that win most. The most that any branch can win at a point is known there: the mass that meets it times
+(V* - V of going on). Plans for options come from the beam search over the mass in which the policy would do
+something else; their conditions from `conditions.best_condition`. After each option the conditions and
+plans of the others, the tails of all lists, and what a failed step does (stop or skip) are fitted anew.
+Every value is the grid's, without sampling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from planner.contingency.conditions import Bins, best_condition
+from planner.contingency.pico2005 import steps_at, with_steps, without_unused_tracks
+from planner.contingency.policy import Policy
+from planner.contingency.sequences import Masses, best_sequences, likely_path, sequence_steps, total
+from planner.evaluate.grid import Grid
+from planner.evaluate.notes import without_option
+from planner.evaluate.program import Program, compile_plan
+from planner.evaluate.propagate import Backward, Flow, State, forward
+from planner.plan_tree import (
+    Branch,
+    Condition,
+    Navigate,
+    Observe,
+    OnFail,
+    Option,
+    Path,
+    Plan,
+    Step,
+    TrackStart,
+    count_branches,
+    walk,
+)
+
+FOLLOWED = 2e-4
+"""Share of the mass that a state needs to be looked at when a branch is fitted."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchLimits:
+    """How far the search goes. `iterations` counts fitted candidates and is the deterministic limit."""
+
+    max_branches: int = 6
+    iterations: int | None = None
+    main_lines: int = 4
+    width: int = 4
+    tolerance: float = 2e-4
+    enough: float = 2e-4
+
+
+@dataclass(eq=False)
+class Search:
+    """What the search found: `curve[k]` is the best (value, plan) with at most k branches."""
+
+    policy: Policy
+    optimum: float
+    curve: list[tuple[float, Plan]] = field(default_factory=list)
+    iterations: int = 0
+    finished: bool = False
+
+    def best(self, branches: int) -> tuple[float, Plan]:
+        return self.curve[min(branches, len(self.curve) - 1)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A place in a list of steps where an option may be put: before the step at `path` (or at the list's
+    end).
+    """
+
+    path: Path
+    row: int
+    masses: Masses
+    regret: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Move:
+    gain: float
+    plan: Plan
+
+
+class _Plan:
+    """A plan with its program, value and distributions on one grid."""
+
+    def __init__(self, grid: Grid, plan: Plan):
+        self.grid, self.plan = grid, plan
+        self.program: Program = compile_plan(grid.model, plan, mark_ends=True)
+        self.backward = Backward(grid, self.program)
+        self.value = self.backward.total()
+        self._flow: Flow | None = None
+
+    @property
+    def flow(self) -> Flow:
+        if self._flow is None:
+            self._flow = forward(self.grid, self.program)
+        return self._flow
+
+    @property
+    def branches(self) -> int:
+        return count_branches(self.plan)
+
+
+def _lists(plan: Plan, path: Path = ()) -> Iterator[tuple[Path, Plan]]:
+    """Yield every list of steps with the path of its owner."""
+    yield path, plan
+    for k, step in enumerate(plan):
+        if isinstance(step, Branch):
+            for j, option in enumerate(step.options):
+                yield from _lists(option.plan, (*path, k, j))
+
+
+class _Grower:
+    def __init__(
+        self, policy: Policy, grid: Grid, limits: SearchLimits, should_stop: Callable[[], bool]
+    ) -> None:
+        self.policy, self.grid, self.limits = policy, grid, limits
+        self.model = grid.model
+        self.bins = Bins(grid)
+        self.iterations = 0
+        self.should_stop = should_stop
+        self._optimal: dict[State, Any] = {}
+
+    def over(self) -> bool:
+        limit = self.limits.iterations
+        return (limit is not None and self.iterations >= limit) or self.should_stop()
+
+    def optimal(self, state: State) -> Any:
+        """Return V* in a state, in the precision of the grid."""
+        value = self._optimal.get(state)
+        if value is None:
+            value = self._optimal[state] = self.policy.value(state).astype(np.float64)
+        return value
+
+    # ------------------------------------------------------------------------------------- points
+
+    def points(self, plan: _Plan) -> list[_Point]:
+        """Return where an option may be put, by falling regret (the most that any option there can win)."""
+        found = []
+        for owner, steps in _lists(plan.plan):
+            for k in range(len(steps) + 1):
+                path = (*owner, k)
+                if k < len(steps) and not isinstance(steps[k], Navigate | Observe):
+                    continue
+                row = plan.program.step_row.get(path)
+                masses = plan.flow.get(row) if row else None
+                if not row or not masses:
+                    continue
+                weight = total(masses)
+                kept = {
+                    s: m
+                    for s, m in masses.items()
+                    if float(m.sum()) >= FOLLOWED * max(weight, 0.01) and s.place
+                }
+                if not kept:
+                    continue
+                regret = sum(
+                    float(np.vdot(m, np.maximum(self.optimal(s) - plan.backward.value(row, s), 0.0)))
+                    for s, m in kept.items()
+                )
+                found.append(_Point(path, row, kept, regret))
+        found.sort(key=lambda p: (-p.regret, p.path))
+        return found
+
+    def candidates(self, plan: _Plan, point: _Point, going_on: dict[State, Any]) -> list[Plan]:
+        """Return plans that an option at a point might hold."""
+        policy, model = self.policy, self.model
+        regions: list[tuple[float, Masses]] = []
+        advantage: dict[State, Any] = {}
+        floor = 1e-4 * max(1.0, abs(plan.value))
+        for s in point.masses:
+            advantage[s] = np.maximum(self.optimal(s) - going_on[s], 0.0)
+        by_action: dict[int, Masses] = {}
+        for s, mass in point.masses.items():
+            index = policy.index_of(s)
+            if index is None:
+                continue
+            names, values = policy.actions(s.place, index)
+            if not names:
+                by_action.setdefault(-1, {})[s] = mass
+                continue
+            best = np.argmax(values, axis=0)
+            stops = values[best, np.arange(values.shape[1])] <= 1e-9
+            choice = np.where(stops, -1, np.array(names)[best]).reshape(self.grid.shape)
+            worthwhile = advantage[s] > floor
+            for m in (-1, *names):
+                part = np.where((choice == m) & worthwhile, mass, 0.0)
+                if float(part.sum()) > 0.0:
+                    by_action.setdefault(m, {})[s] = part
+        for masses in by_action.values():
+            weight = sum(float(np.vdot(m, advantage[s])) for s, m in masses.items())
+            regions.append((weight, masses))
+        for p in range(1, model.n + 1):
+            for truth in (False, True):
+                part_of = {s: m for s, m in point.masses.items() if bool((s.tracked >> p) & 1) is truth}
+                if 0 < len(part_of) < len(point.masses):
+                    weight = sum(float(np.vdot(m, advantage[s])) for s, m in part_of.items())
+                    regions.append((weight, part_of))
+        regions.append(
+            (point.regret, {s: np.where(advantage[s] > floor, m, 0.0) for s, m in point.masses.items()})
+        )
+        regions.sort(key=lambda r: -r[0])
+        found: dict[Plan, None] = {(): None}
+        rest = steps_at_end(plan.plan, point.path)
+        for k, step in enumerate(rest):
+            if k and isinstance(step, Navigate) and not any(isinstance(x, Branch) for x in rest[k:]):
+                found.setdefault(rest[k:])
+        for weight, masses in regions[:7]:
+            if weight < 0.02 * point.regret or weight <= floor * 0.1:
+                continue
+            masses = {s: m for s, m in masses.items() if float(m.sum()) > 0.0}
+            if not masses:
+                continue
+            for sequence in best_sequences(policy, masses, width=2, keep=1):
+                for order in self.shortened(sequence.order):
+                    found.setdefault(sequence_steps(policy, order, point.masses))
+        return list(found)
+
+    def shortened(self, order: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """Return a sequence and its beginnings that need fewer tracks, which makes every drive shorter."""
+        model = self.model
+        found = [order]
+        for length in range(len(order) - 1, 0, -1):
+            if any(model.is_place[m] for m in order[length:]):
+                found.append(order[:length])
+        return found[:3]
+
+    def values_of(self, steps: Plan, masses: Masses) -> dict[State, Any]:
+        """Return the value of carrying out steps, per state."""
+        program = compile_plan(self.model, steps)
+        backward = Backward(self.grid, program)
+        return {s: backward.value(program.entry, s) for s in masses}
+
+    def fit(
+        self, point: _Point, going_on: dict[State, Any], steps: Plan, at_end: bool
+    ) -> tuple[float, tuple[Condition, ...]]:
+        """Return the gain of an option with these steps and the condition that gives it."""
+        self.iterations += 1
+        value = self.values_of(steps, point.masses)
+        gains = {s: m * (value[s] - going_on[s]) for s, m in point.masses.items()}
+        choice = best_condition(self.model, self.bins, gains, point.masses)
+        return choice.gain, choice.when
+
+    # ------------------------------------------------------------------------------------- moves
+
+    def best_option(self, plan: _Plan) -> _Move | None:
+        """Return the plan with the option that wins most, if one wins."""
+        floor = self.limits.tolerance * max(abs(plan.value), 1e-9)
+        best: _Move | None = None
+        for point in self.points(plan):
+            if point.regret <= (best.gain if best else floor) or self.over():
+                break
+            going_on = {s: plan.backward.value(point.row, s) for s in point.masses}
+            for steps in self.candidates(plan, point, going_on):
+                gain, when = self.fit(point, going_on, steps, False)
+                if gain > (best.gain if best else floor):
+                    best = _Move(gain, put_option(plan.plan, point.path, Option(when, steps)))
+        return best
+
+    def refit(self, plan: _Plan) -> _Plan:
+        """Return the plan with every option fitted anew: its condition, and its plan if it holds no
+        branch.
+        """
+        for path in [p for p, _ in _options(plan.plan)]:
+            if self.over():
+                return plan
+            option = dict(_options(plan.plan)).get(path)
+            if option is None:
+                continue
+            without = _Plan(self.grid, neutral_option(plan.plan, path))
+            row = without.program.option_test[path]
+            masses = without.flow.get(row, {})
+            weight = total(masses)
+            kept = {s: m for s, m in masses.items() if float(m.sum()) >= FOLLOWED * max(weight, 0.01)}
+            if not kept:
+                continue
+            going_on = {s: without.backward.value(row, s) for s in kept}
+            regret = sum(
+                float(np.vdot(m, np.maximum(self.optimal(s) - going_on[s], 0.0))) for s, m in kept.items()
+            )
+            point = _Point((*path[:-2], path[-2] + 1), row, kept, regret)
+            choices = [option.plan]
+            if not count_branches(option.plan) and regret > 2.0 * self.limits.tolerance * abs(plan.value):
+                choices += [c for c in self.candidates(without, point, going_on) if c != option.plan]
+            best_gain, best_new = 0.0, option
+            for steps in choices:
+                gain, when = self.fit(point, going_on, steps, False)
+                if gain > best_gain:
+                    best_gain, best_new = gain, Option(when, steps)
+            if best_new != option:
+                changed = _Plan(self.grid, replace_option(plan.plan, path, best_new))
+                if changed.value > plan.value + 1e-9:
+                    plan = changed
+        return plan
+
+    def retail(self, plan: _Plan) -> _Plan:
+        """Return the plan with the tails of its lists (from the last branch on) replaced where that wins."""
+        for owner, steps in list(_lists(plan.plan)):
+            if self.over():
+                return plan
+            first = next((k + 1 for k in range(len(steps) - 1, -1, -1) if isinstance(steps[k], Branch)), 0)
+            while first < len(steps) and isinstance(steps[first], TrackStart):
+                first += 1
+            path = (*owner, first)
+            row = plan.program.step_row.get(path)
+            masses = plan.flow.get(row) if row else None
+            if not row or not masses or (len(steps) and first == 0 and not owner):
+                continue
+            kept = {s: m for s, m in masses.items() if float(m.sum()) >= FOLLOWED * max(total(masses), 0.01)}
+            if not kept or any(s.place == 0 for s in kept):
+                continue
+            self.iterations += 1
+            sequence = best_sequences(self.policy, kept, width=self.limits.width)[0]
+            tails = [sequence_steps(self.policy, order, kept) for order in self.shortened(sequence.order)]
+            ranked: list[tuple[float, int, Plan]] = []
+            for tail in tails:
+                value = self.values_of(tail, kept)
+                ranked.append((sum(float(np.vdot(m, value[s])) for s, m in kept.items()), -len(ranked), tail))
+            new = max(ranked)[2]
+            if new == steps[first:]:
+                continue
+            changed = _Plan(self.grid, with_tail(plan.plan, path, new))
+            if changed.value > plan.value + 1e-9:
+                plan = changed
+        return plan
+
+    def reflag(self, plan: _Plan) -> _Plan:
+        """Return the plan with failed steps stopping or skipping, whichever is better."""
+        for path, step in list(walk(plan.plan)):
+            if not isinstance(step, Navigate | Observe):
+                continue
+            if self.over():
+                return plan
+            row = plan.program.step_row[path]
+            fail, go = int(plan.program.fail[row]), int(plan.program.go[row])
+            if fail == go and int(plan.program.op[row]) not in (3, 4, 5):
+                continue
+            other = OnFail.STOP if step.on_fail is OnFail.SKIP else OnFail.SKIP
+            if not self._may_fail(plan, path, step):
+                continue
+            changed = _Plan(self.grid, change_step(plan.plan, path, replace(step, on_fail=other)))
+            if changed.value > plan.value + 1e-7 * max(1.0, abs(plan.value)):
+                plan = changed
+        return plan
+
+    def _may_fail(self, plan: _Plan, path: Path, step: Step) -> bool:
+        model = self.model
+        masses = plan.flow.get(plan.program.step_row[path], {})
+        if isinstance(step, Navigate):
+            target = model.place_of[step.to]
+            return (
+                step.require_tracked
+                and bool(model.trackable[target])
+                and any(not (s.tracked >> target) & 1 for s in masses)
+            )
+        assert isinstance(step, Observe)
+        m = model.number_of[step.observation]
+        target = int(model.obs_place[m])
+        return bool(model.window[m, 1] < model.t_max_s) or any(
+            s.place != target or (model.is_place[m] and not (s.tracked >> target) & 1) for s in masses
+        )
+
+    def pruned(self, plan: _Plan) -> _Plan:
+        """Return the plan without options that win nothing."""
+        for path in sorted((p for p, _ in _options(plan.plan)), key=lambda p: (-len(p), p)):
+            if path not in dict(_options(plan.plan)):
+                continue
+            changed = _Plan(self.grid, without_option(plan.plan, path))
+            if changed.value >= plan.value - 1e-7 * max(1.0, abs(plan.value)):
+                plan = changed
+        return plan
+
+    def lean(self, plan: _Plan) -> _Plan:
+        """Return the plan without tracks that it does not use."""
+        lean = without_unused_tracks(self.model, plan.plan)
+        return plan if lean == plan.plan else _Plan(self.grid, lean)
+
+    def settled(self, plan: _Plan) -> _Plan:
+        """Return the plan after fitting its parts in turn until little changes."""
+        for _ in range(3):
+            before = plan.value
+            plan = self.retail(plan)
+            plan = self.refit(plan)
+            plan = self.reflag(plan)
+            if plan.value < before + 3e-5 * max(1.0, abs(before)):
+                break
+        return plan
+
+
+# ------------------------------------------------------------------------------------- edits of plans
+
+
+def _options(plan: Plan, path: Path = ()) -> Iterator[tuple[Path, Option]]:
+    for k, step in enumerate(plan):
+        if isinstance(step, Branch):
+            for j, option in enumerate(step.options):
+                yield (*path, k, j), option
+                yield from _options(option.plan, (*path, k, j))
+
+
+def steps_at_end(plan: Plan, path: Path) -> Plan:
+    """Return the steps from a path on; empty for the end of a list."""
+    return steps_at(plan, path)
+
+
+def put_option(plan: Plan, path: Path, option: Option) -> Plan:
+    """Return the plan with an option at a point; one without condition replaces what follows."""
+
+    def change(steps: Plan, k: int) -> Plan:
+        if not option.when:
+            return (*steps[:k], *option.plan)
+        if k > 0 and isinstance(steps[k - 1], Branch):
+            before = steps[k - 1]
+            assert isinstance(before, Branch)
+            return (*steps[: k - 1], Branch((*before.options, option)), *steps[k:])
+        return (*steps[:k], Branch((option,)), *steps[k:])
+
+    return with_steps(plan, path, change)
+
+
+def with_tail(plan: Plan, path: Path, tail: Plan) -> Plan:
+    return with_steps(plan, path, lambda steps, k: (*steps[:k], *tail))
+
+
+def change_step(plan: Plan, path: Path, step: Step) -> Plan:
+    return with_steps(plan, path, lambda steps, k: (*steps[:k], step, *steps[k + 1 :]))
+
+
+def replace_option(plan: Plan, path: Path, option: Option) -> Plan:
+    def change(steps: Plan, k: int) -> Plan:
+        branch = steps[k]
+        assert isinstance(branch, Branch)
+        options = (*branch.options[: path[-1]], option, *branch.options[path[-1] + 1 :])
+        return (*steps[:k], Branch(options), *steps[k + 1 :])
+
+    return with_steps(plan, path[:-1], change)
+
+
+def neutral_option(plan: Plan, path: Path) -> Plan:
+    """Return the plan with an option that is never taken."""
+    from planner.plan_tree import Comparison, TimeCondition
+
+    never = (TimeCondition(Comparison.LT, -1e12),)
+    option = dict(_options(plan))[path]
+    return replace_option(plan, path, Option(never, option.plan))
+
+
+# ------------------------------------------------------------------------------------- the whole
+
+
+def _main_lines(
+    grower: _Grower, limits: SearchLimits, report: Callable[[Plan, float], None]
+) -> tuple[list[Plan], list[Plan]]:
+    """Return unbranched plans, best first, and the policy's most likely paths, which want branches to be
+    good.
+    """
+    policy, model = grower.policy, grower.model
+    starts = sorted(policy.start_values().items(), key=lambda item: (-item[1], item[0]))
+    found: dict[Plan, float] = {}
+    paths: dict[Plan, None] = {}
+    floor = 0.0
+    for k, (tracked, bound) in enumerate(starts[:64]):
+        if bound <= floor or (found and grower.over()):
+            break
+        grower.iterations += 1
+        masses: Masses = {State(0, 0, tracked): policy.grid.point(*policy.start_point(tracked))}
+        untracked: Masses = {State(0, 0, 0): np.zeros(())}  # tracks that only options use go on
+        head: Plan = tuple(
+            TrackStart(model.target_ids[p - 1]) for p in range(1, model.n + 1) if (tracked >> p) & 1
+        )
+        for sequence in best_sequences(policy, masses, width=limits.width, keep=3 if k < 4 else 1):
+            plan = (*head, *sequence_steps(policy, sequence.order, untracked))
+            if sequence.order and plan not in found:
+                found[plan] = sequence.value
+                if sequence.value > floor:
+                    floor = sequence.value
+                    report(plan, sequence.value)
+        if k < limits.main_lines and not grower.over():
+            order = likely_path(policy, masses)
+            if order:
+                paths.setdefault((*head, *sequence_steps(policy, order, untracked)))
+    ranked = sorted(found.items(), key=lambda item: (-item[1], str(item[0])))
+    return [plan for plan, _ in ranked], [plan for plan in paths if plan not in dict(ranked[:2])]
+
+
+def plan_optimal(
+    policy: Policy,
+    grid: Grid,
+    limits: SearchLimits,
+    *,
+    should_stop: Callable[[], bool] = lambda: False,
+    report: Callable[[Plan, float], None] = lambda plan, value: None,
+    extra: tuple[Plan, ...] = (),
+) -> Search:
+    """Return the best plans found with 0, 1, ..., `max_branches` branches.
+
+    `policy` and `grid` share their nodes. `report` is told of every better plan. `extra` are plans to begin
+    with besides the search's own (from an earlier solution).
+    """
+    grower = _Grower(policy, grid, limits, should_stop)
+    search = Search(policy, policy.best())
+    best: list[tuple[float, Plan]] = [(0.0, ())] * (limits.max_branches + 1)
+
+    def note(plan: _Plan) -> None:
+        for k in range(plan.branches, limits.max_branches + 1):
+            if plan.value > best[k][0] + 1e-12:
+                best[k] = plan.value, plan.plan
+                if k == limits.max_branches:
+                    report(plan.plan, plan.value)
+
+    unbranched, paths = _main_lines(grower, limits, report)
+    first = [_Plan(grid, plan) for plan in (*extra, *unbranched[: limits.main_lines + 4])]
+    lines = []
+    for line in first:
+        note(line)
+        lines.append(grower.reflag(line))
+        note(lines[-1])
+    optimum = search.optimum
+    enough = limits.enough * max(abs(optimum), 1e-9)
+    lines.sort(key=lambda p: -p.value)
+    grown = lines[: limits.main_lines] + [grower.reflag(_Plan(grid, plan)) for plan in paths]
+    for depth in range(limits.max_branches):
+        if grower.over() or optimum - best[-1][0] <= enough:
+            break
+        following = []
+        for line in grown:
+            if grower.over():
+                break
+            move = grower.best_option(line)
+            if move is None:
+                continue
+            made = grower.pruned(grower.settled(_Plan(grid, move.plan)))
+            note(made)
+            note(grower.lean(made))  # the search goes on with the tracks that a later option may want
+            following.append(made)
+        if not following:
+            break
+        following.sort(key=lambda p: -p.value)
+        lines_kept = (limits.main_lines + 1, limits.main_lines - 1, limits.main_lines // 2)
+        grown = following[: lines_kept[min(depth, 2)]]
+    search.curve = best
+    search.iterations = grower.iterations
+    search.finished = not grower.over()
+    return search

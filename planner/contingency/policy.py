@@ -1,0 +1,451 @@
+"""The optimal closed-loop policy by dynamic programming, and rigorous bounds on what any policy can earn.
+
+State: place, what can still be gained (live observations: not done, its target tracked where that is
+needed, its predecessors done or live), elapsed time and drive energy. One backward pass over the subsets of
+live observations in order of size; each drive and each observation is two small matrix products. With
+consumption rounded down to the grid the result bounds every policy from above (value falls in both
+resources, since a rover can always wait); rounded up it is earned by a real policy; with the mean kept it
+is an estimate good to about 0.1 %.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.evaluate.grid import Grid
+from planner.evaluate.model import Model
+from planner.evaluate.propagate import State
+
+BATCHED_NODES = 80
+"""Up to so many time nodes the drives to a place are computed in one batch."""
+
+MAX_STATES = 40_000
+"""Largest number of live sets for which a table is made."""
+
+
+class TooLargeError(Exception):
+    """The problem has more live sets than a table may hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """What can still be gained: live observations, and what is done on targets of fading value (bits)."""
+
+    bits: int
+    memory: int = 0
+
+
+class LiveSets:
+    """The live sets of a model and the moves between them."""
+
+    def __init__(self, model: Model, candidates: int):
+        self.model = model
+        self.candidates = candidates
+        self.dependents = [0] * model.m
+        for m in range(model.m):
+            before = int(model.predecessors[m])
+            for k in range(model.m):
+                if (before >> k) & 1:
+                    self.dependents[k] |= 1 << m
+        self.fading = 0
+        for place in range(1, model.n + 1):
+            if model.diminishing[place] != 1.0 and int(model.target_bits[place]).bit_count() > 1:
+                self.fading |= int(model.target_bits[place])
+
+    def without(self, live: Live, bits: int) -> Live:
+        """Return what is left when observations are given up undone, and with them all that depends on
+        them.
+        """
+        left = live.bits & ~bits
+        queue = bits & live.bits
+        while queue:
+            low = queue & -queue
+            queue ^= low
+            fall = self.dependents[low.bit_length() - 1] & left
+            left &= ~fall
+            queue |= fall
+        return self.normal(left, live.memory)
+
+    def after(self, live: Live, m: int) -> Live:
+        """Return what is left after observation m."""
+        return self.normal(live.bits & ~(1 << m), live.memory | ((1 << m) & self.fading))
+
+    def normal(self, bits: int, memory: int) -> Live:
+        if memory:
+            kept = 0
+            for place in range(1, self.model.n + 1):
+                target = int(self.model.target_bits[place])
+                if target & memory and target & bits:
+                    kept |= target & memory
+            memory = kept
+        return Live(bits, memory)
+
+    def open(self, live: Live, m: int) -> bool:
+        """Return whether an observation is live and waits for no other."""
+        return bool((live.bits >> m) & 1) and not int(self.model.predecessors[m]) & live.bits
+
+    def of(self, state: State) -> Live:
+        """Return what can still be gained in a state of the evaluator, among the candidates."""
+        model = self.model
+        bits = self.candidates & ~state.done
+        for m in range(model.m):
+            if (bits >> m) & 1 and model.is_place[m] and not (state.tracked >> int(model.obs_place[m])) & 1:
+                bits &= ~(1 << m)
+        changed = True
+        while changed:
+            changed = False
+            for m in range(model.m):
+                missing = int(model.predecessors[m]) & ~state.done & ~bits
+                if (bits >> m) & 1 and missing:
+                    bits &= ~(1 << m)
+                    changed = True
+        return self.normal(bits, state.done & self.fading)
+
+    def images(self) -> int:
+        return sum(1 << m for m in range(self.model.m) if not self.model.is_place[m]) & self.candidates
+
+    def initial(self, tracked: int) -> Live:
+        """Return what can be gained from the start when these targets (bits of places) are tracked."""
+        return self.of(State(0, 0, tracked))
+
+    def all_from(self, starts: list[Live]) -> list[Live]:
+        """Return every live set that can be reached, those with fewer observations first."""
+        seen = set(starts)
+        queue = list(seen)
+        while queue:
+            live = queue.pop()
+            steps = []
+            for m in range(self.model.m):
+                if (live.bits >> m) & 1:
+                    if self.open(live, m):
+                        steps.append(self.after(live, m))
+                    if not self.model.is_place[m]:
+                        steps.append(self.without(live, 1 << m))
+            for place in range(1, self.model.n + 1):
+                placed = int(self.model.place_bits[place]) & live.bits
+                if placed:
+                    steps.append(self.without(live, placed))
+                    if placed & (placed - 1):
+                        steps += [
+                            self.without(live, 1 << m) for m in range(self.model.m) if (placed >> m) & 1
+                        ]
+            for step in steps:
+                if step not in seen:
+                    seen.add(step)
+                    queue.append(step)
+                    if len(seen) > MAX_STATES:
+                        raise TooLargeError(f"more than {MAX_STATES} live sets")
+        return sorted(seen, key=lambda s: (s.bits.bit_count(), s.bits, s.memory))
+
+    def once_from(self, starts: list[Live]) -> tuple[list[Live], dict[Live, set[int]]]:
+        """Return the live sets of policies that make all they want of a target in one stay there.
+
+        The second part holds, for sets that occur during a stay only, the places where.
+        """
+        clean = set(starts)
+        during: dict[Live, set[int]] = {}
+        queue: list[tuple[Live, int]] = [(live, 0) for live in clean]
+        while queue:
+            live, stay = queue.pop()
+            steps: list[tuple[Live, int]] = []
+            for place in range(1, self.model.n + 1) if stay == 0 else (stay,):
+                here = int(self.model.target_bits[place]) & live.bits
+                if not here:
+                    continue
+                steps.append((self.without(live, here), 0))
+                placed = int(self.model.place_bits[place]) & here
+                if placed and stay == 0:
+                    steps.append((self.without(live, placed), 0))
+                for m in range(self.model.m):
+                    if (here >> m) & 1 and self.open(live, m):
+                        after = self.after(live, m)
+                        staying = int(self.model.target_bits[place]) & after.bits
+                        steps.append((after, place if staying else 0))
+            for step, place in steps:
+                if step in clean:
+                    continue
+                if place == 0:
+                    clean.add(step)
+                    during.pop(step, None)
+                elif place in during.get(step, ()):
+                    continue
+                else:
+                    during.setdefault(step, set()).add(place)
+                queue.append((step, place))
+                if len(clean) + len(during) > MAX_STATES:
+                    raise TooLargeError(f"more than {MAX_STATES} live sets")
+        every = sorted([*clean, *during], key=lambda s: (s.bits.bit_count(), s.bits, s.memory))
+        return every, during
+
+
+class Policy:
+    """Table of the optimal value V[place][live set] over one grid."""
+
+    def __init__(
+        self,
+        grid: Grid,
+        *,
+        candidates: int | None = None,
+        one_stay: bool = False,
+        should_stop: Callable[[], bool] = lambda: False,
+    ):
+        """Make the table.
+
+        `candidates` are the observations to be considered (bits, default all). With `one_stay` only policies
+        that make all they want of a target in one stay are considered, which is no bound any more but takes a
+        third of the time where targets have several observations. A stop leaves `complete` False.
+        """
+        model = grid.model
+        self.grid, self.model = grid, model
+        self.sets = LiveSets(model, (1 << model.m) - 1 if candidates is None else candidates)
+        trackable = [
+            place for place in range(1, model.n + 1) if int(model.place_bits[place]) & self.sets.candidates
+        ]
+        if len(trackable) > 16:
+            raise TooLargeError(f"{len(trackable)} targets to track")
+        self.trackings = [
+            sum(1 << trackable[k] for k in range(len(trackable)) if (choice >> k) & 1)
+            for choice in range(1 << len(trackable))
+        ]
+        starts = {tracked: self.sets.initial(tracked) for tracked in self.trackings}
+        ordered = sorted(set(starts.values()), key=lambda s: (s.bits, s.memory))
+        self.during: dict[Live, set[int]] = {}
+        if one_stay:
+            self.lives, self.during = self.sets.once_from(ordered)
+        else:
+            self.lives = self.sets.all_from(ordered)
+        self.index = {live: k for k, live in enumerate(self.lives)}
+        self.starts = {tracked: self.index[live] for tracked, live in starts.items()}
+        self._drives: dict[tuple[int, int, int], Any] = {}
+        self._chances: dict[tuple[int, tuple[int, ...], tuple[int, ...]], Any] = {}
+        self._stacks: dict[tuple[int, int], tuple[Any, Any]] = {}
+        self._indices: dict[State, int | None] = {}
+        self._actions: dict[tuple[int, int], tuple[tuple[int, ...], Any]] = {}
+        self.table = np.zeros((model.n + 1, len(self.lives), grid.nt, grid.ng), grid.dtype)
+        self.complete = self._fill(set(self.starts.values()), should_stop)
+
+    def _worth(self, live: Live, m: int) -> float:
+        return self.model.expected_utility_of(m, live.memory)
+
+    def observation(self, live: Live, m: int, after: Any) -> Any:
+        """Return the value of carrying out observation m now; where its window is over, of giving it up."""
+        value = self.grid.before_observation(m, after, self._worth(live, m))
+        closes = float(self.model.window[m, 1])
+        if closes < self.model.t_max_s:
+            value = self.grid.open_until(closes).astype(self.grid.dtype) * value
+        return value
+
+    def tracked_in(self, live: Live) -> list[int]:
+        return [p for p in range(1, self.model.n + 1) if int(self.model.place_bits[p]) & live.bits]
+
+    def outcomes(self, live: Live, tracked: list[int]) -> list[int]:
+        """Return, per subset of the tracked targets that is lost (bit k = k-th), what is left."""
+        out = []
+        for lost in range(1 << len(tracked)):
+            bits = 0
+            for k, place in enumerate(tracked):
+                if (lost >> k) & 1:
+                    bits |= int(self.model.place_bits[place])
+            out.append(self.index[self.sets.without(live, bits)] if lost else self.index[live])
+        return out
+
+    def chances(self, origins: list[int], to: int, tracked: list[int]) -> Any:
+        """Return P[origin, subset lost] for a drive to `to`."""
+        chance = np.ones((len(origins), 1))
+        for place in tracked:
+            p = self.model.loss[origins, to, place][:, None]
+            chance = np.concatenate([chance * (1.0 - p), chance * p], axis=1)
+        return chance.astype(self.grid.dtype)
+
+    def _fill(self, start_sets: set[int], should_stop: Callable[[], bool]) -> bool:
+        model, table = self.model, self.table
+        for s, live in enumerate(self.lives):
+            if s % 16 == 0 and should_stop():
+                return False
+            stays = self.during.get(live)
+            if stays is not None:
+                for place in stays:
+                    rest = self.index[self.sets.without(live, int(model.target_bits[place]))]
+                    table[place, s] = table[place, rest]
+                    self._observe_here(s, live, place)
+                continue
+            tracked = self.tracked_in(live)
+            smaller = self._smaller(live, tracked)
+            if smaller:
+                np.max(table[1:, smaller], axis=1, out=table[1:, s])
+            here = [p for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits]
+            for place in here:
+                self._observe_here(s, live, place)
+            away = [p for p in range(1, model.n + 1) if p not in here]
+            if s in start_sets:
+                away = [0, *away]
+            if here and away:
+                self._drive(s, live, tracked, here, away)
+        return True
+
+    def _smaller(self, live: Live, tracked: list[int]) -> list[int]:
+        """Return the numbers of the live sets that giving up one thing leads to."""
+        model = self.model
+        left = [self.sets.without(live, int(model.place_bits[place])) for place in tracked]
+        for m in range(model.m):
+            place = int(model.obs_place[m])
+            if (live.bits >> m) & 1 and (
+                not model.is_place[m] or (int(model.place_bits[place]) & live.bits).bit_count() > 1
+            ):
+                left.append(self.sets.without(live, 1 << m))
+        if self.during:
+            left += [
+                self.sets.without(live, int(model.target_bits[p]))
+                for p in range(1, model.n + 1)
+                if int(model.target_bits[p]) & live.bits
+            ]
+            return [self.index[x] for x in left if x in self.index and x not in self.during]
+        return [self.index[x] for x in left]
+
+    def _observe_here(self, s: int, live: Live, place: int) -> None:
+        """Let the observations that can be made at a place compete for its value."""
+        table = self.table
+        for m in range(self.model.m):
+            if int(self.model.obs_place[m]) == place and self.sets.open(live, m):
+                after = table[place, self.index[self.sets.after(live, m)]]
+                np.maximum(table[place, s], self.observation(live, m, after), out=table[place, s])
+
+    def _drive(self, s: int, live: Live, tracked: list[int], here: list[int], away: list[int]) -> None:
+        """Let the drives from places where nothing is live to those where something is compete."""
+        grid, model, table = self.grid, self.model, self.table
+        penalty = grid.dtype.type(model.penalty)
+        rows = self.outcomes(live, tracked)
+        count = len(tracked)
+        key_tracked = tuple(tracked)
+        for place in here:
+            origins = tuple(a for a in away if model.has_leg[a, place])
+            if not origins:
+                continue
+            key = (place, origins, key_tracked)
+            chances = self._chances.get(key)
+            if chances is None:
+                chances = self._chances[key] = self.chances(list(origins), place, tracked)
+            arrival = table[place][rows].reshape(len(rows), -1)
+            mixed = (chances @ arrival).reshape(-1, *grid.shape)
+            mixed += penalty
+            mixed *= grid.alive
+            if grid.nt <= BATCHED_NODES:
+                times, energies = self._kernels(place, count)
+                chosen = list(origins)
+                values = times[chosen] @ mixed @ energies[chosen]
+                values -= penalty
+                table[chosen, s] = np.maximum(table[chosen, s], values)
+                continue
+            for k, origin in enumerate(origins):
+                value = grid.leg_t(origin, place, count) @ mixed[k] @ grid.leg_g(origin, place).T
+                value -= penalty
+                np.maximum(table[origin, s], value, out=table[origin, s])
+
+    def _kernels(self, place: int, count: int) -> tuple[Any, Any]:
+        """Return the kernels of the drives to a place, stacked by origin; zero where there is no way."""
+        key = (place, count)
+        if key not in self._stacks:
+            grid, n1 = self.grid, self.model.n + 1
+            times = np.zeros((n1, grid.nt, grid.nt), grid.dtype)
+            energies = np.zeros((n1, grid.ng, grid.ng), grid.dtype)
+            for a in range(n1):
+                if self.model.has_leg[a, place]:
+                    times[a] = grid.leg_t(a, place, count)
+                    energies[a] = grid.leg_g(a, place).T
+            self._stacks[key] = times, energies
+        return self._stacks[key]
+
+    # ------------------------------------------------------------------------------------- questions
+
+    def value(self, state: State) -> Any:
+        """Return the optimal value still to come in a state of the evaluator, over the grid."""
+        index = self.index_of(state)
+        if index is None:
+            return np.zeros(self.grid.shape, self.grid.dtype)
+        return self.table[state.place, index]
+
+    def index_of(self, state: State) -> int | None:
+        """Return the number of the live set of a state; None where the table does not reach."""
+        if state not in self._indices:
+            self._indices[state] = self.index.get(self.sets.of(state))
+        return self._indices[state]
+
+    def actions(self, place: int, s: int) -> tuple[tuple[int, ...], Any]:
+        """Return what can be gone for next (observations) and the optimal values, (count, cells)."""
+        key = (place, s)
+        known = self._actions.get(key)
+        if known is None:
+            live, names, values = self.lives[s], [], []
+            for m in range(self.model.m):
+                to = int(self.model.obs_place[m])
+                if not (live.bits >> m) & 1:
+                    continue
+                if to == place:
+                    if not self.sets.open(live, m) or self.sets.after(live, m) not in self.index:
+                        continue
+                    values.append(self.observation_value(place, s, m))
+                elif self.model.has_leg[place, to]:
+                    values.append(self.drive_value(place, s, to))
+                else:
+                    continue
+                names.append(m)
+            table = np.array(values, np.float64).reshape(len(names), self.grid.nt * self.grid.ng)
+            known = self._actions[key] = (tuple(names), table)
+        return known
+
+    def drive_value(self, place: int, s: int, to: int) -> Any:
+        """Return the optimal value of driving to a target now; kept for the next time."""
+        key = (place, s, to)
+        value = self._drives.get(key)
+        if value is None:
+            live = self.lives[s]
+            tracked = self.tracked_in(live)
+            rows = self.outcomes(live, tracked)
+            arrival = self.table[to][rows].reshape(len(rows), -1)
+            mixed = (self.chances([place], to, tracked) @ arrival).reshape(self.grid.shape)
+            value = self._drives[key] = self.grid.before_leg(place, to, len(tracked), mixed)
+        return value
+
+    def observation_value(self, place: int, s: int, m: int) -> Any:
+        """Return the optimal value of making an observation now, at its place."""
+        key = (place, s, -1 - m)
+        value = self._drives.get(key)
+        if value is None:
+            live = self.lives[s]
+            after = self.table[place, self.index[self.sets.after(live, m)]]
+            value = self._drives[key] = self.observation(live, m, after)
+        return value
+
+    def start_point(self, tracked: int) -> tuple[float, float]:
+        """Return time and energy used once these targets are tracked."""
+        count = tracked.bit_count()
+        return count * self.model.track_t_s, count * self.model.track_e_j
+
+    def start_values(self) -> dict[int, float]:
+        """Return, per set of targets tracked from the start, the optimal value of the plan (bonus
+        included).
+        """
+        values = {}
+        for tracked, index in self.starts.items():
+            t_s, g_j = self.start_point(tracked)
+            if t_s > self.model.t_max_s or g_j + self.model.hotel_w * t_s > self.model.e_max_j:
+                continue
+            values[tracked] = self.grid.at(self.table[0, index], t_s, g_j)
+        return values
+
+    def best(self) -> float:
+        """Return the optimal value of the problem; never below 0, the value of doing nothing."""
+        return max(0.0, *self.start_values().values())
+
+
+def cells_for(model: Model, live_sets: int, budget_mb: float, largest: tuple[int, int]) -> tuple[int, int]:
+    """Return grid nodes (nt, ng) such that a float32 table stays within a size, never above `largest`."""
+    cells = budget_mb * 1e6 / 4.0 / max(1, live_sets * (model.n + 1))
+    ratio = largest[1] / largest[0]
+    nt = min(largest[0], int(math.sqrt(cells / ratio)))
+    return max(nt, 13), max(int(nt * ratio), 9)

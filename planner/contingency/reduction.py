@@ -1,0 +1,215 @@
+"""Problems too large for a table of the optimal policy: a part of them that matters most."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.contingency.policy import LiveSets, TooLargeError
+from planner.evaluate.model import Model
+from planner.problem import Kind, ObservationId, Problem, TargetId
+
+MAX_LIVE_SETS = 13_000
+MAX_TRACKED = 11
+KEPT_TARGETS = 9
+KEPT_OBSERVATIONS = 10
+TRACKED_IN_MEAN = 2
+"""Targets tracked during a drive, for mean times; the engines know no tracking."""
+
+ROUTE_LIMIT_S = 1.0
+ROUTE_ITERATIONS = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """The problem to be planned for: the original, or a part of its targets. `notes` say what was
+    left out.
+    """
+
+    original: Problem
+    problem: Problem
+    live_sets: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def exact(self) -> bool:
+        return self.problem is self.original
+
+    def whole(self) -> Model:
+        return Model.of(self.original)
+
+
+def part_of(problem: Problem, kept: set[TargetId]) -> Problem:
+    """Return the problem with these targets only."""
+    targets = tuple(t for t in problem.targets if t.id in kept)
+    names = {o.id for t in targets for o in t.observations}
+    legs = tuple(
+        replace(leg, p_lose={k: p for k, p in leg.p_lose.items() if k in kept})
+        for leg in problem.legs
+        if leg.to in kept and (leg.origin == "start" or leg.origin in kept)
+    )
+    return replace(
+        problem,
+        targets=targets,
+        legs=legs,
+        precedence=tuple(pair for pair in problem.precedence if pair[0] in names and pair[1] in names),
+    )
+
+
+def live_sets_of(problem: Problem) -> int | None:
+    """Return how many live sets a table of the problem needs; None if more than a table may hold."""
+    if len(problem.observations) > 20 or len(problem.targets) > 20:
+        return None
+    model = Model.of(problem)
+    tracked = [p for p in range(1, model.n + 1) if model.trackable[p]]
+    if len(tracked) > MAX_TRACKED:
+        return None
+    sets = LiveSets(model, (1 << model.m) - 1)
+    start = [sets.initial(sum(1 << p for p in tracked))]
+    try:
+        count = len(sets.once_from(start)[0] if several(model) else sets.all_from(start))
+    except TooLargeError:
+        return None
+    return count if count <= MAX_LIVE_SETS else None
+
+
+def several(model: Model) -> bool:
+    """Return whether some target has several observations."""
+    return any(int(bits).bit_count() > 1 for bits in model.target_bits)
+
+
+def fits_table(problem: Problem) -> bool:
+    """Return whether a table of the optimal policy can hold the problem."""
+    return live_sets_of(problem) is not None
+
+
+def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda: False) -> Reduction:
+    """Return the problem itself if a table can hold it, else its most promising targets.
+
+    The targets kept are those of good routes on mean values, found by the orienteering engines for several
+    budgets, with what must be done before all others.
+    """
+    reachable = reachable_targets(problem)
+    useful = part_of(problem, {t.id for t in problem.targets if t.id in reachable})
+    whole = len(useful.targets) == len(problem.targets)
+    light = data_limited(problem)
+    count = live_sets_of(useful) if light is None else None
+    if count is not None:
+        return Reduction(problem, problem if whole else useful, count)
+    chosen: dict[ObservationId, None] = {o.id: None for o in useful.observations if o.must_do}
+    target_of = {o.id: o.target for o in useful.observations}
+    for share in (1.0, 0.75, 1.3):
+        if should_stop() or len(chosen) >= KEPT_OBSERVATIONS:
+            break
+        for name in mean_route_of(useful, share):
+            more = {**chosen, name: None}
+            targets = {target_of[x] for x in more}
+            if len(more) <= KEPT_OBSERVATIONS and len(targets) <= KEPT_TARGETS and _holds(problem, more):
+                chosen = more
+    part = only(useful, set(chosen))
+    left = len(problem.observations) - len(part.observations)
+    return Reduction(
+        problem,
+        part,
+        live_sets_of(part) or 0,
+        (
+            f"planned with {len(part.observations)} of {len(problem.observations)} observations: {left} "
+            "that no good route on mean values makes, or that exceed the data volume, were left out",
+        ),
+    )
+
+
+def data_limited(problem: Problem) -> float | None:
+    """Return the budget of downlink volume if it can be exceeded."""
+    limit = problem.budget.data_mbit
+    if limit is None or sum(o.data_mbit for o in problem.observations) <= limit:
+        return None
+    return limit
+
+
+def _holds(problem: Problem, names: Iterable[ObservationId]) -> bool:
+    limit = data_limited(problem)
+    if limit is None:
+        return True
+    chosen = set(names)
+    return sum(o.data_mbit for o in problem.observations if o.id in chosen) <= limit
+
+
+def only(problem: Problem, names: set[ObservationId]) -> Problem:
+    """Return the problem with these observations only."""
+    targets = tuple(
+        replace(t, observations=tuple(o for o in t.observations if o.id in names)) for t in problem.targets
+    )
+    return part_of(replace(problem, targets=targets), {t.id for t in targets if t.observations})
+
+
+def mean_route_of(problem: Problem, share: float, *, seed: int = 1) -> tuple[ObservationId, ...]:
+    """Return a good route on mean values with a share of the budgets, in order of visiting."""
+    from planner.orienteering import Experiment, RoutingProblem, SideLimit, solve
+
+    places: dict[str, int] = {"start": 0, **{t.id: k + 1 for k, t in enumerate(problem.targets)}}
+    count = len(places)
+    hotel = problem.hotel_w
+    carried = TRACKED_IN_MEAN * problem.track_overhead_s_per_leg
+    time_s = np.full((count, count), -1, np.int64)
+    energy = np.zeros((count, count), np.int64)
+    np.fill_diagonal(time_s, 0)
+    kept: dict[str, float] = {}
+    for leg in problem.legs:
+        a, b = places[leg.origin], places[leg.to]
+        seconds = leg.time_s.mean + carried
+        time_s[a, b] = math.ceil(seconds)
+        energy[a, b] = math.ceil(leg.energy_j.mean + hotel * seconds)
+        if leg.origin == "start":
+            kept[leg.to] = 1.0 - leg.p_lose.get(leg.to, 0.0)
+    experiments = []
+    observations = problem.observations
+    for o in observations:
+        sure = kept.get(o.target, 0.8) if o.kind is Kind.PLACE else 1.0
+        opens, closes = o.window_s if o.window_s is not None else (0.0, math.inf)
+        duration = math.ceil(o.time_s.mean)
+        experiments.append(
+            Experiment(
+                o.id,
+                places[o.target],
+                round(1000.0 * o.utility * o.p_success * max(sure, 0.05)),
+                duration,
+                math.ceil(o.energy_j.mean + hotel * o.time_s.mean),
+                max(0, math.ceil(opens)),
+                None if closes == math.inf else max(0, math.floor(closes)) + duration,
+            )
+        )
+    limits: tuple[SideLimit, ...] = ()
+    if data_limited(problem) is not None and problem.budget.data_mbit is not None:
+        amounts = tuple(math.ceil(1000.0 * o.data_mbit) for o in observations)
+        limits = (SideLimit("data volume", amounts, math.floor(1000.0 * problem.budget.data_mbit)),)
+    number = {o.id: k for k, o in enumerate(observations)}
+    routing = RoutingProblem(
+        time_s,
+        energy,
+        tuple(experiments),
+        time_budget=math.floor(share * problem.budget.time_s),
+        energy_budget=math.floor(share * problem.budget.usable_energy_j),
+        precedence=tuple((number[a], number[b]) for a, b in problem.precedence),
+        limits=limits,
+    )
+    solution = solve(routing, time_limit_s=ROUTE_LIMIT_S, iterations=ROUTE_ITERATIONS, seed=seed)
+    return tuple(observations[k].id for k in solution.route)
+
+
+def reachable_targets(problem: Problem) -> set[TargetId]:
+    """Return the targets that some way leads to from the start."""
+    ways: dict[str, list[TargetId]] = {}
+    for leg in problem.legs:
+        ways.setdefault(leg.origin, []).append(leg.to)
+    found: set[TargetId] = set()
+    queue: list[str] = ["start"]
+    while queue:
+        for to in ways.get(queue.pop(), ()):
+            if to not in found:
+                found.add(to)
+                queue.append(to)
+    return found

@@ -1,0 +1,207 @@
+"""Good unbranched plans from a distribution of states: beam search guided by the optimal policy's value.
+
+A plan without branches is a sequence of observations, each step skipped when its target is lost or its window
+closed. From a distribution over (state, time, energy) the search follows the mass forward; what has been
+earned plus the optimal policy's value of the rest bounds every continuation and orders the beam.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.contingency.policy import Policy
+from planner.evaluate.propagate import State, after_done, can_observe, loss_outcomes
+from planner.plan_tree import Navigate, Observe, OnFail, Plan, Step, TrackStop
+
+Masses = dict[State, Any]
+
+SMALL = 2e-3
+"""Share of the mass below which a state is credited with the optimal value and followed no further."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """Observations in order, the expected utility from the given masses, and the bound when it was left."""
+
+    order: tuple[int, ...]
+    value: float
+
+
+@dataclass(eq=False)
+class _Node:
+    order: tuple[int, ...]
+    masses: Masses
+    earned: float
+    bound: float
+
+
+def total(masses: Masses) -> float:
+    return float(sum(mass.sum() for mass in masses.values()))
+
+
+def optimal_value(policy: Policy, masses: Masses) -> float:
+    """Return what the optimal policy earns from a distribution."""
+    return float(sum(np.vdot(mass, policy.value(state)) for state, mass in masses.items()))
+
+
+def _add(masses: Masses, state: State, mass: Any) -> None:
+    masses[state] = masses[state] + mass if state in masses else mass
+
+
+def advance(policy: Policy, masses: Masses, m: int) -> tuple[Masses, float]:
+    """Return the distribution after driving to observation m and making it, and what that earned (less
+    penalties).
+
+    States in which it cannot be made stay where the attempt leaves them, as with `on_fail: skip`.
+    """
+    grid, model = policy.grid, policy.model
+    target = int(model.obs_place[m])
+    after: Masses = {}
+    ready: Masses = {}
+    earned = 0.0
+    for state, mass in masses.items():
+        if state.place == target:
+            _add(ready, state, mass)
+        elif (
+            (state.done >> m) & 1
+            or (model.is_place[m] and not (state.tracked >> target) & 1)
+            or not model.has_leg[state.place, target]
+        ):
+            _add(after, state, mass)
+        else:
+            arrived = grid.after_leg(state.place, target, state.tracked.bit_count(), mass)
+            earned -= model.penalty * float(mass.sum() - arrived.sum())
+            for p, tracked in loss_outcomes(model, state.place, target, state.tracked):
+                _add(ready, State(target, state.done, tracked), p * arrived)
+    for state, mass in ready.items():
+        if not can_observe(model, state, m):
+            _add(after, state, mass)
+            continue
+        closes = float(model.window[m, 1])
+        if closes < model.t_max_s:
+            share = grid.open_until(closes)
+            _add(after, state, (1.0 - share) * mass)
+            mass = share * mass
+        made = grid.after_observation(m, mass)
+        alive = float(made.sum())
+        earned += model.expected_utility_of(m, state.done) * alive
+        earned -= model.penalty * (float(mass.sum()) - alive)
+        _add(after, after_done(model, state, m), made)
+    return after, earned
+
+
+def _promises(policy: Policy, masses: Masses) -> Any:
+    """Return, per observation, a bound on the value of going for it next; -inf where it can do nothing."""
+    model = policy.model
+    bounds = np.zeros(model.m)
+    possible = np.zeros(model.m, np.bool_)
+    for state, mass in masses.items():
+        s = policy.index_of(state)
+        if s is None:
+            continue
+        names, values = policy.actions(state.place, s)
+        flat = mass.ravel()
+        other = float(np.dot(flat, policy.table[state.place, s].ravel()))
+        part = np.full(model.m, other)
+        if names:
+            chosen = list(names)
+            part[chosen] = values @ flat
+            possible[chosen] = True
+        bounds += part
+    bounds[~possible] = -np.inf
+    return bounds
+
+
+def best_sequences(policy: Policy, masses: Masses, *, width: int, keep: int = 1) -> list[Sequence]:
+    """Return the best unbranched plans found from a distribution, best first; the empty one is always among
+    them.
+    """
+    model = policy.model
+    root = _Node((), masses, 0.0, optimal_value(policy, masses))
+    found: dict[tuple[int, ...], float] = {(): 0.0}
+    floor = 0.0
+    weight = total(masses)
+    layer = [root]
+    seen: set[tuple[int, ...]] = set()
+    while layer:
+        offers: list[tuple[float, int, int]] = []
+        for k, node in enumerate(layer):
+            bounds = node.earned + _promises(policy, node.masses)
+            for m in range(model.m):
+                if bounds[m] > floor and m not in node.order:
+                    offers.append((float(bounds[m]), k, m))
+        offers.sort(key=lambda offer: (-offer[0], offer[1], offer[2]))
+        following: list[_Node] = []
+        for bound, k, m in offers:
+            if len(following) >= width:
+                break
+            node = layer[k]
+            order = (*node.order, m)
+            if order in seen:
+                continue
+            seen.add(order)
+            after, gained = advance(policy, node.masses, m)
+            earned = node.earned + gained
+            credit = 0.0
+            kept: Masses = {}
+            for state, mass in after.items():
+                if float(mass.sum()) < SMALL * weight:
+                    credit += float(np.vdot(mass, policy.value(state)))
+                else:
+                    kept[state] = mass
+            child = _Node(order, kept, earned + credit, bound)
+            following.append(child)
+            found[order] = earned
+            floor = max(floor, earned)
+        layer = following
+    ranked = sorted(found.items(), key=lambda item: (-item[1], len(item[0]), item[0]))
+    return [Sequence(order, value) for order, value in ranked[:keep]]
+
+
+def likely_path(policy: Policy, masses: Masses) -> tuple[int, ...]:
+    """Return the observations that the optimal policy goes for most, in order, as long as going on has
+    value.
+    """
+    order: tuple[int, ...] = ()
+    while True:
+        bounds = _promises(policy, masses)
+        offers = [(float(bounds[m]), -m) for m in range(policy.model.m) if m not in order]
+        if not offers or max(offers)[0] <= 1e-3 * max(1.0, total(masses)):
+            return order
+        m = -max(offers)[1]
+        masses, _ = advance(policy, masses, m)
+        masses = {s: mass for s, mass in masses.items() if float(mass.sum()) > SMALL}
+        order = (*order, m)
+
+
+def sequence_steps(policy: Policy, order: tuple[int, ...], masses: Masses) -> Plan:
+    """Return the steps of a sequence begun from a distribution; tracks that it does not use are stopped
+    first.
+    """
+    model = policy.model
+    used = {int(model.obs_place[m]) for m in order if model.is_place[m]}
+    tracked = 0
+    for state in masses:
+        tracked |= state.tracked
+    steps: list[Step] = [
+        TrackStop(model.target_ids[p - 1])
+        for p in range(1, model.n + 1)
+        if (tracked >> p) & 1 and p not in used and order
+    ]
+    places = {state.place for state in masses}
+    for k, m in enumerate(order):
+        target = int(model.obs_place[m])
+        tid = model.target_ids[target - 1]
+        if places != {target}:
+            here = []
+            for x in order[k:]:
+                if int(model.obs_place[x]) != target:
+                    break
+                here.append(x)
+            steps.append(Navigate(tid, all(bool(model.is_place[x]) for x in here), OnFail.SKIP))
+            places = {target} if not all(bool(model.is_place[x]) for x in here) else places | {target}
+        steps.append(Observe(model.observation_ids[m], tid, OnFail.SKIP))
+    return tuple(steps)

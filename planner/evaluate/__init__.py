@@ -1,0 +1,1 @@
+"""The value of a plan tree: grid propagation and Monte Carlo."""

@@ -1,0 +1,227 @@
+"""Sampling-free value of a plan: propagation of distributions over elapsed time and drive energy.
+
+The resources are kept on a product grid of time t and drive energy g (energy used = hotel load x t + g),
+where the increments of an action are independent. A node stands for the piecewise linear interpolant around
+it, so the kernel of an action holds the expectations of hat functions, in closed form for log-normal
+amounts. The error is of second order in the cell, and two grids with Richardson's extrapolation leave a few
+hundredths of a per cent.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtr
+
+from planner.evaluate.model import Floats, Model
+
+
+class Rounding(StrEnum):
+    """How consumption meets the grid.
+
+    `MID` keeps the mean (an estimate); `DOWN` rounds every consumption down to the grid, which can only
+    help a policy, so values are upper bounds; `UP` rounds up, so values are lower bounds.
+    """
+
+    MID = "mid"
+    DOWN = "down"
+    UP = "up"
+
+
+def _call(c: Floats, mu: float, sigma: float) -> Floats:
+    """Return E[(X - c)+] for a log-normal (sigma > 0) or constant X; `mu` -inf means X = 0."""
+    mean = math.exp(mu + sigma * sigma / 2.0) if mu > -math.inf else 0.0
+    if sigma == 0.0 or mean == 0.0:
+        return np.maximum(mean - c, 0.0)
+    positive = np.maximum(c, 1e-300)
+    d2 = (mu - np.log(positive)) / sigma
+    return np.where(c > 0.0, mean * ndtr(d2 + sigma) - positive * ndtr(d2), mean - c)
+
+
+def probability_below(c: Floats, mu: float, sigma: float) -> Floats:
+    """Return P(X <= c)."""
+    if mu == -math.inf:
+        return np.where(c >= 0.0, 1.0, 0.0)
+    if sigma == 0.0:
+        return np.where(c >= math.exp(mu) * (1.0 - 1e-12), 1.0, 0.0)
+    positive = np.maximum(c, 1e-300)
+    return np.where(c > 0.0, ndtr((np.log(positive) - mu) / sigma), 0.0)
+
+
+def weights_from(
+    origin: float, nodes: int, step: float, mu: float, sigma: float, shift: float, how: Rounding
+) -> Floats:
+    """Return the mass that lands on nodes 0..nodes-1 when origin + shift + X starts from `origin` (not
+    rounded).
+    """
+    k = np.arange(nodes)
+    base = k * step - origin - shift
+    if how is Rounding.MID:
+        values = _call(np.concatenate([base[:1] - step, base, base[-1:] + step]), mu, sigma)
+        return np.maximum((values[:-2] - 2.0 * values[1:-1] + values[2:]) / step, 0.0)
+    if how is Rounding.DOWN:
+        slack = 1e-9 * step
+        edges = probability_below(np.concatenate([base, base[-1:] + step]) - slack, mu, sigma)
+        edges[0] = 0.0
+        return np.diff(edges)
+    edges = probability_below(np.concatenate([base[:1] - step, base]), mu, sigma)
+    return np.diff(edges)
+
+
+def _toeplitz(first_row: Floats) -> Floats:
+    """Return the upper triangular Toeplitz matrix K[i, j] = first_row[j - i]."""
+    n = len(first_row)
+    padded = np.concatenate([np.zeros(n - 1), first_row])
+    view = np.lib.stride_tricks.sliding_window_view(padded, n)[::-1]
+    return np.ascontiguousarray(view)
+
+
+def _ramp(u: Floats) -> Floats:
+    return np.square(np.maximum(u, 0.0)) / 2.0
+
+
+class Grid:
+    """Nodes, kernels and edge weights of one model on one grid.
+
+    Nodes are t_i = i * step_t, i < nt, with t_{nt-1} the time budget, and likewise for drive energy up to
+    the energy budget. `alive[i, j]` is the share of the node's cell within both budgets (0 or 1 where
+    rounding is rigorous).
+    """
+
+    def __init__(self, model: Model, nt: int, ng: int, how: Rounding = Rounding.MID, dtype: Any = np.float64):
+        self.model, self.nt, self.ng, self.how, self.dtype = model, nt, ng, how, np.dtype(dtype)
+        self.step_t = model.t_max_s / (nt - 1)
+        self.step_g = model.e_max_j / (ng - 1)
+        self.t = np.arange(nt) * self.step_t
+        self.g = np.arange(ng) * self.step_g
+        self.energy = model.hotel_w * self.t[:, None] + self.g[None, :]
+        if how is Rounding.MID:
+            alive = 1.0 - self.at_least_energy(model.e_max_j)
+            alive[-1] *= 0.5
+        else:
+            alive = np.where(self.energy <= model.e_max_j * (1.0 + 1e-12), 1.0, 0.0)
+        self.alive = alive.astype(self.dtype)
+        self._leg_t: dict[tuple[int, int, int], Any] = {}
+        self._leg_g: dict[tuple[int, int], Any] = {}
+        self._obs_t: dict[int, Any] = {}
+        self._obs_g: dict[int, Any] = {}
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.nt, self.ng
+
+    def at_least_time(self, threshold_s: float) -> Floats:
+        """Return, per time node, the share of its cell at or after a threshold; shape (nt, 1)."""
+        return np.clip((self.t - threshold_s) / self.step_t + 0.5, 0.0, 1.0)[:, None]
+
+    def at_least_energy(self, threshold_j: float) -> Floats:
+        """Return the share of each node's cell in which the energy used is at least a threshold; shape (nt,
+        ng).
+        """
+        a, b = self.model.hotel_w * self.step_t, self.step_g
+        z = self.energy - threshold_j
+        if a <= 1e-9 * b:
+            return np.clip(z / b + 0.5, 0.0, 1.0)
+        half, rest = (a + b) / 2.0, (a - b) / 2.0
+        return np.clip(
+            (_ramp(z + half) - _ramp(z + rest) - _ramp(z - rest) + _ramp(z - half)) / (a * b), 0.0, 1.0
+        )
+
+    def open_until(self, closes_s: float) -> Floats:
+        """Return, per time node, the share of its cell in which such a window is open; (nt, 1)."""
+        if closes_s == math.inf:
+            return np.ones((self.nt, 1))
+        if self.how is Rounding.MID:
+            return 1.0 - self.at_least_time(closes_s)
+        return np.where(self.t <= closes_s * (1.0 + 1e-12), 1.0, 0.0)[:, None]
+
+    # ------------------------------------------------------------------------------------- kernels
+
+    def leg_t(self, a: int, b: int, tracked: int) -> Any:
+        """Return the kernel K[i, j] of time on the leg a -> b with so many targets tracked."""
+        key = (a, b, tracked)
+        if key not in self._leg_t:
+            mu, sigma = self.model.leg_ln[a, b, 0], self.model.leg_ln[a, b, 1]
+            row = weights_from(
+                0.0, self.nt, self.step_t, mu, sigma, tracked * self.model.track_leg_s, self.how
+            )
+            self._leg_t[key] = _toeplitz(row).astype(self.dtype)
+        return self._leg_t[key]
+
+    def leg_g(self, a: int, b: int) -> Any:
+        key = (a, b)
+        if key not in self._leg_g:
+            mu, sigma = self.model.leg_ln[a, b, 2], self.model.leg_ln[a, b, 3]
+            row = weights_from(0.0, self.ng, self.step_g, mu, sigma, 0.0, self.how)
+            self._leg_g[key] = _toeplitz(row).astype(self.dtype)
+        return self._leg_g[key]
+
+    def obs_t(self, m: int) -> Any:
+        """Return the kernel of time of an observation; before its window opens all rows start when it
+        opens.
+        """
+        if m not in self._obs_t:
+            mu, sigma = self.model.obs_ln[m, 0], self.model.obs_ln[m, 1]
+            kernel = _toeplitz(weights_from(0.0, self.nt, self.step_t, mu, sigma, 0.0, self.how))
+            opens = float(self.model.window[m, 0])
+            if opens > 0.0:
+                early = self.t < opens
+                kernel[early] = weights_from(opens, self.nt, self.step_t, mu, sigma, 0.0, self.how)
+            self._obs_t[m] = kernel.astype(self.dtype)
+        return self._obs_t[m]
+
+    def obs_g(self, m: int) -> Any:
+        if m not in self._obs_g:
+            mu, sigma = self.model.obs_ln[m, 2], self.model.obs_ln[m, 3]
+            row = weights_from(0.0, self.ng, self.step_g, mu, sigma, 0.0, self.how)
+            self._obs_g[m] = _toeplitz(row).astype(self.dtype)
+        return self._obs_g[m]
+
+    # ------------------------------------------------------------------------------------- one action
+
+    def before_leg(self, a: int, b: int, tracked: int, after: Any) -> Any:
+        """Return the value before a drive, given the value after it (losses already averaged)."""
+        gain = self.alive * (after + self.model.penalty)
+        return self.leg_t(a, b, tracked) @ gain @ self.leg_g(a, b).T - self.model.penalty
+
+    def before_observation(self, m: int, after: Any, utility: float) -> Any:
+        """Return the value before an observation that is carried out."""
+        gain = self.alive * (after + (self.model.penalty + utility))
+        return self.obs_t(m) @ gain @ self.obs_g(m).T - self.model.penalty
+
+    def after_leg(self, a: int, b: int, tracked: int, mass: Any) -> Any:
+        """Return the mass that is within the budgets after a drive."""
+        return self.alive * (self.leg_t(a, b, tracked).T @ mass @ self.leg_g(a, b))
+
+    def after_observation(self, m: int, mass: Any) -> Any:
+        return self.alive * (self.obs_t(m).T @ mass @ self.obs_g(m))
+
+    def corner(self, t_s: float, g_j: float) -> tuple[slice, slice, Floats]:
+        """Return where a point lies: two slices and the bilinear weights (rounded where rounding is
+        rigorous).
+        """
+        x, y = t_s / self.step_t, g_j / self.step_g
+        if self.how is Rounding.DOWN:
+            i, j = math.floor(x * (1.0 + 1e-12)), math.floor(y * (1.0 + 1e-12))
+            return slice(i, i + 1), slice(j, j + 1), np.ones((1, 1))
+        if self.how is Rounding.UP:
+            i, j = min(math.ceil(x), self.nt - 1), min(math.ceil(y), self.ng - 1)
+            return slice(i, i + 1), slice(j, j + 1), np.ones((1, 1))
+        i, j = min(int(x), self.nt - 2), min(int(y), self.ng - 2)
+        fx, fy = x - i, y - j
+        return slice(i, i + 2), slice(j, j + 2), np.outer([1.0 - fx, fx], [1.0 - fy, fy])
+
+    def point(self, t_s: float, g_j: float) -> Any:
+        """Return a unit mass at a point."""
+        mass = np.zeros(self.shape, self.dtype)
+        rows, columns, w = self.corner(t_s, g_j)
+        mass[rows, columns] = w
+        return mass
+
+    def at(self, values: Any, t_s: float, g_j: float) -> float:
+        """Return the value at a point."""
+        rows, columns, w = self.corner(t_s, g_j)
+        return float(np.sum(values[rows, columns] * w))

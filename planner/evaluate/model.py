@@ -1,0 +1,152 @@
+"""A problem as arrays: what the evaluators and the policy search compute with."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.problem import START, Amount, Kind, ObservationId, Problem, TargetId
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Truths = NDArray[np.bool_]
+
+MAX_BITS = 60
+"""Targets and observations are kept as bits of one integer; larger problems are reduced first."""
+
+
+def log_normal(amount: Amount) -> tuple[float, float]:
+    """Return (mu, sigma) of the log-normal with this mean and standard deviation; mean 0 gives (-inf, 0)."""
+    if amount.mean <= 0.0:
+        return -math.inf, 0.0
+    variance = math.log1p((amount.sd / amount.mean) ** 2)
+    return math.log(amount.mean) - variance / 2.0, math.sqrt(variance)
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Array view of a problem with n targets and m observations.
+
+    Places are 0 (start) and 1..n (observation points, in the order of the targets). Observations are 0..m-1.
+    `leg` and `obs` hold (mean T, sd T, mean G, sd G); `leg_ln` and `obs_ln` the log-normal parameters
+    (mu T, sigma T, mu G, sigma G). `loss[a, b, i]` is the chance to lose target i (1..n) on the leg a -> b.
+    """
+
+    problem: Problem
+    n: int
+    m: int
+    t_max_s: float
+    e_max_j: float
+    hotel_w: float
+    penalty: float
+    track_t_s: float
+    track_e_j: float
+    track_leg_s: float
+    leg: Floats  # (n + 1, n + 1, 4)
+    leg_ln: Floats
+    has_leg: Truths  # (n + 1, n + 1)
+    loss: Floats  # (n + 1, n + 1, n + 1)
+    obs: Floats  # (m, 4)
+    obs_ln: Floats
+    obs_place: Ints  # (m,)
+    utility: Floats  # (m,)
+    p_success: Floats  # (m,)
+    is_place: Truths  # (m,) instrument placed: needs the track
+    window: Floats  # (m, 2)
+    predecessors: Ints  # (m,) bits of observations that must be done before
+    trackable: Truths  # (n + 1,)
+    place_bits: Ints  # (n + 1,) bits of the placed observations of a target
+    target_bits: Ints  # (n + 1,) bits of all observations of a target
+    diminishing: Floats  # (n + 1,)
+    must_do: Truths  # (m,)
+    data_mbit: Floats  # (m,)
+    target_ids: tuple[TargetId, ...]
+    observation_ids: tuple[ObservationId, ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Model:
+        """Return the arrays of a problem of at most 60 targets and 60 observations."""
+        targets, observations = problem.targets, problem.observations
+        n, m = len(targets), len(observations)
+        place: dict[str, int] = {START: 0, **{t.id: k + 1 for k, t in enumerate(targets)}}
+        number = {o.id: k for k, o in enumerate(observations)}
+        leg = np.full((n + 1, n + 1, 4), np.nan)
+        leg_ln = np.full((n + 1, n + 1, 4), np.nan)
+        loss = np.zeros((n + 1, n + 1, n + 1))
+        for row in problem.legs:
+            a, b = place[row.origin], place[row.to]
+            leg[a, b] = row.time_s.mean, row.time_s.sd, row.energy_j.mean, row.energy_j.sd
+            leg_ln[a, b] = (*log_normal(row.time_s), *log_normal(row.energy_j))
+            for target, p in row.p_lose.items():
+                loss[a, b, place[target]] = p
+        obs = np.zeros((m, 4))
+        obs_ln = np.zeros((m, 4))
+        window = np.tile([-math.inf, math.inf], (m, 1))
+        obs_place = np.zeros(m, np.int64)
+        place_bits = np.zeros(n + 1, np.int64)
+        target_bits = np.zeros(n + 1, np.int64)
+        predecessors = np.zeros(m, np.int64)
+        narrow = m <= MAX_BITS
+        for k, o in enumerate(observations):
+            obs[k] = o.time_s.mean, o.time_s.sd, o.energy_j.mean, o.energy_j.sd
+            obs_ln[k] = (*log_normal(o.time_s), *log_normal(o.energy_j))
+            if o.window_s is not None:
+                window[k] = o.window_s
+            obs_place[k] = place[o.target]
+            if narrow:
+                target_bits[obs_place[k]] |= 1 << k
+                if o.kind is Kind.PLACE:
+                    place_bits[obs_place[k]] |= 1 << k
+        if narrow:
+            for first, second in problem.precedence:
+                predecessors[number[second]] |= 1 << number[first]
+        return cls(
+            problem=problem,
+            n=n,
+            m=m,
+            t_max_s=problem.budget.time_s,
+            e_max_j=problem.budget.usable_energy_j,
+            hotel_w=problem.hotel_w,
+            penalty=problem.overrun_penalty,
+            track_t_s=problem.track_start_time_s,
+            track_e_j=problem.track_start_energy_j,
+            track_leg_s=problem.track_overhead_s_per_leg,
+            leg=leg,
+            leg_ln=leg_ln,
+            has_leg=~np.isnan(leg[:, :, 0]),
+            loss=loss,
+            obs=obs,
+            obs_ln=obs_ln,
+            obs_place=obs_place,
+            utility=np.array([o.utility for o in observations], float),
+            p_success=np.array([o.p_success for o in observations], float),
+            is_place=np.array([o.kind is Kind.PLACE for o in observations], bool),
+            window=window,
+            predecessors=predecessors,
+            trackable=np.array([False, *(t.tracked_kind for t in targets)], bool),
+            place_bits=place_bits,
+            target_bits=target_bits,
+            diminishing=np.array([1.0, *(t.diminishing for t in targets)], float),
+            must_do=np.array([o.must_do for o in observations], bool),
+            data_mbit=np.array([o.data_mbit for o in observations], float),
+            target_ids=tuple(t.id for t in targets),
+            observation_ids=tuple(o.id for o in observations),
+        )
+
+    @cached_property
+    def place_of(self) -> dict[str, int]:
+        return {START: 0, **{t: k + 1 for k, t in enumerate(self.target_ids)}}
+
+    @cached_property
+    def number_of(self) -> dict[str, int]:
+        return {o: k for k, o in enumerate(self.observation_ids)}
+
+    def expected_utility_of(self, m: int, done: int) -> float:
+        """Return what observation `m` is worth in the mean when carried out after those in `done`."""
+        place = int(self.obs_place[m])
+        before = (done & int(self.target_bits[place])).bit_count()
+        return float(self.utility[m] * self.p_success[m] * self.diminishing[place] ** before)

@@ -1,0 +1,106 @@
+"""What is expected at each step and option of a plan: odds, quantile bands, gains, utility still to come."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from planner.evaluate.grid import Grid
+from planner.evaluate.model import Floats, Model
+from planner.evaluate.program import compile_plan
+from planner.evaluate.propagate import Backward, State, forward
+from planner.plan_tree import Branch, OptionNotes, Path, Plan, PlanTree, StepNotes, TrackStart, walk
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+TABLE_POINTS = 5
+
+
+def _quantiles(values: Floats, weights: Floats) -> tuple[float, ...]:
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    at = np.searchsorted(total, np.array(QUANTILES) * total[-1])
+    return tuple(round(float(values[order][min(k, len(order) - 1)]), 3) for k in at)
+
+
+def without_option(plan: Plan, path: Path) -> Plan:
+    """Return the plan with the option at a path taken out, and its branch with it if that was the
+    only one.
+    """
+    step = plan[path[0]]
+    assert isinstance(step, Branch)
+    if len(path) == 2:
+        left = step.options[: path[1]] + step.options[path[1] + 1 :]
+        return (*plan[: path[0]], *([Branch(left)] if left else []), *plan[path[0] + 1 :])
+    option = step.options[path[1]]
+    option = replace(option, plan=without_option(option.plan, path[2:]))
+    options = (*step.options[: path[1]], option, *step.options[path[1] + 1 :])
+    return (*plan[: path[0]], Branch(options), *plan[path[0] + 1 :])
+
+
+def annotate(model: Model, grid: Grid | None, tree: PlanTree) -> PlanTree:
+    """Return the tree with notes on its steps and options, from the distributions on a grid."""
+    if grid is None:
+        return tree
+    program = compile_plan(model, tree.plan)
+    flow = forward(grid, program)
+    backward = Backward(grid, program)
+    total = backward.total()
+    times = np.broadcast_to(grid.t[:, None], grid.shape).ravel()
+    energies = grid.energy.ravel()
+
+    def mass_at(row: int) -> Any:
+        masses = flow.get(row)
+        return None if not masses else np.sum(list(masses.values()), axis=0)
+
+    steps: dict[Path, StepNotes] = {}
+    options: dict[Path, OptionNotes] = {}
+    t_s = g_j = 0.0
+    for k, step in enumerate(tree.plan):  # the beginning takes known amounts
+        if not isinstance(step, TrackStart):
+            break
+        many = len(QUANTILES)
+        energy = round(g_j + model.hotel_w * t_s, 3)
+        steps[(k,)] = StepNotes(1.0, QUANTILES, (round(t_s, 3),) * many, (energy,) * many)
+        t_s, g_j = t_s + model.track_t_s, g_j + model.track_e_j
+    for path, step in walk(tree.plan):
+        row = program.step_row[path]
+        mass = mass_at(row) if row else None
+        if mass is not None and float(mass.sum()) > 1e-9:
+            flat = mass.ravel()
+            steps[path] = StepNotes(
+                round(min(1.0, float(flat.sum())), 6),
+                QUANTILES,
+                _quantiles(times, flat),
+                _quantiles(energies, flat),
+            )
+        if not isinstance(step, Branch):
+            continue
+        for k in range(len(step.options)):
+            here = (*path, k)
+            entry = program.option_entry[here]
+            taken = mass_at(entry)
+            p_taken = 0.0 if taken is None else float(taken.sum())
+            gain = total - Backward(grid, compile_plan(model, without_option(tree.plan, here))).total()
+            options[here] = OptionNotes(
+                round(min(1.0, p_taken), 6),
+                round(gain, 6),
+                _table(grid, backward, entry, flow.get(entry, {})),
+            )
+    return replace(tree, step_notes=steps, option_notes=options)
+
+
+def _table(
+    grid: Grid, backward: Backward, row: int, masses: dict[State, Any]
+) -> tuple[tuple[float, float], ...]:
+    """Return a few points (time, expected utility still to come), averaged over energy and states."""
+    if not masses:
+        return ()
+    weight = np.sum([m.sum(axis=1) for m in masses.values()], axis=0)
+    if float(weight.sum()) <= 1e-9:
+        return ()
+    value = np.sum([(m * backward.value(row, s)).sum(axis=1) for s, m in masses.items()], axis=0)
+    kept = np.flatnonzero(weight > 1e-3 * weight.max())
+    chosen = np.unique(kept[np.linspace(0, len(kept) - 1, TABLE_POINTS).astype(int)])
+    return tuple((round(float(grid.t[k]), 3), round(float(value[k] / weight[k]), 4)) for k in chosen)

@@ -1,0 +1,281 @@
+"""Backward and forward propagation of a plan over a grid.
+
+Backward gives the value of the rest of the plan at every program row as a function of time, energy, place,
+what is done and what is tracked; forward gives the distribution with which a row is met. The two are
+adjoint: their product at any row that every future passes is the value of the plan.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.evaluate.grid import Grid
+from planner.evaluate.model import Model
+from planner.evaluate.program import Op, Program, compile_plan
+from planner.plan_tree import Plan
+
+COARSE = (61, 37)
+FINE = (91, 55)
+
+
+class State(NamedTuple):
+    """Where the rover is, which observations are done and which targets are tracked (as bits)."""
+
+    place: int
+    done: int
+    tracked: int
+
+
+ORIGIN = State(0, 0, 0)
+
+
+def loss_outcomes(model: Model, a: int, b: int, tracked: int) -> list[tuple[float, int]]:
+    """Return (chance, targets still tracked) after the leg a -> b; chances sum to one."""
+    outcomes = [(1.0, tracked)]
+    rest = tracked
+    while rest:
+        bit = rest & -rest
+        rest ^= bit
+        p = float(model.loss[a, b, bit.bit_length() - 1])
+        if p <= 0.0:
+            continue
+        kept = [(q * (1.0 - p), s) for q, s in outcomes] if p < 1.0 else []
+        outcomes = kept + [(q * p, s & ~bit) for q, s in outcomes]
+    return outcomes
+
+
+def after_done(model: Model, state: State, m: int) -> State:
+    """Return the state after observation m: its target is no longer tracked once nothing is left to place
+    there.
+    """
+    done = state.done | (1 << m)
+    place = int(model.obs_place[m])
+    tracked = state.tracked
+    if model.is_place[m] and not int(model.place_bits[place]) & ~done:
+        tracked &= ~(1 << place)
+    return State(state.place, done, tracked)
+
+
+def can_observe(model: Model, state: State, m: int) -> bool:
+    """Return whether an observation can be carried out in a state, its window aside."""
+    place = int(model.obs_place[m])
+    return (
+        state.place == place
+        and not (state.done >> m) & 1
+        and (not model.is_place[m] or bool((state.tracked >> place) & 1))
+        and not int(model.predecessors[m]) & ~state.done
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """Where the point mass at the start is when the first random action, a branch or the end is met."""
+
+    row: int
+    state: State
+    t_s: float
+    g_j: float
+    over: bool = False
+
+
+def run_in(
+    model: Model, program: Program, row: int, t_s: float = 0.0, g_j: float = 0.0, state: State = ORIGIN
+) -> Beginning:
+    """Follow the deterministic beginning of a plan (start of tracking, tests on known amounts) exactly."""
+    while True:
+        op, arg = int(program.op[row]), int(program.arg[row])
+        go, fail = int(program.go[row]), int(program.fail[row])
+        if op == Op.TRACK_START:
+            if state.place != 0 or not model.trackable[arg] or (state.tracked >> arg) & 1:
+                row = fail
+                continue
+            t_s += model.track_t_s
+            g_j += model.track_e_j
+            if t_s > model.t_max_s or g_j + model.hotel_w * t_s > model.e_max_j:
+                return Beginning(row, state, t_s, g_j, over=True)
+            state = state._replace(tracked=state.tracked | (1 << arg))
+            row = go
+        elif op == Op.IF_TIME:
+            row = go if t_s >= program.value[row] else fail
+        elif op == Op.IF_ENERGY:
+            row = go if g_j + model.hotel_w * t_s >= program.value[row] else fail
+        elif op in (Op.END, Op.NAVIGATE, Op.OBSERVE):
+            return Beginning(row, state, t_s, g_j)
+        else:
+            row, state = step_without_time(model, program, row, state)
+
+
+def step_without_time(model: Model, program: Program, row: int, state: State) -> tuple[int, State]:
+    """Carry out a row that takes no time and asks for no amount: checks, tests on track or done, stop of
+    tracking.
+    """
+    op, arg = int(program.op[row]), int(program.arg[row])
+    go, fail = int(program.go[row]), int(program.fail[row])
+    if op == Op.CHECK:
+        return (go if not model.trackable[arg] or (state.tracked >> arg) & 1 else fail), state
+    if op == Op.IF_TRACKED:
+        return (go if (state.tracked >> arg) & 1 else fail), state
+    if op == Op.IF_DONE:
+        return (go if (state.done >> arg) & 1 else fail), state
+    return go, state._replace(tracked=state.tracked & ~(1 << arg))
+
+
+class Backward:
+    """Value of the rest of a plan, per program row and state, as arrays over the grid; computed when asked
+    for.
+    """
+
+    def __init__(self, grid: Grid, program: Program):
+        self.grid, self.program, self.model = grid, program, grid.model
+        self._zero = np.zeros(grid.shape, grid.dtype)
+        self._known: dict[tuple[int, State], Any] = {}
+
+    def value(self, row: int, state: State) -> Any:
+        """Return the expected utility still to come at a row, shape (nt, ng); do not write to it."""
+        if row == 0:
+            return self._zero
+        known = self._known.get((row, state))
+        if known is None:
+            known = self._known[(row, state)] = self._compute(row, state)
+        return known
+
+    def _compute(self, row: int, state: State) -> Any:
+        program, model, grid = self.program, self.model, self.grid
+        op, arg = int(program.op[row]), int(program.arg[row])
+        go, fail = int(program.go[row]), int(program.fail[row])
+        if op == Op.NAVIGATE:
+            if state.place == arg:
+                return self.value(go, state)
+            if not model.has_leg[state.place, arg]:
+                return self.value(fail, state)
+            after: Any = None
+            for p, tracked in loss_outcomes(model, state.place, arg, state.tracked):
+                part = p * self.value(go, State(arg, state.done, tracked))
+                after = part if after is None else after + part
+            return grid.before_leg(state.place, arg, state.tracked.bit_count(), after)
+        if op == Op.OBSERVE:
+            if not can_observe(model, state, arg):
+                return self.value(fail, state)
+            value = grid.before_observation(
+                arg,
+                self.value(go, after_done(model, state, arg)),
+                model.expected_utility_of(arg, state.done),
+            )
+            closes = float(model.window[arg, 1])
+            if closes < model.t_max_s:
+                share = grid.open_until(closes)
+                value = share * value + (1.0 - share) * self.value(fail, state)
+            return value
+        if op == Op.IF_TIME:
+            share = grid.at_least_time(float(program.value[row]))
+            return share * self.value(go, state) + (1.0 - share) * self.value(fail, state)
+        if op == Op.IF_ENERGY:
+            share = grid.at_least_energy(float(program.value[row]))
+            return share * self.value(go, state) + (1.0 - share) * self.value(fail, state)
+        if op == Op.TRACK_START:
+            return self.value(fail, state)  # reached away from the deterministic beginning only when it fails
+        return self.value(*step_without_time(model, program, row, state))
+
+    def total(self, begin: Beginning | None = None) -> float:
+        """Return the value of the whole plan."""
+        begin = begin or run_in(self.model, self.program, self.program.entry)
+        if begin.over:
+            return -self.model.penalty
+        return self.grid.at(self.value(begin.row, begin.state), begin.t_s, begin.g_j)
+
+
+Flow = dict[int, dict[State, Any]]
+"""Mass with which each program row is met, per state, over the grid."""
+
+
+def forward(grid: Grid, program: Program, begin: Beginning | None = None) -> Flow:
+    """Return the mass at every program row (the end included), from the plan's beginning or a given one."""
+    begin = begin or run_in(grid.model, program, program.entry)
+    if begin.over:
+        return {}
+    return forward_from(grid, program, begin.row, {begin.state: grid.point(begin.t_s, begin.g_j)})
+
+
+def forward_from(grid: Grid, program: Program, row: int, masses: dict[State, Any]) -> Flow:
+    """Return the mass at every row when the given masses meet `row`."""
+    model = grid.model
+    flow: Flow = {row: dict(masses)}
+
+    def add(target: int, state: State, mass: Any) -> None:
+        states = flow.setdefault(target, {})
+        states[state] = states[state] + mass if state in states else mass
+
+    for here in range(row, 0, -1):  # every row comes after its successors
+        states = flow.get(here)
+        if not states:
+            continue
+        op, arg = int(program.op[here]), int(program.arg[here])
+        go, fail = int(program.go[here]), int(program.fail[here])
+        for state, mass in states.items():
+            if op == Op.NAVIGATE:
+                if state.place == arg:
+                    add(go, state, mass)
+                elif not model.has_leg[state.place, arg]:
+                    add(fail, state, mass)
+                else:
+                    arrived = grid.after_leg(state.place, arg, state.tracked.bit_count(), mass)
+                    for p, tracked in loss_outcomes(model, state.place, arg, state.tracked):
+                        add(go, State(arg, state.done, tracked), p * arrived)
+            elif op == Op.OBSERVE:
+                if not can_observe(model, state, arg):
+                    add(fail, state, mass)
+                    continue
+                closes = float(model.window[arg, 1])
+                if closes < model.t_max_s:
+                    share = grid.open_until(closes)
+                    add(fail, state, (1.0 - share) * mass)
+                    mass = share * mass
+                add(go, after_done(model, state, arg), grid.after_observation(arg, mass))
+            elif op in (Op.IF_TIME, Op.IF_ENERGY):
+                threshold = float(program.value[here])
+                share = grid.at_least_time(threshold) if op == Op.IF_TIME else grid.at_least_energy(threshold)
+                add(go, state, share * mass)
+                add(fail, state, (1.0 - share) * mass)
+            elif op == Op.TRACK_START:
+                add(fail, state, mass)
+            else:
+                target, after = step_without_time(model, program, here, state)
+                add(target, after, mass)
+    return flow
+
+
+@dataclass(frozen=True, slots=True)
+class GridValue:
+    """Value of a plan by grids; `error` is an estimate of what is left after the extrapolation."""
+
+    value: float
+    coarse: float
+    fine: float
+
+    @property
+    def error(self) -> float:
+        return abs(self.fine - self.coarse) / 4.0
+
+
+class Evaluator:
+    """Grids of one model, kept between plans."""
+
+    def __init__(self, model: Model, coarse: tuple[int, int] = COARSE, fine: tuple[int, int] = FINE):
+        self.model = model
+        self.ratio = (fine[0] - 1) / (coarse[0] - 1)
+        degenerate = model.t_max_s <= 0.0 or model.e_max_j <= 0.0
+        self.grids = () if degenerate else (Grid(model, *coarse), Grid(model, *fine))
+
+    def value(self, plan: Plan | Program) -> GridValue:
+        """Return the expected utility of a plan without sampling."""
+        program = plan if isinstance(plan, Program) else compile_plan(self.model, plan)
+        begin = run_in(self.model, program, program.entry)
+        if begin.over:
+            return GridValue(-self.model.penalty, -self.model.penalty, -self.model.penalty)
+        if begin.row == 0 or not self.grids:
+            return GridValue(0.0, 0.0, 0.0)
+        coarse, fine = (Backward(g, program).total(begin) for g in self.grids)
+        return GridValue(fine + (fine - coarse) / (self.ratio**2 - 1.0), coarse, fine)

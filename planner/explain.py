@@ -1,0 +1,404 @@
+"""Why a plan is as it is: why not a target, what branches and budgets are worth, which plan is better."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.contingency.policy import Policy
+from planner.contingency.reduction import live_sets_of, only, reachable_targets, reduce_problem, several
+from planner.contingency.sequences import Masses, best_sequences, sequence_steps
+from planner.errors import PlannerError
+from planner.evaluate.grid import Grid, Rounding
+from planner.evaluate.model import Model
+from planner.evaluate.monte_carlo import simulate
+from planner.evaluate.propagate import Evaluator, State
+from planner.plan_tree import Path, Plan, PlanTree, TrackStart, planned_observations
+from planner.problem import Observation, ObservationId, Problem, TargetId
+from planner.solve import PlanResult, solve
+from planner.threads import one_blas_thread
+
+FUTURES = 100_000
+GRID = (33, 21)
+RELAXATIONS = (1.05, 1.1, 1.2, 1.35, 1.5, 2.0, 3.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Relaxation:
+    """The smallest change tried that lets something in: what, by which factor, and the value then."""
+
+    what: str
+    factor: float
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class WhyNot:
+    """Why an observation is not in the plan.
+
+    `forced` is the best unbranched plan found that must attempt it; `change` its value less that of the best
+    unbranched plan without that demand, with `standard_error` over common futures. `displaced` are
+    observations of the plan that the forced one gives up. `reason` says it in a sentence.
+    """
+
+    observation: ObservationId
+    reason: str
+    limit: str
+    change: float = 0.0
+    standard_error: float = 0.0
+    forced: Plan = ()
+    displaced: tuple[ObservationId, ...] = ()
+    relaxation: Relaxation | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """What more of a budget is worth: utility per hour and per 100 kJ, by the optimal policy's value."""
+
+    per_hour: float
+    per_100_kj: float
+
+
+@dataclass(frozen=True, slots=True)
+class BranchGain:
+    """What is known of one option: where it stands, how often it is taken, what it wins, with its error."""
+
+    path: Path
+    option: str
+    p_taken: float
+    gain: float
+    standard_error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Plan A against plan B on the same futures; the worst 5 % are means over the worst twentieth of each."""
+
+    value_a: float
+    value_b: float
+    difference: float
+    standard_error: float
+    a_beats_b: float
+    b_beats_a: float
+    worst_a: float
+    worst_b: float
+    overrun_a: float
+    overrun_b: float
+
+
+def compare_plans(
+    problem: Problem, a: Plan, b: Plan, *, other: Problem | None = None, futures: int = FUTURES, seed: int = 0
+) -> Comparison:
+    """Return how plan A does against plan B on common random numbers.
+
+    With `other`, B is run on that problem instead (a what-if of the same shape).
+    """
+    one = simulate(Model.of(problem), a, futures, seed=seed)
+    two = simulate(Model.of(other or problem), b, futures, seed=seed)
+    difference = one.utility - two.utility
+    tail = max(1, futures // 20)
+    return Comparison(
+        value_a=float(one.utility.mean()),
+        value_b=float(two.utility.mean()),
+        difference=float(difference.mean()),
+        standard_error=float(difference.std()) / float(np.sqrt(futures)),
+        a_beats_b=float(np.mean(difference > 1e-9)),
+        b_beats_a=float(np.mean(difference < -1e-9)),
+        worst_a=float(np.partition(one.utility, tail - 1)[:tail].mean()),
+        worst_b=float(np.partition(two.utility, tail - 1)[:tail].mean()),
+        overrun_a=float(one.overrun.mean()),
+        overrun_b=float(two.overrun.mean()),
+    )
+
+
+def branch_gains(
+    problem: Problem, tree: PlanTree, *, futures: int = FUTURES, seed: int = 0
+) -> list[BranchGain]:
+    """Return what each option wins against the plan without it, on common random numbers."""
+    from planner.evaluate.notes import without_option
+
+    model = Model.of(problem)
+    whole = simulate(model, tree.plan, futures, seed=seed).utility
+    found = []
+    for path, notes in sorted(tree.option_notes.items()):
+        less = simulate(model, without_option(tree.plan, path), futures, seed=seed).utility
+        difference = whole - less
+        found.append(
+            BranchGain(
+                path=path,
+                option=_option_name(tree.plan, path),
+                p_taken=notes.p_taken,
+                gain=float(difference.mean()),
+                standard_error=float(difference.std()) / float(np.sqrt(futures)),
+            )
+        )
+    return found
+
+
+def _option_name(plan: Plan, path: Path) -> str:
+    from planner.plan_tree import Branch
+
+    step = plan[path[0]]
+    assert isinstance(step, Branch)
+    option = step.options[path[1]]
+    return option.id if len(path) == 2 else _option_name(option.plan, path[2:])
+
+
+def _best_unbranched(model: Model) -> tuple[float, Plan]:
+    """Return the best unbranched plan found, by the beam search over the sets of targets to track."""
+    if model.t_max_s <= 0.0 or model.e_max_j <= 0.0:
+        return 0.0, ()
+    policy = Policy(Grid(model, *GRID, Rounding.MID, np.float32), one_stay=several(model))
+    best: tuple[float, Plan] = (0.0, ())
+    untracked: Masses = {State(0, 0, 0): np.zeros(())}
+    for tracked, bound in sorted(policy.start_values().items(), key=lambda item: (-item[1], item[0]))[:24]:
+        if bound <= best[0]:
+            break
+        masses: Masses = {State(0, 0, tracked): policy.grid.point(*policy.start_point(tracked))}
+        found = best_sequences(policy, masses, width=3)[0]
+        if found.value > best[0]:
+            head: Plan = tuple(
+                TrackStart(model.target_ids[p - 1]) for p in range(1, model.n + 1) if (tracked >> p) & 1
+            )
+            best = found.value, (*head, *sequence_steps(policy, found.order, untracked))
+    return best
+
+
+def _forced(model: Model, m: int) -> Plan:
+    """Return the best unbranched plan with observation m: with the smallest bonus that brings it in."""
+    name = model.observation_ids[m]
+    plan: Plan = ()
+    for share in (0.03, 0.1, 0.3, 1.0, 3.0):
+        utility = model.utility.copy()
+        utility[m] += share * float(model.utility.sum()) + 1e-3
+        plan = _best_unbranched(dataclasses.replace(model, utility=utility))[1]
+        if name in planned_observations(plan):
+            break
+    return plan
+
+
+def why_not(
+    problem: Problem, plan: Plan, observation: str, *, futures: int = FUTURES, seed: int = 0
+) -> WhyNot:
+    """Return why an observation is not in a plan.
+
+    Raises
+    ------
+    PlannerError
+        If the problem has no such observation, or the plan holds it.
+    """
+    by_name = {str(o.id): o for o in problem.observations}
+    if observation not in by_name:
+        raise PlannerError(f'the problem has no observation "{observation}"')
+    what = by_name[observation]
+    held = planned_observations(plan)
+    if what.id in held:
+        raise PlannerError(f'observation "{observation}" is in the plan')
+    with one_blas_thread():
+        return _why_not(problem, plan, what, held, futures, seed)
+
+
+def _why_not(
+    problem: Problem, plan: Plan, what: Observation, held: set[ObservationId], futures: int, seed: int
+) -> WhyNot:
+    sense = _obstacle(problem, what)
+    if sense is not None:
+        limit, reason = sense
+        return WhyNot(what.id, reason, limit)
+    part = _with_room_for(problem, what, held)
+    model = Model.of(part)
+    m = model.number_of[what.id]
+    forced = _forced(model, m)
+    if what.id not in planned_observations(forced):
+        relaxation = _smallest_relaxation(part, what.id)
+        limit = relaxation.what if relaxation is not None else "budgets"
+        return WhyNot(
+            what.id,
+            f"no plan found makes {what.id} within the budgets; {_said(relaxation)}",
+            limit,
+            relaxation=relaxation,
+        )
+    free = _best_unbranched(model)[1]
+    comparison = compare_plans(part, forced, free, futures=futures, seed=seed)
+    displaced = tuple(sorted(planned_observations(free) - planned_observations(forced)))
+    relaxation = _smallest_relaxation(part, what.id)
+    gives_up = f" and gives up {', '.join(displaced)}" if displaced else ""
+    return WhyNot(
+        observation=what.id,
+        reason=(
+            f"the best plan that attempts {what.id} changes the value by {comparison.difference:+.2f}"
+            f"{gives_up}; {_said(relaxation)}"
+        ),
+        limit=relaxation.what if relaxation is not None else "value",
+        change=comparison.difference,
+        standard_error=comparison.standard_error,
+        forced=forced,
+        displaced=displaced,
+        relaxation=relaxation,
+    )
+
+
+def _said(relaxation: Relaxation | None) -> str:
+    if relaxation is None:
+        return "no larger budget, up to three times, lets it in"
+    return f"it comes in with {relaxation.factor:g} times the {relaxation.what}"
+
+
+def _obstacle(problem: Problem, what: Observation) -> tuple[str, str] | None:
+    """Return what keeps an observation out whatever the plan: (limit, sentence)."""
+    if what.utility <= 0.0:
+        return "value", f"{what.id} is worth nothing"
+    if what.window_s is not None and what.window_s[1] < 0.0:
+        return "window", f"the window of {what.id} closed {-what.window_s[1]:g} s before the plan begins"
+    if what.window_s is not None and what.window_s[0] >= problem.budget.time_s:
+        return "window", (
+            f"the window of {what.id} opens at {what.window_s[0]:g} s; "
+            f"the time budget is {problem.budget.time_s:g} s"
+        )
+    if what.target not in reachable_targets(problem):
+        return "network", f"no way leads from the start to target {what.target}"
+    limit = problem.budget.data_mbit
+    if limit is not None and what.data_mbit > limit:
+        return "data volume", f"{what.id} needs {what.data_mbit:g} Mbit; the budget is {limit:g} Mbit"
+    return None
+
+
+def _with_room_for(problem: Problem, what: Observation, held: set[ObservationId]) -> Problem:
+    """Return a part of the problem that a table holds, with the plan's observations and the one asked for."""
+    count = live_sets_of(problem)
+    if count is not None and count <= 2_000:
+        return problem
+    names = set(held) | {what.id}
+    for first, second in problem.precedence:
+        if second in names:
+            names.add(first)
+    return only(problem, names)
+
+
+def _smallest_relaxation(problem: Problem, observation: ObservationId) -> Relaxation | None:
+    """Return the smallest larger budget with which the best unbranched plan makes an observation."""
+    best: Relaxation | None = None
+    for what in ("time budget", "energy budget"):
+        for factor in RELAXATIONS:
+            if best is not None and factor >= best.factor:
+                break
+            wider = _widened(problem, what, factor)
+            value, plan = _best_unbranched(Model.of(wider))
+            if observation in planned_observations(plan):
+                best = Relaxation(what, factor, value)
+                break
+    return best
+
+
+def _widened(problem: Problem, what: str, factor: float) -> Problem:
+    budget = problem.budget
+    if what == "time budget":
+        budget = dataclasses.replace(budget, time_s=budget.time_s * factor)
+    else:
+        more = budget.usable_energy_j * (factor - 1.0)
+        budget = dataclasses.replace(budget, energy_j=budget.energy_j + more)
+    return dataclasses.replace(problem, budget=budget)
+
+
+def sensitivity(problem: Problem, *, step: float = 0.05) -> Sensitivity:
+    """Return what more time and more energy are worth, by differences of the optimal policy's value."""
+    part = reduce_problem(problem).problem
+    with one_blas_thread():
+
+        def optimum(p: Problem) -> float:
+            model = Model.of(p)
+            if model.t_max_s <= 0.0 or model.e_max_j <= 0.0:
+                return 0.0
+            return Policy(Grid(model, *GRID, Rounding.MID, np.float32), one_stay=several(model)).best()
+
+        here = optimum(part)
+        hours = part.budget.time_s * step / 3600.0
+        joules = part.budget.usable_energy_j * step / 1e5
+        time = (optimum(_widened(part, "time budget", 1.0 + step)) - here) / hours if hours > 0.0 else 0.0
+        wider = _widened(part, "energy budget", 1.0 + step)
+        energy = (optimum(wider) - here) / joules if joules > 0.0 else 0.0
+    return Sensitivity(time, energy)
+
+
+def replan(
+    problem: Problem,
+    before: PlanResult,
+    *,
+    time_limit_s: float = 1.0,
+    max_branches: int = 6,
+    seed: int = 0,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> PlanResult:
+    """Return a plan for a changed problem, beginning from an earlier solution.
+
+    What the earlier plan holds that the changed problem lacks is left out of it first.
+    """
+    return solve(
+        problem,
+        max_branches=max_branches,
+        time_limit_s=time_limit_s,
+        seed=seed,
+        should_stop=should_stop,
+        warm=(fitted(problem, before.tree.plan),),
+        quick=True,
+    )
+
+
+def fitted(problem: Problem, plan: Plan) -> Plan:
+    """Return a plan without the targets and observations that a problem does not have."""
+    from planner.plan_tree import (
+        Branch,
+        DoneCondition,
+        Navigate,
+        Observe,
+        Step,
+        TrackedCondition,
+        TrackStop,
+        Visit,
+    )
+
+    targets: set[TargetId] = {t.id for t in problem.targets}
+    observations = {o.id for o in problem.observations}
+
+    def known(step: Step) -> bool:
+        match step:
+            case TrackStart(target=target) | TrackStop(target=target):
+                return target in targets
+            case Navigate(to=to):
+                return to in targets
+            case Observe(observation=observation) | Visit(observation=observation):
+                return observation in observations
+            case _:
+                return True
+
+    def lean(steps: Plan) -> Plan:
+        kept: list[Step] = []
+        for step in steps:
+            if not known(step):
+                continue
+            if isinstance(step, Branch):
+                options = tuple(
+                    dataclasses.replace(o, plan=lean(o.plan))
+                    for o in step.options
+                    if all(
+                        (not isinstance(c, TrackedCondition) or c.target in targets)
+                        and (not isinstance(c, DoneCondition) or c.observation in observations)
+                        for c in o.when
+                    )
+                )
+                if options:
+                    kept.append(Branch(options))
+                continue
+            kept.append(step)
+        return tuple(kept)
+
+    return lean(plan)
+
+
+def value_of(problem: Problem, plan: Plan) -> float:
+    """Return the expected utility of a plan, without sampling."""
+    with one_blas_thread():
+        return Evaluator(Model.of(problem)).value(plan).value

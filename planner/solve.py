@@ -1,0 +1,466 @@
+"""From a problem to a plan: strategies, limits, bounds and what is known about the answer."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from planner.contingency.bounds import Bound, upper_bound
+from planner.contingency.branching import Search, SearchLimits, plan_optimal
+from planner.contingency.pico2005 import plan_pico2005
+from planner.contingency.policy import Policy
+from planner.contingency.reduction import Reduction, reduce_problem, several
+from planner.contingency.seeding import mean_seed, route_steps, track_steps
+from planner.errors import PlannerError
+from planner.evaluate.grid import Grid, Rounding
+from planner.evaluate.model import Model
+from planner.evaluate.monte_carlo import Estimate, simulate
+from planner.evaluate.notes import annotate
+from planner.evaluate.program import compile_plan
+from planner.evaluate.propagate import Backward, Evaluator
+from planner.plan_tree import (
+    Observe,
+    OnFail,
+    Plan,
+    PlanTree,
+    Visit,
+    count_branches,
+    with_ids,
+)
+from planner.problem import Problem
+from planner.threads import one_blas_thread
+
+STRATEGIES = ("optimal", "pico2005")
+DEFAULT_BRANCHES = 6
+DEFAULT_TIME_LIMIT_S = 60.0
+CHECK_FUTURES = 200_000
+SEARCH_GRID = (49, 29)
+COARSE_GRID = (33, 21)
+QUICK_GRID = (25, 15)
+MANY_LIVE_SETS = 5_000
+NOTES_GRID = (61, 37)
+BOUND_S = 4.0
+QUICK_PLANS = 2
+"""Cuts of the mean route that the search begins with."""
+
+SEARCH_S = 6.5
+SEARCH_S_PER_TARGET = 6.0
+"""Processor seconds for the search: of a problem of up to 8 targets, and for each one more."""
+
+
+class PlanStatus(StrEnum):
+    """How planning ended. `EMPTY` is a plan that does nothing, because nothing fits or nothing is
+    worth it.
+    """
+
+    PLANNED = "planned"
+    EMPTY = "empty"
+    INFEASIBLE = "infeasible"
+    TIMEOUT = "timeout"
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where planning stands: `fraction` in [0, 1], the value of the best plan so far and the bound if
+    known.
+    """
+
+    fraction: float
+    phase: str
+    value: float | None = None
+    upper: float | None = None
+    branches: int = 0
+    plan: Plan | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """The answer. `lower <= value of the plan <= upper`, and no policy whatever earns more than `upper`.
+
+    `lower` is the Monte Carlo mean less its 99 % error; `expected_utility` is the sampling-free value.
+    `curve[k]` is the value of the best plan found with at most k branches. `reasons` say why a plan is
+    empty or there is none.
+    """
+
+    status: PlanStatus
+    tree: PlanTree
+    strategy: str
+    expected_utility: float = 0.0
+    check: Estimate | None = None
+    lower: float = 0.0
+    upper: float = 0.0
+    optimum_estimate: float | None = None
+    curve: tuple[float, ...] = ()
+    evaluator: str = "grid"
+    wall_s: float = 0.0
+    first_plan_s: float = 0.0
+    seed: int = 0
+    reasons: tuple[str, ...] = ()
+    regret_left: float | None = None
+    seeds: tuple[Plan, ...] = field(default=(), repr=False)
+
+    @property
+    def branches(self) -> int:
+        return self.tree.branches
+
+
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    began: float
+    limit_s: float
+    deterministic: bool
+    cancelled: Callable[[], bool]
+
+    def elapsed_s(self) -> float:
+        return time.monotonic() - self.began
+
+    def stop(self, share: float = 1.0) -> bool:
+        """Return whether to stop; `share` of the time limit is what this part of the work may use."""
+        if self.cancelled():
+            return True
+        return not self.deterministic and self.elapsed_s() > share * self.limit_s
+
+
+def solve(
+    problem: Problem,
+    *,
+    strategy: str = "optimal",
+    max_branches: int = DEFAULT_BRANCHES,
+    time_limit_s: float = DEFAULT_TIME_LIMIT_S,
+    iterations: int | None = None,
+    seed: int = 0,
+    least_taken: float = 0.0,
+    report: Callable[[Progress], None] = lambda progress: None,
+    should_stop: Callable[[], bool] = lambda: False,
+    warm: tuple[Plan, ...] = (),
+    quick: bool = False,
+) -> PlanResult:
+    """Return the best contingent plan found for a problem.
+
+    Parameters
+    ----------
+    strategy
+        `optimal` (gain-driven branches, with bounds) or `pico2005` (the 2004 planner).
+    max_branches
+        Most options in the whole tree.
+    time_limit_s
+        Wall time; the search also ends by itself when nothing more is to be won.
+    iterations
+        A deterministic limit instead of time: with it the same seed gives the same plan on every machine.
+    seed
+        Of the Monte Carlo check; the search itself draws nothing.
+    least_taken
+        Options taken in a smaller share of the futures are left out.
+    report, should_stop
+        Told of progress with the best plan so far; asked often. When stopped, the best plan so far is
+        returned.
+    warm
+        Plans to begin with, from an earlier solution of a similar problem.
+    quick
+        Search on a coarse grid and from few main lines, for an answer within a second.
+
+    Raises
+    ------
+    PlannerError
+        If the strategy is unknown or a limit is out of range.
+    """
+    if strategy not in STRATEGIES:
+        raise PlannerError(f'strategy "{strategy}" is unknown; known are {", ".join(STRATEGIES)}')
+    if max_branches < 0 or max_branches > 200:
+        raise PlannerError(f"max_branches is {max_branches}; it must be between 0 and 200")
+    if not time_limit_s > 0.0:
+        raise PlannerError(f"time_limit_s is {time_limit_s:g}; it must be more than 0")
+    if iterations is not None and iterations < 1:
+        raise PlannerError(f"iterations is {iterations}; it must be at least 1")
+    clock = _Clock(time.monotonic(), time_limit_s, iterations is not None, should_stop)
+    with one_blas_thread():
+        work = _Work(
+            problem, strategy, max_branches, iterations, seed, least_taken, clock, report, warm, quick
+        )
+        return work.run()
+
+
+def _drop_rare(model: Model, plan: Plan, least: float) -> Plan:
+    """Return the plan without options taken in a smaller share of the futures than `least`."""
+    from planner.evaluate.notes import without_option
+
+    while True:
+        grid = Grid(model, *SEARCH_GRID)
+        tree = annotate(model, grid, PlanTree("", plan))
+        rare = [(notes.p_taken, path) for path, notes in tree.option_notes.items() if notes.p_taken < least]
+        if not rare:
+            return plan
+        plan = without_option(plan, min(rare)[1])
+
+
+def _main_line(plan: Plan) -> set[str]:
+    return {str(s.observation) for s in plan if isinstance(s, Observe | Visit)}
+
+
+class _Work:
+    def __init__(
+        self,
+        problem: Problem,
+        strategy: str,
+        max_branches: int,
+        iterations: int | None,
+        seed: int,
+        least_taken: float,
+        clock: _Clock,
+        report: Callable[[Progress], None],
+        warm: tuple[Plan, ...],
+        quick: bool,
+    ) -> None:
+        self.problem, self.strategy, self.max_branches = problem, strategy, max_branches
+        self.iterations, self.seed, self.least_taken = iterations, seed, least_taken
+        self.clock, self.report, self.warm, self.quick = clock, report, warm, quick
+        self.best_plan: Plan = ()
+        self.best_value = 0.0
+        self.first_plan_s = 0.0
+        self.bound: Bound | None = None
+
+    def told(self, plan: Plan, value: float) -> None:
+        """Take note of a better plan and pass it on."""
+        if not self.first_plan_s:
+            self.first_plan_s = self.clock.elapsed_s()
+        self.best_plan, self.best_value = plan, value
+        limit = self.clock.limit_s
+        fraction = min(0.9, 0.1 + 0.8 * self.clock.elapsed_s() / limit)
+        self.report(Progress(fraction, "branching", value, None, count_branches(plan), plan))
+
+    # ------------------------------------------------------------------------------------- the parts
+
+    def run(self) -> PlanResult:
+        problem = self.problem
+        self.report(Progress(0.0, "reading"))
+        reduction = reduce_problem(problem, should_stop=lambda: self.clock.stop(0.5))
+        small = Model.of(reduction.problem)
+        must = [o for o in problem.observations if o.must_do]
+        if must:
+            missing = self.impossible(small)
+            if missing:
+                return self.answer(PlanStatus.INFEASIBLE, (), missing, reduction)
+        if small.t_max_s <= 0.0 or small.e_max_j <= 0.0:
+            return self.answer(PlanStatus.EMPTY, (), self.why_empty(), reduction)
+        pressed = self.pressed(small)
+        curve: list[tuple[float, Plan]]
+        search: Search | None = None
+        penalties = self.penalties(pressed)
+        for penalty in penalties:
+            model = dataclasses.replace(pressed, penalty=penalty)
+            grid = Grid(model, *self.search_grid(reduction))
+            if self.strategy == "pico2005":
+                curve = self.pico(model, grid)
+            else:
+                search = self.optimal(model, grid)
+                curve = search.curve
+            plan, check, values = self.choose(small, curve)
+            allowed = problem.max_overrun_probability
+            if allowed is None or check is None or check.overrun <= allowed or self.clock.stop():
+                break
+        allowed = problem.max_overrun_probability
+        if allowed is not None and check is not None and check.overrun > allowed:
+            plan, check, values = (), None, [0.0]
+        if must and not {str(o.id) for o in must} <= _main_line(plan):
+            order = mean_seed(small, must=sum(1 << m for m in range(small.m) if small.must_do[m]))
+            plan = (*track_steps(small, set(order)), *route_steps(small, order, 0, OnFail.SKIP))
+            plan, check, values = self.choose(small, [(0.0, plan)])
+        if not plan:
+            status = PlanStatus.TIMEOUT if self.clock.stop() and not self.first_plan_s else PlanStatus.EMPTY
+            return self.answer(status, (), self.why_empty(), reduction)
+        return self.answer(PlanStatus.PLANNED, plan, (), reduction, small, check, values, search)
+
+    def impossible(self, model: Model) -> tuple[str, ...]:
+        """Return why what must be done cannot be; empty if a route on mean values holds it all."""
+        must = sum(1 << m for m in range(model.m) if model.must_do[m])
+        lifted = dataclasses.replace(
+            model, utility=np.where(model.must_do, model.utility + 1.0, model.utility)
+        )
+        order = mean_seed(lifted, must=must)
+        held = sum(1 << m for m in order)
+        names = [str(model.observation_ids[m]) for m in range(model.m) if (must & ~held) >> m & 1]
+        if not names:
+            return ()
+        return (
+            f"observation {', '.join(names)} must be done, but no route on mean values makes every such "
+            f"observation within {model.t_max_s:g} s and {model.e_max_j:g} J, in its window and in order",
+        )
+
+    def pressed(self, model: Model) -> Model:
+        """Return the model with what must be done worth more than everything else together."""
+        if not np.any(model.must_do):
+            return model
+        bonus = 2.0 * float(model.utility.sum()) + 1.0
+        return dataclasses.replace(
+            model, utility=np.where(model.must_do, model.utility + bonus, model.utility)
+        )
+
+    def penalties(self, model: Model) -> list[float]:
+        """Return the costs of an overrun to plan with: the problem's, then rising ones under a chance
+        constraint.
+        """
+        if self.problem.max_overrun_probability is None:
+            return [model.penalty]
+        whole = max(1.0, float(model.utility.sum()))
+        return [model.penalty, *(model.penalty + whole * f for f in (0.2, 0.6, 2.0, 6.0, 20.0, 100.0))]
+
+    def search_grid(self, reduction: Reduction) -> tuple[int, int]:
+        """Return the nodes to search with: fewer where the table of the policy is large."""
+        if self.quick:
+            return QUICK_GRID
+        return COARSE_GRID if reduction.live_sets > MANY_LIVE_SETS else SEARCH_GRID
+
+    def pico(self, model: Model, grid: Grid) -> list[tuple[float, Plan]]:
+        plan = plan_pico2005(
+            model,
+            grid,
+            max_branches=self.max_branches,
+            max_steps=self.iterations,
+            should_stop=lambda: self.clock.stop(0.9),
+            report=self.told,
+        )
+        return [(0.0, plan)]
+
+    def quick_plans(self, model: Model, grid: Grid) -> tuple[Plan, ...]:
+        """Return plans that need no table, best first: the route on mean values, cut short at every length.
+
+        They are there before the table of the optimal policy is, and on problems that are large for the time
+        limit they are what the search begins with.
+        """
+        order = mean_seed(model)
+        plans: list[tuple[float, Plan]] = []
+        for length in range(len(order), 0, -1):
+            route = order[:length]
+            plan = (*track_steps(model, set(route)), *route_steps(model, route, 0, OnFail.SKIP))
+            plans.append((Backward(grid, compile_plan(model, plan)).total(), plan))
+        plans.sort(key=lambda pair: -pair[0])
+        if plans and plans[0][0] > self.best_value:
+            self.told(plans[0][1], plans[0][0])
+        return tuple(plan for _, plan in plans[:QUICK_PLANS])
+
+    def optimal(self, model: Model, grid: Grid) -> Search:
+        quick = self.quick_plans(model, grid)
+        policy = Policy(
+            Grid(model, grid.nt, grid.ng, Rounding.MID, np.float32),
+            one_stay=several(model),
+            should_stop=lambda: self.clock.stop(0.6),
+        )
+        limits = SearchLimits(
+            max_branches=self.max_branches,
+            iterations=self.iterations,
+            main_lines=1 if self.quick else 4,
+            tolerance=1e-3 if self.quick else 2e-4,
+        )
+        until = time.thread_time() + SEARCH_S + SEARCH_S_PER_TARGET * max(0, model.n - 8)
+        return plan_optimal(
+            policy,
+            grid,
+            limits,
+            should_stop=lambda: (
+                self.clock.stop(0.6) or (not self.clock.deterministic and time.thread_time() > until)
+            ),
+            report=self.told,
+            extra=(*self.warm, *quick),
+        )
+
+    def choose(
+        self, model: Model, curve: list[tuple[float, Plan]]
+    ) -> tuple[Plan, Estimate | None, list[float]]:
+        """Return the plan of the curve that holds up on fresh futures, with its check and the values by
+        branches.
+
+        A plan with more branches replaces the one before only if it is better on the fine grids and also on
+        futures that took no part in the search.
+        """
+        evaluator = Evaluator(model)
+        best: Plan = ()
+        best_value = 0.0
+        earned = np.zeros(CHECK_FUTURES // 10 if self.quick else CHECK_FUTURES)
+        check: Estimate | None = None
+        values = []
+        for _, candidate in curve:
+            plan = candidate
+            if self.least_taken > 0.0 and count_branches(plan):
+                plan = _drop_rare(model, plan, self.least_taken)
+            if plan and plan != best:
+                value = evaluator.value(plan).value
+                if value > best_value or np.any(model.must_do):
+                    futures = simulate(model, plan, len(earned), seed=self.seed + 1)
+                    if float(np.mean(futures.utility - earned)) > 0.0 or np.any(model.must_do):
+                        best, best_value, earned = plan, value, futures.utility
+                        check = futures.estimate()
+            values.append(best_value)
+        return best, check, values
+
+    def why_empty(self) -> tuple[str, ...]:
+        """Return why nothing is planned."""
+        problem = self.problem
+        if not problem.observations:
+            return ("the problem has no observation",)
+        if all(o.utility <= 0.0 for o in problem.observations):
+            return ("no observation is worth anything",)
+        budget = problem.budget
+        if budget.time_s <= 0.0 or budget.usable_energy_j <= 0.0:
+            return (f"the budget of {budget.time_s:g} s and {budget.usable_energy_j:g} J is too small",)
+        reached = {leg.to for leg in problem.legs}
+        if not any(t.id in reached for t in problem.targets):
+            return ("no target can be reached: the problem has no leg that leads to one",)
+        if not mean_seed(Model.of(reduce_problem(problem).problem)):
+            return (
+                f"the budget of {budget.time_s:g} s and {budget.usable_energy_j:g} J is too small: "
+                "no observation fits in it on mean values, in its window",
+            )
+        return ("no plan earns more in the mean than doing nothing",)
+
+    def answer(
+        self,
+        status: PlanStatus,
+        plan: Plan,
+        reasons: tuple[str, ...],
+        reduction: Reduction,
+        model: Model | None = None,
+        check: Estimate | None = None,
+        values: list[float] | None = None,
+        search: Search | None = None,
+    ) -> PlanResult:
+        tree = PlanTree(self.problem.name, with_ids(plan), self.strategy)
+        upper = 0.0
+        if status in (PlanStatus.PLANNED, PlanStatus.EMPTY):
+            self.report(Progress(0.9, "bounds", self.best_value, None, count_branches(plan), plan))
+            left = max(0.5, self.clock.limit_s - self.clock.elapsed_s())
+            bound = upper_bound(
+                reduction.whole(),
+                time_limit_s=min(left, 0.2 if self.quick else BOUND_S),
+                deterministic=self.clock.deterministic,
+                should_stop=self.clock.cancelled,
+            )
+            upper = bound.value
+        if model is not None and plan:
+            tree = annotate(model, Grid(model, *NOTES_GRID), tree)
+        expected = values[-1] if values else 0.0
+        lower = max(0.0, check.mean - 2.576 * check.standard_error) if check else 0.0
+        result = PlanResult(
+            status=status,
+            tree=tree,
+            strategy=self.strategy,
+            expected_utility=expected,
+            check=check,
+            lower=min(lower, expected),
+            upper=max(upper, expected),
+            optimum_estimate=search.optimum if search is not None and reduction.exact else None,
+            curve=tuple(values or ()),
+            wall_s=self.clock.elapsed_s(),
+            first_plan_s=self.first_plan_s,
+            seed=self.seed,
+            reasons=reasons + reduction.notes,
+            regret_left=(
+                max(0.0, search.optimum - expected) if search is not None and reduction.exact else None
+            ),
+        )
+        self.report(Progress(1.0, "done", expected, result.upper, tree.branches, tree.plan))
+        return result

@@ -1,0 +1,120 @@
+"""Fitting finds the rates that made the data; the file form survives a round trip."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.errors import ProblemError
+from planner.path_network import (
+    K9_CALIBRATION,
+    calibration_from_json,
+    calibration_to_json,
+    fit_calibration,
+    fit_loss,
+    fit_mean,
+    read_calibration,
+    write_calibration,
+)
+
+
+def test_maximum_likelihood_finds_the_loss_rates() -> None:
+    rng = np.random.default_rng(1)
+    exposure = rng.uniform(0, 6, (20_000, 2)) * (rng.random((20_000, 2)) < 0.7)
+    exposure[:, 0] += 0.1
+    lost = rng.random(20_000) < -np.expm1(-exposure @ np.array([0.01, 0.08]))
+    fit = fit_loss(exposure, lost)
+    for rate, error, truth in zip(fit.rate_per_m, fit.standard_error, (0.01, 0.08), strict=True):
+        assert abs(rate - truth) < 4 * error
+        assert error < 0.1 * truth + 0.001
+
+
+def test_one_circumstance_has_its_closed_form() -> None:
+    lost = np.array([1, 0, 0, 0])
+    fit = fit_loss(np.full((4, 1), 2.0), lost)
+    assert fit.rate_per_m[0] == pytest.approx(-np.log(3 / 4) / 2, rel=1e-5)
+
+
+def test_no_loss_at_all_gives_rate_zero() -> None:
+    assert fit_loss(np.ones((5, 2)), np.zeros(5)).rate_per_m == pytest.approx((0.0, 0.0))
+
+
+def test_regression_finds_coefficients_and_spread() -> None:
+    rng = np.random.default_rng(2)
+    features = np.column_stack([np.ones(4000), rng.uniform(1, 10, 4000)])
+    mean = features @ np.array([300.0, 165.0])
+    sigma = np.sqrt(np.log1p(0.3**2))
+    measured = mean * rng.lognormal(-(sigma**2) / 2, sigma, 4000)
+    fit = fit_mean(features, measured)
+    assert fit.coefficients == pytest.approx((300, 165), rel=0.08)
+    assert fit.cv == pytest.approx(0.3, rel=0.06)
+
+
+def test_a_fitted_calibration_keeps_what_the_runs_do_not_tell() -> None:
+    rng = np.random.default_rng(3)
+    length, turn = rng.uniform(1, 12, 500), rng.uniform(0, 3, 500)
+    duration = 200 + 8.0 * length / 0.06 + 2.0 * turn / 0.1
+    fitted = fit_calibration(
+        name="run",
+        source="simulated legs",
+        prior=K9_CALIBRATION,
+        length_m=length,
+        turn_rad=turn,
+        duration_s=duration,
+        energy_j=70.0 * duration,
+        speed_m_s=0.06,
+        turn_rate_rad_s=0.1,
+        drive_power_w=70.0,
+    )
+    assert (fitted.fixed_s, fitted.drive_factor, fitted.turn_factor) == pytest.approx((200, 8, 2), rel=1e-6)
+    assert (fitted.duration_cv, fitted.energy_factor) == pytest.approx((0, 1), abs=1e-6)
+    assert fitted.outside_per_m == K9_CALIBRATION.outside_per_m
+    assert (fitted.legs, fitted.tracks) == (500, 0)
+
+
+def test_the_file_form_survives_a_round_trip(tmp_path: Path) -> None:
+    path = tmp_path / "c.json"
+    write_calibration(K9_CALIBRATION, path)
+    assert read_calibration(path) == K9_CALIBRATION
+    assert json.loads(path.read_text())["format"] == "calibration/1"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": "calibration/9"}, "calibration/9"),
+        ({"fixed_s": None}, "fixed_s is None"),
+        ({"energy_cv": -1}, "energy_cv is -1"),
+        ({"colour": 1}, "unknown members colour"),
+    ],
+)
+def test_a_broken_file_is_refused(change: dict[str, object], message: str) -> None:
+    data = {**json.loads(calibration_to_json(K9_CALIBRATION)), **change}
+    with pytest.raises(ProblemError, match=message):
+        calibration_from_json(json.dumps(data))
+
+
+def test_a_file_that_lacks_a_member_or_is_no_json_is_refused() -> None:
+    data = json.loads(calibration_to_json(K9_CALIBRATION))
+    del data["inside_per_m"]
+    with pytest.raises(ProblemError, match="lacks inside_per_m"):
+        calibration_from_json(json.dumps(data))
+    with pytest.raises(ProblemError, match="not JSON"):
+        calibration_from_json("{")
+
+
+def test_arrays_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(ProblemError, match="needed"):
+        fit_loss(np.ones((3, 2)), np.zeros(2))
+    with pytest.raises(ProblemError, match="negative"):
+        fit_loss(-np.ones((3, 2)), np.zeros(3))
+    with pytest.raises(ProblemError, match="over 0 m"):
+        fit_loss(np.zeros((1, 2)), np.ones(1))
+    with pytest.raises(ProblemError, match="positive"):
+        fit_mean(np.ones((3, 1)), np.zeros(3))
+    with pytest.raises(ProblemError, match="duration_cv"):
+        replace(K9_CALIBRATION, duration_cv=float("nan"))

@@ -1,0 +1,132 @@
+"""Plan trees and their JSON forms."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from planner.errors import PlanTreeError
+from planner.plan_tree import (
+    Branch,
+    Comparison,
+    DoneCondition,
+    EnergyCondition,
+    Navigate,
+    Observe,
+    Option,
+    OptionNotes,
+    PlanTree,
+    StepNotes,
+    Stop,
+    TimeCondition,
+    TrackedCondition,
+    TrackStart,
+    TrackStop,
+    Visit,
+    count_branches,
+    plan_tree_from_dict,
+    plan_tree_to_dict,
+    walk,
+    with_ids,
+)
+from planner.problem import load_problem
+from tests.planner.examples import example
+from tests.shared import ROOT, shared
+
+TREE = (
+    TrackStart("T1"),  # type: ignore[arg-type]
+    Navigate("T1", True),  # type: ignore[arg-type]
+    Branch(
+        (
+            Option(
+                (
+                    TimeCondition(Comparison.GE, 100.0),
+                    TrackedCondition("T1", False),  # type: ignore[arg-type]
+                    DoneCondition("O1", False),  # type: ignore[arg-type]
+                ),
+                (TrackStop("T1"), Visit("O2", "T2"), Branch((Option((), (Stop(),)),))),  # type: ignore[arg-type]
+            ),
+            Option((EnergyCondition(Comparison.LT, 5.5),), ()),
+        )
+    ),
+    Observe("O1", "T1"),  # type: ignore[arg-type]
+)
+
+
+def test_branches_are_options_in_the_whole_tree() -> None:
+    assert count_branches(TREE) == 3
+    assert count_branches(()) == 0
+
+
+def test_options_are_named_in_the_order_of_the_text() -> None:
+    names = [o.id for _, s in walk(with_ids(TREE)) if isinstance(s, Branch) for o in s.options]
+    assert names == ["option-1", "option-3", "option-2"]
+
+
+def test_a_tree_survives_being_written_and_read() -> None:
+    problem = example()
+    tree = PlanTree("example", with_ids(TREE), "by hand")
+    document = json.loads(json.dumps(plan_tree_to_dict(tree, problem)))
+    assert document["format"] == "plan-tree/2"
+    assert plan_tree_from_dict(document, problem) == tree
+
+
+def test_the_reference_plans_are_read_and_written_as_they_stand() -> None:
+    for file in sorted(shared("contingency/plans").glob("*.json")):
+        document = json.loads(file.read_text(encoding="utf-8"))
+        problem = load_problem(shared(f"contingency/instances/{document['instance']}.json"))
+        tree = plan_tree_from_dict(document, problem)
+        written = plan_tree_to_dict(tree, problem)
+        assert written["format"] == "plan-tree/1"
+        assert plan_tree_from_dict(written, problem) == tree
+
+
+def test_notes_are_written_and_fit_the_published_schema() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((ROOT / "docs/formats/plan-tree-2.schema.json").read_text(encoding="utf-8"))
+    tree = PlanTree(
+        "example",
+        with_ids(TREE),
+        step_notes={(1,): StepNotes(0.9, (0.05, 0.95), (1.0, 2.0), (3.0, 4.0))},
+        option_notes={(2, 1): OptionNotes(0.25, 1.5, ((0.0, 2.0), (10.0, 1.0)))},
+    )
+    document = plan_tree_to_dict(tree, example())
+    jsonschema.validate(document, schema)
+    assert document["plan"][1]["quantiles"]["time_s"] == [1.0, 2.0]
+    assert document["plan"][2]["options"][1]["p_taken"] == 0.25
+
+
+BAD: list[tuple[Any, str]] = [
+    ([], "a plan tree must be an object"),
+    ({"format": "plan-tree/9", "plan": []}, "\"format\" is 'plan-tree/9'"),
+    ({"format": "plan-tree/2", "plan": {}}, "a plan must be an array"),
+    ({"format": "plan-tree/2", "plan": [{"op": "fly"}]}, "step 1: \"op\" is 'fly', which is no step"),
+    ({"format": "plan-tree/2", "plan": [{"op": "navigate", "to": "X"}]}, "\"to\" is 'X'; the problem has no"),
+    (
+        {"format": "plan-tree/2", "plan": [{"op": "navigate", "to": "T1", "on_fail": "cry"}]},
+        "\"on_fail\" is 'cry'",
+    ),
+    ({"format": "plan-tree/2", "plan": [{"op": "observe", "observation": "Q"}]}, "has no such observation"),
+    (
+        {
+            "format": "plan-tree/2",
+            "plan": [{"op": "branch", "options": [{"when": [{"var": "mood"}], "plan": []}]}],
+        },
+        "unknown condition",
+    ),
+    (
+        {
+            "format": "plan-tree/2",
+            "plan": [{"op": "branch", "options": [{"when": [{"var": "time_s"}], "plan": []}]}],
+        },
+        'a condition on time_s needs a number in "ge" or "lt"',
+    ),
+]
+
+
+@pytest.mark.parametrize(("document", "message"), BAD, ids=[m for _, m in BAD])
+def test_what_is_wrong_is_named(document: Any, message: str) -> None:
+    with pytest.raises(PlanTreeError, match=message):
+        plan_tree_from_dict(document, example())

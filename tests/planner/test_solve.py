@@ -1,0 +1,292 @@
+"""From a problem to a plan: limits, bounds, what is said when there is none."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from executive.crl import parse
+from ground.cli.main import app, register_all
+from planner.errors import PlannerError
+from planner.explain import branch_gains, compare_plans, fitted, replan, sensitivity, why_not
+from planner.plan_tree import TrackStart, planned_observations
+from planner.problem import Problem, load_problem, problem_from_dict, problem_to_dict
+from planner.solve import PlanStatus, Progress, solve
+from tests.planner.examples import example, observation, problem_document
+from tests.shared import shared
+
+register_all()
+QUICK: dict[str, Any] = {"time_limit_s": 20.0, "iterations": 40, "max_branches": 2}
+
+
+def _instance(name: str) -> Problem:
+    return load_problem(shared(f"contingency/instances/{name}.json"))
+
+
+def test_a_plan_lies_between_its_bounds_and_near_the_optimum() -> None:
+    results = json.loads(shared("contingency/results.json").read_text(encoding="utf-8"))["dev-reserve-4"]
+    seen: list[Progress] = []
+    result = solve(_instance("dev-reserve-4"), time_limit_s=60.0, report=seen.append)
+    assert result.status is PlanStatus.PLANNED
+    assert result.lower <= result.expected_utility <= result.upper
+    assert result.upper >= results["dp_mid"]
+    assert (result.upper - result.lower) / result.upper < 0.03
+    assert result.expected_utility >= 0.99 * results["dp_mid"]
+    assert result.branches <= 6
+    assert list(result.curve) == sorted(result.curve)
+    assert [p.fraction for p in seen] == sorted(p.fraction for p in seen)
+    assert seen[-1].phase == "done"
+
+
+def test_the_same_seed_and_iterations_give_the_same_plan() -> None:
+    problem = _instance("dev-mixed-5")
+    assert solve(problem, seed=3, **QUICK).tree == solve(problem, seed=3, **QUICK).tree
+
+
+def test_a_cancelled_search_still_answers() -> None:
+    result = solve(_instance("dev-reserve-5"), time_limit_s=60.0, should_stop=lambda: True)
+    assert result.status in (PlanStatus.PLANNED, PlanStatus.EMPTY, PlanStatus.TIMEOUT)
+    assert result.upper >= result.expected_utility
+
+
+def test_limits_out_of_range_are_refused() -> None:
+    problem = example()
+    with pytest.raises(PlannerError, match='strategy "best" is unknown; known are optimal, pico2005'):
+        solve(problem, strategy="best")
+    with pytest.raises(PlannerError, match="max_branches is -1"):
+        solve(problem, max_branches=-1)
+    with pytest.raises(PlannerError, match="time_limit_s is 0; it must be more than 0"):
+        solve(problem, time_limit_s=0.0)
+    with pytest.raises(PlannerError, match="iterations is 0"):
+        solve(problem, iterations=0)
+
+
+EMPTY: list[tuple[str, dict[str, Any], str]] = [
+    ("no target", {"places": []}, "the problem has no observation"),
+    (
+        "worthless",
+        {"observations": [[observation("A", utility=0.0)]], "places": [(4.0, 0.0)]},
+        "worth anything",
+    ),
+    ("no time", {"time_s": 0.0}, "the budget of 0 s and 600000 J is too small"),
+    ("no energy", {"energy_j": 0.0}, "the budget of 6000 s and 0 J is too small"),
+    ("too small", {"time_s": 60.0}, "the budget of 60 s and 600000 J is too small"),
+]
+
+
+@pytest.mark.parametrize(("name", "change", "reason"), EMPTY, ids=[n for n, _, _ in EMPTY])
+@pytest.mark.parametrize("strategy", ["optimal", "pico2005"])
+def test_an_empty_plan_says_why(name: str, change: dict[str, Any], reason: str, strategy: str) -> None:
+    result = solve(example(**change), strategy=strategy, **QUICK)
+    assert result.status is PlanStatus.EMPTY
+    assert result.tree.plan == ()
+    assert any(reason in r for r in result.reasons)
+
+
+def test_one_target_is_planned() -> None:
+    result = solve(example(places=[(4.0, 1.0)]), **QUICK)
+    assert planned_observations(result.tree.plan) == {"O1"}
+
+
+def test_an_observation_whose_window_is_past_is_left_out() -> None:
+    rows = [[observation("A", window_s=[-500.0, -100.0])], [observation("B")]]
+    problem = example(places=[(4.0, 1.0), (5.0, -1.0)], observations=rows)
+    result = solve(problem, **QUICK)
+    assert planned_observations(result.tree.plan) == {"B"}
+    assert "closed 100 s before the plan begins" in why_not(problem, result.tree.plan, "A").reason
+
+
+def test_targets_that_no_way_leads_to_are_left_out() -> None:
+    document = problem_document()
+    document["legs"] = [leg for leg in document["legs"] if leg["to"] != "T2"]
+    problem = problem_from_dict(document)
+    result = solve(problem, **QUICK)
+    assert "O2" not in planned_observations(result.tree.plan)
+    assert "no way leads from the start to target T2" in why_not(problem, result.tree.plan, "O2").reason
+    document["legs"] = []
+    nothing = solve(problem_from_dict(document), **QUICK)
+    assert nothing.status is PlanStatus.EMPTY
+    assert "no target can be reached" in nothing.reasons[0]
+
+
+def test_what_must_be_done_is_done_or_the_problem_is_infeasible() -> None:
+    rows = [[observation("A", utility=9.0)], [observation("B", utility=0.5, must_do=True)]]
+    near = example(places=[(4.0, 1.0), (7.0, -3.0)], observations=rows, time_s=3300.0, loss=0.0, spread=0.2)
+    result = solve(near, **QUICK)
+    assert "B" in planned_observations(result.tree.plan)
+    far = example(places=[(4.0, 1.0), (60.0, -3.0)], observations=rows, time_s=3300.0)
+    none = solve(far, **QUICK)
+    assert none.status is PlanStatus.INFEASIBLE
+    assert "observation B must be done, but no route on mean values" in none.reasons[0]
+
+
+def test_a_chance_constraint_is_kept() -> None:
+    problem = example(spread=0.6, time_s=4200.0)
+    free = solve(problem, **QUICK)
+    bound = dataclasses.replace(problem, max_overrun_probability=0.02)
+    careful = solve(bound, **QUICK)
+    assert free.check is not None
+    assert careful.check is not None
+    assert free.check.overrun > 0.02
+    assert careful.check.overrun <= 0.02
+    assert careful.expected_utility > 0.0
+
+
+def test_precedence_and_several_observations_of_a_target_are_planned() -> None:
+    rows = [
+        [observation("A", "image", 2.0), observation("B", "place", 9.0)],
+        [observation("C", "image", 4.0)],
+    ]
+    problem = example(
+        places=[(4.0, 1.0), (5.0, -1.0)], observations=rows, precedence=[["A", "B"]], loss=0.02, spread=0.2
+    )
+    result = solve(problem, **QUICK)
+    assert planned_observations(result.tree.plan) == {"A", "B", "C"}
+
+
+@pytest.mark.slow
+def test_two_hundred_identical_targets_still_give_a_plan() -> None:
+    places = [(4.0 + 0.01 * (k % 20), 0.01 * (k // 20)) for k in range(200)]
+    rows = [[observation(f"O{k + 1}")] for k in range(200)]
+    document = problem_document(places=[places[0]], observations=[rows[0]])
+    document["targets"] = [{"id": f"T{k + 1}", "observations": rows[k]} for k in range(200)]
+    first = document["legs"][0]
+    names = ["start", *(f"T{k + 1}" for k in range(200))]
+    document["legs"] = [
+        {**first, "from": a, "to": b, "p_lose": {}} for a in names for b in names[1:] if a != b
+    ]
+    result = solve(problem_from_dict(document), time_limit_s=60.0, max_branches=2)
+    assert result.status is PlanStatus.PLANNED
+    assert 5.0 < result.expected_utility <= result.upper
+
+
+def test_a_plan_is_compared_explained_and_made_again() -> None:
+    problem = _instance("dev-reserve-4")
+    result = solve(problem, **QUICK)
+    assert result.branches > 0
+    without = solve(problem, time_limit_s=20.0, iterations=40, max_branches=0)
+    comparison = compare_plans(problem, result.tree.plan, without.tree.plan, futures=50_000)
+    assert comparison.difference > 3.0 * comparison.standard_error
+    assert comparison.worst_a <= comparison.value_a
+    gains = branch_gains(problem, result.tree, futures=50_000)
+    assert len(gains) == result.branches
+    assert sum(g.gain for g in gains) > 0.0
+    worth = sensitivity(problem)
+    assert worth.per_hour >= 0.0
+    shorter = dataclasses.replace(
+        problem, budget=dataclasses.replace(problem.budget, time_s=0.9 * problem.budget.time_s)
+    )
+    again = replan(shorter, result, time_limit_s=20.0)
+    assert again.expected_utility > 0.9 * solve(shorter, **QUICK).expected_utility
+    left = [t for t in problem.targets if t.id != problem.targets[0].id]
+    fewer = dataclasses.replace(
+        problem,
+        targets=tuple(left),
+        legs=tuple(x for x in problem.legs if problem.targets[0].id not in (x.to, x.origin)),
+    )
+    assert problem.targets[0].id not in {
+        s.target for s in fitted(fewer, result.tree.plan) if isinstance(s, TrackStart)
+    }
+    held = planned_observations(result.tree.plan)
+    for name in {o.id for o in problem.observations} - held:
+        found = why_not(problem, result.tree.plan, name, futures=20_000)
+        assert found.change <= 3.0 * found.standard_error
+    with pytest.raises(PlannerError, match="is in the plan"):
+        why_not(problem, result.tree.plan, next(iter(held)))
+    with pytest.raises(PlannerError, match='no observation "X"'):
+        why_not(problem, result.tree.plan, "X")
+
+
+# ------------------------------------------------------------------------------------- the command
+
+
+def _run(*arguments: object) -> Any:
+    return CliRunner().invoke(app, ["plan", *map(str, arguments)])
+
+
+def test_the_command_writes_plan_tree_and_summary(tmp_path: Path) -> None:
+    file = shared("contingency/instances/dev-reserve-4.json")
+    out = tmp_path / "a"
+    done = _run(file, "--iterations", 60, "--max-branches", 3, "--out", out)
+    assert done.exit_code == 0, done.output
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    for key in (
+        "format",
+        "status",
+        "strategy",
+        "evaluator",
+        "expected_utility",
+        "standard_error",
+        "lower",
+        "upper",
+        "branches",
+        "wall_s",
+        "seed",
+        "problem_sha256",
+        "crl_sha256",
+    ):
+        assert key in summary
+    tree = json.loads((out / "plan_tree.json").read_text(encoding="utf-8"))
+    assert tree["format"] == "plan-tree/1"
+    assert parse((out / "plan.crl").read_text(encoding="utf-8")).name == "dev-reserve-4"
+    again = tmp_path / "b"
+    _run(file, "--iterations", 60, "--max-branches", 3, "--out", again)
+    for name in ("plan.crl", "plan_tree.json"):
+        assert (out / name).read_bytes() == (again / name).read_bytes()
+
+
+def test_the_command_writes_the_new_form_for_a_new_problem(tmp_path: Path) -> None:
+    file = tmp_path / "problem.json"
+    file.write_text(json.dumps(problem_to_dict(example())), encoding="utf-8")
+    done = _run(file, "--iterations", 20, "--strategy", "pico2005", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    tree = json.loads((tmp_path / "out/plan_tree.json").read_text(encoding="utf-8"))
+    assert tree["format"] == "plan-tree/2"
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = Path(__file__).parents[2] / "docs/formats/plan-tree-2.schema.json"
+    jsonschema.validate(tree, json.loads(schema.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "is not JSON"),
+        ("[]", "a problem must be an object"),
+        (json.dumps({**problem_document(), "hotel_w": -1}), '"hotel_w" is -1; it must be at least 0'),
+        (json.dumps({k: v for k, v in problem_document().items() if k != "legs"}), '"legs" is missing'),
+    ],
+)
+def test_bad_input_ends_with_one_line_and_exit_status_two(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "problem.json"
+    file.write_text(text, encoding="utf-8")
+    done = _run(file, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert message in done.output
+    assert "Traceback" not in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_infeasible_problem_ends_with_exit_status_three(tmp_path: Path) -> None:
+    rows = [[observation("B", must_do=True)]]
+    file = tmp_path / "problem.json"
+    document = problem_document(places=[(60.0, -3.0)], observations=rows, time_s=3300.0)
+    file.write_text(json.dumps(document), encoding="utf-8")
+    done = _run(file, "--out", tmp_path / "out")
+    assert done.exit_code == 3
+    assert "observation B must be done" in done.output
+    assert not (tmp_path / "out/plan.crl").exists()
+
+
+def test_an_empty_plan_is_a_plan(tmp_path: Path) -> None:
+    file = tmp_path / "problem.json"
+    file.write_text(json.dumps(problem_document(time_s=60.0)), encoding="utf-8")
+    done = _run(file, "--out", tmp_path / "out")
+    assert done.exit_code == 0
+    assert "too small" in done.output
+    assert json.loads((tmp_path / "out/plan_tree.json").read_text(encoding="utf-8"))["plan"] == []
+    assert "wait" in (tmp_path / "out/plan.crl").read_text(encoding="utf-8")
