@@ -1,0 +1,1 @@
+"""The Ground Data Repository and everything that people and programs talk to."""

@@ -1,0 +1,1 @@
+"""The REST interface: routers, schemas, problem documents, event stream."""

@@ -1,0 +1,58 @@
+"""The answer to a request for long work: 202 and the job, or 200 when it was done in the time preferred."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+import anyio
+from fastapi import Header
+from starlette.responses import Response
+
+from ground.api.context import answer, call
+from ground.errors import InvalidInputError
+from ground.gdr import values as v
+from ground.gdr.repository import Repository
+from ground.services.actor import Actor
+from ground.services.get_resource import get_resource
+
+Prefer = Annotated[
+    str | None, Header(max_length=100, description="`wait=N`: answer 200 if done in N seconds")
+]
+MAX_WAIT_S = 60.0
+FINISHED = {v.JobState.SUCCEEDED, v.JobState.FAILED, v.JobState.CANCELLED}
+
+
+def wait_wanted(prefer: str | None) -> float:
+    """Return the seconds in `Prefer: wait=N`, at most 60; 0 without one.
+
+    Raises
+    ------
+    InvalidInputError
+        If N is no number.
+    """
+    if prefer is None:
+        return 0.0
+    for part in prefer.split(","):
+        name, _, value = part.strip().partition("=")
+        if name.strip().lower() == "wait":
+            if not re.fullmatch(r"\s*[0-9]{1,6}\s*", value, re.ASCII):
+                raise InvalidInputError(
+                    f"Prefer: wait={value[:20]}: whole seconds are needed", pointer="Prefer"
+                )
+            return min(float(value), MAX_WAIT_S)
+    return 0.0
+
+
+async def accepted(repo: Repository, who: Actor, job: v.Job, prefer: str | None) -> Response:
+    """Return the job with its place, after waiting for it if that was preferred."""
+    wait = wait_wanted(prefer)
+    with anyio.move_on_after(wait):
+        while wait and job.state not in FINISHED:
+            await anyio.sleep(0.05)
+            job = await call(get_resource, repo, who, "job", job.id)
+    done = job.state in FINISHED and wait > 0
+    headers = {"Location": f"/api/v1/jobs/{job.id}"}
+    if wait:
+        headers["Preference-Applied"] = f"wait={wait:.0f}"
+    return answer(job, 200 if done else 202, headers=headers)

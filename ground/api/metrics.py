@@ -1,0 +1,60 @@
+"""Prometheus metrics of one server process."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from prometheus_client import (
+    CONTENT_TYPE_LATEST,
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    generate_latest,
+)
+from sqlalchemy import func, select
+
+from ground.gdr.models import JobRow, MissionRow
+from ground.gdr.repository import Repository
+
+REGISTRY = CollectorRegistry()
+REQUESTS = Counter(
+    "outcrop_http_requests_total", "Requests answered", ["method", "route", "status"], registry=REGISTRY
+)
+DURATION = Histogram(
+    "outcrop_http_request_seconds",
+    "Time to answer a request",
+    ["method"],
+    buckets=(0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5),
+    registry=REGISTRY,
+)
+JOBS = Gauge("outcrop_jobs", "Jobs by kind and state", ["kind", "state"], registry=REGISTRY)
+MISSIONS = Gauge("outcrop_missions", "Missions in the repository", registry=REGISTRY)
+STREAMS = Gauge("outcrop_event_streams", "Open event streams", registry=REGISTRY)
+
+
+_METHODS = {"GET", "HEAD", "POST", "PATCH", "PUT", "DELETE", "OPTIONS"}
+
+
+@lru_cache(maxsize=2048)
+def _children(method: str, route: str, status: int) -> tuple[Counter, Histogram]:
+    return REQUESTS.labels(method, route, status), DURATION.labels(method)
+
+
+def observe(method: str, route: str, status: int, seconds: float) -> None:
+    """Count one answered request."""
+    counter, histogram = _children(method if method in _METHODS else "other", route, status)
+    counter.inc()
+    histogram.observe(seconds)
+
+
+def exposition(repo: Repository) -> tuple[bytes, str]:
+    """Return the metrics as text and their media type."""
+    with repo.database.read() as session:
+        JOBS.clear()
+        for kind, state, count in session.execute(
+            select(JobRow.kind, JobRow.state, func.count()).group_by(JobRow.kind, JobRow.state)
+        ):
+            JOBS.labels(kind, state).set(count)
+        MISSIONS.set(session.scalar(select(func.count()).select_from(MissionRow)) or 0)
+    return generate_latest(REGISTRY), CONTENT_TYPE_LATEST

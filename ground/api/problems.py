@@ -1,0 +1,197 @@
+"""Problem documents (RFC 9457): one place where errors become answers."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import orjson
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from ground import errors
+
+logger = logging.getLogger(__name__)
+
+MEDIA = "application/problem+json"
+BASE = "urn:outcrop:problem:"
+
+STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
+    errors.NotFoundError: (404, "not-found", "There is no such thing"),
+    errors.InvalidInputError: (422, "invalid-input", "The request cannot be used"),
+    errors.OutsideTerrainError: (422, "outside-terrain", "The point is off the terrain"),
+    errors.UnreachableError: (422, "target-unreachable", "No observation point reaches the target"),
+    errors.TerrainFileError: (422, "terrain-unusable", "The terrain cannot be read"),
+    errors.ArchiveError: (422, "archive-unusable", "The archive cannot be used"),
+    errors.ConflictError: (409, "conflict", "The request does not fit the present state"),
+    errors.StateError: (409, "wrong-state", "The state does not allow this step"),
+    errors.NameTakenError: (409, "name-taken", "The name is in use"),
+    errors.AlreadyExecutedError: (409, "already-executed", "It was taken in before"),
+    errors.StaleRevisionError: (412, "stale-revision", "Somebody else changed it in between"),
+    errors.PreconditionRequiredError: (428, "precondition-required", "If-Match is needed"),
+    errors.IdempotencyError: (422, "idempotency-key-reused", "The key was used for another request"),
+    errors.ForbiddenError: (403, "forbidden", "This role may not do that"),
+    errors.AuthenticationError: (401, "not-authenticated", "Say who you are"),
+    errors.TooManyAttemptsError: (429, "too-many-attempts", "Too many attempts"),
+    errors.TooLargeError: (413, "too-large", "The body is too large"),
+    errors.UnavailableError: (503, "unavailable", "A part that is needed is not there"),
+    errors.JobFailedError: (422, "job-failed", "The work ended without a result"),
+}
+"""Status, stable type and title of each error class."""
+
+_BY_STATUS = {
+    400: ("malformed-request", "The request cannot be read"),
+    404: ("not-found", "There is no such thing"),
+    405: ("method-not-allowed", "The resource does not take this method"),
+    413: ("too-large", "The body is too large"),
+    415: ("unsupported-media-type", "The body has another media type"),
+    500: ("internal-error", "Something broke here"),
+}
+
+
+class ProblemError(BaseModel):
+    """One member that is wrong."""
+
+    detail: str
+    pointer: str | None = Field(description="JSON pointer into the body, or the name of the parameter")
+
+
+class ProblemDocument(BaseModel):
+    """Why a request was not done (RFC 9457)."""
+
+    type: str = Field(description="Stable name of the kind of problem")
+    title: str
+    status: int
+    detail: str
+    instance: str = ""
+    errors: list[ProblemError] = []
+    current: dict[str, Any] | None = Field(default=None, description="The present resource, with status 412")
+
+
+def problem(
+    status: int,
+    kind: str,
+    title: str,
+    detail: str,
+    *,
+    instance: str = "",
+    wrong: list[dict[str, Any]] | None = None,
+    headers: dict[str, str] | None = None,
+    **extra: Any,
+) -> Response:
+    """Return a problem document."""
+    content = {
+        "type": BASE + kind,
+        "title": title,
+        "status": status,
+        "detail": detail,
+        "instance": instance,
+        "errors": wrong or [],
+        **extra,
+    }
+    return Response(orjson.dumps(content, default=str), status, media_type=MEDIA, headers=headers)
+
+
+def describe_error(error: errors.GroundError) -> tuple[int, dict[str, Any]]:
+    """Return the status and the members of the problem document of an error."""
+    status, kind, title = next(STATUS[c] for c in type(error).__mro__ if c in STATUS)
+    wrong = [{"detail": error.message, "pointer": error.pointer}] if error.pointer else []
+    return status, {"kind": kind, "title": title, "detail": error.message, "wrong": wrong, **error.extra}
+
+
+def _from_ground(request: Request, error: Exception) -> Response:
+    assert isinstance(error, errors.GroundError)
+    status, members = describe_error(error)
+    headers = {}
+    if status == 401:
+        headers["WWW-Authenticate"] = "Bearer"
+    if status == 429:
+        headers["Retry-After"] = str(members.pop("retry_after_s", 60))
+    current = members.get("current")
+    if status == 412 and current is not None:
+        headers["ETag"] = f'"{current.revision}"'
+    return problem(status, instance=request.url.path, headers=headers, **members)
+
+
+def _from_validation(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    wrong: list[dict[str, Any]] = []
+    malformed = False
+    for item in error.errors():
+        where = list(item["loc"])
+        malformed |= item["type"] == "json_invalid"
+        if where and where[0] == "body":
+            pointer = "".join(f"/{part}" for part in where[1:]) if item["type"] != "json_invalid" else None
+        else:
+            pointer = str(where[-1]) if where else None
+        message = str(item["msg"]).removeprefix("Value error, ")
+        wrong.append({"detail": message, "pointer": pointer})
+    first: dict[str, Any] = wrong[0] if wrong else {"detail": "", "pointer": None}
+    detail = f"{first['pointer']}: {first['detail']}" if first["pointer"] else first["detail"]
+    if malformed:
+        text = str(error.errors()[0].get("ctx", {}).get("error", ""))
+        return problem(
+            400,
+            "malformed-json",
+            "The body is no JSON",
+            f"the body is no JSON: {text}",
+            instance=request.url.path,
+            wrong=wrong,
+        )
+    return problem(
+        422, "invalid-input", "The request cannot be used", detail, instance=request.url.path, wrong=wrong
+    )
+
+
+def _from_http(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    kind, title = _BY_STATUS.get(error.status_code, ("http-error", "The request was not done"))
+    headers = dict(error.headers or {})
+    return problem(
+        error.status_code, kind, title, str(error.detail), instance=request.url.path, headers=headers
+    )
+
+
+def from_anything(path: str, error: Exception) -> Response:
+    """Return the answer to a request that broke something here; what it was stands in the log only."""
+    logger.error("request failed", exc_info=error, extra={"path": path})
+    return problem(
+        500, "internal-error", "Something broke here", "the server's log has the details", instance=path
+    )
+
+
+def install(app: FastAPI) -> None:
+    """Make every error of the application a problem document."""
+    app.add_exception_handler(errors.GroundError, _from_ground)
+    app.add_exception_handler(RequestValidationError, _from_validation)
+    app.add_exception_handler(HTTPException, _from_http)
+
+
+_TITLES = {
+    400: "Malformed request",
+    401: "Not authenticated",
+    403: "Forbidden",
+    404: "Not found",
+    409: "Conflict",
+    412: "Stale revision",
+    413: "Too large",
+    415: "Unsupported media type",
+    422: "Unusable request",
+    428: "If-Match missing",
+    429: "Too many attempts",
+    503: "Unavailable",
+}
+
+
+def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return the documentation of problem answers, for a router's `responses`."""
+    return {
+        status: {
+            "description": _TITLES[status],
+            "content": {MEDIA: {"schema": {"$ref": "#/components/schemas/ProblemDocument"}}},
+        }
+        for status in statuses
+    }

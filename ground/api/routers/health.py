@@ -1,0 +1,49 @@
+"""Whether the service lives, is ready, and how it fares."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from fastapi import APIRouter, Request
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.responses import Response
+
+from ground.api.context import Repo, answer, call
+from ground.api.problems import responses
+from ground.api.schemas import Health
+
+router = APIRouter(tags=["operations"])
+
+
+@router.get("/healthz", response_model=Health)
+async def healthz() -> Response:
+    """Say that the process answers."""
+    return answer({"status": "ok", "version": version("outcrop"), "checks": {}})
+
+
+@router.get("/readyz", response_model=Health, responses=responses(503))
+async def readyz(repo: Repo, request: Request) -> Response:
+    """Say whether the database answers, is migrated, and the data folder takes files."""
+    from ground.services.check_readiness import check_readiness
+
+    try:
+        checks = await call(check_readiness, repo)
+    except SQLAlchemyError as err:
+        checks = {"database": type(err).__name__}
+    ready = all(word == "ok" for word in checks.values())
+    content = {"status": "ok" if ready else "not ready", "version": version("outcrop"), "checks": checks}
+    if ready:
+        return answer(content)
+    from ground.api.problems import problem
+
+    detail = "; ".join(f"{name}: {word}" for name, word in checks.items() if word != "ok")
+    return problem(503, "unavailable", "Not ready", detail, instance=request.url.path)
+
+
+@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+async def metrics(repo: Repo) -> Response:
+    """Give counters and gauges in the form of Prometheus."""
+    from ground.api.metrics import exposition
+
+    content, media = await call(exposition, repo)
+    return Response(content, media_type=media)

@@ -1,0 +1,149 @@
+"""Observation requests: what a scientist asks of a target."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from starlette.responses import Response
+
+from ground.api.context import (
+    Cursor,
+    FilterId,
+    Id,
+    IfMatch,
+    Limit,
+    Repo,
+    Who,
+    answer,
+    call,
+    created,
+    no_content,
+    revision_wanted,
+)
+from ground.api.problems import responses
+from ground.api.schemas import ObservationRequestChange, ObservationRequestCreate, Page, set_members
+from ground.gdr import values as v
+from ground.services.change_resource import change_resource
+from ground.services.create_request import create_request
+from ground.services.delete_resource import delete_resource
+from ground.services.get_resource import get_resource
+from ground.services.list_resources import list_resources
+
+router = APIRouter(tags=["observation requests"], responses=responses(401, 403))
+
+
+@router.get(
+    "/missions/{mission_id}/observation-requests",
+    response_model=Page[v.ObservationRequest],
+    responses=responses(404, 422),
+)
+async def list_observation_requests(
+    repo: Repo,
+    who: Who,
+    mission_id: Id,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+    target_id: FilterId = None,
+    state: v.RequestState | None = None,
+) -> Response:
+    """List observation requests, of one target or in one state if wanted."""
+    return answer(
+        await call(
+            list_resources,
+            repo,
+            who,
+            "observation_request",
+            mission_id,
+            limit=limit,
+            cursor=cursor,
+            where={"target_id": target_id, "state": state},
+        )
+    )
+
+
+@router.post(
+    "/missions/{mission_id}/observation-requests",
+    response_model=v.ObservationRequest,
+    status_code=201,
+    responses=responses(400, 404, 409, 422),
+)
+async def create_observation_request(
+    repo: Repo, who: Who, mission_id: Id, body: ObservationRequestCreate
+) -> Response:
+    """File an observation request; the observation point is found by base placement."""
+    value = await call(
+        create_request,
+        repo,
+        who,
+        mission_id,
+        target_id=body.target_id,
+        instrument=body.instrument,
+        value=body.value,
+        tracked=body.tracked,
+        window_s=body.window_s,
+        after=body.after,
+        must_do=body.must_do,
+        dwell_s=body.dwell_s,
+        notes=body.notes,
+        observation_pose=body.observation_pose.value() if body.observation_pose else None,
+    )
+    return created(value, f"/api/v1/observation-requests/{value.id}")
+
+
+@router.get(
+    "/observation-requests/{observation_request_id}",
+    response_model=v.ObservationRequest,
+    responses=responses(404, 422),
+)
+async def get_observation_request(repo: Repo, who: Who, observation_request_id: Id) -> Response:
+    """Read an observation request."""
+    return answer(await call(get_resource, repo, who, "observation_request", observation_request_id))
+
+
+@router.patch(
+    "/observation-requests/{observation_request_id}",
+    response_model=v.ObservationRequest,
+    responses=responses(400, 404, 409, 412, 422, 428),
+)
+async def change_observation_request(
+    repo: Repo, who: Who, observation_request_id: Id, body: ObservationRequestChange, if_match: IfMatch = None
+) -> Response:
+    """Change an observation request."""
+    changes = set_members(body)
+    return answer(
+        await call(
+            change_resource,
+            repo,
+            who,
+            "observation_request",
+            observation_request_id,
+            changes,
+            revision_wanted(if_match),
+        )
+    )
+
+
+@router.delete(
+    "/observation-requests/{observation_request_id}",
+    status_code=204,
+    responses=responses(404, 409, 412, 422, 428),
+)
+async def delete_observation_request(
+    repo: Repo, who: Who, observation_request_id: Id, if_match: IfMatch = None
+) -> Response:
+    """Delete an observation request."""
+    await call(
+        delete_resource, repo, who, "observation_request", observation_request_id, revision_wanted(if_match)
+    )
+    return no_content()
+
+
+@router.get(
+    "/observation-requests/{observation_request_id}/lineage",
+    response_model=v.Lineage,
+    responses=responses(404, 422),
+)
+async def get_observation_request_lineage(repo: Repo, who: Who, observation_request_id: Id) -> Response:
+    """Follow a request to its target, plans, runs and data products."""
+    from ground.services.trace_lineage import trace_lineage
+
+    return answer(await call(trace_lineage, repo, who, "observation_request", observation_request_id))

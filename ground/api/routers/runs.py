@@ -1,0 +1,183 @@
+"""Runs and the data products they brought."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Query
+from starlette.responses import FileResponse, Response, StreamingResponse
+
+from ground.api.context import Cursor, FilterId, Id, IfMatch, Limit, Repo, Who, answer, call, revision_wanted
+from ground.api.jobs_answer import Prefer, accepted
+from ground.api.problems import responses
+from ground.api.schemas import Page, RunChange, RunCreate, set_members
+from ground.gdr import values as v
+from ground.services.change_resource import change_resource
+from ground.services.get_resource import get_resource
+from ground.services.list_resources import list_resources
+
+router = APIRouter(tags=["runs"], responses=responses(401, 403))
+LastEventId = Annotated[
+    str | None, Header(max_length=40, pattern=r"^[0-9]{1,18}$", description="go on behind it")
+]
+EVENT_STREAM: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}
+}
+
+
+@router.get("/missions/{mission_id}/runs", response_model=Page[v.Run], responses=responses(404, 422))
+async def list_runs(
+    repo: Repo, who: Who, mission_id: Id, limit: Limit = 100, cursor: Cursor = None, plan_id: FilterId = None
+) -> Response:
+    """List runs, of one plan if wanted."""
+    where = {"plan_id": plan_id}
+    return answer(
+        await call(list_resources, repo, who, "run", mission_id, limit=limit, cursor=cursor, where=where)
+    )
+
+
+@router.post(
+    "/missions/{mission_id}/runs",
+    response_model=v.Job,
+    status_code=202,
+    responses={
+        200: {"model": v.Job, "description": "Done in the time given by Prefer"},
+        **responses(400, 404, 409, 422),
+    },
+)
+async def create_run(
+    repo: Repo, who: Who, mission_id: Id, body: RunCreate, prefer: Prefer = None
+) -> Response:
+    """Run a plan on a simulated rover: a job, whose subject is the run."""
+    from ground.services.dry_run import RunOrder, dry_run
+
+    order = RunOrder(
+        plan_id=body.plan_id,
+        rover=body.rover,
+        seed=body.seed,
+        faults=tuple(f.value() for f in body.faults),
+        pace=body.pace,
+        notes=body.notes,
+    )
+    job = await call(dry_run, repo, who, mission_id, order)
+    return await accepted(repo, who, job, prefer)
+
+
+@router.get("/runs/{run_id}", response_model=v.Run, responses=responses(404, 422))
+async def get_run(repo: Repo, who: Who, run_id: Id) -> Response:
+    """Read a run: outcome, utility, options taken."""
+    return answer(await call(get_resource, repo, who, "run", run_id))
+
+
+@router.patch("/runs/{run_id}", response_model=v.Run, responses=responses(400, 404, 409, 412, 422, 428))
+async def change_run(repo: Repo, who: Who, run_id: Id, body: RunChange, if_match: IfMatch = None) -> Response:
+    """Change the notes of a run."""
+    changes = set_members(body)
+    return answer(await call(change_resource, repo, who, "run", run_id, changes, revision_wanted(if_match)))
+
+
+@router.get("/runs/{run_id}/trace", response_model=v.Trace, responses=responses(404, 409, 422))
+async def get_run_trace(repo: Repo, who: Who, run_id: Id) -> Response:
+    """Read the executive's trace."""
+    from ground.services.read_run import read_trace
+
+    return answer(await call(read_trace, repo, who, run_id))
+
+
+@router.get("/runs/{run_id}/telemetry", response_model=v.Telemetry, responses=responses(404, 422))
+async def get_run_telemetry(repo: Repo, who: Who, run_id: Id) -> Response:
+    """Read telemetry as columns; while the run goes on, what there is so far (`complete` is false)."""
+    from ground.services.read_run import read_telemetry
+
+    return answer(await call(read_telemetry, repo, who, run_id))
+
+
+@router.get("/runs/{run_id}/snapshot", response_model=v.RunSnapshot, responses=responses(404, 409, 422))
+async def get_run_snapshot(
+    repo: Repo,
+    who: Who,
+    run_id: Id,
+    seq: Annotated[
+        int | None, Query(ge=0, le=2**53, description="record of the journal; default the last one")
+    ] = None,
+    t_s: Annotated[
+        float | None,
+        Query(ge=0.0, le=1e9, allow_inf_nan=False, description="instead: the last record up to this time"),
+    ] = None,
+) -> Response:
+    """Look into the executive at a record of the journal: nodes, windows, conditions, resources."""
+    from ground.services.read_snapshot import read_snapshot
+
+    return answer(await call(read_snapshot, repo, who, run_id, seq=seq, t_s=t_s))
+
+
+@router.get(
+    "/runs/{run_id}/events",
+    response_class=StreamingResponse,
+    responses={**EVENT_STREAM, **responses(404, 422)},
+)
+async def stream_run(repo: Repo, who: Who, run_id: Id, last_event_id: LastEventId = None) -> Response:
+    """Stream a run: events `telemetry` (one sample), `trace` (one record), `product`, and at last `end`
+    (the run)."""
+    from ground.api.streams import run_stream
+
+    return await run_stream(repo, who, run_id, last_event_id)
+
+
+@router.get("/missions/{mission_id}/products", response_model=Page[v.Product], responses=responses(404, 422))
+async def list_products(
+    repo: Repo,
+    who: Who,
+    mission_id: Id,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+    run_id: FilterId = None,
+    target_id: FilterId = None,
+    request_id: FilterId = None,
+    orphan: bool | None = None,
+) -> Response:
+    """List data products by run, target or request; `orphan=true` lists those that match no request."""
+    where = {"run_id": run_id, "target_id": target_id, "request_id": request_id, "orphan": orphan}
+    return answer(
+        await call(list_resources, repo, who, "product", mission_id, limit=limit, cursor=cursor, where=where)
+    )
+
+
+@router.get("/products/{product_id}", response_model=v.Product, responses=responses(404, 422))
+async def get_product(repo: Repo, who: Who, product_id: Id) -> Response:
+    """Read what is known of a data product."""
+    return answer(await call(get_resource, repo, who, "product", product_id))
+
+
+@router.get("/products/{product_id}/lineage", response_model=v.Lineage, responses=responses(404, 422))
+async def get_product_lineage(repo: Repo, who: Who, product_id: Id) -> Response:
+    """Follow a data product back to run, CRL task, observation request and target."""
+    from ground.services.trace_lineage import trace_lineage
+
+    return answer(await call(trace_lineage, repo, who, "product", product_id))
+
+
+@router.get(
+    "/products/{product_id}/file",
+    response_class=FileResponse,
+    responses={
+        200: {"content": {"application/octet-stream": {}}},
+        206: {"description": "A part, as asked for with Range"},
+        416: {"description": "There is no such part"},
+        **responses(404, 422),
+    },
+)
+async def get_product_file(repo: Repo, who: Who, product_id: Id) -> Response:
+    """Send the file of a data product; its ETag is the SHA-256 of the content."""
+    from ground.services.read_product import read_product
+
+    product, path = await call(read_product, repo, who, product_id)
+    headers = {"ETag": f'"{product.sha256}"', "Cache-Control": "private, max-age=31536000, immutable"}
+    headers["Content-Security-Policy"] = "default-src 'none'; sandbox"
+    return FileResponse(
+        path,
+        media_type=product.media,
+        filename=product.file_name.rsplit("/", 1)[-1],
+        content_disposition_type="inline",
+        headers=headers,
+    )

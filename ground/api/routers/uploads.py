@@ -1,0 +1,40 @@
+"""Uploads: files that a later request uses."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request
+from starlette.responses import Response
+
+from ground.api.context import Repo, Who, call, created
+from ground.api.problems import responses
+from ground.gdr import values as v
+from ground.services.store_upload import UploadDraft
+
+router = APIRouter(tags=["uploads"], responses=responses(401, 403))
+FileName = Annotated[str, Query(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f/\\\\]+$")]
+
+
+@router.post(
+    "/uploads",
+    response_model=v.Upload,
+    status_code=201,
+    responses=responses(413, 422),
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+        }
+    },
+)
+async def create_upload(repo: Repo, who: Who, request: Request, file_name: FileName) -> Response:
+    """Upload a file as the body: a terrain (zip, GeoTIFF, mesh), an ortho image, a mission's archive."""
+    draft = UploadDraft(repo, who, file_name)
+    try:
+        async for chunk in request.stream():
+            draft.write(chunk)
+        value = await call(draft.finish)
+    finally:
+        draft.close()
+    return created(value, f"/api/v1/uploads/{value.id}")

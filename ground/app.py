@@ -1,0 +1,65 @@
+"""Join the parts: settings, repository, job kinds, worker, API, UI."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
+
+from ground.api.application import build_api
+from ground.api.authentication import Identities
+from ground.api.gate import Gate
+from ground.api.pages import install_pages
+from ground.gdr.repository import Repository, open_repository
+from ground.jobs import JobKind, Worker
+from ground.logs import set_up_logging
+from ground.services.job_kinds import job_kinds
+from ground.services.people import ensure_profiles
+from ground.settings import Settings, load_settings
+
+logger = logging.getLogger(__name__)
+
+JOB_KINDS: Mapping[str, JobKind] = job_kinds()
+"""All long work that a worker can do."""
+
+
+def make_worker(repo: Repository) -> Worker:
+    """Return a worker for every kind of job."""
+    return Worker(repo, JOB_KINDS)
+
+
+def build_app(repo: Repository, *, with_worker: bool) -> FastAPI:
+    """Return the whole service over a repository whose database is migrated."""
+    worker = make_worker(repo) if with_worker else None
+
+    @asynccontextmanager
+    async def life(_app: FastAPI) -> AsyncIterator[None]:
+        if worker is not None:
+            worker.start()
+        try:
+            yield
+        finally:
+            if worker is not None:
+                await run_in_threadpool(worker.stop)
+            repo.database.dispose()
+
+    app = build_api(lifespan=life)
+    identities = Identities(repo)
+    app.state.repository = repo
+    app.state.identities = identities
+    app.state.worker = worker
+    install_pages(app)
+    app.add_middleware(Gate, repo=repo, identities=identities)
+    return app
+
+
+def create_app() -> FastAPI:
+    """Return the service as `outcrop serve` runs it: settings from the environment, the database migrated."""
+    settings: Settings = load_settings()
+    set_up_logging(settings)
+    repo = open_repository(settings)
+    ensure_profiles(repo)
+    return build_app(repo, with_worker=settings.serve_worker)

@@ -1,0 +1,96 @@
+"""`outcrop audit`, `backup`, `restore`, `check`, `person`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from ground.cli.failure import fail
+
+
+def register(app: typer.Typer) -> None:
+    audit = typer.Typer(help="The history of every change.", no_args_is_help=True)
+    app.add_typer(audit, name="audit")
+
+    @audit.command("verify")
+    def verify() -> None:
+        """Check the hash chain of every history; exit status 1 if one is broken. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.gdr.history import verify_chains
+
+        repo = open_or_fail()
+        with repo.database.read() as session:
+            count, faults = verify_chains(session)
+        for fault in faults:
+            typer.echo(f"{fault.chain_id} event {fault.seq}: {fault.reason}", err=True)
+        typer.echo(f"{count} events checked, {len(faults)} faults")
+        if faults:
+            raise typer.Exit(1)
+
+    @app.command("backup")
+    def backup_command(target: Path = typer.Argument(..., help="tar file to write")) -> None:
+        """Write database and files into one tar file, also while a server runs. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.services.backup import backup
+
+        counts = backup(open_or_fail(), target)
+        typer.echo(f"{target}: {sum(counts.values())} rows, {target.stat().st_size} bytes")
+
+    @app.command("restore")
+    def restore_command(source: Path = typer.Argument(..., help="tar file of `outcrop backup`")) -> None:
+        """Fill an empty data folder and database from a backup. Needs no server."""
+        from ground.cli.repository import settings_or_fail
+        from ground.errors import GroundError
+        from ground.gdr.repository import open_repository
+        from ground.services.backup import restore
+
+        try:
+            counts = restore(open_repository(settings_or_fail()), source)
+        except GroundError as err:
+            fail(err.message)
+        typer.echo(f"{sum(counts.values())} rows restored, {counts.get('missions', 0)} missions")
+
+    @app.command("check")
+    def check_command() -> None:
+        """Look for products without their file and files that no record names. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.services.check_files import check_files
+
+        report = check_files(open_or_fail())
+        for product in report.without_file:
+            typer.echo(f"product {product}: its file is not in the store", err=True)
+        typer.echo(f"{report.files} files, {len(report.unnamed)} of them named by no record")
+        if report.without_file:
+            raise typer.Exit(1)
+
+    person = typer.Typer(help="People and their roles.", no_args_is_help=True)
+    app.add_typer(person, name="person")
+
+    @person.command("add")
+    def add_person(
+        name: str = typer.Argument(...),
+        role: str = typer.Option(
+            "viewer", help="viewer, scientist, planner, flight_director, operator or admin"
+        ),
+        password: bool = typer.Option(False, "--password", help="ask for a password (needed with accounts)"),
+    ) -> None:
+        """Add a person. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.errors import GroundError
+        from ground.gdr.values import Role
+        from ground.services.actor import SYSTEM_ACTOR
+        from ground.services.people import create_person
+
+        try:
+            chosen = Role(role)
+        except ValueError:
+            fail(f"there is no role {role!r}; there are {', '.join(r.value for r in Role)}")
+        secret = typer.prompt("Password", hide_input=True, confirmation_prompt=True) if password else None
+        if secret is not None and len(secret) < 8:
+            fail("a password needs 8 characters")
+        try:
+            made = create_person(open_or_fail(), SYSTEM_ACTOR, name, chosen, secret)
+        except GroundError as err:
+            fail(err.message)
+        typer.echo(f"{made.id} {made.name} {made.role.value}")

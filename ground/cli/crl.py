@@ -1,0 +1,172 @@
+"""Commands about plan texts: check, format. Another module adds `run` to the same group."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ground.cli.failure import fail
+
+if TYPE_CHECKING:
+    from executive.crl import Finding, Plan
+
+crl_app = typer.Typer(name="crl", help="Check, format and try out plan texts (CRL).", no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group to the program."""
+    app.add_typer(crl_app)
+
+
+@crl_app.command()
+def check(
+    file: Annotated[Path, typer.Argument(help="CRL text, or its JSON form (.json)")],
+    as_json: Annotated[bool, typer.Option("--json", help="findings as JSON on stdout")] = False,
+    dictionary: Annotated[
+        str | None, typer.Option(help="look actions and keys up in a rover's dictionaries: outcrop")
+    ] = None,
+    level: Annotated[
+        list[str] | None,
+        typer.Option(help="KEY=VALUE at the start of the plan, for the resource envelope"),
+    ] = None,
+) -> None:
+    """Report everything that is wrong or doubtful in a plan. Exit 1 if it must be rejected."""
+    from executive.crl import check as check_text
+    from executive.crl import readable_text
+
+    levels = _levels(level or [])
+    commands = telemetry = None
+    if dictionary is not None:
+        from rover_iface.commands import COMMANDS
+        from rover_iface.telemetry import TELEMETRY
+
+        names = {"outcrop", COMMANDS.name}
+        if dictionary not in names:
+            fail(f"unknown dictionary {dictionary!r}; known: {', '.join(sorted(names))}")
+        commands, telemetry = COMMANDS, TELEMETRY
+    text = _read(file)
+    if file.suffix == ".json":
+        text = readable_text(_from_json(file, text))
+    report = check_text(text, commands=commands, telemetry=telemetry, levels=levels)
+    if as_json:
+        typer.echo(json.dumps([f.to_json() for f in report.findings], indent=2))
+    else:
+        lines = text.removeprefix("\ufeff").split("\n")
+        for finding in report.findings:
+            typer.echo(_show(finding, str(file), lines))
+        typer.echo(_summary(str(file), len(report.errors), len(report.findings) - len(report.errors)))
+    if not report.valid:
+        raise typer.Exit(1)
+
+
+@crl_app.command("format")
+def format_(
+    file: Annotated[Path, typer.Argument(help="CRL text, or its JSON form (.json)")],
+    canonical: Annotated[bool, typer.Option(help="the one text the digest is taken of")] = False,
+    digest: Annotated[bool, typer.Option(help="SHA-256 of the canonical text")] = False,
+    json_form: Annotated[bool, typer.Option(help="the JSON form")] = False,
+) -> None:
+    """Print a plan anew: readable, canonical, as JSON, or its digest. Comments are lost."""
+    from executive.crl import CrlSyntaxError, canonical_text, parse, readable_text, to_json
+    from executive.crl import digest as digest_of
+
+    if canonical + digest + json_form > 1:
+        fail("--canonical, --digest and --json-form exclude each other")
+    text = _read(file)
+    if file.suffix == ".json":
+        plan = _from_json(file, text)
+    else:
+        try:
+            plan = parse(text)
+        except CrlSyntaxError as error:
+            lines = text.removeprefix("\ufeff").split("\n")
+            typer.echo(_show(error.finding(), str(file), lines), err=True)
+            raise typer.Exit(1) from error
+    if digest:
+        typer.echo(digest_of(plan))
+    elif canonical:
+        typer.echo(canonical_text(plan))
+    elif json_form:
+        typer.echo(json.dumps(to_json(plan), indent=2, ensure_ascii=False))
+    else:
+        typer.echo(readable_text(plan), nl=False)
+
+
+def _from_json(file: Path, text: str) -> Plan:
+    from executive.crl import CrlFormError, from_json
+
+    try:
+        return from_json(json.loads(text))
+    except json.JSONDecodeError as error:
+        fail(f"{file}: no JSON: {error}")
+    except (CrlFormError, RecursionError) as error:
+        fail(f"{file}: {error or 'nested too deep'}")
+
+
+def _read(file: Path) -> str:
+    try:
+        raw = file.read_bytes()
+    except FileNotFoundError:
+        fail(f"{file}: no such file")
+    except IsADirectoryError:
+        fail(f"{file}: is a folder, not a plan")
+    except OSError as error:
+        fail(f"{file}: {error.strerror}")
+    if not raw.strip():
+        fail(f"{file}: the file is empty")
+    if b"\x00" in raw:
+        fail(f"{file}: not a text (a zero byte at offset {raw.index(0)})")
+    try:
+        return raw.decode()
+    except UnicodeDecodeError as error:
+        fail(f"{file}: not UTF-8 text (byte {raw[error.start]:#04x} at offset {error.start})")
+
+
+def _levels(pairs: list[str]) -> dict[str, float]:
+    levels = {}
+    for pair in pairs:
+        key, _, number = pair.partition("=")
+        try:
+            levels[key.strip().removeprefix(":")] = float(number)
+        except ValueError:
+            fail(f"--level needs KEY=VALUE with a number, found {pair!r}")
+    return levels
+
+
+def _show(finding: Finding, name: str, lines: list[str]) -> str:
+    """Return a finding as a compiler prints it: place, message, line, caret, hint."""
+    place = f"{name}:{finding.line}:{finding.column}: " if finding.line else f"{name}: "
+    out = [f"{place}{finding.severity} {finding.code}: {finding.message}"]
+    if 0 < finding.line <= len(lines):
+        margin = f"{finding.line:5d} | "
+        before, shown, length = _excerpt(lines[finding.line - 1], finding.column - 1, finding.length)
+        out.append(margin + shown)
+        out.append(" " * (len(margin) - 2) + "| " + " " * before + "^" + "~" * (length - 1))
+    if finding.hint:
+        out.append(f"        hint: {finding.hint}")
+    return "\n".join(out)
+
+
+def _excerpt(line: str, column: int, length: int, width: int = 100) -> tuple[int, str, int]:
+    """Return the part of a line around a column, the caret's place in it and its length."""
+    line = line.rstrip("\r").expandtabs(1)
+    start = 0 if len(line) <= width else max(0, min(column - width // 3, len(line) - width))
+    shown = line[start : start + width]
+    before = column - start
+    if start:
+        shown, before = "..." + shown, before + 3
+    if start + width < len(line):
+        shown += "..."
+    return before, shown, max(1, min(length, len(shown) - before))
+
+
+def _summary(name: str, errors: int, warnings: int) -> str:
+    def count(number: int, word: str) -> str:
+        return f"{number} {word}{'' if number == 1 else 's'}"
+
+    if not errors and not warnings:
+        return f"{name}: no findings"
+    return f"{name}: {count(errors, 'error')}, {count(warnings, 'warning')}"

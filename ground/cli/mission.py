@@ -1,0 +1,67 @@
+"""`outcrop mission ...`: missions from the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from ground.cli.failure import fail
+
+
+def register(app: typer.Typer) -> None:
+    group = typer.Typer(help="Missions.", no_args_is_help=True)
+    app.add_typer(group, name="mission")
+
+    @group.command("load-demo")
+    def load_demo_command(
+        terrain: Path | None = typer.Option(None, help="terrain folder instead of the generated one"),
+        seed: int = typer.Option(7, min=0, help="seed of terrain and targets"),
+        name: str = typer.Option("Demo", help="name of the mission"),
+    ) -> None:
+        """File the demo mission unless it is there. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.errors import GroundError
+        from ground.services.actor import SYSTEM_ACTOR
+        from ground.services.load_demo import load_demo
+
+        try:
+            mission, new = load_demo(open_or_fail(), SYSTEM_ACTOR, name=name, terrain=terrain, seed=seed)
+        except GroundError as err:
+            fail(err.message)
+        count = mission.counts
+        word = "filed" if new else "is there"
+        typer.echo(
+            f"mission {mission.id} {mission.name!r} {word}: {count.targets} targets, "
+            f"{count.observation_requests} observation requests"
+        )
+
+    @group.command("export")
+    def export_command(
+        mission: str = typer.Argument(...), target: Path = typer.Argument(..., help="zip to write")
+    ) -> None:
+        """Write a whole mission into one archive. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.errors import GroundError
+        from ground.services.actor import SYSTEM_ACTOR
+        from ground.services.mission_archive import export_mission
+
+        try:
+            export_mission(open_or_fail(), SYSTEM_ACTOR, mission, target)
+        except GroundError as err:
+            fail(err.message)
+        typer.echo(f"{target}: {target.stat().st_size} bytes")
+
+    @group.command("import")
+    def import_command(source: Path = typer.Argument(..., help="archive of a mission")) -> None:
+        """Take in the archive of a mission. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.errors import GroundError
+        from ground.services.actor import SYSTEM_ACTOR
+        from ground.services.mission_archive import import_mission
+
+        try:
+            mission = import_mission(open_or_fail(), SYSTEM_ACTOR, source)
+        except GroundError as err:
+            fail(err.message)
+        typer.echo(f"{mission.id} {mission.name}")

@@ -1,0 +1,68 @@
+"""How commands come to the repository; errors end with one line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ground.cli.failure import fail
+
+if TYPE_CHECKING:
+    from ground.gdr.repository import Repository
+    from ground.services.actor import Actor
+    from ground.settings import Settings
+
+
+def settings_or_fail() -> Settings:
+    """Return the settings, or end with the name of the wrong one."""
+    from ground.settings import SettingsError, load_settings
+
+    try:
+        return load_settings()
+    except SettingsError as err:
+        fail(str(err))
+
+
+def require_migrated(settings: Settings) -> None:
+    """End with one line unless the database answers and has this version's schema."""
+    from sqlalchemy.exc import SQLAlchemyError
+
+    from ground.gdr.migrate import current_revision, newest_revision
+    from ground.gdr.repository import open_repository
+
+    repo = open_repository(settings)
+    try:
+        found = current_revision(repo.database)
+    except SQLAlchemyError as err:
+        where = repo.database.url.render_as_string(hide_password=True)
+        fail(f"cannot reach the database {where}: {str(err.__cause__ or err).splitlines()[0]}")
+    finally:
+        repo.database.dispose()
+    if found != newest_revision():
+        fail(
+            f"the database is at revision {found or 'none'}, {newest_revision()} is needed: run "
+            "`outcrop migrate`"
+        )
+
+
+def open_or_fail() -> Repository:
+    """Return the repository, migrated, or end with one line."""
+    from ground.gdr.repository import open_repository
+
+    settings = settings_or_fail()
+    require_migrated(settings)
+    return open_repository(settings)
+
+
+def actor_or_fail(repo: Repository, name: str) -> Actor:
+    """Return a person by name, or end with one line that lists who there is."""
+    from sqlalchemy import select
+
+    from ground.gdr.models import PersonRow
+    from ground.services.people import actor_of
+
+    with repo.database.read() as session:
+        people = list(session.scalars(select(PersonRow).where(PersonRow.active).order_by(PersonRow.id)))
+    for person in people:
+        if person.name == name:
+            return actor_of(person)
+    return fail(f"there is nobody called {name!r}; there are {', '.join(p.name for p in people) or 'none'}")

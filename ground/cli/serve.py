@@ -1,0 +1,98 @@
+"""`outcrop serve`, `outcrop worker`, `outcrop migrate`."""
+
+from __future__ import annotations
+
+import typer
+
+from ground.cli.failure import fail
+
+
+def register(app: typer.Typer) -> None:
+    @app.command("serve")
+    def serve(
+        host: str | None = typer.Option(None, help="address to listen on; default OUTCROP_HOST or 127.0.0.1"),
+        port: int | None = typer.Option(None, min=0, max=65535, help="port; default OUTCROP_PORT or 8000"),
+        worker: bool = typer.Option(True, "--worker/--no-worker", help="also do the jobs"),
+    ) -> None:
+        """Serve the API and the UI, and do the jobs. Is the server."""
+        import os
+        import socket
+
+        if host is not None:
+            os.environ["OUTCROP_HOST"] = host
+        if port is not None:
+            os.environ["OUTCROP_PORT"] = str(port)
+        if not worker:
+            os.environ["OUTCROP_SERVE_WORKER"] = "false"
+        from ground.cli.repository import settings_or_fail
+
+        settings = settings_or_fail()
+        listener = socket.socket(socket.AF_INET6 if ":" in settings.host else socket.AF_INET)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((settings.host, settings.port))
+        except OSError as err:
+            listener.close()
+            fail(
+                f"cannot listen on {settings.host} port {settings.port}: {err.strerror}; choose "
+                "another --port"
+            )
+        from ground.cli.repository import require_migrated
+
+        require_migrated(settings)
+        import uvicorn
+
+        shown = settings.host if settings.host not in {"0.0.0.0", "::"} else socket.gethostname()
+        typer.echo(f"Outcrop is at http://{shown}:{listener.getsockname()[1]}/  (stop with Ctrl-C)")
+        config = uvicorn.Config(
+            "ground.app:create_app",
+            factory=True,
+            log_config=None,
+            access_log=False,
+            timeout_graceful_shutdown=5,
+            server_header=False,
+        )
+        uvicorn.Server(config).run(sockets=[listener])
+
+    @app.command("worker")
+    def worker_command(
+        once: bool = typer.Option(False, "--once", help="end when no job waits"),
+    ) -> None:
+        """Do jobs for a server elsewhere on the same database. Needs no server."""
+        import signal
+
+        from ground.cli.repository import open_or_fail
+        from ground.jobs import Worker
+        from ground.logs import set_up_logging
+        from ground.services.job_kinds import job_kinds
+
+        repo = open_or_fail()
+        set_up_logging(repo.settings)
+        hands = Worker(repo, job_kinds())
+        if once:
+            count = hands.run_until_idle()
+            typer.echo(f"{count} job{'' if count == 1 else 's'} done")
+            return
+        signal.signal(signal.SIGTERM, lambda *_: hands.stop())
+        typer.echo(
+            f"worker {hands.name} looks for jobs in {repo.database.url.render_as_string(hide_password=True)}"
+        )
+        try:
+            hands.run()
+        except KeyboardInterrupt:
+            hands.stop()
+
+    @app.command("migrate")
+    def migrate_command() -> None:
+        """Bring the database to the schema of this version. Needs no server."""
+        from ground.cli.repository import settings_or_fail
+        from ground.gdr.migrate import migrate
+        from ground.gdr.repository import open_repository
+        from ground.services.people import ensure_profiles
+
+        repo = open_repository(settings_or_fail())
+        before, after = migrate(repo.database)
+        ensure_profiles(repo)
+        where = repo.database.url.render_as_string(hide_password=True)
+        word = "is up to date" if before == after else f"migrated from {before or 'nothing'}"
+        typer.echo(f"{where} {word} (revision {after})")

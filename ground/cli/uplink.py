@@ -1,0 +1,112 @@
+"""`outcrop keys`, `package`, `execute`, `ingest`: uplink and downlink."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from ground.cli.failure import fail
+
+
+def register(app: typer.Typer) -> None:
+    keys = typer.Typer(help="Keys that sign uplink packages.", no_args_is_help=True)
+    app.add_typer(keys, name="keys")
+
+    @keys.command("new")
+    def new_keys(
+        out: Path | None = typer.Option(None, help="folder; default the data folder's keys"),
+        replace: bool = typer.Option(False, help="put a new pair in place of the present one"),
+    ) -> None:
+        """Make a pair of keys. Needs no server."""
+        from ground.cli.repository import settings_or_fail
+        from ground.errors import GroundError
+        from ground.uplink.keys import make_keys
+
+        try:
+            private, public, name = make_keys(out or settings_or_fail().data_dir / "keys", replace=replace)
+        except GroundError as err:
+            fail(err.message)
+        typer.echo(f"key {name}\nprivate {private}\npublic  {public}")
+
+    @app.command("package")
+    def package(
+        plan: str = typer.Argument(..., help="id of an approved plan"),
+        out: Path | None = typer.Option(None, help="file; default its own name, here"),
+        actor: str = typer.Option("Operator", "--as", help="who does it"),
+    ) -> None:
+        """Make the signed uplink package of an approved plan. Needs no server."""
+        from ground.cli.repository import actor_or_fail, open_or_fail
+        from ground.errors import GroundError
+        from ground.services.package_plan import package_plan
+
+        repo = open_or_fail()
+        try:
+            made = package_plan(repo, actor_or_fail(repo, actor), plan)
+        except GroundError as err:
+            fail(err.message)
+        target = out or Path(made.file_name)
+        target.write_bytes(made.content)
+        typer.echo(f"{target}  sequence {made.sequence}  sha256 {made.sha256}")
+
+    @app.command("execute")
+    def execute(
+        package: Path = typer.Argument(..., help="an uplink package"),
+        rover: str = typer.Option("abstract", help="name of an installed rover"),
+        world: Path = typer.Option(..., help="folder of the rover's world"),
+        trust: Path = typer.Option(..., help="public key that packages must be signed with"),
+        out: Path = typer.Option(..., help="new folder for the run"),
+        seed: int | None = typer.Option(None, min=0, help="seed of a simulated rover"),
+    ) -> None:
+        """Execute a package on a rover. Needs no server, database or network.
+
+        Exit status 0: the plan succeeded, 1: it ended otherwise, 2: the package was refused.
+        """
+        from executive.errors import ExecutiveError
+        from ground.errors import GroundError
+        from ground.uplink.execute import execute_package
+        from rover_iface.errors import RoverError
+
+        try:
+            checked, flight = execute_package(
+                package, rover=rover, world=world, trust=trust, out=out, seed=seed
+            )
+        except GroundError as err:
+            fail(err.message)
+        except (RoverError, ExecutiveError) as err:
+            fail(str(err))
+        run = flight.outcome
+        typer.echo(
+            f"package {checked.manifest['sequence']} of {checked.manifest['mission']}: "
+            f"{run.outcome or 'unfinished'} "
+            f"after {run.end_s or 0.0:.0f} s, utility {run.utility:g}, {len(run.products)} products in {out}"
+        )
+        if run.outcome != "SUCCEEDED":
+            raise typer.Exit(1)
+
+    @app.command("ingest")
+    def ingest(
+        run: Path = typer.Argument(..., help="folder of an execution"),
+        actor: str = typer.Option("Operator", "--as", help="who does it"),
+    ) -> None:
+        """Take in the folder of an execution and tie its products. Needs no server."""
+        from ground.cli.repository import actor_or_fail, open_or_fail
+        from ground.errors import GroundError
+        from ground.services.ingest_run import ingest_run
+        from ground.services.list_resources import list_resources
+
+        repo = open_or_fail()
+        who = actor_or_fail(repo, actor)
+        try:
+            value = ingest_run(repo, who, run)
+            page = list_resources(
+                repo, who, "product", value.mission_id, limit=1000, cursor=None, where={"run_id": value.id}
+            )
+        except GroundError as err:
+            fail(err.message)
+        orphans = [p for p in page.items if p.orphan]
+        typer.echo(
+            f"run {value.id}: {value.outcome}, {len(page.items)} products, {len(orphans)} match no request"
+        )
+        for product in orphans:
+            typer.echo(f"  orphan {product.id}  task {product.task_id}  {product.file_name}")

@@ -1,0 +1,214 @@
+"""A typed client of the REST interface: what the command line and scripts use."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Hashable, Iterator, Mapping
+from functools import lru_cache
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar, cast
+
+import httpx
+from pydantic import TypeAdapter
+
+from ground.gdr import values as v
+
+T = TypeVar("T")
+DEFAULT_ADDRESS = "http://127.0.0.1:8000"
+
+COLLECTIONS: Mapping[type, str] = {
+    v.Mission: "missions",
+    v.Sol: "sols",
+    v.Target: "targets",
+    v.ObservationRequest: "observation-requests",
+    v.KeepOut: "keep-outs",
+    v.PathNetwork: "path-networks",
+    v.Problem: "problems",
+    v.Plan: "plans",
+    v.Run: "runs",
+    v.Product: "products",
+    v.Comment: "comments",
+    v.Job: "jobs",
+    v.Person: "people",
+    v.Approval: "approvals",
+}
+"""Where each kind of value is found."""
+
+
+class ApiError(Exception):
+    """The server answered with a problem document; `kind` is the last part of its type."""
+
+    def __init__(self, status: int, document: Mapping[str, Any]) -> None:
+        super().__init__(str(document.get("detail") or document.get("title") or f"status {status}"))
+        self.status, self.document = status, dict(document)
+        self.kind = str(document.get("type", "")).rsplit(":", 1)[-1]
+
+
+class ServerUnreachableError(Exception):
+    """No server answers at the address."""
+
+
+@lru_cache(maxsize=64)
+def _adapter(kind: Hashable) -> TypeAdapter[Any]:
+    return TypeAdapter(cast("Any", kind))
+
+
+class Client:
+    """Talks to one server, as one person.
+
+    Parameters
+    ----------
+    address
+        Of the server, without path.
+    person
+        Name of a local profile, where the server uses profiles.
+    api_key
+        Secret of an API key, where it uses accounts.
+    """
+
+    def __init__(
+        self,
+        address: str = DEFAULT_ADDRESS,
+        *,
+        person: str | None = None,
+        api_key: str | None = None,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
+        headers = {}
+        if person is not None:
+            headers["X-Outcrop-Person"] = person
+        if api_key is not None:
+            headers["Authorization"] = f"Bearer {api_key}"
+        self.address = address.rstrip("/")
+        self._http = httpx.Client(
+            base_url=f"{self.address}/api/v1", headers=headers, timeout=120.0, transport=transport
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._http.close()
+
+    def request(self, method: str, path: str, **options: Any) -> httpx.Response:
+        """Return the answer to a request.
+
+        Raises
+        ------
+        ApiError
+            If it is a problem document.
+        ServerUnreachableError
+            If there is no answer.
+        """
+        try:
+            response = self._http.request(method, path.removeprefix("/api/v1"), **options)
+        except httpx.TransportError as err:
+            raise ServerUnreachableError(f"no server answers at {self.address} ({err})") from err
+        if response.status_code >= 400:
+            try:
+                document = response.json()
+            except ValueError:
+                document = {"detail": response.text[:200]}
+            raise ApiError(response.status_code, document if isinstance(document, dict) else {})
+        return response
+
+    # ---- resources
+
+    def get(self, kind: type[T], identifier: str) -> T:
+        """Return one resource."""
+        return self._value(kind, self.request("GET", f"/{COLLECTIONS[kind]}/{identifier}"))
+
+    def each(self, kind: type[T], mission_id: str | None = None, **where: str) -> Iterator[T]:
+        """Yield the resources of a kind, page after page."""
+        path = (
+            f"/{COLLECTIONS[kind]}" if mission_id is None else f"/missions/{mission_id}/{COLLECTIONS[kind]}"
+        )
+        cursor: str | None = None
+        while True:
+            parameters = {**where, "limit": "200", **({} if cursor is None else {"cursor": cursor})}
+            page = self.request("GET", path, params=parameters).json()
+            for item in page["items"]:
+                yield _adapter(cast("Hashable", kind)).validate_python(item)
+            cursor = page["next_cursor"]
+            if cursor is None:
+                return
+
+    def create(self, kind: type[T], body: Mapping[str, Any], mission_id: str | None = None) -> T:
+        """Return a new resource."""
+        path = (
+            f"/{COLLECTIONS[kind]}" if mission_id is None else f"/missions/{mission_id}/{COLLECTIONS[kind]}"
+        )
+        return self._value(kind, self.request("POST", path, json=dict(body)))
+
+    def change(
+        self, kind: type[T], identifier: str, body: Mapping[str, Any], revision: int | None = None
+    ) -> T:
+        """Return a resource after a change of the revision seen; None changes whatever stands there."""
+        headers = {"If-Match": "*" if revision is None else f'"{revision}"'}
+        path = f"/{COLLECTIONS[kind]}/{identifier}"
+        return self._value(kind, self.request("PATCH", path, json=dict(body), headers=headers))
+
+    def delete(self, kind: type, identifier: str, revision: int | None = None) -> None:
+        """Delete a resource."""
+        headers = {"If-Match": "*" if revision is None else f'"{revision}"'}
+        self.request("DELETE", f"/{COLLECTIONS[kind]}/{identifier}", headers=headers)
+
+    def _value(self, kind: type[T], response: httpx.Response) -> T:
+        value: T = _adapter(cast("Hashable", kind)).validate_json(response.content)
+        return value
+
+    # ---- long work
+
+    def plan(self, mission_id: str, **order: Any) -> v.Job:
+        """Ask for a plan."""
+        return self._value(v.Job, self.request("POST", f"/missions/{mission_id}/plans", json=order))
+
+    def run(self, mission_id: str, plan_id: str, **order: Any) -> v.Job:
+        """Ask for a dry run of a plan."""
+        body = {"plan_id": plan_id, **order}
+        return self._value(v.Job, self.request("POST", f"/missions/{mission_id}/runs", json=body))
+
+    def path_network(self, mission_id: str) -> v.Job:
+        """Ask for the path network."""
+        return self._value(v.Job, self.request("POST", f"/missions/{mission_id}/path-networks", json={}))
+
+    def wait(self, job: v.Job, *, limit_s: float = 3600.0) -> Iterator[v.Job]:
+        """Yield the job at each change until it is over."""
+        until = time.monotonic() + limit_s
+        seen = -1
+        while True:
+            if job.revision != seen:
+                seen = job.revision
+                yield job
+            if job.state in {v.JobState.SUCCEEDED, v.JobState.FAILED, v.JobState.CANCELLED}:
+                return
+            if time.monotonic() > until:
+                raise TimeoutError(f"job {job.id} is still {job.state.value} after {limit_s:g} s")
+            time.sleep(0.2)
+            job = self.get(v.Job, job.id)
+
+    # ---- files
+
+    def upload(self, path: Path) -> v.Upload:
+        """Upload a file."""
+        with path.open("rb") as file:
+            response = self.request("POST", "/uploads", params={"file_name": path.name}, content=file)
+        return self._value(v.Upload, response)
+
+    def product_file(self, product_id: str) -> bytes:
+        """Return the file of a data product."""
+        return self.request("GET", f"/products/{product_id}/file").content
+
+    def crl(self, plan_id: str) -> str:
+        """Return the CRL of a plan."""
+        return self.request("GET", f"/plans/{plan_id}/crl").text
+
+    def lineage(self, kind: type, identifier: str) -> v.Lineage:
+        """Return where a target, request or product comes from and what came of it."""
+        return self._value(v.Lineage, self.request("GET", f"/{COLLECTIONS[kind]}/{identifier}/lineage"))

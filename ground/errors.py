@@ -1,0 +1,113 @@
+"""Errors of the ground system.
+
+GroundError
+├── NotFoundError            there is no such thing (or not for this person)
+├── InvalidInputError        a member of what was sent cannot be used
+│   ├── OutsideTerrainError  a point off the mission's terrain
+│   ├── UnreachableError     a request without any observation point
+│   ├── TerrainFileError     a terrain that cannot be read, with the reason
+│   └── ArchiveError         an archive or package that is damaged, unsafe or of another form
+├── ConflictError            the request does not fit the state of the thing
+│   ├── StateError           the state machine does not allow the step
+│   ├── NameTakenError       the name is in use
+│   └── AlreadyExecutedError a package or run that was taken in before
+├── StaleRevisionError       somebody else changed it in between; carries the present value
+├── PreconditionRequiredError a change without If-Match
+├── IdempotencyError         the same key with another request
+├── ForbiddenError           not allowed for this role
+├── AuthenticationError      nobody, or not who they say
+├── TooManyAttemptsError     the door is closed for a while
+├── TooLargeError            a body over the limit
+├── UnavailableError         a part that is needed is not there
+└── JobFailedError           the work of a job ended with an expected failure
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class GroundError(Exception):
+    """Base of all: the message is for people, `pointer` the JSON pointer of the member that is wrong."""
+
+    def __init__(self, message: str, *, pointer: str | None = None, **extra: Any) -> None:
+        super().__init__(message)
+        self.message = message
+        self.pointer = pointer
+        self.extra = extra
+
+
+class NotFoundError(GroundError):
+    """There is no such thing."""
+
+
+class InvalidInputError(GroundError):
+    """A member of what was sent cannot be used."""
+
+
+class OutsideTerrainError(InvalidInputError):
+    """A point off the mission's terrain."""
+
+
+class UnreachableError(InvalidInputError):
+    """A request without any observation point."""
+
+
+class TerrainFileError(InvalidInputError):
+    """A terrain that cannot be read."""
+
+
+class ArchiveError(InvalidInputError):
+    """An archive or package that is damaged, unsafe or of another form."""
+
+
+class ConflictError(GroundError):
+    """The request does not fit the state of the thing."""
+
+
+class StateError(ConflictError):
+    """The state machine does not allow the step."""
+
+
+class NameTakenError(ConflictError):
+    """The name is in use."""
+
+
+class AlreadyExecutedError(ConflictError):
+    """A package or run that was taken in before."""
+
+
+class StaleRevisionError(GroundError):
+    """Somebody else changed it in between; `extra['current']` is the present value."""
+
+
+class PreconditionRequiredError(GroundError):
+    """A change without If-Match."""
+
+
+class IdempotencyError(GroundError):
+    """The same Idempotency-Key with another request."""
+
+
+class ForbiddenError(GroundError):
+    """Not allowed for this role."""
+
+
+class AuthenticationError(GroundError):
+    """Nobody, or not who they say."""
+
+
+class TooManyAttemptsError(GroundError):
+    """The door is closed for a while."""
+
+
+class TooLargeError(GroundError):
+    """A body over the limit."""
+
+
+class UnavailableError(GroundError):
+    """A part that is needed is not there."""
+
+
+class JobFailedError(GroundError):
+    """The work of a job ended with an expected failure."""

@@ -1,0 +1,220 @@
+"""Run a plan against a rover and leave the run's folder, the format `run/1`.
+
+The folder holds `run.json`, `plan.crl`, `journal.jsonl`, `trace.jsonl` (one `[t_s, event, ...]` a line),
+`telemetry.jsonl` (one sample a line) and `products.jsonl` with the files of `products/`. Nothing here needs a
+database or a network.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from executive.journal import FileJournal
+from executive.ports import (
+    Acknowledgement,
+    Command,
+    CommandId,
+    CommandStatus,
+    Event,
+    Product,
+    Result,
+    Rover,
+    TraceRecord,
+    Update,
+)
+from executive.session import RunOutcome, Session
+
+FORMAT = "run/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """State of the rover at one time: pose in the site frame, energy, and the trackers by target."""
+
+    t_s: float
+    east_m: float
+    north_m: float
+    heading_rad: float
+    battery_j: float
+    energy_used_j: float
+    task: str
+    trackers: Mapping[str, tuple[str, float]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {
+            "t_s": self.t_s,
+            "east_m": round(self.east_m, 4),
+            "north_m": round(self.north_m, 4),
+            "heading_rad": round(self.heading_rad, 5),
+            "battery_j": round(self.battery_j, 1),
+            "energy_used_j": round(self.energy_used_j, 1),
+            "task": self.task,
+            "trackers": {t: {"state": s, "confidence": round(c, 4)} for t, (s, c) in self.trackers.items()},
+        }
+
+
+class Recorder:
+    """A rover that remembers what it reported: every change of state becomes a sample."""
+
+    def __init__(self, rover: Rover, listener: Callable[[Sample], None] | None = None) -> None:
+        self.rover = rover
+        self.samples: list[Sample] = []
+        self._listener = listener
+        self._state: dict[str, Any] = {}
+        self._running: dict[CommandId, str] = {}
+        self._now_ms = 0
+
+    def send(self, command: Command) -> None:
+        self._running[command.id] = command.id.task
+        self.rover.send(command)
+
+    def abort(self, command: CommandId) -> None:
+        self.rover.abort(command)
+
+    def status(self, command: CommandId) -> CommandStatus:
+        return self.rover.status(command)
+
+    def next_event(self, until_ms: int | None) -> Event | None:
+        event = self.rover.next_event(until_ms)
+        if event is None:
+            return None
+        match event:
+            case Update(values=values):
+                self._state.update(values)
+            case Result(command=command, updates=values) | Acknowledgement(command=command, updates=values):
+                self._state.update(values)
+                self._running.pop(command, None)
+            case _:
+                return event
+        self._note(event.t_ms)
+        return event
+
+    def _note(self, t_ms: int) -> None:
+        state = self._state
+        trackers = {
+            key.removeprefix("trackerstate "): (
+                str(value),
+                float(state.get(f"trackerconfidence {key.removeprefix('trackerstate ')}", 0.0)),
+            )
+            for key, value in state.items()
+            if key.startswith("trackerstate ")
+        }
+        sample = Sample(
+            t_ms / 1000,
+            float(state.get("pose x", 0.0)),
+            float(state.get("pose y", 0.0)),
+            float(state.get("pose heading", 0.0)),
+            float(state.get("battery-energy", 0.0)),
+            float(state.get("energy-used", 0.0)),
+            next(iter(self._running.values()), ""),
+            trackers,
+        )
+        self.samples.append(sample)
+        if self._listener is not None:
+            self._listener(sample)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A finished run: what came of it, and everything the rover reported."""
+
+    folder: Path
+    outcome: RunOutcome
+    samples: tuple[Sample, ...]
+    document: Mapping[str, Any]
+
+    def options_taken(self) -> tuple[str, ...]:
+        """Return the ids of the options that branches chose, in order."""
+        return tuple(r.arguments[1] for r in self.outcome.trace if r.event == "choose")
+
+    def lost_targets(self) -> tuple[str, ...]:
+        """Return the targets whose track was lost at some time, in the order of their loss."""
+        lost: dict[str, None] = {}
+        for sample in self.samples:
+            for target, (state, _) in sample.trackers.items():
+                if state == "lost":
+                    lost.setdefault(target)
+        return tuple(lost)
+
+
+def fly(
+    crl_text: str,
+    rover: Rover,
+    folder: Path,
+    *,
+    run_id: str,
+    about: Mapping[str, Any] | None = None,
+    on_sample: Callable[[Sample], None] | None = None,
+    on_trace: Callable[[TraceRecord], None] | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+    sync: bool = True,
+) -> Flight:
+    """Run a plan to its end on the rover's virtual clock and return the run; its folder is `folder`.
+
+    A stop that is asked for becomes an operator's abort: the run ends as a real one would. `about` goes into
+    `run.json` as it is (rover, seed, faults, plan).
+
+    Raises
+    ------
+    CrlError
+        If the plan is rejected.
+    JournalError
+        If the journal cannot be written, or the folder holds one already.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "plan.crl").write_text(crl_text, encoding="utf-8")
+    recorder = Recorder(rover, on_sample)
+    listeners = () if on_trace is None else (on_trace,)
+    journal = FileJournal.create(folder / "journal.jsonl", sync=sync)
+    try:
+        session = Session(crl_text, recorder, run_id=run_id, journal=journal, listeners=listeners)
+        session.start()
+        stopped = False
+        while session.step_once():
+            if not stopped and should_stop():
+                stopped = True
+                session.abort()
+        outcome = session.result()
+    finally:
+        journal.close()
+    document = {
+        "format": FORMAT,
+        "run": run_id,
+        "plan_digest": outcome.plan_digest,
+        "outcome": outcome.outcome,
+        "reason": outcome.reason,
+        "end_s": outcome.end_s,
+        "utility": outcome.utility,
+        "reward": outcome.reward,
+        "over_budget": outcome.over_budget,
+        "stopped": stopped,
+        "outcomes": dict(outcome.outcomes),
+        **(about or {}),
+    }
+    _write_lines(folder / "trace.jsonl", ([r.t_ms / 1000, r.event, *r.arguments] for r in outcome.trace))
+    _write_lines(folder / "telemetry.jsonl", (s.as_dict() for s in recorder.samples))
+    _write_lines(folder / "products.jsonl", map(_product, outcome.products))
+    (folder / "run.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    return Flight(folder, outcome, tuple(recorder.samples), document)
+
+
+def _product(product: Product) -> dict[str, Any]:
+    return {
+        "t_s": product.t_ms / 1000,
+        "task": product.command.task,
+        "attempt": product.command.attempt,
+        "kind": product.kind,
+        "path": product.path,
+        "sha256": product.sha256,
+        "label": dict(product.label),
+    }
+
+
+def _write_lines(path: Path, rows: Iterable[Any]) -> None:
+    with path.open("w", encoding="utf-8") as file:
+        file.writelines(json.dumps(row, sort_keys=isinstance(row, dict)) + "\n" for row in rows)

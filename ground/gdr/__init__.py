@@ -1,0 +1,1 @@
+"""Rows, queries and product files of the Ground Data Repository."""

@@ -1,0 +1,81 @@
+"""Files by the hash of their content: data products, uploads, traces; and the terrains' folders."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFile:
+    sha256: str
+    size_bytes: int
+
+
+class FileStore:
+    """Content-addressed files under one folder, `ab/cd/<sha256>`.
+
+    A file is written beside its place, synchronised and renamed: it is there whole or not at all. Files come
+    before the rows that name them, so a crash leaves at most a file without a record, which `sweep` removes.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def path(self, sha256: str) -> Path:
+        """Return where the file with this hash lies, whether or not it is there."""
+        if len(sha256) != 64 or any(c not in "0123456789abcdef" for c in sha256):
+            raise ValueError(f"not a SHA-256 in lower-case hexadecimal: {sha256!r}")
+        return self.folder / sha256[:2] / sha256[2:4] / sha256
+
+    def put(self, chunks: Iterable[bytes]) -> StoredFile:
+        """Store a file and return its hash and size."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        draft = self.folder / f".draft-{os.getpid()}-{secrets.token_hex(6)}"
+        digest, size = hashlib.sha256(), 0
+        try:
+            with draft.open("wb") as out:
+                for chunk in chunks:
+                    digest.update(chunk)
+                    size += len(chunk)
+                    out.write(chunk)
+                out.flush()
+                os.fsync(out.fileno())
+            target = self.path(digest.hexdigest())
+            if not target.exists():
+                target.parent.mkdir(parents=True, exist_ok=True)
+                draft.replace(target)
+        finally:
+            draft.unlink(missing_ok=True)
+        return StoredFile(digest.hexdigest(), size)
+
+    def put_bytes(self, content: bytes) -> StoredFile:
+        return self.put([content])
+
+    def put_file(self, source: Path) -> StoredFile:
+        """Store a copy of a file."""
+        with source.open("rb") as file:
+            return self.put(iter(lambda: file.read(1 << 20), b""))
+
+    def read(self, sha256: str) -> bytes:
+        return self.path(sha256).read_bytes()
+
+    def hashes(self) -> Iterator[str]:
+        """Yield the hash of every stored file."""
+        for path in self.folder.glob("??/??/*"):
+            if len(path.name) == 64:
+                yield path.name
+
+    def sweep(self, wanted: set[str], older_than_utc_s: float) -> list[str]:
+        """Remove files that no record names and that are older than a moment; return their hashes."""
+        gone = []
+        for sha256 in list(self.hashes()):
+            path = self.path(sha256)
+            if sha256 not in wanted and path.stat().st_mtime < older_than_utc_s:
+                path.unlink()
+                gone.append(sha256)
+        return gone

@@ -1,0 +1,146 @@
+"""The append-only history of a mission: undo, audit and live sync all read it.
+
+Each mission has its own chain of events, numbered without gaps; the hash of an event covers its content and
+the hash of the one before, and the head stands apart, so that an altered, removed or cut-off event shows.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import orjson
+from sqlalchemy import select, update
+from sqlalchemy.orm import Session
+
+from ground.gdr.models import Base, ChainRow, EventRow, utc_now
+
+SYSTEM = "system"
+GENESIS = "0" * 64
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One change about to be written down."""
+
+    actor: str
+    action: str
+    kind: str
+    subject_id: str
+    before: dict[str, Any] | None
+    after: dict[str, Any] | None
+    reason: str = ""
+    undoes: int | None = None
+    group: str = ""
+
+
+def dump_row(row: Base) -> dict[str, Any]:
+    """Return the columns of a row as JSON values."""
+    out: dict[str, Any] = {}
+    for column in row.__mapper__.column_attrs:
+        value = getattr(row, column.key)
+        out[column.key] = value.isoformat() if isinstance(value, datetime) else value
+    return out
+
+
+def event_digest(event: EventRow, previous: str) -> str:
+    """Return the hash of an event behind the hash `previous`."""
+    content = {
+        "chain": event.chain_id,
+        "seq": event.seq,
+        "at": event.at_utc.astimezone(UTC).isoformat(timespec="microseconds"),
+        "actor": event.actor,
+        "action": event.action,
+        "kind": event.kind,
+        "subject": event.subject_id,
+        "reason": event.reason,
+        "undoes": event.undoes,
+        "group": event.group,
+        "before": event.before,
+        "after": event.after,
+        "previous": previous,
+    }
+    return hashlib.sha256(orjson.dumps(content, option=orjson.OPT_SORT_KEYS)).hexdigest()
+
+
+def open_chain(session: Session, chain_id: str) -> None:
+    """Begin a chain that has no events yet."""
+    session.add(ChainRow(id=chain_id, seq=0, sha256=GENESIS))
+    session.flush()
+
+
+def record(session: Session, chain_id: str, change: Change) -> EventRow:
+    """Append an event to a chain, in the caller's transaction.
+
+    The head is counted up first: that locks it, so events of one chain are written one after the other.
+    """
+    head = session.execute(
+        update(ChainRow)
+        .where(ChainRow.id == chain_id)
+        .values(seq=ChainRow.seq + 1)
+        .returning(ChainRow.seq, ChainRow.sha256)
+        .execution_options(synchronize_session=False)
+    ).one()
+    event = EventRow(
+        chain_id=chain_id,
+        seq=head.seq,
+        at_utc=utc_now(),
+        actor=change.actor,
+        action=change.action,
+        kind=change.kind,
+        subject_id=change.subject_id,
+        reason=change.reason,
+        undoes=change.undoes,
+        group=change.group or f"{chain_id}/{head.seq}",
+        before=change.before,
+        after=change.after,
+        sha256="",
+    )
+    event.sha256 = event_digest(event, head.sha256)
+    session.add(event)
+    session.execute(
+        update(ChainRow)
+        .where(ChainRow.id == chain_id)
+        .values(sha256=event.sha256)
+        .execution_options(synchronize_session=False)
+    )
+    return event
+
+
+@dataclass(frozen=True, slots=True)
+class ChainFault:
+    """A place where a chain does not hold together."""
+
+    chain_id: str
+    seq: int
+    reason: str
+
+
+def verify_chains(session: Session) -> tuple[int, list[ChainFault]]:
+    """Return how many events were checked, and every place where a chain is broken."""
+    faults: list[ChainFault] = []
+    count = 0
+    chains = session.execute(select(ChainRow.id, ChainRow.seq, ChainRow.sha256).order_by(ChainRow.id)).all()
+    known = {c.id for c in chains}
+    for chain in chains:
+        previous, seq = GENESIS, 0
+        query = select(EventRow).where(EventRow.chain_id == chain.id).order_by(EventRow.seq)
+        for event in session.scalars(query.execution_options(yield_per=500)):
+            count += 1
+            if event.seq != seq + 1:
+                faults.append(ChainFault(chain.id, event.seq, f"event {seq + 1} is missing"))
+            if event_digest(event, previous) != event.sha256:
+                faults.append(ChainFault(chain.id, event.seq, "content does not match its hash"))
+            previous, seq = event.sha256, event.seq
+        if (seq, previous) != (chain.seq, chain.sha256):
+            faults.append(
+                ChainFault(
+                    chain.id, chain.seq, f"the head is at event {chain.seq}, the last one here is {seq}"
+                )
+            )
+    for stray in session.scalars(select(EventRow.chain_id).distinct()):
+        if stray not in known:
+            faults.append(ChainFault(stray, 0, "events without a chain head"))
+    return count, faults

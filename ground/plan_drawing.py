@@ -1,0 +1,173 @@
+"""A plan tree as a drawing: one layout, written as SVG; and as DOT for other programs."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+BOX_W, LINE_H, PAD, GAP_X, GAP_Y = 210.0, 15.0, 7.0, 18.0, 46.0
+COMPARED = {"ge": "≥", "lt": "<", "le": "≤", "gt": ">"}
+
+
+@dataclass(slots=True)
+class Box:
+    """A run of steps without a choice, and the options that may follow it; `label` says when it is taken."""
+
+    lines: list[str]
+    label: str = ""
+    probability: float = 1.0
+    options: list[Box] = field(default_factory=list)
+    x: float = 0.0
+    y: float = 0.0
+    width: float = BOX_W
+
+    @property
+    def height(self) -> float:
+        return 2 * PAD + LINE_H * max(1, len(self.lines))
+
+    def walk(self) -> list[Box]:
+        """Return this box and all below it, each before its options."""
+        return [self, *(box for option in self.options for box in option.walk())]
+
+
+def target_names(problem: Mapping[str, Any]) -> dict[str, str]:
+    """Return the names that people gave to the targets of a problem."""
+    return {t["id"]: str(t.get("refs", {}).get("name", t["id"])) for t in problem.get("targets", ())}
+
+
+def describe_step(step: Mapping[str, Any], names: Mapping[str, str]) -> str:
+    """Return a step in a few words."""
+    place = step.get("to", step.get("target", step.get("observation", "")))
+    words = {"track_start": "track", "track_stop": "stop tracking", "navigate": "drive to"}
+    text = f"{words.get(step['op'], str(step['op']).replace('_', ' '))} {names.get(place, place)}"
+    if "p_reached" in step:
+        text += f"  ({float(step['p_reached']):.0%})"
+    return text.strip()
+
+
+def describe_when(when: Sequence[Mapping[str, Any]], names: Mapping[str, str]) -> str:
+    """Return an option's condition in a few words."""
+    parts = []
+    for term in when:
+        if term["var"] == "tracked":
+            name = names.get(term["target"], term["target"])
+            parts.append(f"{name} {'tracked' if term['is'] else 'lost'}")
+        else:
+            what, unit = ("time", "s") if term["var"] == "time_s" else ("energy", "J")
+            parts += [
+                f"{what} {sign} {float(term[key]):.0f} {unit}"
+                for key, sign in COMPARED.items()
+                if key in term
+            ]
+    return " and ".join(parts) or "else"
+
+
+def boxes(tree: Mapping[str, Any], names: Mapping[str, str]) -> Box:
+    """Return the tree as boxes: a branch ends one; its options, and what follows else, begin others."""
+
+    def build(steps: Sequence[Mapping[str, Any]], box: Box) -> Box:
+        for number, step in enumerate(steps):
+            if step["op"] != "branch":
+                box.lines.append(describe_step(step, names))
+                continue
+            taken = 0.0
+            for option in step["options"]:
+                chance = float(option.get("p_taken", 0.0))
+                taken += chance
+                below = Box([], describe_when(option.get("when", ()), names), chance)
+                box.options.append(build(option["plan"], below))
+            if number + 1 < len(steps):
+                rest = Box([], "go on", max(0.0, box.probability - taken))
+                box.options.append(build(steps[number + 1 :], rest))
+            break
+        if not box.lines:
+            box.lines.append("end" if not box.options else "choose")
+        return box
+
+    return build(tree["plan"], Box([]))
+
+
+def lay_out(root: Box) -> tuple[float, float]:
+    """Give each box its place, parents over the middle of their options; return the size of the drawing."""
+
+    def place(box: Box, left: float, top: float) -> tuple[float, float]:
+        box.y = top
+        if not box.options:
+            box.x = left
+            return left + box.width, top + box.height
+        right, bottom = left, top + box.height
+        for option in box.options:
+            edge, low = place(option, right, top + box.height + GAP_Y)
+            right, bottom = edge + GAP_X, max(bottom, low)
+        right -= GAP_X
+        box.x = (box.options[0].x + box.options[-1].x) / 2
+        return right, bottom
+
+    right, bottom = place(root, PAD, PAD)
+    return right + PAD, bottom + PAD
+
+
+def _text(text: str) -> str:
+    """Return text that may stand in an XML document: no control characters, markup escaped."""
+    return html.escape("".join(c if c >= " " else " " for c in text))
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def to_svg(root: Box) -> str:
+    """Return the drawing; edges are as wide as the chance that they are taken."""
+    width, height = lay_out(root)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
+        f'width="{width:.0f}" height="{height:.0f}" font-family="sans-serif" font-size="11">',
+        f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>',
+    ]
+    for box in root.walk():
+        for option in box.options:
+            x1, y1 = box.x + box.width / 2, box.y + box.height
+            x2, y2 = option.x + option.width / 2, option.y
+            colour = "#2b7fa8" if option.label == "go on" else "#c8660b"
+            curve = f"C{x1:.1f} {y1 + 24:.1f} {x2:.1f} {y2 - 34:.1f} {x2:.1f} {y2:.1f}"
+            parts.append(
+                f'<path d="M{x1:.1f} {y1:.1f} {curve}"'
+                f' fill="none" stroke="{colour}" stroke-width="{1 + 5 * min(1.0, option.probability):.1f}"/>'
+            )
+            label = _text(_cut(f"{option.label}  {option.probability:.0%}", 38))
+            parts.append(
+                f'<text x="{x2:.1f}" y="{y2 - 6:.1f}" text-anchor="middle" fill="{colour}" '
+                f'stroke="#ffffff" stroke-width="3" paint-order="stroke">{label}</text>'
+            )
+    for box in root.walk():
+        parts.append(
+            f'<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" height="{box.height:.1f}" rx="5" '
+            'fill="#f4f7f9" stroke="#44545f"/>'
+        )
+        parts += [
+            f'<text x="{box.x + PAD:.1f}" y="{box.y + PAD + LINE_H * (n + 0.75):.1f}" fill="#14202a">'
+            f"{_text(_cut(line, 36))}</text>"
+            for n, line in enumerate(box.lines)
+        ]
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def to_dot(root: Box) -> str:
+    """Return the tree as a DOT graph."""
+    numbers = {id(box): f"n{number}" for number, box in enumerate(root.walk())}
+    lines = ["digraph plan {", '  node [shape=box, fontname="sans-serif"];']
+    for box in root.walk():
+        lines.append(f"  {numbers[id(box)]} [label={_quoted(chr(10).join(box.lines))}];")
+        lines += [
+            f"  {numbers[id(box)]} -> {numbers[id(option)]} "
+            f"[label={_quoted(f'{option.label} ({option.probability:.0%})')}];"
+            for option in box.options
+        ]
+    return "\n".join([*lines, "}"]) + "\n"
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)

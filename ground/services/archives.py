@@ -1,0 +1,82 @@
+"""Zip archives from outside: names, sizes and ratios are checked before a byte is written."""
+
+from __future__ import annotations
+
+import stat
+import zipfile
+from pathlib import Path, PurePosixPath
+
+from ground.errors import ArchiveError
+
+MAX_ENTRIES = 100_000
+MAX_RATIO = 200
+_RATIO_FROM = 1 << 20
+
+
+def is_zip(path: Path) -> bool:
+    """Return whether a file is a zip archive."""
+    return zipfile.is_zipfile(path)
+
+
+def checked_names(archive: zipfile.ZipFile, max_bytes: int) -> list[zipfile.ZipInfo]:
+    """Return the files of an archive if all may be unpacked.
+
+    Raises
+    ------
+    ArchiveError
+        If a name leads outside, a member is a link, or it would unpack to more than is allowed.
+    """
+    entries = archive.infolist()
+    if len(entries) > MAX_ENTRIES:
+        raise ArchiveError(f"the archive has {len(entries)} entries; {MAX_ENTRIES} are allowed")
+    total, seen, files = 0, set(), []
+    for entry in entries:
+        name = entry.filename
+        path = PurePosixPath(name)
+        if (
+            path.is_absolute()
+            or ".." in path.parts
+            or "\\" in name
+            or ":" in path.parts[0:1]
+            or any(ord(c) < 32 for c in name)
+        ):
+            raise ArchiveError(f"the archive holds a name that leads outside: {name!r}")
+        if stat.S_ISLNK(entry.external_attr >> 16):
+            raise ArchiveError(f"the archive holds a link: {name!r}")
+        if entry.is_dir():
+            continue
+        if name in seen:
+            raise ArchiveError(f"the archive holds {name!r} twice")
+        seen.add(name)
+        total += entry.file_size
+        if total > max_bytes:
+            raise ArchiveError(f"the archive unpacks to more than {max_bytes} bytes")
+        if entry.file_size > _RATIO_FROM and entry.file_size > MAX_RATIO * max(entry.compress_size, 1):
+            raise ArchiveError(f"{name!r} unpacks to {entry.file_size} bytes from {entry.compress_size}")
+        files.append(entry)
+    return files
+
+
+def extract_zip(source: Path, folder: Path, *, max_bytes: int) -> None:
+    """Unpack an archive into a new folder.
+
+    Raises
+    ------
+    ArchiveError
+        If it is damaged or unsafe.
+    """
+    folder.mkdir(parents=True)
+    try:
+        with zipfile.ZipFile(source) as archive:
+            left = max_bytes
+            for entry in checked_names(archive, max_bytes):
+                target = folder / PurePosixPath(entry.filename)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                with archive.open(entry) as reader, target.open("wb") as writer:
+                    while block := reader.read(1 << 20):
+                        left -= len(block)
+                        if left < 0:
+                            raise ArchiveError(f"the archive unpacks to more than {max_bytes} bytes")
+                        writer.write(block)
+    except (zipfile.BadZipFile, NotImplementedError, EOFError, OSError, RuntimeError) as err:
+        raise ArchiveError(f"the archive is damaged: {err}") from err

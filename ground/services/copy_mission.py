@@ -1,0 +1,78 @@
+"""Copy a mission: a what-if of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.errors import NotFoundError
+from ground.gdr import models as m
+from ground.gdr import values as v
+from ground.gdr.history import open_chain
+from ground.gdr.ids import new_id
+from ground.gdr.models import utc_now
+from ground.gdr.repository import Repository
+from ground.services.actor import Action, Actor
+from ground.services.edit import insert
+from ground.services.kinds import KINDS, show_missions
+
+COPIED = ("sol", "target", "observation_request", "keep_out")
+"""Kinds that a copy has, in the order in which they refer to each other."""
+
+
+def copy_row(row: Any, changes: Mapping[str, Any]) -> Any:
+    """Return a new row with the columns of another, some changed."""
+    columns = {c.key: getattr(row, c.key) for c in row.__mapper__.column_attrs}
+    now = utc_now()
+    return type(row)(**{**columns, "revision": 1, "created_utc": now, "modified_utc": now, **changes})
+
+
+def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, notes: str = "") -> v.Mission:
+    """Return a copy with its own sols, targets, requests and keep-outs; plans and runs stay with the first.
+
+    Requests begin again as open. The terrain is shared, it never changes.
+    """
+    actor.require(Action.EDIT_MISSION, mission_id)
+    with repo.database.write() as session:
+        source = session.get(m.MissionRow, mission_id)
+        if source is None:
+            raise NotFoundError(f"there is no mission {mission_id}")
+        copy = copy_row(
+            source,
+            {
+                "id": new_id("msn"),
+                "name": name,
+                "notes": notes,
+                "author": actor.name,
+                "copied_from": source.id,
+            },
+        )
+        session.add(copy)
+        session.flush()
+        open_chain(session, copy.id)
+        insert(session, actor, KINDS["mission"], copy)
+        _copy_parts(session, actor, source.id, copy.id)
+        return show_missions(session, [copy])[0]
+
+
+def _copy_parts(session: Session, actor: Actor, source_id: str, copy_id: str) -> None:
+    new_ids: dict[str, str] = {}
+    for kind_name in COPIED:
+        kind = KINDS[kind_name]
+        rows: Any = kind.row
+        found = list(session.scalars(select(rows).where(rows.mission_id == source_id).order_by(rows.id)))
+        for row in found:
+            new_ids[row.id] = new_id(kind.prefix)
+        for row in found:
+            changes: dict[str, Any] = {"id": new_ids[row.id], "mission_id": copy_id, "author": actor.name}
+            if kind_name == "observation_request":
+                changes |= {
+                    "target_id": new_ids[row.target_id],
+                    "after": [new_ids[i] for i in row.after if i in new_ids],
+                    "state": "open",
+                    "state_reason": "",
+                }
+            insert(session, actor, kind, copy_row(row, changes))

@@ -1,0 +1,48 @@
+"""Draw a keep-out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import func, select
+
+from ground.gdr import values as v
+from ground.gdr.ids import new_id
+from ground.gdr.models import KeepOutRow
+from ground.gdr.repository import Repository
+from ground.services.actor import Action, Actor
+from ground.services.checks import require_polygon
+from ground.services.edit import insert
+from ground.services.kinds import KINDS, show_keep_outs
+
+
+def create_keep_out(
+    repo: Repository,
+    actor: Actor,
+    mission_id: str,
+    *,
+    polygon_m: Sequence[Sequence[float]],
+    name: str | None = None,
+    notes: str = "",
+) -> v.KeepOut:
+    """Return a new keep-out.
+
+    Raises
+    ------
+    InvalidInputError
+        If the outline crosses itself, has no area or lies off the terrain.
+    """
+    actor.require(Action.EDIT_MISSION, mission_id)
+    with repo.database.write() as session:
+        require_polygon(repo, session, mission_id, polygon_m)
+        count = session.scalar(select(func.count()).where(KeepOutRow.mission_id == mission_id)) or 0
+        row = KeepOutRow(
+            id=new_id("kpo"),
+            author=actor.name,
+            mission_id=mission_id,
+            name=name or f"Keep-out {count + 1}",
+            notes=notes,
+            polygon_m=[[float(e), float(n)] for e, n in polygon_m],
+        )
+        insert(session, actor, KINDS["keep_out"], row)
+        return show_keep_outs(session, [row])[0]

@@ -1,0 +1,233 @@
+"""Run a plan on a simulated rover: a job."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground import jobs
+from ground.errors import InvalidInputError, NotFoundError, StateError
+from ground.gdr import models as m
+from ground.gdr import values as v
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.services.actor import SYSTEM_ACTOR, Action, Actor
+from ground.services.edit import insert, update
+from ground.services.kinds import KINDS, show_jobs
+from ground.services.terrains import terrain_row
+
+KIND = "dry_run"
+
+
+@dataclass(frozen=True, slots=True)
+class RunOrder:
+    """What is to be run, on which rover, with which faults; `pace` plan seconds pass in a second, 0 =
+    all at once."""
+
+    plan_id: str
+    rover: str = "abstract"
+    seed: int = 1
+    faults: tuple[v.Fault, ...] = ()
+    pace: float = 0.0
+    notes: str = ""
+
+
+def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) -> v.Job:
+    """Return the job whose subject is the new run.
+
+    Raises
+    ------
+    InvalidInputError
+        If the rover is not installed or a fault is malformed.
+    StateError
+        If the plan is not computed yet.
+    """
+    from rover_iface.registry import rover_names
+
+    actor.require(Action.PLAN, mission_id)
+    if order.rover not in rover_names():
+        raise InvalidInputError(
+            f"there is no rover {order.rover!r}; installed are {', '.join(rover_names())}", pointer="/rover"
+        )
+    faults = _fault_documents(order.faults)
+    with repo.database.write() as session:
+        if session.get(m.MissionRow, mission_id) is None:
+            raise NotFoundError(f"there is no mission {mission_id}")
+        plan = session.get(m.PlanRow, order.plan_id)
+        if plan is None or plan.mission_id != mission_id:
+            raise InvalidInputError(
+                f"there is no plan {order.plan_id} in mission {mission_id}", pointer="/plan_id"
+            )
+        if plan.crl_text is None or plan.crl_sha256 is None or plan.problem_id is None:
+            raise StateError(f"plan {plan.number} is not computed ({plan.status or 'its job is not done'})")
+        problem = session.get_one(m.ProblemRow, plan.problem_id)
+        run_id, job_id = new_id("run"), new_id("job")
+        row = m.RunRow(
+            id=run_id,
+            author=actor.name,
+            mission_id=mission_id,
+            plan_id=plan.id,
+            kind=v.RunKind.DRY_RUN.value,
+            rover=order.rover,
+            seed=order.seed,
+            faults=[asdict(f) for f in order.faults],
+            job_id=job_id,
+            state=v.JobState.QUEUED.value,
+            options_taken=[],
+            achieved_request_ids=[],
+            crl_sha256=plan.crl_sha256,
+            notes=order.notes,
+        )
+        insert(session, actor, KINDS["run"], row)
+        job = jobs.enqueue(
+            session,
+            repo.settings,
+            kind=KIND,
+            mission_id=mission_id,
+            subject_kind="run",
+            subject_id=run_id,
+            payload={
+                "run_id": run_id,
+                "run_dir": str(repo.run_dir(run_id)),
+                "files_dir": str(repo.files.folder),
+                "terrain_dir": str(repo.terrain_dir(terrain_row(session, mission_id).id)),
+                "crl_text": plan.crl_text,
+                "problem": problem.document,
+                "rover": order.rover,
+                "seed": order.seed,
+                "faults": faults,
+                "pace": order.pace,
+            },
+            author=actor.name,
+            job_id=job_id,
+        )
+        value = show_jobs(session, [job])[0]
+    jobs.WAKE.set()
+    return value
+
+
+def _fault_documents(faults: tuple[v.Fault, ...]) -> list[dict[str, Any]]:
+    """Return faults in the form `fault/1`.
+
+    Raises
+    ------
+    InvalidInputError
+        If one has not exactly one of time and task, or lacks its target or amount.
+    """
+    from rover_iface.errors import RoverError
+    from rover_iface.simulator.faults import Fault
+
+    documents = []
+    for index, fault in enumerate(faults):
+        document: dict[str, Any] = {"kind": fault.kind}
+        for name, value in (
+            ("at_s", fault.at_s),
+            ("task", fault.task),
+            ("target", fault.target_id),
+            ("amount", fault.amount),
+        ):
+            if value is not None:
+                document[name] = value
+        try:
+            Fault.from_dict(document)
+        except RoverError as err:
+            raise InvalidInputError(str(err), pointer=f"/faults/{index}") from err
+        documents.append(document)
+    return documents
+
+
+def settle(_repo: Repository, session: Session, job: m.JobRow, result: dict[str, Any]) -> str | None:
+    """Write outcome and products; a plan whose run went through is verified."""
+    run = session.get(m.RunRow, job.subject_id)
+    if run is None:
+        return None
+    record_run(session, run, result)
+    plan = session.get(m.PlanRow, run.plan_id)
+    if (
+        plan is not None
+        and plan.state == v.PlanState.COMPUTED.value
+        and result["outcome"] == "SUCCEEDED"
+        and plan.crl_sha256 == run.crl_sha256
+    ):
+        update(
+            session, SYSTEM_ACTOR, KINDS["plan"], plan, {"state": v.PlanState.VERIFIED.value}, action="verify"
+        )
+    return f"/api/v1/runs/{run.id}"
+
+
+def record_run(session: Session, run: m.RunRow, result: dict[str, Any]) -> list[m.ProductRow]:
+    """Write what came of a run and tie its products to task, request and target; return the products.
+
+    A product whose request is unknown in this mission is kept and listed as an orphan.
+    """
+    requests = dict(
+        session.execute(
+            select(m.ObservationRequestRow.id, m.ObservationRequestRow.target_id).where(
+                m.ObservationRequestRow.mission_id == run.mission_id
+            )
+        ).all()
+    )
+    targets = set(session.scalars(select(m.TargetRow.id).where(m.TargetRow.mission_id == run.mission_id)))
+    products = []
+    for item in result["products"]:
+        label = item["label"]
+        request_id = label.get("request") if label.get("request") in requests else None
+        named = label.get("target") if label.get("target") in targets else None
+        products.append(
+            m.ProductRow(
+                id=new_id("prd"),
+                author=run.author,
+                mission_id=run.mission_id,
+                run_id=run.id,
+                plan_id=run.plan_id,
+                task_id=str(label.get("task", ""))[:200],
+                request_id=request_id,
+                target_id=named or (requests[request_id] if request_id else None),
+                kind=str(label.get("kind", ""))[:80],
+                instrument=str(label.get("instrument", ""))[:80],
+                media=item["media"],
+                file_name=item["file_name"][:300],
+                size_bytes=item["size_bytes"],
+                sha256=item["sha256"],
+                t_s=float(label.get("t_s", 0.0)),
+                label=label,
+            )
+        )
+    session.add_all(products)
+    achieved = sorted({p.request_id for p in products if p.request_id is not None})
+    columns = {
+        "state": v.JobState.SUCCEEDED.value,
+        "achieved_request_ids": achieved,
+        **{
+            name: result[name]
+            for name in (
+                "outcome",
+                "utility",
+                "duration_s",
+                "energy_used_j",
+                "options_taken",
+                "trace_sha256",
+                "telemetry_sha256",
+            )
+        },
+    }
+    update(session, SYSTEM_ACTOR, KINDS["run"], run, columns, action="run")
+    return products
+
+
+def begin(session: Session, job: m.JobRow) -> None:
+    """Say on the run that it goes on."""
+    run = session.get(m.RunRow, job.subject_id)
+    if run is not None:
+        update(session, SYSTEM_ACTOR, KINDS["run"], run, {"state": v.JobState.RUNNING.value}, action="run")
+
+
+def abandon(session: Session, job: m.JobRow) -> None:
+    """Say on the run that nothing came of it."""
+    run = session.get(m.RunRow, job.subject_id)
+    if run is not None:
+        outcome = {"state": job.state, "outcome": (job.problem or {}).get("detail", job.state)[:40]}
+        update(session, SYSTEM_ACTOR, KINDS["run"], run, outcome, action="run")

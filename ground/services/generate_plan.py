@@ -1,0 +1,172 @@
+"""Ask the planner for a plan: a job."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground import jobs
+from ground.errors import InvalidInputError, NotFoundError
+from ground.gdr import models as m
+from ground.gdr import values as v
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.services.actor import SYSTEM_ACTOR, Action, Actor
+from ground.services.checks import next_number
+from ground.services.day_inputs import choose_sol, day_inputs
+from ground.services.edit import insert, update
+from ground.services.inputs_digest import inputs_digest
+from ground.services.kinds import KINDS, show_jobs
+from ground.services.terrains import terrain_row
+
+KIND = "generate_plan"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOrder:
+    """What is asked of the planner."""
+
+    name: str | None = None
+    notes: str = ""
+    sol_id: str | None = None
+    parent_id: str | None = None
+    strategy: str = "optimal"
+    max_branches: int = 8
+    time_limit_s: float = 20.0
+    iterations: int | None = None
+    seed: int = 1
+    request_ids: tuple[str, ...] = ()
+
+
+def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOrder) -> v.Job:
+    """Return the job whose subject is the new plan, a draft until it is computed."""
+    from rover_iface.commands import COMMANDS
+
+    actor.require(Action.PLAN, mission_id)
+    with repo.database.write() as session:
+        mission = session.get(m.MissionRow, mission_id)
+        if mission is None:
+            raise NotFoundError(f"there is no mission {mission_id}")
+        if order.parent_id is not None:
+            parent = session.get(m.PlanRow, order.parent_id)
+            if parent is None or parent.mission_id != mission_id:
+                raise InvalidInputError(
+                    f"there is no plan {order.parent_id} in mission {mission_id}", pointer="/parent_id"
+                )
+        sol = choose_sol(session, mission_id, order.sol_id)
+        payload = day_inputs(repo, session, mission, sol, order.request_ids)
+        plan_id, job_id = new_id("pln"), new_id("job")
+        number = next_number(session, m.PlanRow, mission_id)
+        row = m.PlanRow(
+            id=plan_id,
+            author=actor.name,
+            mission_id=mission_id,
+            sol_id=sol.id,
+            parent_id=order.parent_id,
+            number=number,
+            name=order.name or f"Plan {number}",
+            notes=order.notes,
+            state=v.PlanState.DRAFT.value,
+            strategy=order.strategy,
+            max_branches=order.max_branches,
+            time_limit_s=order.time_limit_s,
+            iterations=order.iterations,
+            seed=order.seed,
+            job_id=job_id,
+            inputs_sha256=inputs_digest(session, mission_id),
+            terrain_sha256=terrain_row(session, mission_id).sha256,
+            dictionary=f"{COMMANDS.name} {COMMANDS.version}",
+            rover_profile=mission.rover_profile,
+            findings=[],
+            request_ids=list(order.request_ids),
+            planned_request_ids=[],
+            left_out={},
+        )
+        insert(session, actor, KINDS["plan"], row)
+        order_document = {
+            k: value for k, value in asdict(order).items() if k not in {"name", "notes", "request_ids"}
+        }
+        job = jobs.enqueue(
+            session,
+            repo.settings,
+            kind=KIND,
+            mission_id=mission_id,
+            subject_kind="plan",
+            subject_id=plan_id,
+            payload={**payload, "plan_id": plan_id, "order": order_document},
+            author=actor.name,
+            job_id=job_id,
+        )
+        value = show_jobs(session, [job])[0]
+    jobs.WAKE.set()
+    return value
+
+
+def settle(_repo: Repository, session: Session, job: m.JobRow, result: dict[str, Any]) -> str | None:
+    """Write plan, problem and network; requests in the plan become planned."""
+    plan = session.get(m.PlanRow, job.subject_id)
+    if plan is None:
+        return None
+    problem = m.ProblemRow(
+        id=new_id("prb"),
+        author=plan.author,
+        mission_id=plan.mission_id,
+        sha256=result["problem_sha256"],
+        document=result["problem"],
+    )
+    network = m.PathNetworkRow(
+        id=new_id("net"),
+        author=plan.author,
+        mission_id=plan.mission_id,
+        job_id=job.id,
+        inputs_sha256=plan.inputs_sha256,
+        geometry=result["geometry"],
+    )
+    insert(session, SYSTEM_ACTOR, KINDS["problem"], problem)
+    insert(session, SYSTEM_ACTOR, KINDS["path_network"], network)
+    columns = {
+        name: result[name]
+        for name in (
+            "status",
+            "tree",
+            "crl_text",
+            "crl_sha256",
+            "problem_sha256",
+            "findings",
+            "planned_request_ids",
+            "left_out",
+            "expected_utility",
+            "standard_error",
+            "lower",
+            "upper",
+            "branches",
+            "summary",
+        )
+    }
+    columns |= {"state": v.PlanState.COMPUTED.value, "problem_id": problem.id, "network_id": network.id}
+    update(session, SYSTEM_ACTOR, KINDS["plan"], plan, columns, action="compute")
+    planned = set(result["planned_request_ids"])
+    requests = m.ObservationRequestRow
+    for request in session.scalars(select(requests).where(requests.mission_id == plan.mission_id)):
+        changes: dict[str, Any] = {}
+        if request.id in planned and request.state in {"open", "carried"}:
+            changes = {"state": "planned", "state_reason": f"in plan {plan.number}"}
+        pose = result["observation_points"].get(request.target_id)
+        if request.id in result["left_out"] and request.state == "planned":
+            changes = {"state": "open", "state_reason": f"left out of plan {plan.number}"}
+        if pose is not None and request.observation_point is None:
+            changes["observation_point"] = {"pose": pose, "reachable": True, "manual": False, "reason": ""}
+        update(session, SYSTEM_ACTOR, KINDS["observation_request"], request, changes, action="plan")
+    return f"/api/v1/plans/{plan.id}"
+
+
+def abandon(session: Session, job: m.JobRow) -> None:
+    """Say on the plan that there is none."""
+    plan = session.get(m.PlanRow, job.subject_id)
+    if plan is not None:
+        kind = (job.problem or {}).get("type", "")
+        word = kind.rsplit("plan-", 1)[-1] if "plan-" in kind else job.state
+        update(session, SYSTEM_ACTOR, KINDS["plan"], plan, {"status": word}, action="compute")

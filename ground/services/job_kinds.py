@@ -1,0 +1,21 @@
+"""The kinds of long work there are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ground.jobs import JobKind
+from ground.services import build_path_network, dry_run, generate_plan
+from ground.work import network_work, plan_work, run_work
+
+
+def job_kinds() -> Mapping[str, JobKind]:
+    """Return every kind by its name."""
+    kinds = (
+        JobKind(
+            build_path_network.KIND, network_work.work, build_path_network.settle, build_path_network.abandon
+        ),
+        JobKind(generate_plan.KIND, plan_work.work, generate_plan.settle, generate_plan.abandon),
+        JobKind(dry_run.KIND, run_work.work, dry_run.settle, dry_run.abandon, dry_run.begin),
+    )
+    return {kind.name: kind for kind in kinds}

@@ -1,0 +1,65 @@
+"""Find the pose from which an instrument reaches a target."""
+
+from __future__ import annotations
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.convert import DayKeepOut, DayTarget, StandPose, stand_for
+from ground.errors import InvalidInputError
+from ground.gdr import values as v
+from ground.gdr.models import KeepOutRow, MissionRow, SolRow, TargetRow
+from ground.gdr.repository import Repository
+from ground.services.terrains import mission_terrain, terrain_row
+from ground.work.day import INSTRUMENTS
+
+
+def place_rover(
+    repo: Repository,
+    session: Session,
+    target: TargetRow,
+    instrument: v.Instrument,
+    manual: v.Pose | None = None,
+) -> v.ObservationPoint:
+    """Return the observation point of a target for an instrument, or why there is none.
+
+    A pose set by hand is taken as it is.
+    """
+    from rover_iface.errors import RoverError
+    from rover_iface.profile import load_profile
+
+    if manual is not None:
+        return v.ObservationPoint(pose=manual, reachable=True, manual=True, reason="")
+    mission = session.get_one(MissionRow, target.mission_id)
+    newest = session.scalars(
+        select(SolRow).where(SolRow.mission_id == mission.id).order_by(SolRow.number.desc()).limit(1)
+    ).first()
+    start = (
+        newest.start_pose
+        if newest is not None
+        else terrain_row(session, mission.id).description["start_pose"]
+    )
+    keep_outs = session.scalars(select(KeepOutRow).where(KeepOutRow.mission_id == mission.id))
+    try:
+        profile = load_profile(mission.rover_profile)
+        stands = stand_for(
+            mission_terrain(repo, session, mission.id),
+            profile,
+            StandPose(**start),
+            DayTarget(
+                target.id,
+                target.name,
+                (target.east_m, target.north_m, target.up_m),
+                (target.normal[0], target.normal[1], target.normal[2]),
+            ),
+            INSTRUMENTS[instrument.value],
+            keep_outs=[DayKeepOut(k.id, tuple((e, n) for e, n in k.polygon_m)) for k in keep_outs],
+            count=1,
+        )
+    except RoverError as err:
+        return v.ObservationPoint(pose=None, reachable=False, manual=False, reason=str(err))
+    except InvalidInputError as err:
+        return v.ObservationPoint(pose=None, reachable=False, manual=False, reason=err.message)
+    best = stands[0]
+    pose = v.Pose(best.east_m, best.north_m, best.heading_rad)
+    return v.ObservationPoint(pose=pose, reachable=True, manual=False, reason="")

@@ -1,0 +1,83 @@
+"""Read what a run left behind, or leaves while it goes on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from ground.errors import StateError
+from ground.gdr import values as v
+from ground.gdr.models import RunRow
+from ground.gdr.repository import Repository
+from ground.services.actor import Action, Actor
+from ground.services.get_resource import find_row
+from ground.services.kinds import KINDS
+from ground.work.run_work import LIVE, columns, live_samples, trace_event
+
+
+def _row(repo: Repository, actor: Actor, run_id: str) -> RunRow:
+    with repo.database.read() as session:
+        row: RunRow = find_row(session, KINDS["run"], run_id)
+        actor.require(Action.READ, row.mission_id)
+        return row
+
+
+def read_trace(repo: Repository, actor: Actor, run_id: str) -> v.Trace:
+    """Return the executive's trace.
+
+    Raises
+    ------
+    StateError
+        While the run is not over.
+    """
+    row = _row(repo, actor, run_id)
+    if row.trace_sha256 is None:
+        raise StateError(f"run {run_id} is {row.state}; its trace is there when it is over")
+    document = orjson.loads(repo.files.read(row.trace_sha256))
+    events = [v.TraceEvent(e["t_s"], e["event"], e["arguments"]) for e in document["events"]]
+    end_s = document["end_s"] if document["end_s"] is not None else (events[-1].t_s if events else 0.0)
+    return v.Trace(run_id, document["outcome"], end_s, events)
+
+
+def read_telemetry(repo: Repository, actor: Actor, run_id: str) -> v.Telemetry:
+    """Return telemetry as columns, what there is so far while the run goes on."""
+    row = _row(repo, actor, run_id)
+    if row.telemetry_sha256 is not None:
+        table: dict[str, Any] = orjson.loads(repo.files.read(row.telemetry_sha256))
+    else:
+        table = columns(live_samples(repo.run_dir(run_id) / LIVE))
+    return v.Telemetry(run_id=run_id, complete=row.telemetry_sha256 is not None, **table)
+
+
+def live_lines(repo: Repository, run: v.Run, after: int) -> list[tuple[str, Any]]:
+    """Return the lines of a run behind line `after`: telemetry and trace records.
+
+    An execution that was taken in has no such lines; those of its folder stand in for them, by time.
+    """
+    path = repo.run_dir(run.id) / LIVE
+    if not path.exists():
+        return _lines_of_folder(path.parent)[after:] if run.kind is v.RunKind.EXECUTION else []
+    lines = path.read_bytes().split(b"\n")[:-1]
+    found = []
+    for line in lines[after:]:
+        try:
+            kind, data = json.loads(line)
+        except ValueError:
+            break
+        found.append((str(kind), data))
+    return found
+
+
+def _lines_of_folder(folder: Path) -> list[tuple[str, Any]]:
+    """Return samples and trace records of a `run/1` folder in the order of their times."""
+    found: list[tuple[float, str, Any]] = []
+    for name, kind in (("trace.jsonl", "trace"), ("telemetry.jsonl", "telemetry")):
+        path = folder / name
+        for line in path.read_bytes().splitlines() if path.exists() else ():
+            row = json.loads(line)
+            data = row if kind == "telemetry" else trace_event(row[0], row[1], row[2:])
+            found.append((data["t_s"], kind, data))
+    return [(kind, data) for _, kind, data in sorted(found, key=lambda item: item[0])]

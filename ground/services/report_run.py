@@ -1,0 +1,157 @@
+"""Report a run on one page for the uplink meeting."""
+
+from __future__ import annotations
+
+import base64
+import html
+import tempfile
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import select
+
+from ground.errors import StateError
+from ground.figures import draw_day
+from ground.gdr import models as m
+from ground.gdr import values as v
+from ground.gdr.repository import Repository
+from ground.plan_drawing import boxes, target_names, to_svg
+from ground.services.actor import Actor
+from ground.services.get_resource import find_row
+from ground.services.kinds import KINDS, show_products, show_requests, show_runs
+from ground.services.read_plan import computed_plan
+from ground.services.read_run import read_telemetry, read_trace
+from ground.services.terrains import mission_terrain
+
+STYLE = """body{font:14px/1.45 sans-serif;color:#14202a;max-width:70em;margin:2em auto;padding:0 1em}
+table{border-collapse:collapse}td,th{border-bottom:1px solid #ccd5da;padding:.25em .7em;text-align:left}
+img{max-width:100%}.tree{overflow-x:auto;border:1px solid #ccd5da}"""
+
+
+def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
+    """Return the report of a run that is over as one HTML document that loads nothing.
+
+    Map with what was planned and driven, plan tree, odds, each request with what came back, failures.
+
+    Raises
+    ------
+    StateError
+        While the run is not over.
+    """
+    trace, telemetry = read_trace(repo, actor, run_id), read_telemetry(repo, actor, run_id)
+    with repo.database.read() as session:
+        run_row = find_row(session, KINDS["run"], run_id)
+        run = show_runs(session, [run_row])[0]
+        plan = computed_plan(session, actor, run.plan_id)
+        if plan.problem_id is None:
+            raise StateError(f"plan {plan.number} has no planning problem")
+        mission = session.get_one(m.MissionRow, plan.mission_id)
+        problem = session.get_one(m.ProblemRow, plan.problem_id).document
+        terrain = mission_terrain(repo, session, mission.id)
+        r, p, k = m.ObservationRequestRow, m.ProductRow, m.KeepOutRow
+        query = select(r).where(r.mission_id == mission.id).order_by(r.id)
+        requests = show_requests(session, list(session.scalars(query)))
+        found = session.scalars(select(p).where(p.run_id == run_id).order_by(p.id))
+        products = show_products(session, list(found))
+        keep_outs = list(session.scalars(select(k.polygon_m).where(k.mission_id == mission.id)))
+    lost = [t for t, states in telemetry.tracker_state.items() if "lost" in states]
+    driven = [
+        (east, north)
+        for east, north in zip(telemetry.east_m, telemetry.north_m, strict=True)
+        if east is not None and north is not None
+    ]
+    tree = plan.tree or {"plan": []}
+    with tempfile.TemporaryDirectory(prefix="outcrop-report-") as work:
+        picture = Path(work) / "map.png"
+        draw_day(
+            picture,
+            terrain,
+            problem,
+            tree,
+            driven_m=driven,
+            observed=Counter(x.target_id for x in products if x.target_id is not None),
+            lost=lost,
+            keep_outs=keep_outs,
+        )
+        image = base64.b64encode(picture.read_bytes()).decode()
+    names = target_names(problem)
+    parts = [
+        _table((), _figures(run, plan, [names.get(t, t) for t in lost])),
+        "<h2>Map</h2>",
+        f'<img alt="map of plan and drive" src="data:image/png;base64,{image}">',
+        "<h2>Plan</h2>",
+        f'<div class="tree">{to_svg(boxes(tree, names))}</div>',
+        "<h2>Requests and what came back</h2>",
+        _table(
+            ("target", "instrument", "value", "in the plan", "came back"), _rows(plan, requests, products)
+        ),
+        "<h2>What failed</h2>",
+        _table(("time, s", "task", "end"), _failures(trace)) or "<p>Nothing.</p>",
+    ]
+    title = f"{mission.name}: plan {plan.number}, run {run.id}"
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f"<title>{_safe(title)}</title><style>{STYLE}</style></head>\n<body><h1>{_safe(title)}</h1>\n"
+        + "\n".join(parts)
+        + "\n</body></html>\n"
+    )
+
+
+def _safe(value: object) -> str:
+    return html.escape(str(value))
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table, or nothing without rows."""
+    lines = ["".join(f"<td>{_safe(cell)}</td>" for cell in row) for row in rows]
+    if not lines:
+        return ""
+    top = "".join(f"<th>{_safe(cell)}</th>" for cell in head)
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in ([top] if head else []) + lines) + "</table>"
+
+
+def _number(value: float | None, unit: str = "") -> str:
+    return "-" if value is None else f"{value:.1f}{unit}"
+
+
+def _figures(run: v.Run, plan: m.PlanRow, lost: Sequence[str]) -> list[tuple[str, str]]:
+    expected = f"{_number(plan.expected_utility)}, at most {_number(plan.upper)}"
+    return [
+        ("outcome", run.outcome),
+        ("utility", f"{_number(run.utility)} (expected {expected})"),
+        ("duration", _number(run.duration_s, " s")),
+        ("energy used", _number(run.energy_used_j, " J")),
+        ("options taken", ", ".join(run.options_taken) or "none"),
+        ("tracks lost", ", ".join(lost) or "none"),
+        ("rover", f"{run.rover}, seed {run.seed}"),
+        ("CRL SHA-256", run.crl_sha256),
+    ]
+
+
+def _rows(
+    plan: m.PlanRow, requests: Sequence[v.ObservationRequest], products: Sequence[v.Product]
+) -> list[tuple[object, ...]]:
+    rows: list[tuple[object, ...]] = []
+    for request in requests:
+        files = [p.file_name for p in products if p.request_id == request.id]
+        inside = (
+            "yes" if request.id in plan.planned_request_ids else plan.left_out.get(request.id, "not asked")
+        )
+        what = (request.target_name, request.instrument.value, f"{request.value:g}")
+        rows.append((*what, inside, ", ".join(files) or "nothing"))
+    orphans = [p.file_name for p in products if p.request_id is None]
+    if orphans:
+        rows.append(("no request", "", "", "", ", ".join(orphans)))
+    return rows
+
+
+def _failures(trace: v.Trace) -> list[tuple[Any, ...]]:
+    """Return the nodes that ended in failure, with their times."""
+    bad = {"FAILED", "ABORTED"}
+    return [
+        (f"{e.t_s:.0f}", e.arguments[0], " ".join(e.arguments[1:]))
+        for e in trace.events
+        if e.event == "end" and bad & set(e.arguments[1:])
+    ]

@@ -1,0 +1,136 @@
+"""Settings of the ground system, read from the environment and checked at start."""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from pathlib import Path
+
+from pydantic import Field, ValidationError, field_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class SettingsError(Exception):
+    """A setting cannot be used; the message names the variable, its value and what is allowed."""
+
+
+class Authentication(StrEnum):
+    """How people are told apart."""
+
+    PROFILES = "profiles"
+    ACCOUNTS = "accounts"
+
+
+class ExecutorKind(StrEnum):
+    """Where the work of a job is done."""
+
+    PROCESS = "process"
+    INLINE = "inline"
+    DISTRIBUTED = "distributed"
+
+
+def default_data_dir() -> Path:
+    """Return `$XDG_DATA_HOME/outcrop`, or `./var` in a checkout that already has one."""
+    local = Path("var")
+    if local.is_dir():
+        return local.resolve()
+    base = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
+    return Path(base) / "outcrop"
+
+
+class Settings(BaseSettings):
+    """Everything an operator can set; each field is the variable `OUTCROP_<NAME>`."""
+
+    model_config = SettingsConfigDict(env_prefix="OUTCROP_", extra="ignore", frozen=True)
+
+    data_dir: Path = Field(default_factory=default_data_dir)
+    """Folder of the embedded database, terrains, products and runs."""
+    database_url: str = ""
+    """SQLAlchemy address; empty = SQLite file `outcrop.db` in the data folder."""
+    auth: Authentication = Authentication.PROFILES
+    """`profiles`: named people without passwords, loopback only. `accounts`: passwords and API keys."""
+    host: str = "127.0.0.1"
+    port: int = Field(default=8000, ge=0, le=65535)
+    public_hosts: str = ""
+    """Comma-separated host names that browsers may use beside loopback and `host`."""
+    executor: ExecutorKind = ExecutorKind.PROCESS
+    dask_scheduler: str = ""
+    """Address of a Dask scheduler; needed by `executor=distributed`."""
+    serve_worker: bool = True
+    """Whether `outcrop serve` also does jobs; false where `outcrop worker` runs beside it."""
+    workers: int = Field(default=2, ge=1, le=256)
+    """Jobs that one worker carries out at the same time."""
+    job_lease_s: float = Field(default=15.0, gt=0.1, le=3600.0)
+    job_time_limit_s: float = Field(default=1800.0, gt=0.1, le=86400.0)
+    job_attempts: int = Field(default=3, ge=1, le=20)
+    max_body_mib: float = Field(default=256.0, gt=0.0, le=65536.0)
+    session_hours: float = Field(default=12.0, gt=0.0, le=720.0)
+    cookie_secure: bool = False
+    """Send session cookies over https only."""
+    log_level: str = "info"
+    log_format: str = "text"
+    """`text` or `json`."""
+    stream_seconds: float = Field(default=15.0, gt=0.05, le=300.0)
+    """A comment is sent on a silent event stream this often, so that proxies keep it open."""
+
+    @field_validator("database_url")
+    @classmethod
+    def _known_database(cls, url: str) -> str:
+        if url.startswith("postgres://"):
+            url = "postgresql://" + url.removeprefix("postgres://")
+        if url.startswith("postgresql://"):
+            url = "postgresql+psycopg://" + url.removeprefix("postgresql://")
+        if url and not url.startswith(("sqlite:", "postgresql+psycopg:")):
+            raise ValueError("use sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME")
+        return url
+
+    @field_validator("log_level")
+    @classmethod
+    def _known_level(cls, level: str) -> str:
+        if level.lower() not in {"debug", "info", "warning", "error"}:
+            raise ValueError("use debug, info, warning or error")
+        return level.lower()
+
+    @field_validator("log_format")
+    @classmethod
+    def _known_format(cls, form: str) -> str:
+        if form not in {"text", "json"}:
+            raise ValueError("use text or json")
+        return form
+
+    @property
+    def database_address(self) -> str:
+        """Return the SQLAlchemy address, the embedded database when none is set."""
+        return self.database_url or f"sqlite:///{self.data_dir / 'outcrop.db'}"
+
+    @property
+    def is_loopback(self) -> bool:
+        return self.host in {"127.0.0.1", "::1", "localhost"}
+
+
+def load_settings(**given: object) -> Settings:
+    """Return the settings of this process.
+
+    Raises
+    ------
+    SettingsError
+        If one cannot be used: the message names each wrong variable, its value and the rule.
+    """
+    try:
+        settings = Settings(**given)  # type: ignore[arg-type]
+    except ValidationError as err:
+        wrong = []
+        for problem in err.errors():
+            name = f"OUTCROP_{'_'.join(str(p) for p in problem['loc']).upper()}"
+            wrong.append(f"{name}={problem.get('input')!r}: {problem['msg'].removeprefix('Value error, ')}")
+        raise SettingsError("; ".join(wrong)) from err
+    if settings.executor is ExecutorKind.DISTRIBUTED and not settings.dask_scheduler:
+        raise SettingsError(
+            "OUTCROP_DASK_SCHEDULER='': the distributed executor needs the scheduler's address"
+        )
+    if settings.auth is Authentication.PROFILES and not settings.is_loopback:
+        raise SettingsError(
+            f"OUTCROP_HOST={settings.host!r}: profiles without passwords are for loopback only; set "
+            "OUTCROP_AUTH=accounts"
+        )
+    return settings

@@ -1,0 +1,213 @@
+"""Run a plan's CRL on a simulated rover, and write down what happens as it happens."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import mimetypes
+import shutil
+import time
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path, PurePosixPath
+from typing import IO, TYPE_CHECKING, Any
+
+from ground.convert import Report
+from ground.errors import ArchiveError, InvalidInputError, JobFailedError
+from ground.flight import Sample, fly
+from ground.gdr.files import FileStore
+from ground.jobs import WorkStoppedError
+from rover_iface.registry import find_rover
+
+if TYPE_CHECKING:
+    from executive.ports import TraceRecord
+
+LIVE = "live.jsonl"
+PROGRESS_S = 5.0
+"""Plan seconds between two reports of the pose while driving."""
+
+
+def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> dict[str, Any]:
+    """Return a record of the trace as JSON."""
+    return {"t_s": t_s, "event": event, "arguments": list(arguments)}
+
+
+class _Live:
+    """Writes each sample and each record as a line, `["telemetry", {...}]` or `["trace", {...}]`, at its
+    pace."""
+
+    def __init__(
+        self, out: IO[str], pace: float, budget_s: float, report: Report, stop: Callable[[], bool]
+    ) -> None:
+        self._out, self._pace, self._budget_s, self._report, self._stop = out, pace, budget_s, report, stop
+        self._began = time.monotonic()
+
+    def sample(self, sample: Sample) -> None:
+        self._keep_pace(sample.t_s)
+        self._line("telemetry", sample.as_dict())
+        self._report(min(0.97, sample.t_s / self._budget_s), f"t = {sample.t_s:.0f} s")
+
+    def trace(self, record: TraceRecord) -> None:
+        self._line("trace", trace_event(record.t_ms / 1000, record.event, record.arguments))
+
+    def _line(self, kind: str, data: Mapping[str, Any]) -> None:
+        self._out.write(json.dumps([kind, data], separators=(",", ":")) + "\n")
+        if self._pace > 0:
+            self._out.flush()
+
+    def _keep_pace(self, plan_s: float) -> None:
+        """Let plan time pass no faster than the pace; 0 = as fast as it goes."""
+        if self._pace <= 0:
+            return
+        while (left := plan_s / self._pace - (time.monotonic() - self._began)) > 0 and not self._stop():
+            time.sleep(min(left, 0.1))
+
+
+def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+    """Return outcome, trace, telemetry and products of a run; the files of products are in the store.
+
+    Raises
+    ------
+    JobFailedError
+        If the CRL, a fault or the rover's name cannot be used.
+    """
+    from executive.crl import CrlError
+    from executive.errors import ExecutiveError
+    from ground.services.terrains import load_cached
+    from rover_iface.errors import RoverError
+    from rover_iface.simulator.faults import load_faults
+
+    folder = Path(payload["run_dir"])
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    budget_s = max(float(payload["problem"]["budget"]["time_s"]), 1.0)
+    report(0.0, "the rover wakes")
+    try:
+        rover = find_rover(payload["rover"])(
+            payload["problem"],
+            out=folder,
+            seed=payload["seed"],
+            faults=load_faults(payload["faults"]),
+            progress_s=PROGRESS_S,
+            terrain=load_cached(Path(payload["terrain_dir"])),
+        )
+        with (folder / LIVE).open("w", encoding="utf-8") as out:
+            live = _Live(out, float(payload["pace"]), budget_s, report, should_stop)
+            flight = fly(
+                payload["crl_text"],
+                rover,
+                folder,
+                run_id=payload["run_id"],
+                about={name: payload[name] for name in ("rover", "seed", "faults")},
+                on_sample=live.sample,
+                on_trace=live.trace,
+                should_stop=should_stop,
+                sync=False,
+            )
+    except (RoverError, ExecutiveError, CrlError, InvalidInputError) as err:
+        raise JobFailedError(str(err)) from err
+    if should_stop():
+        raise WorkStoppedError
+    report(0.98, "products")
+    return {
+        **read_run_folder(folder, Path(payload["files_dir"])),
+        "options_taken": list(flight.options_taken()),
+    }
+
+
+def read_run_folder(folder: Path, files_dir: Path) -> dict[str, Any]:
+    """Put trace, telemetry and products of a `run/1` folder into the file store; return what a run's row
+    holds.
+
+    Raises
+    ------
+    ArchiveError
+        If the folder is no `run/1`, a file is missing or not what its record says.
+    """
+    import orjson
+
+    store = FileStore(files_dir)
+    try:
+        document = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        rows = _lines(folder / "trace.jsonl")
+        samples = _lines(folder / "telemetry.jsonl")
+        products = _lines(folder / "products.jsonl")
+    except (OSError, ValueError) as err:
+        raise ArchiveError(f"{folder.name} is no complete run/1 folder: {err}") from err
+    if not isinstance(document, dict) or document.get("format") != "run/1":
+        raise ArchiveError(f"{folder.name}: run.json has not the format run/1")
+    try:
+        events = [trace_event(row[0], row[1], row[2:]) for row in rows]
+        table = columns(samples)
+        stored = [_store_product(folder, store, row) for row in products]
+    except (KeyError, TypeError, IndexError, ValueError) as err:
+        raise ArchiveError(f"{folder.name}: a line is malformed: {err!r}") from err
+    trace = {
+        "outcome": document.get("outcome") or "UNFINISHED",
+        "end_s": document.get("end_s"),
+        "events": events,
+    }
+    used = table["energy_used_j"]
+    last_s = events[-1]["t_s"] if events else 0.0
+    return {
+        "document": document,
+        "outcome": trace["outcome"],
+        "utility": document.get("utility"),
+        "duration_s": document.get("end_s") if document.get("end_s") is not None else last_s,
+        "energy_used_j": used[-1] if used else None,
+        "options_taken": [
+            e["arguments"][1] for e in events if e["event"] == "choose" and len(e["arguments"]) > 1
+        ],
+        "trace_sha256": store.put_bytes(orjson.dumps(trace)).sha256,
+        "telemetry_sha256": store.put_bytes(orjson.dumps(table)).sha256,
+        "products": stored,
+    }
+
+
+def _lines(path: Path) -> list[Any]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
+
+
+def _store_product(folder: Path, store: FileStore, row: Mapping[str, Any]) -> dict[str, Any]:
+    """Store the file of one line of `products.jsonl`; the line's digest must be that of the file."""
+    relative = PurePosixPath(str(row["path"]))
+    if relative.is_absolute() or ".." in relative.parts or "\\" in str(relative):
+        raise ArchiveError(f"{folder.name}: the product path {str(relative)!r} leads outside")
+    file = folder / relative
+    if file.is_symlink() or not file.is_file():
+        raise ArchiveError(f"{folder.name}: the product {relative} is missing")
+    if hashlib.sha256(file.read_bytes()).hexdigest() != row["sha256"]:
+        raise ArchiveError(
+            f"{folder.name}: the product {relative} is not what its record says (SHA-256 differs)"
+        )
+    stored = store.put_file(file)
+    label = dict(row["label"])
+    return {
+        "label": {**label, "kind": row["kind"], "task": row["task"], "t_s": row["t_s"]},
+        "file_name": relative.name,
+        "sha256": stored.sha256,
+        "size_bytes": stored.size_bytes,
+        "media": mimetypes.guess_type(relative.name)[0] or "application/octet-stream",
+    }
+
+
+def live_samples(path: Path) -> list[dict[str, Any]]:
+    """Return the samples that a run going on has written so far."""
+    found = []
+    if path.exists():
+        for line in path.read_bytes().split(b"\n")[:-1]:
+            kind, data = json.loads(line)
+            if kind == "telemetry":
+                found.append(data)
+    return found
+
+
+def columns(samples: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return samples as columns of equal length."""
+    targets = sorted({target for sample in samples for target in sample["trackers"]})
+    table: dict[str, Any] = {
+        name: [sample[name] for sample in samples]
+        for name in ("t_s", "east_m", "north_m", "heading_rad", "battery_j", "energy_used_j", "task")
+    }
+    for column, member in (("tracker_confidence", "confidence"), ("tracker_state", "state")):
+        table[column] = {t: [s["trackers"].get(t, {}).get(member) for s in samples] for t in targets}
+    return table

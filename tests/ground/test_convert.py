@@ -1,0 +1,179 @@
+"""Terrain, targets and requests become a planning problem."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cache
+
+import pytest
+
+from ground.convert import DayKeepOut, DayRequest, PreparedDay, prepare_day, stand_for
+from ground.demo_mission import DemoMission, demo_mission, target_at
+from ground.errors import InvalidInputError
+from ground.figures import ribbons
+from planner.problem import problem_from_dict
+from rover_iface.errors import PlacementError
+from rover_iface.profile import RoverProfile, load_profile
+from rover_iface.terrain import Terrain, generate_terrain
+from tests.shared import shared
+
+
+@cache
+def _terrain() -> Terrain:
+    return generate_terrain(1)
+
+
+@cache
+def _profile() -> RoverProfile:
+    return load_profile("k9")
+
+
+@cache
+def _mission() -> DemoMission:
+    return demo_mission(_terrain(), _profile(), seed=1)
+
+
+@cache
+def _prepared() -> PreparedDay:
+    day = _mission()
+    return prepare_day(_terrain(), _profile(), day.limits, day.targets, day.requests, day.keep_outs)
+
+
+def test_demo_mission_has_ten_targets_and_fourteen_requests() -> None:
+    day = _mission()
+    assert (len(day.targets), len(day.requests)) == (10, 14)
+    assert {r.target_id for r in day.requests} == {t.id for t in day.targets}
+    assert any(r.window_s for r in day.requests)
+    assert any(r.after for r in day.requests)
+
+
+def test_demo_mission_depends_on_its_seed_alone() -> None:
+    again = demo_mission(_terrain(), _profile(), seed=1)
+    assert again == _mission()
+    assert demo_mission(_terrain(), _profile(), seed=2) != _mission()
+
+
+def test_a_day_becomes_a_problem_the_planner_reads() -> None:
+    problem = problem_from_dict(_prepared().problem)
+    assert len(problem.observations) == 14 - len(_prepared().refused)
+    assert len(problem.targets) == 10
+    assert {leg.origin for leg in problem.legs} >= {"start", "T1"}
+
+
+def test_requests_travel_through_the_problem_by_their_ids() -> None:
+    for observation in problem_from_dict(_prepared().problem).observations:
+        assert observation.refs["request"] == observation.id
+
+
+def test_routes_keep_out_of_keep_outs() -> None:
+    from shapely.geometry import LineString, Polygon
+
+    rings = [Polygon(k.polygon_m) for k in _mission().keep_outs]
+    for leg in _prepared().problem["legs"]:
+        way = LineString(leg["route"]) if len(leg["route"]) > 1 else None
+        assert way is None or not any(way.crosses(ring) or way.within(ring) for ring in rings)
+
+
+def test_arm_reaches_every_target_of_a_placement_from_its_observation_point() -> None:
+    day = _mission()
+    points = {t.id: t.point_site for t in day.targets}
+    for request in day.requests:
+        if request.instrument != "mi":
+            continue
+        stand = _prepared().observation_points[request.target_id]
+        east, north, _ = points[request.target_id]
+        shoulder_x, _, _ = _profile().arm.shoulder_m
+        x = stand.east_m + shoulder_x * math.cos(stand.heading_rad)
+        y = stand.north_m + shoulder_x * math.sin(stand.heading_rad)
+        assert math.hypot(east - x, north - y) <= _profile().arm.reach_m
+
+
+def test_observation_point_set_by_hand_is_kept() -> None:
+    day = _mission()
+    pose = stand_for(_terrain(), _profile(), day.limits.start, day.targets[0], "scicam", count=3)[-1]
+    request = DayRequest("R1", "T1", "scicam", 5.0, tracked=False, observation_point=pose)
+    prepared = prepare_day(_terrain(), _profile(), day.limits, day.targets[:1], [request])
+    assert prepared.observation_points == {"T1": pose}
+
+
+def test_request_without_reachable_observation_point_is_refused_with_the_reason() -> None:
+    day = _mission()
+    start = day.limits.start
+    target = target_at(_terrain(), "T1", "walled in", start.east_m + 6.0, start.north_m)
+    ring = tuple(
+        (target.point_site[0] + 4.0 * math.cos(a), target.point_site[1] + 4.0 * math.sin(a))
+        for a in (k * math.pi / 4 for k in range(8))
+    )
+    request = DayRequest("R1", "T1", "mi", 5.0, tracked=True)
+    prepared = prepare_day(
+        _terrain(), _profile(), day.limits, [target], [request], [DayKeepOut("wall", ring)]
+    )
+    assert [r.request_id for r in prepared.refused] == ["R1"]
+    assert "walled in" in prepared.refused[0].reason
+    assert "keep-out" in prepared.refused[0].reason
+    assert prepared.problem["targets"] == []
+
+
+def test_target_under_an_overhang_of_its_own_normal_is_refused_with_figures() -> None:
+    day = _mission()
+    down = dataclasses.replace(day.targets[0], normal_site=(0.0, 0.0, -1.0))
+    with pytest.raises(PlacementError, match="no observation point for mi"):
+        stand_for(_terrain(), _profile(), day.limits.start, down, "mi")
+
+
+@pytest.mark.parametrize(
+    ("request_", "message"),
+    [
+        (DayRequest("R9", "T99", "mi", 1.0, True), "R9: unknown target T99"),
+        (DayRequest("R9", "T1", "laser", 1.0, True), 'rover k9 has no instrument "laser"; it has mi, scicam'),
+        (
+            DayRequest("R9", "T1", "mi", 1.0, False),
+            "R9: mi is placed by the arm, so its target must be tracked",
+        ),
+        (DayRequest("R9", "T1", "mi", 1.0, True, after=("R7",)), "R9: comes after the unknown request R7"),
+    ],
+)
+def test_request_that_names_what_does_not_exist_is_refused(request_: DayRequest, message: str) -> None:
+    day = _mission()
+    with pytest.raises(InvalidInputError, match=message):
+        prepare_day(_terrain(), _profile(), day.limits, day.targets, [request_])
+
+
+def test_heights_of_the_network_are_those_of_the_terrain() -> None:
+    from ground.convert import _heights
+
+    grid = _heights(_terrain(), [(0.0, 0.0), (4.0, 9.0)])
+    for row, column in ((0, 0), (3, 40), (grid.heights_m.shape[0] - 1, 5)):
+        east = grid.origin_east_m + column * grid.spacing_m
+        north = grid.origin_north_m - row * grid.spacing_m
+        assert grid.heights_m[row, column] == pytest.approx(float(_terrain().height(east, north)), abs=1e-6)
+
+
+def test_ribbons_follow_the_routes_and_know_their_branch() -> None:
+    leg = {"from": "start", "to": "T1", "route": [[0, 0], [1, 0]]}
+    other = {"from": "T1", "to": "T2", "route": [[1, 0], [1, 2]]}
+    tree = {
+        "plan": [
+            {"op": "navigate", "to": "T1", "p_reached": 1.0},
+            {
+                "op": "branch",
+                "options": [{"when": [], "plan": [{"op": "visit", "target": "T2", "p_reached": 0.25}]}],
+            },
+        ]
+    }
+    drawn = list(ribbons({"legs": [leg, other]}, tree))
+    assert [(r.points_m[-1], r.probability, r.branch) for r in drawn] == [
+        ((1.0, 0.0), 1.0, False),
+        ((1.0, 2.0), 0.25, True),
+    ]
+
+
+def test_murray_buttes_holds_a_day() -> None:
+    from rover_iface.terrain import load_terrain
+
+    terrain = load_terrain(shared("data/terrain/msl_onsight/murray_buttes"))
+    day = demo_mission(terrain, _profile(), seed=1)
+    prepared = prepare_day(terrain, _profile(), day.limits, day.targets, day.requests, day.keep_outs)
+    assert prepared.refused == ()
+    assert len(prepared.problem["legs"]) == 100

@@ -1,0 +1,302 @@
+"""A whole day over REST: plan, dry run, approval, uplink, execution, downlink; on both databases."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.errors import AlreadyExecutedError, ArchiveError
+from ground.gdr.history import verify_chains
+from ground.gdr.values import Mission
+from ground.uplink.execute import execute_package
+from ground.uplink.keys import PUBLIC, make_keys
+from tests.ground.conftest import Api
+from tests.ground.test_missions_api import problem, upload
+
+
+def file_requests(api: Api, mission: Mission) -> dict[str, dict[str, Any]]:
+    found = {}
+    for name, east, north, instrument, value in (
+        ("Near", 4.0, 1.0, "microscopic_imager", 20.0),
+        ("Far", 2.0, -5.0, "science_camera", 5.0),
+    ):
+        target = api.post(f"/missions/{mission.id}/targets", {"name": name, "east_m": east, "north_m": north})
+        found[name] = api.post(
+            f"/missions/{mission.id}/observation-requests",
+            {"target_id": target["id"], "instrument": instrument, "value": value},
+        )
+    return found
+
+
+def finished(api: Api, job: dict[str, Any]) -> dict[str, Any]:
+    api.jobs()
+    done: dict[str, Any] = api.get(f"/jobs/{job['id']}")
+    return done
+
+
+def planned(api: Api, mission: Mission, **order: Any) -> dict[str, Any]:
+    order = {"iterations": 3, "time_limit_s": 60.0, "max_branches": 2, **order}
+    job = finished(api, api.post(f"/missions/{mission.id}/plans", order, status=202))
+    assert job["state"] == "succeeded", job["problem"]
+    plan: dict[str, Any] = api.get(job["result_url"])
+    return plan
+
+
+def test_a_day_goes_from_targets_to_products_and_back(api: Api, mission: Mission, tmp_path: Path) -> None:
+    requests = file_requests(api, mission)
+
+    # Planning
+    plan = planned(api, mission)
+    assert (plan["state"], plan["status"], plan["stale"]) == ("computed", "planned", False)
+    assert set(plan["planned_request_ids"]) == {r["id"] for r in requests.values()}
+    url = f"/plans/{plan['id']}"
+    assert api.get(f"{url}/tree")["format"] == "plan-tree/2"
+    assert api.get(f"{url}/summary")["crl_sha256"] == plan["crl_sha256"]
+    assert api("GET", f"{url}/crl").text.startswith("(plan :id pln-")
+    assert api.get(f"/observation-requests/{requests['Near']['id']}")["state"] == "planned"
+    network = api.get(f"/path-networks/{plan['network_id']}")
+    assert {"start"} < {n["id"] for n in network["nodes"]}
+    assert network["segments"]
+    assert api.get(f"/problems/{plan['problem_id']}")["document"]["format"] == "problem/1"
+
+    # Dry run: the same seed gives the same run
+    order = {"plan_id": plan["id"], "seed": 4}
+    runs = [
+        api.get(finished(api, api.post(f"/missions/{mission.id}/runs", order, status=202))["result_url"])
+        for _ in range(2)
+    ]
+    assert runs[0]["outcome"] == "SUCCEEDED"
+    assert runs[0]["utility"] == runs[1]["utility"]
+    run = runs[0]
+    telemetry = api.get(f"/runs/{run['id']}/telemetry")
+    assert telemetry["complete"]
+    assert len(telemetry["t_s"]) == len(telemetry["east_m"]) == len(telemetry["battery_j"]) > 10
+    trace = api.get(f"/runs/{run['id']}/trace")
+    assert trace["events"][0]["event"] == "start"
+    stream = api("GET", f"/runs/{run['id']}/events").text
+    assert stream.count("event: trace") == len(trace["events"])
+    assert "event: end" in stream
+    products = api.get(f"/missions/{mission.id}/products?run_id={run['id']}")["items"]
+    assert products
+    for product in products:
+        file = api("GET", product["file_url"])
+        assert file.headers["etag"] == f'"{product["sha256"]}"'
+        assert len(file.content) == product["size_bytes"]
+        lineage = api.get(f"/products/{product['id']}/lineage")
+        kinds = {n["kind"] for n in lineage["nodes"]}
+        assert kinds == {"target", "observation_request", "plan", "run", "task", "product"}
+        back = api.get(f"/targets/{product['target_id']}/lineage")
+        assert product["id"] in {n["id"] for n in back["nodes"]}
+    part = api("GET", products[-1]["file_url"], headers={"Range": "bytes=0-3"})
+    assert (part.status_code, part.content) == (206, file.content[:4])
+    assert api.get(url)["state"] == "verified"
+
+    # Approval by a second person, bound to the digest
+    make_keys(api.repo.data_dir / "keys")
+    word = {"crl_sha256": plan["crl_sha256"]}
+    problem(api("POST", f"{url}/approval", word), 403, "forbidden")
+    wrong = {"crl_sha256": "0" * 64}
+    problem(api("POST", f"{url}/approval", wrong, who="Flight Director"), 422, "invalid-input")
+    problem(api("POST", f"{url}/package", who="Operator"), 409, "wrong-state")
+    for rule in api.get(f"{url}/flight-rules"):
+        if not rule["holds"]:
+            reason = {"rule": rule["rule"], "reason": "accepted for this test"}
+            assert api("POST", f"{url}/waivers", reason, who="Flight Director").status_code == 201
+    approval = api.post(f"{url}/approval", word, who="Flight Director")
+    assert (approval["approver"], approval["void"]) == ("Flight Director", False)
+
+    # Uplink: the same package however often it is asked for
+    package = api("POST", f"{url}/package", who="Operator")
+    assert package.status_code == 200, package.text
+    assert api("POST", f"{url}/package", who="Operator").content == package.content
+    assert api.get(url)["state"] == "uplinked"
+
+    # Execution without the ground
+    (tmp_path / "package.zip").write_bytes(package.content)
+    world = tmp_path / "world"
+    world.mkdir()
+    document = api.get(f"/problems/{plan['problem_id']}")["document"]
+    ground = str(api.repo.terrain_dir(mission.terrain_id))
+    (world / "world.json").write_text(
+        json.dumps({"format": "world/1", "name": "yard", "terrain": ground, "problem": document})
+    )
+    trust = api.repo.data_dir / "keys" / PUBLIC
+    place = {"rover": "abstract", "world": world, "trust": trust}
+    _, flight = execute_package(tmp_path / "package.zip", **place, out=tmp_path / "run", seed=4)
+    assert flight.outcome.utility == run["utility"]
+    with pytest.raises(AlreadyExecutedError, match="was executed before"):
+        execute_package(tmp_path / "package.zip", **place, out=tmp_path / "again")
+
+    # Downlink
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for file_ in sorted((tmp_path / "run").rglob("*")):
+            archive.write(file_, file_.relative_to(tmp_path))
+    taken = api.post(
+        "/runs/ingest", {"upload_id": upload(api, "run.zip", out.getvalue())}, who="Administrator"
+    )
+    assert (taken["kind"], taken["utility"]) == ("execution", run["utility"])
+    again = api(
+        "POST", "/runs/ingest", {"upload_id": upload(api, "run.zip", out.getvalue())}, who="Administrator"
+    )
+    problem(again, 409, "already-executed")
+    assert api.get(url)["state"] == "executed"
+    streamed = api("GET", f"/runs/{taken['id']}/events").text
+    assert streamed.count("event: trace") == len(api.get(f"/runs/{taken['id']}/trace")["events"])
+    assert api.get(f"/runs/{taken['id']}/snapshot")["outcome"] == taken["outcome"]
+    came = api.get(f"/missions/{mission.id}/products?run_id={taken['id']}")["items"]
+    assert {p["sha256"] for p in came} == {p["sha256"] for p in products}
+    assert not [p for p in came if p["orphan"]]
+    states = {n: api.get(f"/observation-requests/{r['id']}")["state"] for n, r in requests.items()}
+    answered = {p["request_id"] for p in came}
+    assert states == {n: "satisfied" if r["id"] in answered else states[n] for n, r in requests.items()}
+    assert set(states.values()) <= {"satisfied", "failed", "attempted", "open"}
+    with api.repo.database.read() as session:
+        assert verify_chains(session)[1] == []
+
+
+def test_any_edit_voids_an_approval(sqlite_api: Api, terrain_folder: Path) -> None:
+    from tests.ground.conftest import yard
+
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    requests = file_requests(api, mission)
+    plan = planned(api, mission)
+    run = {"plan_id": plan["id"], "seed": 4}
+    finished(api, api.post(f"/missions/{mission.id}/runs", run, status=202))
+    make_keys(api.repo.data_dir / "keys")
+    url, word = f"/plans/{plan['id']}", {"crl_sha256": plan["crl_sha256"]}
+    for rule in api.get(f"{url}/flight-rules"):
+        if not rule["holds"]:
+            answer = problem(api("POST", f"{url}/approval", word, who="Flight Director"), 409, "wrong-state")
+            assert rule["rule"] in answer["detail"]
+            reason = {"rule": rule["rule"], "reason": "accepted for this test"}
+            api("POST", f"{url}/waivers", reason, who="Flight Director")
+    api.post(f"{url}/approval", word, who="Flight Director")
+    api(
+        "PATCH", f"/observation-requests/{requests['Near']['id']}", {"value": 21.0}, headers={"If-Match": "*"}
+    )
+    assert api.get(url)["stale"] is True
+    assert api.get(f"/missions/{mission.id}/approvals")["items"][0]["void"] is True
+    answer = problem(api("POST", f"{url}/package", who="Operator"), 409, "wrong-state")
+    assert "was edited since" in answer["detail"]
+
+
+def test_what_cannot_be_reached_is_left_out_with_its_reason(sqlite_api: Api, terrain_folder: Path) -> None:
+    from tests.ground.conftest import yard
+
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    requests = file_requests(api, mission)
+    ring = [[1.0, -2.0], [7.0, -2.0], [7.0, 4.0], [1.0, 4.0]]
+    api.post(f"/missions/{mission.id}/keep-outs", {"polygon_m": ring})
+    plan = planned(api, mission)
+    assert requests["Near"]["id"] in plan["left_out"]
+    why = api.get(f"/plans/{plan['id']}/why-not/{requests['Near']['id']}")
+    assert (why["limit"], why["reason"]) == ("reachability", plan["left_out"][requests["Near"]["id"]])
+    inside = api("GET", f"/plans/{plan['id']}/why-not/{requests['Far']['id']}")
+    assert "is in the plan" in problem(inside, 422, "invalid-input")["detail"]
+    assert plan["planned_request_ids"] == [requests["Far"]["id"]]
+
+
+def test_a_budget_too_small_for_anything_gives_an_empty_plan_that_says_so(
+    sqlite_api: Api, terrain_folder: Path
+) -> None:
+    from tests.ground.conftest import yard
+
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    requests = file_requests(api, mission)
+    sol = api.get(f"/missions/{mission.id}/sols")["items"][0]
+    api("PATCH", f"/sols/{sol['id']}", {"time_budget_s": 5.0}, headers={"If-Match": "*"})
+    plan = planned(api, mission)
+    assert (plan["status"], plan["planned_request_ids"]) == ("empty", [])
+    why = api.get(f"/plans/{plan['id']}/why-not/{requests['Near']['id']}")
+    assert "time" in why["reason"]
+    twin = planned(api, mission, seed=2)
+    compared = api.get(f"/plans/{plan['id']}/comparison/{twin['id']}")
+    assert (compared["difference"], compared["only_in_a"], compared["only_in_b"]) == (0.0, [], [])
+    assert set(plan["left_out"]) == {r["id"] for r in requests.values()}
+
+
+def test_a_must_do_that_cannot_be_done_fails_the_job_with_the_reason(
+    sqlite_api: Api, terrain_folder: Path
+) -> None:
+    from tests.ground.conftest import yard
+
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    requests = file_requests(api, mission)
+    sol = api.get(f"/missions/{mission.id}/sols")["items"][0]
+    api("PATCH", f"/sols/{sol['id']}", {"time_budget_s": 5.0}, headers={"If-Match": "*"})
+    must = {"must_do": True}
+    api("PATCH", f"/observation-requests/{requests['Near']['id']}", must, headers={"If-Match": "*"})
+    job = finished(api, api.post(f"/missions/{mission.id}/plans", {"iterations": 1}, status=202))
+    assert job["state"] == "failed"
+    assert job["problem"]["type"] == "urn:outcrop:problem:plan-infeasible"
+    assert api.get(f"/plans/{job['subject_id']}")["status"] == "infeasible"
+    problem(api("GET", f"/plans/{job['subject_id']}/tree"), 409, "wrong-state")
+    order = {"plan_id": job["subject_id"]}
+    problem(api("POST", f"/missions/{mission.id}/runs", order), 409, "wrong-state")
+
+
+def test_a_run_can_be_given_faults_and_refuses_malformed_ones(sqlite_api: Api, terrain_folder: Path) -> None:
+    from tests.ground.conftest import yard
+
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    file_requests(api, mission)
+    plan = planned(api, mission)
+    bad = {"plan_id": plan["id"], "faults": [{"kind": "slow-drive", "amount": 2.0}]}
+    answer = problem(api("POST", f"/missions/{mission.id}/runs", bad), 422, "invalid-input")
+    assert answer["errors"][0]["pointer"] == "/faults/0"
+    good = {"plan_id": plan["id"], "faults": [{"kind": "camera-failure", "at_s": 1.0}]}
+    job = finished(api, api.post(f"/missions/{mission.id}/runs", good, status=202))
+    run = api.get(job["result_url"])
+    assert run["utility"] == 0.0
+    assert api.get(f"/missions/{mission.id}/products?run_id={run['id']}")["items"] == []
+    other = {"plan_id": plan["id"], "rover": "nobody"}
+    assert (
+        "installed are abstract"
+        in problem(api("POST", f"/missions/{mission.id}/runs", other), 422, "invalid-input")["detail"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("harm", "message"),
+    [
+        (lambda b: b[: len(b) // 2], "damaged"),
+        (lambda b: b.replace(b"plan.crl", b"plan.crx"), "damaged"),
+        (lambda _b: b"not a zip", "damaged"),
+        (lambda b: b[:60] + bytes([b[60] ^ 1]) + b[61:], "damaged"),
+    ],
+    ids=["truncated", "renamed", "no zip", "one bit"],
+)
+def test_a_damaged_package_is_refused(harm: Any, message: str, tmp_path: Path) -> None:
+    from ground.uplink.keys import load_private, load_public
+    from ground.uplink.package import read_package, write_package
+
+    make_keys(tmp_path)
+    content = write_package(
+        {"mission": "m", "plan": "p", "sequence": 1}, "(plan)", {}, load_private(tmp_path)
+    )
+    trusted = load_public(tmp_path / PUBLIC)
+    assert read_package(content, trusted).manifest["sequence"] == 1
+    with pytest.raises(ArchiveError, match=message):
+        read_package(harm(content), trusted)
+
+
+def test_a_package_signed_by_another_key_is_refused(tmp_path: Path) -> None:
+    from ground.uplink.keys import load_private, load_public
+    from ground.uplink.package import read_package, write_package
+
+    for name in ("ours", "theirs"):
+        make_keys(tmp_path / name)
+    content = write_package({"sequence": 1}, "(plan)", {}, load_private(tmp_path / "theirs"))
+    with pytest.raises(ArchiveError, match="was signed by the key"):
+        read_package(content, load_public(tmp_path / "ours" / PUBLIC))

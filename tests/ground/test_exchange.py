@@ -1,0 +1,215 @@
+"""Files in and out: nothing is lost on the way, and what is wrong is named by its row."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import hashlib
+import io
+import json
+import xml.etree.ElementTree as ET
+import zipfile
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.errors import InvalidInputError
+from ground.plan_drawing import boxes, lay_out, to_dot, to_svg
+from ground.site_geometry import read_shapes
+from tests.ground.conftest import Api, yard
+from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.test_missions_api import problem, upload
+
+RING = [[6.0, 6.0], [8.0, 6.0], [8.0, 8.5]]
+
+
+@pytest.fixture
+def world(sqlite_api: Api, terrain_folder: Path) -> tuple[Api, str]:
+    return sqlite_api, yard(sqlite_api.repo, terrain_folder).id
+
+
+def fill(api: Api, mission: str) -> None:
+    odd = 'A "quoted", name; with\u00e9'
+    api.post(
+        f"/missions/{mission}/targets", {"name": odd, "east_m": 4.1, "north_m": 0.1 + 0.2, "notes": "a\nb"}
+    )
+    api.post(f"/missions/{mission}/targets", {"east_m": -3.0, "north_m": 2.0, "source_image": "img.png"})
+    api.post(f"/missions/{mission}/keep-outs", {"polygon_m": RING, "name": "Ditch", "notes": "deep"})
+
+
+@pytest.mark.parametrize("form", ["geojson", "csv"])
+def test_what_is_exported_comes_in_elsewhere_unchanged(
+    world: tuple[Api, str], terrain_folder: Path, form: str
+) -> None:
+    api, mission = world
+    fill(api, mission)
+    file = api("GET", f"/missions/{mission}/geometry?form={form}")
+    other = yard(api.repo, terrain_folder, "Other").id
+    body = {"upload_id": upload(api, f"g.{form}", file.content)}
+    made = api.post(f"/missions/{other}/geometry", body)
+    kept = ("name", "notes", "source_image", "position", "polygon_m", "normal", "covariance_m2")
+    for kind, members in (("targets", made["targets"]), ("keep-outs", made["keep_outs"])):
+        before = api.get(f"/missions/{mission}/{kind}")["items"]
+        pairs = zip(before, members, strict=True)
+        assert [{k: a[k] for k in kept if k in a} for a, _ in pairs] == [
+            {k: b[k] for k in kept if k in b} for b in members
+        ]
+    again = problem(api("POST", f"/missions/{other}/geometry", body), 422, "invalid-input")
+    assert "2 of 3 rows cannot be used" in again["detail"]
+    assert "there is a target" in again["detail"]
+    assert api.get(f"/missions/{other}")["counts"]["targets"] == 2
+
+
+def test_every_wrong_row_is_named_and_nothing_is_taken_in(world: tuple[Api, str]) -> None:
+    api, mission = world
+    lines = [
+        "kind,name,east_m,north_m,polygon_m",
+        "target,Good,1,1,",
+        "target,Far,900,1,",
+        "target,Words,x,1,",
+        "keep_out,Bow,,,0 0; 2 2; 2 0; 0 2",
+        "rock,What,1,1,",
+        "keep_out,Thin,,,0 0; 1 1",
+    ]
+    form = {"upload_id": upload(api, "g.csv", "\n".join(lines).encode())}
+    answer = problem(api("POST", f"/missions/{mission}/geometry", form), 422, "invalid-input")
+    assert [e["pointer"] for e in answer["errors"]] == ["/rows/4", "/rows/6", "/rows/7"]
+    sound = "\n".join(lines[:3] + lines[4:5]).encode()
+    answer = problem(
+        api("POST", f"/missions/{mission}/geometry", {"upload_id": upload(api, "g.csv", sound)}),
+        422,
+        "invalid-input",
+    )
+    assert [e["pointer"] for e in answer["errors"]] == ["/rows/3", "/rows/4"]
+    assert api.get(f"/missions/{mission}")["counts"]["targets"] == 0
+
+
+def test_members_that_are_not_ours_are_kept_in_the_notes() -> None:
+    feature = {
+        "type": "Feature",
+        "properties": {"name": "R1", "lithology": "basalt", "notes": "see image"},
+        "geometry": {"type": "Point", "coordinates": [1, 2, 3]},
+    }
+    (shape,) = read_shapes(json.dumps({"type": "FeatureCollection", "features": [feature]}).encode())
+    assert (shape.notes, shape.corners_m) == ("see image\nlithology: basalt", ((1.0, 2.0),))
+
+
+def test_degrees_are_not_taken_for_metres() -> None:
+    document = {"type": "FeatureCollection", "crs": {"type": "name"}, "features": []}
+    with pytest.raises(InvalidInputError, match="site frame"):
+        read_shapes(json.dumps(document).encode())
+
+
+@given(st.binary(max_size=200) | st.text(max_size=200).map(lambda t: b"kind,name,east_m\n" + t.encode()))
+def test_any_bytes_are_read_or_refused_in_words(content: bytes) -> None:
+    with contextlib.suppress(InvalidInputError):
+        assert all(shape.corners_m for shape in read_shapes(content))
+
+
+def test_keep_outs_from_a_file_need_the_right_to_draw_them(world: tuple[Api, str]) -> None:
+    api, mission = world
+    fill(api, mission)
+    file = api("GET", f"/missions/{mission}/geometry?form=csv").content
+    body = {"upload_id": upload(api, "g.csv", file)}
+    problem(api("POST", f"/missions/{mission}/geometry", body, who="Scientist"), 403, "forbidden")
+
+
+TREE: dict[str, Any] = {
+    "plan": [
+        {"op": "navigate", "to": "A"},
+        {
+            "op": "branch",
+            "options": [
+                {"when": [{"var": "tracked", "target": "A", "is": False}], "p_taken": 0.25, "plan": []},
+                {
+                    "when": [{"var": "time_s", "ge": 90.0}],
+                    "p_taken": 0.25,
+                    "plan": [{"op": "visit", "target": "B"}],
+                },
+            ],
+        },
+        {"op": "visit", "target": "A"},
+    ]
+}
+
+
+def test_a_drawing_shows_every_step_and_option_and_no_two_boxes_overlap() -> None:
+    root = boxes(TREE, {"A": "Rock <1>", "B": 'Say "hi"'})
+    lay_out(root)
+    found = root.walk()
+    assert [b.label for b in found] == ["", "Rock <1> lost", "time \u2265 90 s", "go on"]
+    assert [b.probability for b in found] == [1.0, 0.25, 0.25, 0.5]
+    for number, a in enumerate(found):
+        for b in found[number + 1 :]:
+            apart = a.x + a.width <= b.x or b.x + b.width <= a.x
+            assert apart or a.y + a.height <= b.y or b.y + b.height <= a.y
+    svg = ET.fromstring(to_svg(root))
+    shown = {"".join(e.itertext()) for e in svg.iter("{http://www.w3.org/2000/svg}text")}
+    assert {"drive to Rock <1>", "visit Rock <1>", 'visit Say "hi"', "go on  50%"} <= shown
+    dot = to_dot(root)
+    assert (dot.count("->"), dot.count("[label=")) == (3, 7)
+    assert r"visit Say \"hi\"" in dot
+
+
+class Page(HTMLParser):
+    """Collects what a page would load, and its text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.loads: list[str] = []
+        self.tags: set[str] = set()
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.loads += [value or "" for name, value in attrs if name in {"src", "href"}]
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(world: tuple[Api, str]) -> None:
+    from ground.gdr.values import Mission
+
+    api, mission = world
+    named = Mission(**api.get(f"/missions/{mission}"))
+    file_requests(api, named)
+    evil = {"name": "<script>x</script>"}
+    api("PATCH", f"/missions/{mission}", evil, headers={"If-Match": "*"})
+    plan = planned(api, named)
+    job = finished(api, api.post(f"/missions/{mission}/runs", {"plan_id": plan["id"], "seed": 4}, status=202))
+    run = job["subject_id"]
+    drawing = api("GET", f"/plans/{plan['id']}/drawing")
+    assert ET.fromstring(drawing.text).tag.endswith("svg")
+    assert api("GET", f"/plans/{plan['id']}/drawing?form=dot").text.startswith("digraph plan {")
+
+    archive = zipfile.ZipFile(io.BytesIO(api("GET", f"/runs/{run}/products").content))
+    manifest = json.loads(archive.read("manifest.json"))
+    known = api.get(f"/missions/{mission}/products?run_id={run}")["items"]
+    assert {f["path"] for f in manifest["files"]} | {"manifest.json"} == set(archive.namelist())
+    assert {(f["id"], f["request_id"], f["task_id"]) for f in manifest["files"]} == {
+        (p["id"], p["request_id"], p["task_id"]) for p in known
+    }
+    for file in manifest["files"]:
+        assert hashlib.sha256(archive.read(file["path"])).hexdigest() == file["sha256"]
+
+    answer = api("GET", f"/runs/{run}/report")
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    page = Page()
+    page.feed(answer.text)
+    assert [link[:22] for link in page.loads] == ["data:image/png;base64,"]
+    assert "script" not in page.tags
+    for word in ("<script>x</script>", "SUCCEEDED", "Near", "Far", *(p["file_name"] for p in known)):
+        assert word in page.text
+
+
+def test_the_table_is_plain_csv(world: tuple[Api, str]) -> None:
+    api, mission = world
+    fill(api, mission)
+    rows = list(csv.reader(io.StringIO(api("GET", f"/missions/{mission}/geometry?form=csv").text)))
+    assert len({len(row) for row in rows}) == 1
+    assert [row[0] for row in rows] == ["kind", "target", "target", "keep_out"]

@@ -1,0 +1,508 @@
+"""What people from outside may try, by name; and what each role may do at each endpoint."""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+import shutil
+import stat
+import time
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from argon2 import PasswordHasher
+from sqlalchemy import select, text, update
+
+from ground.api.application import build_api
+from ground.errors import ArchiveError
+from ground.gdr.ids import new_id
+from ground.gdr.models import CredentialRow, PersonRow, utc_now
+from ground.gdr.repository import Repository, open_repository
+from ground.gdr.values import Mission, Role
+from ground.logs import JsonFormatter
+from ground.services.actor import ALLOWED, Action
+from ground.services.archives import extract_zip
+from ground.services.people import ensure_profiles
+from ground.settings import SettingsError, load_settings
+from tests.ground.conftest import Api, open_api, settings_for, yard
+from tests.ground.test_missions_api import problem, upload
+
+PASSWORD = "correct horse battery"
+
+
+def zip_of(**files: bytes) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return out.getvalue()
+
+
+# ---- archives and uploads
+
+
+@pytest.mark.parametrize("name", ["../evil", "/etc/evil", "a/../../evil", "..\\evil", "C:\\evil", "a\x01b"])
+def test_a_name_that_leads_outside_an_archive_is_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / "x.zip").write_bytes(zip_of(**{name: b"x"}))
+    with pytest.raises(ArchiveError, match="leads outside"):
+        extract_zip(tmp_path / "x.zip", tmp_path / "out", max_bytes=1000)
+    assert not (tmp_path / "evil").exists()
+
+
+def test_a_link_in_an_archive_is_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
+        entry = zipfile.ZipInfo("link")
+        entry.external_attr = (stat.S_IFLNK | 0o777) << 16
+        archive.writestr(entry, "/etc/passwd")
+    with pytest.raises(ArchiveError, match="holds a link"):
+        extract_zip(tmp_path / "x.zip", tmp_path / "out", max_bytes=1000)
+
+
+def test_a_zip_bomb_is_refused_before_it_is_unpacked(api: Api, mission: Mission) -> None:
+    bomb = zip_of(**{"dem.tif": b"\0" * (64 * 2**20)})
+    assert len(bomb) < 100_000
+    order = {"name": "Bomb", "terrain": {"source": "uploaded", "upload_id": upload(api, "b.zip", bomb)}}
+    assert "unpacks to" in problem(api("POST", "/missions", order), 422, "archive-unusable")["detail"]
+
+
+@pytest.mark.parametrize("name", ["..%2Fx", "a%2Fb", "a%5Cb", "%00", ""])
+def test_a_file_name_with_a_path_is_refused(sqlite_api: Api, name: str) -> None:
+    problem(sqlite_api("POST", f"/uploads?file_name={name}", content=b"x"), 422, "invalid-input")
+
+
+@pytest.mark.parametrize(
+    "path", ["/../../etc/passwd", "/..%2f..%2fetc%2fpasswd", "/assets/..%2f..%2f__init__.py"]
+)
+def test_a_path_that_leads_outside_the_ui_is_not_served(sqlite_api: Api, path: str) -> None:
+    answer = sqlite_api("GET", path, raw=True)
+    assert "root:" not in answer.text
+    assert "DIST" not in answer.text
+
+
+# ---- bodies and headers
+
+
+def test_an_oversized_body_is_refused(sqlite_api: Api) -> None:
+    answer = sqlite_api(
+        "POST", "/missions", content=b" " * (9 * 2**20), headers={"content-type": "application/json"}
+    )
+    problem(answer, 413, "too-large")
+
+
+def test_an_oversized_body_without_a_length_is_refused(sqlite_api: Api) -> None:
+    async def endless() -> Any:
+        for _ in range(100):
+            yield b" " * 2**20
+
+    answer = sqlite_api("POST", "/missions", content=endless(), headers={"content-type": "application/json"})
+    problem(answer, 413, "too-large")
+
+
+def test_an_upload_over_the_limit_is_refused(sqlite_template: Path, tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    shutil.copyfile(sqlite_template, tmp_path / "data" / "outcrop.db")
+    repo = open_repository(settings_for(tmp_path / "data", max_body_mib=1.0))
+    ensure_profiles(repo)
+    for api in open_api(repo):
+        problem(api("POST", "/uploads?file_name=x", content=b"x" * (2**20 + 1)), 413, "too-large")
+    repo.database.dispose()
+
+
+NASTY = [
+    "x'); DROP TABLE missions;--",
+    '" OR 1=1 --',
+    "%' UNION SELECT * FROM people --",
+    "<script>alert(1)</script>",
+]
+
+
+@pytest.mark.parametrize("nasty", NASTY)
+def test_names_and_filters_are_data_and_never_sql_or_html(api: Api, mission: Mission, nasty: str) -> None:
+    target = api.post(f"/missions/{mission.id}/targets", {"name": nasty, "east_m": 1.0, "north_m": 1.0})
+    answer = api("GET", f"/targets/{target['id']}")
+    assert answer.json()["name"] == nasty
+    assert answer.headers["content-type"] == "application/json"
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    found = api("GET", f"/missions/{mission.id}/products", params={"run_id": nasty})
+    problem(found, 422, "invalid-input")
+    with api.repo.database.read() as session:
+        assert session.execute(text("SELECT count(*) FROM missions")).scalar() == 1
+
+
+def test_a_line_break_in_a_name_cannot_reach_a_header(api: Api, mission: Mission) -> None:
+    body = {"name": "a\r\nSet-Cookie: x=1", "east_m": 1.0, "north_m": 1.0}
+    problem(api("POST", f"/missions/{mission.id}/targets", body), 422, "invalid-input")
+
+
+def test_pages_forbid_foreign_scripts_and_frames(sqlite_api: Api) -> None:
+    page = sqlite_api("GET", "/", raw=True)
+    assert "script-src 'self'" in page.headers["content-security-policy"]
+    assert page.headers["x-frame-options"] == "DENY"
+    assert "default-src 'none'" in sqlite_api("GET", "/docs").headers["content-security-policy"]
+
+
+# ---- other sites
+
+
+@pytest.mark.parametrize(
+    "headers", [{"Origin": "https://evil.example"}, {"Origin": "null"}, {"Sec-Fetch-Site": "cross-site"}]
+)
+def test_a_page_of_another_site_cannot_change_anything(sqlite_api: Api, headers: dict[str, str]) -> None:
+    problem(
+        sqlite_api("POST", "/people", {"name": "Eve"}, headers=headers, who="Administrator"), 403, "forbidden"
+    )
+
+
+def test_a_name_rebound_to_loopback_is_refused(sqlite_api: Api) -> None:
+    problem(sqlite_api("GET", "/missions", headers={"Host": "evil.example:8000"}), 422, "invalid-input")
+
+
+def test_a_plain_text_post_is_not_taken_for_json(sqlite_api: Api) -> None:
+    answer = sqlite_api(
+        "POST",
+        "/people",
+        content=b'{"name": "Eve"}',
+        headers={"content-type": "text/plain"},
+        who="Administrator",
+    )
+    assert answer.status_code in {415, 422}
+
+
+# ---- accounts
+
+
+@pytest.fixture(scope="module")
+def hashed() -> str:
+    return PasswordHasher().hash(PASSWORD)
+
+
+@pytest.fixture
+def accounts(sqlite_template: Path, hashed: str, tmp_path: Path) -> Iterator[Api]:
+    (tmp_path / "data").mkdir()
+    shutil.copyfile(sqlite_template, tmp_path / "data" / "outcrop.db")
+    repo = open_repository(settings_for(tmp_path / "data", auth="accounts"))
+    ensure_profiles(repo)
+    with repo.database.write() as session:
+        for role in Role:
+            session.add(
+                PersonRow(
+                    id=new_id("psn"),
+                    author="",
+                    name=role.value,
+                    role=role.value,
+                    mission_roles={},
+                    password_hash=hashed,
+                )
+            )
+    yield from open_api(repo)
+    repo.database.dispose()
+
+
+def log_in(api: Api, name: str, password: str = PASSWORD) -> dict[str, str]:
+    """Return the headers of a session."""
+    answer = api("POST", "/session", {"name": name, "password": password})
+    assert answer.status_code == 201, answer.text
+    cookie = answer.headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=strict" in cookie
+    return {"Cookie": cookie.split(";")[0], "X-CSRF-Token": answer.json()["csrf_token"]}
+
+
+def test_without_an_account_nothing_is_seen(accounts: Api) -> None:
+    problem(accounts("GET", "/missions"), 401, "not-authenticated")
+    problem(accounts("GET", "/missions", who="admin"), 401, "not-authenticated")
+    assert accounts.get("/session")["person"] is None
+    assert accounts("GET", "/healthz").status_code == 200
+
+
+def test_a_session_changes_things_only_with_its_csrf_token(accounts: Api) -> None:
+    headers = log_in(accounts, "admin")
+    accounts._client.cookies.clear()
+    assert accounts.get("/session", headers=headers)["person"]["name"] == "admin"
+    body = {"name": "New", "password": PASSWORD}
+    assert accounts("POST", "/people", body, headers=headers).status_code == 201
+    bare = {"Cookie": headers["Cookie"]}
+    problem(accounts("POST", "/people", body, headers=bare), 403, "forbidden")
+    wrong = {**bare, "X-CSRF-Token": "0" * 40}
+    problem(accounts("POST", "/people", body, headers=wrong), 403, "forbidden")
+    assert accounts("DELETE", "/session", headers=headers).status_code == 204
+    problem(accounts("GET", "/missions", headers=headers), 401, "not-authenticated")
+
+
+def test_forged_and_outdated_tokens_are_refused(accounts: Api) -> None:
+    for header in ("Bearer oc_forged", "Bearer ", "Basic YWRtaW46YWRtaW4="):
+        problem(accounts("GET", "/missions", headers={"Authorization": header}), 401, "not-authenticated")
+    problem(
+        accounts("GET", "/missions", headers={"Cookie": "outcrop_session=forged"}), 401, "not-authenticated"
+    )
+    headers = log_in(accounts, "viewer")
+    accounts._client.cookies.clear()
+    with accounts.repo.database.write() as session:
+        session.execute(update(CredentialRow).values(expires_utc=utc_now()))
+    problem(accounts("GET", "/missions", headers=headers), 401, "not-authenticated")
+
+
+def test_an_api_key_works_until_it_is_taken_back_and_is_never_stored(accounts: Api) -> None:
+    headers = log_in(accounts, "scientist")
+    accounts._client.cookies.clear()
+    made = accounts.post("/api-keys", {"name": "script"}, headers=headers)
+    key = {"Authorization": f"Bearer {made['secret']}"}
+    assert accounts.get("/session", headers=key)["person"]["name"] == "scientist"
+    assert made["secret"].encode() not in (accounts.repo.data_dir / "outcrop.db").read_bytes()
+    other = log_in(accounts, "planner")
+    accounts._client.cookies.clear()
+    problem(accounts("DELETE", f"/api-keys/{made['id']}", headers=other), 403, "forbidden")
+    assert accounts("DELETE", f"/api-keys/{made['id']}", headers=headers).status_code == 204
+    until = time.monotonic() + 5.0
+    while accounts("GET", "/missions", headers=key).status_code != 401:
+        assert time.monotonic() < until
+
+
+def test_the_door_closes_after_five_failed_logins(accounts: Api) -> None:
+    for _ in range(5):
+        problem(
+            accounts("POST", "/session", {"name": "admin", "password": "wrong"}), 401, "not-authenticated"
+        )
+    answer = accounts("POST", "/session", {"name": "admin", "password": PASSWORD})
+    problem(answer, 429, "too-many-attempts")
+    assert int(answer.headers["retry-after"]) > 0
+    log_in(accounts, "planner")
+
+
+def test_passwords_never_reach_rows_or_logs(accounts: Api, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.DEBUG):
+        log_in(accounts, "admin")
+    assert PASSWORD not in caplog.text
+    history = accounts("GET", "/people", headers=log_in(accounts, "admin")).text
+    assert "password" not in history
+    assert PASSWORD.encode() not in (accounts.repo.data_dir / "outcrop.db").read_bytes()
+    record = logging.LogRecord("x", logging.INFO, "", 0, "m", (), None)
+    record.password = PASSWORD
+    assert PASSWORD not in JsonFormatter().format(record)
+
+
+def test_profiles_without_passwords_are_refused_off_loopback(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=r"OUTCROP_HOST='0\.0\.0\.0'.*OUTCROP_AUTH=accounts"):
+        load_settings(data_dir=tmp_path, host="0.0.0.0")
+
+
+# ---- role x endpoint
+
+RULES: tuple[tuple[str, str, Action], ...] = (
+    ("POST", r"/missions(/import)?$", Action.EDIT_MISSION),
+    ("PATCH", r"/missions/\{", Action.EDIT_MISSION),
+    ("DELETE", r"/missions/\{[a-z_]+\}$", Action.ADMINISTER),
+    ("POST", r"/copy$", Action.EDIT_MISSION),
+    ("(POST|PATCH|DELETE)", r"/(targets|observation-requests)(/\{[a-z_]+\})?$", Action.EDIT_SCIENCE),
+    ("POST", r"/geometry$", Action.EDIT_SCIENCE),
+    ("(POST|PATCH|DELETE)", r"/(sols|keep-outs)(/\{[a-z_]+\})?$", Action.EDIT_MISSION),
+    ("(POST|PATCH|DELETE)", r"/comments(/\{[a-z_]+\})?$", Action.COMMENT),
+    ("POST", r"/(path-networks|plans|runs)$", Action.PLAN),
+    ("(PATCH|DELETE)", r"/(plans|runs)/\{[a-z_]+\}$", Action.PLAN),
+    ("POST", r"/jobs/.*(cancel|retry)$", Action.PLAN),
+    ("POST", r"/(approval|waivers)$", Action.APPROVE),
+    ("POST", r"/(package|ingest)$", Action.UPLINK),
+    ("POST", r"/uploads$", Action.EDIT_SCIENCE),
+    ("(POST|PATCH)", r"/people", Action.ADMINISTER),
+)
+"""Which right each changing endpoint needs; written down apart from the code that checks it."""
+FREE = re.compile(r"/(session|api-keys|undo|redo)|/(runs/ingest|missions/import)$")
+"""Endpoints about oneself, or whose right depends on what is taken back or brought in."""
+
+
+def changing_endpoints() -> list[tuple[str, str]]:
+    return [
+        (method.upper(), path)
+        for path, operations in build_api().openapi()["paths"].items()
+        for method in operations
+        if method.upper() in {"POST", "PATCH", "DELETE"} and not FREE.search(path)
+    ]
+
+
+def needed(method: str, path: str) -> Action:
+    for verb, pattern, action in RULES:
+        if re.fullmatch(verb, method) and re.search(pattern, path):
+            return action
+    raise AssertionError(f"no rule says who may {method} {path}")
+
+
+BODIES: dict[str, Any] = {
+    "create_mission": {"name": "M", "terrain": {"source": "uploaded", "upload_id": "none"}},
+    "copy_mission": {"name": "M"},
+    "import_geometry": {"upload_id": "none"},
+    "create_sol": {},
+    "create_target": {"east_m": 1.0, "north_m": 1.0},
+    "create_observation_request": {"target_id": "T", "instrument": "science_camera", "value": 1.0},
+    "create_keep_out": {"polygon_m": [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]},
+    "create_comment": {"subject_kind": "mission", "subject_id": "M", "text": "x"},
+    "create_path_network": {},
+    "create_plan": {"iterations": 1},
+    "create_run": {"plan_id": "P"},
+    "approve_plan": {"crl_sha256": "0" * 64},
+    "create_waiver": {"rule": "FR-TILT", "reason": "x"},
+    "create_person": {"name": "Eve"},
+}
+
+
+def test_every_role_may_do_at_every_endpoint_what_its_rights_say_and_no_more(
+    sqlite_repo: Repository, terrain_folder: Path
+) -> None:
+    """A right that is missing answers 403; one that is there answers anything else."""
+    from ground.gdr import models as m
+
+    mission = yard(sqlite_repo, terrain_folder)
+    common: dict[str, Any] = {"author": "system", "mission_id": mission.id}
+    with sqlite_repo.database.write() as session:
+        for name in Role:
+            session.add(
+                m.PersonRow(
+                    id=new_id("psn"), author="", name=f"r-{name.value}", role=name.value, mission_roles={}
+                )
+            )
+        sol = session.scalars(select(m.SolRow.id)).one()
+        target = {
+            "name": "T",
+            "east_m": 1.0,
+            "north_m": 1.0,
+            "up_m": 0.0,
+            "normal": [0, 0, 1],
+            "slope_rad": 0.0,
+        }
+        session.add(m.TargetRow(id="target_id", covariance_m2=[], **common, **target))
+        session.flush()
+        session.add(
+            m.ObservationRequestRow(
+                id="observation_request_id",
+                target_id="target_id",
+                instrument="science_camera",
+                value=1.0,
+                tracked=False,
+                after=[],
+                state="open",
+                **common,
+            )
+        )
+        session.add(m.KeepOutRow(id="keep_out_id", name="K", polygon_m=[], **common))
+        session.add(m.CommentRow(id="comment_id", subject_kind="mission", subject_id="", text="", **common))
+        session.add(
+            m.JobRow(
+                id="job_id",
+                kind="none",
+                payload={},
+                subject_kind="",
+                subject_id="",
+                state="succeeded",
+                max_attempts=1,
+                time_limit_s=1.0,
+                log=[],
+                **common,
+            )
+        )
+        session.add(
+            m.PlanRow(
+                id="plan_id",
+                sol_id=sol,
+                number=1,
+                name="P",
+                state="computed",
+                strategy="optimal",
+                max_branches=1,
+                time_limit_s=1.0,
+                seed=1,
+                job_id="",
+                inputs_sha256="",
+                terrain_sha256="",
+                dictionary="",
+                rover_profile="k9",
+                findings=[],
+                request_ids=[],
+                planned_request_ids=[],
+                left_out={},
+                **common,
+            )
+        )
+        session.flush()
+        session.add(
+            m.RunRow(
+                id="run_id",
+                plan_id="plan_id",
+                kind="dry_run",
+                rover="abstract",
+                seed=1,
+                faults=[],
+                state="succeeded",
+                options_taken=[],
+                achieved_request_ids=[],
+                crl_sha256="",
+                **common,
+            )
+        )
+        person = session.query(m.PersonRow.id).first()
+    assert person is not None
+    document = build_api().openapi()["paths"]
+    (sqlite_repo.data_dir / "keys").mkdir()
+    from ground.uplink.keys import make_keys
+
+    make_keys(sqlite_repo.data_dir / "keys")
+    wrong = []
+    for api in open_api(sqlite_repo):
+        for method, path in changing_endpoints():
+            operation = document[path][method.lower()]["operationId"]
+            url = (
+                path.replace("{mission_id}", mission.id)
+                .replace("{person_id}", person.id)
+                .replace("{sol_id}", sol)
+            )
+            url = re.sub(r"\{([a-z_]+)\}", r"\1", url)
+            # A revision that is not there: what may be changed answers 412 and stays for the next role.
+            headers = {"If-Match": '"99"'} if method != "POST" else {}
+            for role in Role:
+                answer = api(
+                    method,
+                    url + ("?file_name=x" if operation == "create_upload" else ""),
+                    BODIES.get(operation, {} if method != "DELETE" else None),
+                    who=f"r-{role.value}",
+                    headers=headers,
+                )
+                assert answer.status_code < 500, answer.text
+                may = needed(method, path) in ALLOWED[role]
+                if (answer.status_code != 403) != may:
+                    wrong.append((role.value, method, path, answer.status_code))
+    assert wrong == []
+
+
+def test_the_approver_is_never_the_author_whatever_the_role() -> None:
+    assert Action.APPROVE in ALLOWED[Role.ADMIN]
+    assert Action.APPROVE not in ALLOWED[Role.PLANNER]
+
+
+def test_a_role_for_one_mission_counts_there_only(api: Api, mission: Mission) -> None:
+    person = next(p for p in api.get("/people")["items"] if p["name"] == "Viewer")
+    roles = {"mission_roles": {mission.id: "scientist"}}
+    answer = api("PATCH", f"/people/{person['id']}", roles, headers={"If-Match": "*"}, who="Administrator")
+    assert answer.status_code == 200, answer.text
+    body = {"east_m": 1.0, "north_m": 1.0}
+    assert api("POST", f"/missions/{mission.id}/targets", body, who="Viewer").status_code == 201
+    other = api.post(f"/missions/{mission.id}/copy", {"name": "Other"})
+    problem(api("POST", f"/missions/{other['id']}/targets", body, who="Viewer"), 403, "forbidden")
+
+
+# ---- repeats
+
+
+def test_a_repeated_post_with_its_key_is_answered_and_not_done_again(api: Api, mission: Mission) -> None:
+    url, key = f"/missions/{mission.id}/targets", {"Idempotency-Key": "k-1"}
+    body = {"east_m": 1.0, "north_m": 1.0}
+    first = api("POST", url, body, headers=key)
+    second = api("POST", url, body, headers=key)
+    assert (first.status_code, second.status_code) == (201, 201)
+    assert first.json() == second.json()
+    assert second.headers["idempotent-replay"] == "true"
+    assert len(api.get(url)["items"]) == 1
+    answer = api("POST", url, {**body, "east_m": 2.0}, headers=key)
+    problem(answer, 422, "idempotency-key-reused")
+    assert api("POST", url, body, headers=key, who="Scientist").json()["id"] != first.json()["id"]

@@ -1,0 +1,41 @@
+"""Work that jobs of the tests do; imported by name in other processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ground.errors import JobFailedError
+from ground.jobs import WorkStoppedError
+
+
+def count(
+    payload: dict[str, Any], report: Callable[[float, str], None], stop: Callable[[], bool]
+) -> dict[str, Any]:
+    """Do what the payload says: note each start, then succeed, fail, die or wait to be stopped."""
+    with Path(payload["log"]).open("a", encoding="utf-8") as log:
+        log.write(f"{os.getpid()}\n")
+    report(0.5, "half")
+    match payload["what"]:
+        case "fail":
+            raise JobFailedError("as it was told")
+        case "break":
+            raise ZeroDivisionError("nobody told it")
+        case "die":
+            os.kill(os.getpid(), signal.SIGKILL)
+        case "die-once":
+            if len(Path(payload["log"]).read_text().splitlines()) == 1:
+                os.kill(os.getpid(), signal.SIGKILL)
+        case "wait":
+            until = time.monotonic() + 60.0
+            while time.monotonic() < until:
+                if stop():
+                    raise WorkStoppedError
+                time.sleep(0.01)
+        case "hang":
+            time.sleep(60.0)
+    return {"answer": 42}
