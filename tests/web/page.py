@@ -1,0 +1,98 @@
+"""A browser page that remembers what went wrong in it, and knows the plan map."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from tests.web.conftest import CHROMIUM, FLAGS, ROOT
+
+SHOTS = ROOT / "docs" / "img"
+WAIT_MS = int(os.environ.get("OUTCROP_BROWSER_WAIT_MS", "90000"))
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Give Debian's chromium, or skip with the reason."""
+    if not CHROMIUM.exists():
+        pytest.skip(f"{CHROMIUM} is missing: apt-get install chromium (or set OUTCROP_CHROMIUM)")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@contextmanager
+def open_page(
+    browser: Browser, server: str, query: str = "?quality=test", scheme: str = "dark"
+) -> Iterator[Page]:
+    """Open the list of missions; an error in the page's console fails the test."""
+    context = browser.new_context(viewport={"width": 1440, "height": 900}, color_scheme=scheme)  # type: ignore[arg-type]
+    page = context.new_page()
+    page.set_default_timeout(WAIT_MS)
+    expect.set_options(timeout=WAIT_MS)
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.goto(f"{server}/{query}")
+    try:
+        try:
+            yield page
+        except BaseException:
+            if folder := os.environ.get("OUTCROP_FAILURE_SHOTS"):
+                page.screenshot(path=Path(folder) / "failure.png")
+                print("console:", errors)
+            raise
+        assert errors == []
+    finally:
+        context.close()
+
+
+def open_demo(page: Page) -> None:
+    page.get_by_role("link", name="Demo").first.click()
+    expect(page.get_by_test_id("target-row").first).to_be_visible()
+    page.wait_for_function("() => document.querySelector('[data-testid=map]')?.dataset.terrain")
+
+
+def _wait_for_rest(page: Page) -> None:
+    """Wait until the map's view has not moved for a quarter of a second."""
+    page.wait_for_function(
+        """() => {
+            const map = document.querySelector('[data-testid=map]');
+            const view = `${map.dataset.center} ${map.dataset.resolution}`;
+            if (window.outcropView !== view) {
+                window.outcropView = view;
+                window.outcropRest = performance.now();
+            }
+            return performance.now() - window.outcropRest > 250;
+        }"""
+    )
+
+
+def pixel(page: Page, east_m: float, north_m: float) -> tuple[float, float]:
+    """Return where a point of the site lies on the screen, from what the map says of its view."""
+    element = page.get_by_test_id("map")
+    _wait_for_rest(page)
+    box = element.bounding_box()
+    assert box is not None
+    east, north = (float(part) for part in str(element.get_attribute("data-center")).split(","))
+    resolution = float(str(element.get_attribute("data-resolution")))
+    return (
+        box["x"] + box["width"] / 2 + (east_m - east) / resolution,
+        box["y"] + box["height"] / 2 - (north_m - north) / resolution,
+    )
+
+
+def shot(page: Page, name: str) -> None:
+    """Write a screenshot for the documentation when `OUTCROP_SCREENSHOTS` asks for it."""
+    if os.environ.get("OUTCROP_SCREENSHOTS"):
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        page.wait_for_timeout(400)
+        page.screenshot(path=SHOTS / f"browser-{name}.jpg", type="jpeg", quality=84)

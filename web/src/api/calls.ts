@@ -1,0 +1,325 @@
+/** What the page asks of the server, one function a call. Nothing else in the page knows an address. */
+
+import type { Grid } from "../lib/terrain-image";
+import type { PlanTree } from "../lib/plan-tree";
+import { api, body, ifMatch, pages, ProblemError, setCsrf } from "./client";
+import type { components } from "./schema";
+import type {
+  Approval,
+  Comment,
+  Event,
+  Finding,
+  FlightRuleResult,
+  Job,
+  KeepOut,
+  Lineage,
+  Mission,
+  ObservationRequest,
+  ObservationRequestChange,
+  ObservationRequestCreate,
+  PathNetwork,
+  Person,
+  Plan,
+  PlanComparison,
+  PlanCreate,
+  Product,
+  Run,
+  RunCreate,
+  Sol,
+  SolChange,
+  Target,
+  TargetChange,
+  Telemetry,
+  Terrain,
+  TerrainPoint,
+  Trace,
+  WhyNot,
+} from "./types";
+
+const V1 = "/api/v1";
+const PAGE = 500;
+type Schemas = components["schemas"];
+type SessionValue = Schemas["SessionValue"];
+
+const inMission = (mission_id: string) => ({ path: { mission_id } });
+const inMissionPage = (mission_id: string, cursor: string | undefined) => ({
+  path: { mission_id },
+  query: cursor === undefined ? { limit: PAGE } : { limit: PAGE, cursor },
+});
+const pageOnly = (cursor: string | undefined) => ({
+  query: cursor === undefined ? { limit: PAGE } : { limit: PAGE, cursor },
+});
+
+// --------------------------------------------------------------------------------------------- people
+
+export async function session(): Promise<SessionValue> {
+  const value = await body(api.GET("/api/v1/session"));
+  setCsrf(value.csrf_token);
+  return value;
+}
+
+export async function logIn(name: string, password = ""): Promise<SessionValue> {
+  const value = await body(api.POST("/api/v1/session", { body: { name, password } }));
+  setCsrf(value.csrf_token);
+  return value;
+}
+
+export const people = (): Promise<Person[]> =>
+  pages((cursor) => body(api.GET("/api/v1/people", { params: pageOnly(cursor) })));
+
+// -------------------------------------------------------------------------------------------- missions
+
+export const missions = (): Promise<Mission[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions", { params: pageOnly(cursor) })));
+
+export const mission = (id: string): Promise<Mission> =>
+  body(api.GET("/api/v1/missions/{mission_id}", { params: inMission(id) }));
+
+export const createMission = (value: Schemas["MissionCreate"]): Promise<Mission> =>
+  body(api.POST("/api/v1/missions", { body: value }));
+
+export const copyMission = (id: string, name: string): Promise<Mission> =>
+  body(api.POST("/api/v1/missions/{mission_id}/copy", { params: inMission(id), body: { name, notes: "" } }));
+
+export const changesUrl = (mission: string): string => `${V1}/missions/${mission}/events`;
+
+export const history = (id: string): Promise<Event[]> =>
+  body(
+    api.GET("/api/v1/missions/{mission_id}/history", {
+      params: { path: { mission_id: id }, query: { limit: 60, newest_first: true } },
+    }),
+  ).then((page) => page.items);
+
+export const undo = (id: string): Promise<Event[]> =>
+  body(api.POST("/api/v1/missions/{mission_id}/undo", { params: inMission(id), body: { anyone: false } }));
+
+export const redo = (id: string): Promise<Event[]> =>
+  body(api.POST("/api/v1/missions/{mission_id}/redo", { params: inMission(id), body: { anyone: false } }));
+
+// --------------------------------------------------------------------------------------------- terrain
+
+export const terrain = (id: string): Promise<Terrain> =>
+  body(api.GET("/api/v1/missions/{mission_id}/terrain", { params: inMission(id) }));
+
+export const orthoUrl = (id: string, layer: string, pixels = 4096): string =>
+  `${V1}/missions/${id}/terrain/ortho?layer=${encodeURIComponent(layer)}&max_px=${pixels}`;
+
+export const terrainPoint = (id: string, east_m: number, north_m: number): Promise<TerrainPoint> =>
+  body(
+    api.GET("/api/v1/missions/{mission_id}/terrain/point", {
+      params: { path: { mission_id: id }, query: { east_m, north_m } },
+    }),
+  );
+
+/** Heights of a layer, thinned out to at most `posts`. */
+export async function heights(id: string, layer: string, posts: number): Promise<Grid> {
+  const url = `${V1}/missions/${id}/terrain/heights?layer=${encodeURIComponent(layer)}&max_posts=${posts}`;
+  const answer = await fetch(url, { credentials: "same-origin" });
+  if (!answer.ok) throw new ProblemError(answer.status, { title: "The heights of the terrain could not be read" });
+  const numbers = (name: string): number[] => (answer.headers.get(name) ?? "").split(",").map(Number);
+  const [rows = 0, columns = 0] = numbers("X-Outcrop-Shape");
+  const [west = 0, south = 0, east = 0, north = 0] = numbers("X-Outcrop-Bounds");
+  return { rows, columns, west, south, east, north, heights: new Float32Array(await answer.arrayBuffer()) };
+}
+
+// ------------------------------------------------------------------------------------- sols and targets
+
+export const sols = (id: string): Promise<Sol[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/sols", { params: inMissionPage(id, cursor) })));
+
+export const changeSol = (sol: Sol, changes: SolChange): Promise<Sol> =>
+  body(
+    api.PATCH("/api/v1/sols/{sol_id}", { params: { path: { sol_id: sol.id }, header: ifMatch(sol) }, body: changes }),
+  );
+
+export const targets = (id: string): Promise<Target[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/targets", { params: inMissionPage(id, cursor) })));
+
+export const createTarget = (id: string, name: string, east_m: number, north_m: number): Promise<Target> =>
+  body(
+    api.POST("/api/v1/missions/{mission_id}/targets", {
+      params: inMission(id),
+      body: { name, east_m, north_m, notes: "", source_image: "" },
+    }),
+  );
+
+export const changeTarget = (target: Target, changes: TargetChange): Promise<Target> =>
+  body(
+    api.PATCH("/api/v1/targets/{target_id}", {
+      params: { path: { target_id: target.id }, header: ifMatch(target) },
+      body: changes,
+    }),
+  );
+
+export const deleteTarget = (target: Target): Promise<unknown> =>
+  body(
+    api.DELETE("/api/v1/targets/{target_id}", {
+      params: { path: { target_id: target.id }, header: ifMatch(target) },
+    }),
+  );
+
+export const targetLineage = (id: string): Promise<Lineage> =>
+  body(api.GET("/api/v1/targets/{target_id}/lineage", { params: { path: { target_id: id } } }));
+
+export const requests = (id: string): Promise<ObservationRequest[]> =>
+  pages((cursor) =>
+    body(api.GET("/api/v1/missions/{mission_id}/observation-requests", { params: inMissionPage(id, cursor) })),
+  );
+
+export const createRequest = (id: string, value: ObservationRequestCreate): Promise<ObservationRequest> =>
+  body(api.POST("/api/v1/missions/{mission_id}/observation-requests", { params: inMission(id), body: value }));
+
+export const changeRequest = (
+  request: ObservationRequest,
+  changes: ObservationRequestChange,
+): Promise<ObservationRequest> =>
+  body(
+    api.PATCH("/api/v1/observation-requests/{observation_request_id}", {
+      params: { path: { observation_request_id: request.id }, header: ifMatch(request) },
+      body: changes,
+    }),
+  );
+
+export const deleteRequest = (request: ObservationRequest): Promise<unknown> =>
+  body(
+    api.DELETE("/api/v1/observation-requests/{observation_request_id}", {
+      params: { path: { observation_request_id: request.id }, header: ifMatch(request) },
+    }),
+  );
+
+export const keepOuts = (id: string): Promise<KeepOut[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/keep-outs", { params: inMissionPage(id, cursor) })));
+
+export const createKeepOut = (id: string, name: string, polygon_m: number[][]): Promise<KeepOut> =>
+  body(
+    api.POST("/api/v1/missions/{mission_id}/keep-outs", { params: inMission(id), body: { name, notes: "", polygon_m } }),
+  );
+
+export const changeKeepOut = (keepOut: KeepOut, changes: Schemas["KeepOutChange"]): Promise<KeepOut> =>
+  body(
+    api.PATCH("/api/v1/keep-outs/{keep_out_id}", {
+      params: { path: { keep_out_id: keepOut.id }, header: ifMatch(keepOut) },
+      body: changes,
+    }),
+  );
+
+export const deleteKeepOut = (keepOut: KeepOut): Promise<unknown> =>
+  body(
+    api.DELETE("/api/v1/keep-outs/{keep_out_id}", {
+      params: { path: { keep_out_id: keepOut.id }, header: ifMatch(keepOut) },
+    }),
+  );
+
+// ------------------------------------------------------------------------------------------- comments
+
+export const comments = (id: string): Promise<Comment[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/comments", { params: inMissionPage(id, cursor) })));
+
+export const createComment = (id: string, value: Schemas["CommentCreate"]): Promise<Comment> =>
+  body(api.POST("/api/v1/missions/{mission_id}/comments", { params: inMission(id), body: value }));
+
+// ------------------------------------------------------------------------------------------- planning
+
+export const networks = (id: string): Promise<PathNetwork[]> =>
+  pages((cursor) =>
+    body(
+      api.GET("/api/v1/missions/{mission_id}/path-networks", {
+        params: { path: { mission_id: id }, query: cursor === undefined ? { limit: 20 } : { limit: 20, cursor } },
+      }),
+    ),
+  );
+
+export const createNetwork = (id: string): Promise<Job> =>
+  body(api.POST("/api/v1/missions/{mission_id}/path-networks", { params: inMission(id), body: {} }));
+
+export const plans = (id: string): Promise<Plan[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/plans", { params: inMissionPage(id, cursor) })));
+
+export const createPlan = (id: string, value: PlanCreate): Promise<Job> =>
+  body(api.POST("/api/v1/missions/{mission_id}/plans", { params: inMission(id), body: value }));
+
+const planPath = (plan_id: string) => ({ path: { plan_id } });
+
+export const planTree = async (id: string): Promise<PlanTree> =>
+  (await body(api.GET("/api/v1/plans/{plan_id}/tree", { params: planPath(id) }))) as unknown as PlanTree;
+
+export const planCrl = (id: string): Promise<string> =>
+  body(api.GET("/api/v1/plans/{plan_id}/crl", { params: planPath(id), parseAs: "text" }));
+
+export const planFindings = (id: string): Promise<Finding[]> =>
+  body(api.GET("/api/v1/plans/{plan_id}/findings", { params: planPath(id) }));
+
+export const planSummary = (id: string): Promise<Schemas["SummaryDocument"]> =>
+  body(api.GET("/api/v1/plans/{plan_id}/summary", { params: planPath(id) }));
+
+export const whyNot = (id: string, request_id: string): Promise<WhyNot> =>
+  body(api.GET("/api/v1/plans/{plan_id}/why-not/{request_id}", { params: { path: { plan_id: id, request_id } } }));
+
+export const comparePlans = (id: string, other_id: string): Promise<PlanComparison> =>
+  body(api.GET("/api/v1/plans/{plan_id}/comparison/{other_id}", { params: { path: { plan_id: id, other_id } } }));
+
+export const flightRules = (id: string): Promise<FlightRuleResult[]> =>
+  body(api.GET("/api/v1/plans/{plan_id}/flight-rules", { params: planPath(id) }));
+
+export const waiveRule = (id: string, rule: string, reason: string): Promise<FlightRuleResult[]> =>
+  body(api.POST("/api/v1/plans/{plan_id}/waivers", { params: planPath(id), body: { rule, reason } }));
+
+export const approvals = (id: string): Promise<Approval[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/approvals", { params: inMissionPage(id, cursor) })));
+
+export const approve = (id: string, crl_sha256: string, note: string): Promise<Approval> =>
+  body(api.POST("/api/v1/plans/{plan_id}/approval", { params: planPath(id), body: { crl_sha256, note } }));
+
+/** The signed uplink package; what is given back is a file to save. */
+export const uplinkPackage = (id: string): Promise<Blob> =>
+  body(api.POST("/api/v1/plans/{plan_id}/package", { params: planPath(id), parseAs: "blob" })) as Promise<Blob>;
+
+// ------------------------------------------------------------------------------------------------ jobs
+
+export const jobs = (id: string): Promise<Job[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/jobs", { params: inMissionPage(id, cursor) })));
+
+export const job = (id: string): Promise<Job> => body(api.GET("/api/v1/jobs/{job_id}", { params: { path: { job_id: id } } }));
+
+export const cancelJob = (id: string): Promise<Job> =>
+  body(api.POST("/api/v1/jobs/{job_id}/cancel", { params: { path: { job_id: id } } }));
+
+export const jobEventsUrl = (id: string): string => `${V1}/jobs/${id}/events`;
+
+const JOB_TITLES: Record<string, string> = { plan: "Planning", path_network: "Path network", run: "Dry run" };
+
+export const jobTitle = (value: Job): string => JOB_TITLES[value.subject_kind] ?? value.kind.replaceAll("_", " ");
+
+// ------------------------------------------------------------------------------------ runs and products
+
+export const runs = (id: string): Promise<Run[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/runs", { params: inMissionPage(id, cursor) })));
+
+export const createRun = (id: string, value: RunCreate): Promise<Job> =>
+  body(api.POST("/api/v1/missions/{mission_id}/runs", { params: inMission(id), body: value }));
+
+const runPath = (run_id: string) => ({ path: { run_id } });
+
+export const run = (id: string): Promise<Run> => body(api.GET("/api/v1/runs/{run_id}", { params: runPath(id) }));
+
+export const trace = (id: string): Promise<Trace> =>
+  body(api.GET("/api/v1/runs/{run_id}/trace", { params: runPath(id) }));
+
+export const telemetry = (id: string): Promise<Telemetry> =>
+  body(api.GET("/api/v1/runs/{run_id}/telemetry", { params: runPath(id) }));
+
+export const runEventsUrl = (id: string): string => `${V1}/runs/${id}/events`;
+
+export const products = (id: string): Promise<Product[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/products", { params: inMissionPage(id, cursor) })));
+
+export const productLineage = (id: string): Promise<Lineage> =>
+  body(api.GET("/api/v1/products/{product_id}/lineage", { params: { path: { product_id: id } } }));
+
+export async function productText(product: Product): Promise<string> {
+  const answer = await fetch(product.file_url, { credentials: "same-origin" });
+  if (!answer.ok) throw new ProblemError(answer.status, { title: `${product.file_name} could not be read` });
+  return answer.text();
+}
+
+export const planCrlUrl = (id: string): string => `${V1}/plans/${id}/crl`;

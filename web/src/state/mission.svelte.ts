@@ -1,0 +1,467 @@
+/** One open mission: what the server holds of it, kept current by its event stream, and what the page derives. */
+
+import * as calls from "../api/calls";
+import { ProblemError } from "../api/client";
+import { listen, type Stream } from "../api/stream";
+import type {
+  Comment,
+  Finding,
+  Job,
+  KeepOut,
+  Mission,
+  ObservationRequest,
+  PathNetwork,
+  Plan,
+  PlanCreate,
+  Product,
+  Run,
+  RunCreate,
+  Sol,
+  SolChange,
+  Target,
+  Terrain,
+} from "../api/types";
+import { type CrlNode, nodesOf } from "../lib/crl";
+import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
+import type { Selection } from "../lib/route";
+import { app } from "./app.svelte";
+
+const RELOAD_MS = 120;
+const ACTIVE = new Set(["queued", "running"]);
+
+/** What a selection means for the other views. */
+export interface Focus {
+  target: string | null;
+  request: string | null;
+  step: string | null;
+  line: string | null;
+  product: string | null;
+  keepOut: string | null;
+  task: string | null;
+}
+
+const NO_FOCUS: Focus = {
+  target: null,
+  request: null,
+  step: null,
+  line: null,
+  product: null,
+  keepOut: null,
+  task: null,
+};
+
+export class MissionState {
+  mission = $state.raw<Mission | null>(null);
+  terrain = $state.raw<Terrain | null>(null);
+  sols = $state.raw<Sol[]>([]);
+  targets = $state.raw<Target[]>([]);
+  requests = $state.raw<ObservationRequest[]>([]);
+  keepOuts = $state.raw<KeepOut[]>([]);
+  networks = $state.raw<PathNetwork[]>([]);
+  plans = $state.raw<Plan[]>([]);
+  runs = $state.raw<Run[]>([]);
+  products = $state.raw<Product[]>([]);
+  jobs = $state.raw<Job[]>([]);
+  comments = $state.raw<Comment[]>([]);
+  loading = $state(true);
+  missing = $state<string | null>(null);
+
+  /** What the next plan is asked for; the plan sheet changes it. */
+  order = $state<PlanCreate>({
+    notes: "",
+    strategy: "optimal",
+    max_branches: 8,
+    time_limit_s: 20,
+    seed: 1,
+    request_ids: [],
+  });
+
+  tree = $state.raw<PlanTree | null>(null);
+  crl = $state.raw<string | null>(null);
+  findings = $state.raw<Finding[]>([]);
+  planError = $state<string | null>(null);
+
+  readonly sol = $derived(this.sols[this.sols.length - 1] ?? null);
+  readonly startHour = $derived(this.sol?.start_lmst_h ?? 10);
+  readonly network = $derived(this.networks[this.networks.length - 1] ?? null);
+  readonly plan = $derived(this.plans.find((plan) => plan.id === app.route.plan) ?? null);
+  /** The network the open plan was made on. */
+  readonly planNetwork = $derived(
+    this.networks.find((network) => network.id === this.plan?.network_id) ?? this.network,
+  );
+  readonly lines = $derived<Line[]>(this.tree === null ? [] : linesOf(this.tree));
+  readonly legs = $derived<Leg[]>(legsOf(this.lines));
+  readonly reach = $derived(reachOf(this.lines));
+  readonly steps = $derived(
+    new Map<string, Step>(this.lines.flatMap((line) => line.steps.map((step) => [step.key, step] as const))),
+  );
+  readonly targetById = $derived(new Map(this.targets.map((target) => [target.id, target])));
+  readonly targetByName = $derived(new Map(this.targets.map((target) => [target.name, target])));
+  readonly requestById = $derived(new Map(this.requests.map((request) => [request.id, request])));
+  readonly requestsOf = $derived(Map.groupBy(this.requests, (request) => request.target_id));
+  readonly productsOf = $derived(Map.groupBy(this.products, (product) => product.target_id ?? ""));
+  readonly orphans = $derived(this.products.filter((product) => product.orphan));
+  readonly planJobs = $derived(this.jobs.filter((job) => ACTIVE.has(job.state)));
+  readonly nodes = $derived<CrlNode[]>(this.crl === null ? [] : nodesOf(this.crl));
+  readonly nodeById = $derived(new Map(this.nodes.map((node) => [node.id, node])));
+  readonly focus = $derived<Focus>(this.focusOf(app.selection));
+
+  private stream: Stream | null = null;
+  private readonly jobStreams = new Map<string, Stream>();
+  private readonly pending = new Map<string, ReturnType<typeof setTimeout>>();
+  private closed = false;
+  private planLoaded = "";
+
+  constructor(readonly id: string) {}
+
+  /** Load everything; collections come at once and the page fills as they arrive. */
+  async open(): Promise<void> {
+    try {
+      const [mission, terrain] = await Promise.all([calls.mission(this.id), calls.terrain(this.id)]);
+      this.mission = mission;
+      this.terrain = terrain;
+    } catch (error) {
+      this.missing =
+        error instanceof ProblemError && error.status === 404
+          ? `There is no mission ${this.id}.`
+          : error instanceof Error
+            ? error.message
+            : String(error);
+      this.loading = false;
+      return;
+    }
+    await Promise.all(
+      ["sol", "target", "observation_request", "keep_out", "path_network", "plan", "run", "product", "job", "comment"].map(
+        (kind) => this.reload(kind),
+      ),
+    );
+    this.loading = false;
+    if (this.closed) return;
+    if (this.plan === null && app.route.mission === this.id) {
+      const latest = this.plans.findLast((plan) => plan.expected_utility !== null);
+      if (latest !== undefined) app.go({ plan: latest.id });
+    }
+    this.stream = listen(
+      calls.changesUrl(this.id),
+      { change: (data) => this.changed(data), job: (data) => this.jobChanged(data as Job) },
+      (open) => {
+        app.connected = open;
+      },
+    );
+  }
+
+  close(): void {
+    this.closed = true;
+    this.stream?.close();
+    for (const stream of this.jobStreams.values()) stream.close();
+    for (const timer of this.pending.values()) clearTimeout(timer);
+  }
+
+  private changed(data: unknown): void {
+    if (typeof data !== "object" || data === null || !("kind" in data)) return;
+    const kind = String(data.kind);
+    this.soon(kind);
+    if (kind === "target") this.soon("observation_request");
+    if (["target", "observation_request", "keep_out", "sol"].includes(kind)) {
+      // Whatever was computed from the old state is stale now; the server says which.
+      this.soon("path_network");
+      this.soon("plan");
+    }
+    if (kind === "run") this.soon("product");
+  }
+
+  private soon(kind: string): void {
+    if (this.pending.has(kind)) return;
+    this.pending.set(
+      kind,
+      setTimeout(() => {
+        this.pending.delete(kind);
+        void app.attempt("Following the changes of others", () => this.reload(kind));
+      }, RELOAD_MS),
+    );
+  }
+
+  async reload(kind: string): Promise<void> {
+    switch (kind) {
+      case "mission":
+        this.mission = await calls.mission(this.id);
+        break;
+      case "sol":
+        this.sols = await calls.sols(this.id);
+        break;
+      case "target":
+        this.targets = await calls.targets(this.id);
+        break;
+      case "observation_request":
+        this.requests = await calls.requests(this.id);
+        break;
+      case "keep_out":
+        this.keepOuts = await calls.keepOuts(this.id);
+        break;
+      case "path_network":
+        this.networks = await calls.networks(this.id);
+        break;
+      case "plan":
+      case "approval":
+      case "waiver":
+        this.plans = await calls.plans(this.id);
+        if (this.plan !== null && this.plan.crl_sha256 !== null && this.planLoaded !== this.plan.id) {
+          await this.loadPlan();
+        }
+        break;
+      case "run":
+        this.runs = await calls.runs(this.id);
+        break;
+      case "product":
+        this.products = await calls.products(this.id);
+        break;
+      case "job":
+        this.jobs = await calls.jobs(this.id);
+        for (const job of this.jobs) if (ACTIVE.has(job.state)) this.follow(job);
+        break;
+      case "comment":
+        this.comments = await calls.comments(this.id);
+        break;
+    }
+  }
+
+  /** Fetch tree, CRL and findings of the plan that is open. */
+  async loadPlan(): Promise<void> {
+    const plan = this.plan;
+    if (plan === null || plan.crl_sha256 === null) {
+      this.tree = null;
+      this.crl = null;
+      this.findings = [];
+      this.planLoaded = "";
+      return;
+    }
+    if (this.planLoaded === plan.id) return;
+    this.planLoaded = plan.id;
+    this.planError = null;
+    try {
+      const [tree, crl, findings] = await Promise.all([
+        calls.planTree(plan.id),
+        calls.planCrl(plan.id),
+        calls.planFindings(plan.id),
+      ]);
+      if (app.route.plan !== plan.id) return;
+      this.tree = tree;
+      this.crl = crl;
+      this.findings = findings;
+    } catch (error) {
+      this.planLoaded = "";
+      this.tree = null;
+      this.planError = error instanceof Error ? error.message : String(error);
+    }
+  }
+
+  private jobChanged(job: Job): void {
+    if (!job?.id) return;
+    const known = this.jobs.some((other) => other.id === job.id);
+    this.jobs = known ? this.jobs.map((other) => (other.id === job.id ? job : other)) : [...this.jobs, job];
+    if (ACTIVE.has(job.state)) this.follow(job);
+    else this.finished(job);
+  }
+
+  /** Watch a job to its end. */
+  follow(job: Job): void {
+    if (this.jobStreams.has(job.id) || this.closed) return;
+    const stream = listen(calls.jobEventsUrl(job.id), {
+      job: (data) => this.jobChanged(data as Job),
+    });
+    this.jobStreams.set(job.id, stream);
+  }
+
+  private finished(job: Job): void {
+    const stream = this.jobStreams.get(job.id);
+    if (stream === undefined) return;
+    stream.close();
+    this.jobStreams.delete(job.id);
+    if (job.state === "failed") {
+      const detail = typeof job.problem?.detail === "string" ? job.problem.detail : job.message;
+      app.toast("bad", `${calls.jobTitle(job)} failed`, detail);
+    }
+    for (const kind of ["path_network", "plan", "run", "product", "observation_request"]) this.soon(kind);
+  }
+
+  /** Which target, request, step and task a selection stands for. */
+  focusOf(selection: Selection | null): Focus {
+    if (selection === null) return NO_FOCUS;
+    const { kind, id } = selection;
+    switch (kind) {
+      case "target":
+        return { ...NO_FOCUS, target: id };
+      case "request":
+        return { ...NO_FOCUS, request: id, target: this.requestById.get(id)?.target_id ?? null };
+      case "keep-out":
+        return { ...NO_FOCUS, keepOut: id };
+      case "product": {
+        const product = this.products.find((p) => p.id === id);
+        return {
+          ...NO_FOCUS,
+          product: id,
+          target: product?.target_id ?? null,
+          request: product?.request_id ?? null,
+          task: product?.task_id ?? null,
+        };
+      }
+      case "step": {
+        const step = this.steps.get(id);
+        return {
+          ...NO_FOCUS,
+          step: id,
+          line: step?.line ?? null,
+          target: this.targetOf(step?.target ?? null)?.id ?? null,
+          request: step?.request ?? null,
+        };
+      }
+      case "branch":
+        return { ...NO_FOCUS, line: id };
+      case "task": {
+        const metadata = this.nodeById.get(id)?.metadata ?? {};
+        return {
+          ...NO_FOCUS,
+          task: id,
+          target: this.targetOf(metadata.target ?? null)?.id ?? null,
+          request: metadata.observation ?? metadata.request ?? null,
+        };
+      }
+    }
+  }
+
+  /** A target by its id or its name, as plans may hold either. */
+  targetOf(key: string | null): Target | null {
+    if (key === null) return null;
+    return this.targetById.get(key) ?? this.targetByName.get(key) ?? null;
+  }
+
+  targetName(key: string | null): string {
+    if (key === null) return "";
+    return this.targetOf(key)?.name ?? this.requestById.get(key)?.target_name ?? key;
+  }
+
+  /** What a task of the plan does, for people: its action and target instead of its id. */
+  taskName(id: string): string {
+    const node = this.nodeById.get(id);
+    if (node === undefined) return id;
+    const target = this.targetOf(node.metadata.target ?? null)?.name ?? this.requestById.get(node.metadata.request ?? "")?.target_name;
+    const action = node.action ?? node.kind;
+    return target === undefined ? (node.action === null ? id : action) : `${action} ${target}`;
+  }
+
+  /**
+   * What the open plan would be worth if a request's value changed: expected utility is linear in the values, so for
+   * the same plan the change is the chance that the request succeeds times the change of its value. Null for tracked
+   * requests: the tree says how often the step is reached, not how often its target is still tracked then.
+   */
+  worthWith(request: ObservationRequest, value: number): number | null {
+    const now = this.plan?.expected_utility ?? null;
+    const chance = this.reach.get(request.id) ?? 0;
+    if (now === null || chance === 0 || request.tracked || this.plan?.stale === true) return null;
+    const task = this.nodes.find((node) => node.kind === "task" && node.metadata.request === request.id);
+    return now + chance * (task?.probability ?? 1) * (value - request.value);
+  }
+
+  /** What a request is called: its target and instrument. */
+  requestName(id: string | null): string {
+    const request = id === null ? undefined : this.requestById.get(id);
+    if (request === undefined) return id ?? "";
+    return `${request.target_name} · ${request.instrument === "microscopic_imager" ? "MI" : "image"}`;
+  }
+
+  /** Take back one's own last act, or do it again. */
+  async undo(): Promise<void> {
+    await this.turn("Undo", calls.undo);
+  }
+
+  async redo(): Promise<void> {
+    await this.turn("Redo", calls.redo);
+  }
+
+  private async turn(title: string, act: (id: string) => Promise<{ kind: string; action: string }[]>): Promise<void> {
+    const events = await app.attempt(title, () => act(this.id));
+    if (events === null) return;
+    for (const kind of new Set(events.map((event) => event.kind))) await this.reload(kind);
+    const kinds = [...new Set(events.map((event) => event.kind.replaceAll("_", " ")))].join(", ");
+    app.toast("ok", title, kinds === "" ? "" : `${kinds}`);
+  }
+
+  /** Delete what is selected, where it can be deleted; undo brings it back. */
+  async deleteSelected(): Promise<void> {
+    const { target, request, keepOut, product } = this.focus;
+    if (product !== null) return;
+    if (keepOut !== null) {
+      const found = this.keepOuts.find((known) => known.id === keepOut);
+      if (found !== undefined) await this.removed("keep_out", () => calls.deleteKeepOut(found));
+    } else if (app.selection?.kind === "request" && request !== null) {
+      const found = this.requestById.get(request);
+      if (found !== undefined) await this.removed("observation_request", () => calls.deleteRequest(found));
+    } else if (app.selection?.kind === "target" && target !== null) {
+      const found = this.targetById.get(target);
+      if (found !== undefined) await this.removed("target", () => calls.deleteTarget(found));
+    }
+  }
+
+  private async removed(kind: string, act: () => Promise<unknown>): Promise<void> {
+    const done = await app.attempt("Deleting", async () => {
+      await act();
+      return true;
+    });
+    if (done === true) {
+      app.select(null);
+      app.toast("ok", `${kind.replaceAll("_", " ")} deleted`, "Ctrl-Z brings it back.");
+    }
+    await app.attempt("Reading again", async () => {
+      await this.reload(kind);
+      if (kind === "target") await this.reload("observation_request");
+    });
+  }
+
+  async changeSol(changes: SolChange): Promise<void> {
+    const sol = this.sol;
+    if (sol === null) return;
+    await app.attempt("The budget", () => calls.changeSol(sol, changes));
+    await app.attempt("Reading the sol", () => this.reload("sol"));
+    this.soon("plan");
+  }
+
+  /** Ask for a plan and open it when its job is under way. */
+  async makePlan(order: PlanCreate): Promise<Job | null> {
+    return await app.attempt("Planning", async () => {
+      const job = await calls.createPlan(this.id, order);
+      this.jobs = [...this.jobs.filter((other) => other.id !== job.id), job];
+      this.follow(job);
+      await this.reload("plan");
+      if (job.subject_id !== "") app.go({ plan: job.subject_id, tab: "plan", run: null });
+      return job;
+    });
+  }
+
+  /** Run the open plan on a simulated rover and look at it. */
+  async dryRun(order: RunCreate): Promise<Job | null> {
+    return await app.attempt("The dry run", async () => {
+      const job = await calls.createRun(this.id, order);
+      this.jobs = [...this.jobs.filter((other) => other.id !== job.id), job];
+      this.follow(job);
+      await this.reload("run");
+      if (job.subject_id !== "") app.go({ run: job.subject_id, tab: "run" });
+      return job;
+    });
+  }
+
+  async cancel(job: Job): Promise<void> {
+    await app.attempt("Cancelling", () => calls.cancelJob(job.id));
+  }
+
+  /** Each dry run of a plan draws another future. */
+  nextSeed(): number {
+    return 1 + Math.max(0, ...this.runs.filter((run) => run.plan_id === this.plan?.id).map((run) => run.seed));
+  }
+
+  nextTargetName(): string {
+    const taken = new Set(this.targets.map((target) => target.name));
+    let number = this.targets.length + 1;
+    while (taken.has(`T${number}`)) number += 1;
+    return `T${number}`;
+  }
+}

@@ -1,0 +1,197 @@
+/** The run that is looked at: live while it goes on, afterwards replayed at any speed from what was recorded. */
+
+import * as calls from "../api/calls";
+import { listen, type Stream } from "../api/stream";
+import type { Run } from "../api/types";
+import {
+  appended,
+  type Columns,
+  indexAt,
+  type Moment,
+  momentAt,
+  nodeStates,
+  type Sample,
+  stepTimes,
+  type TraceRecord,
+} from "../lib/replay";
+import { app } from "./app.svelte";
+import type { MissionState } from "./mission.svelte";
+
+export const SPEEDS = [60, 300, 900, 3600] as const;
+/** Tracker states that say nothing of a track: not begun, or ended on purpose. */
+export const NOT_TRACKED = new Set(["none", "idle", "stopped"]);
+const EMPTY: Columns = {
+  t_s: [],
+  east_m: [],
+  north_m: [],
+  heading_rad: [],
+  battery_j: [],
+  energy_used_j: [],
+  tracker_confidence: {},
+  tracker_state: {},
+  task: [],
+};
+
+export class RunState {
+  id = $state<string | null>(null);
+  columns = $state.raw<Columns>(EMPTY);
+  trace = $state.raw<TraceRecord[]>([]);
+  live = $state(false);
+  playing = $state(false);
+  speed = $state<number>(300);
+  t = $state(0);
+  error = $state<string | null>(null);
+
+  readonly run = $derived.by<Run | null>(() => this.m.runs.find((run) => run.id === this.id) ?? null);
+  readonly end = $derived(Math.max(this.columns.t_s[this.columns.t_s.length - 1] ?? 0, this.trace.at(-1)?.t_s ?? 0));
+  readonly moment = $derived<Moment | null>(this.columns.t_s.length === 0 ? null : momentAt(this.columns, this.t));
+  readonly nodes = $derived(nodeStates(this.trace, this.t));
+  readonly steps = $derived(stepTimes(this.trace));
+  /** Where the rover has been until now, site metres. */
+  readonly track = $derived.by<[number, number][]>(() => {
+    const until = indexAt(this.columns.t_s, this.t);
+    const points: [number, number][] = [];
+    for (let k = 0; k <= until; k += 1) {
+      const [east, north] = [this.columns.east_m[k] ?? null, this.columns.north_m[k] ?? null];
+      if (east === null || north === null) continue;
+      const last = points[points.length - 1];
+      if (last === undefined || Math.hypot(last[0] - east, last[1] - north) > 0.01) points.push([east, north]);
+    }
+    if (this.moment?.east_m != null && this.moment.north_m != null) points.push([this.moment.east_m, this.moment.north_m]);
+    return points;
+  });
+  /** Products that had come down by now, oldest first. */
+  readonly products = $derived.by(() =>
+    this.m.products.filter((product) => product.run_id === this.id && product.t_s <= this.t + 0.5),
+  );
+
+  private stream: Stream | null = null;
+  private frame = 0;
+  private waiting = 0;
+  private readonly samples: Sample[] = [];
+  private readonly records: TraceRecord[] = [];
+  private last = 0;
+
+  constructor(readonly m: MissionState) {}
+
+  /** Look at a run; null leaves. */
+  async open(id: string | null, from: "start" | "end" = "end"): Promise<void> {
+    if (id === this.id) return;
+    this.close();
+    this.id = id;
+    if (id === null) return;
+    try {
+      const run = this.m.runs.find((known) => known.id === id) ?? (await calls.run(id));
+      if (this.id !== id) return;
+      if (run.state === "queued" || run.state === "running") this.follow(id);
+      else await this.load(id, from);
+    } catch (error) {
+      this.error = error instanceof Error ? error.message : String(error);
+    }
+  }
+
+  private async load(id: string, from: "start" | "end" | "here"): Promise<void> {
+    const [telemetry, trace] = await Promise.all([calls.telemetry(id), calls.trace(id)]);
+    if (this.id !== id) return;
+    this.columns = telemetry;
+    this.trace = trace.events;
+    if (from === "start") this.t = 0;
+    if (from === "end") this.t = this.end;
+  }
+
+  private follow(id: string): void {
+    this.live = true;
+    this.stream = listen(calls.runEventsUrl(id), {
+      telemetry: (data) => {
+        this.samples.push(data as Sample);
+        this.arrived();
+      },
+      trace: (data) => {
+        this.records.push(data as TraceRecord);
+        this.arrived();
+      },
+      product: () => void this.m.reload("product"),
+      end: () => void this.ended(id),
+    });
+  }
+
+  /** Samples come faster than frames: they are shown together. */
+  private arrived(): void {
+    if (this.waiting !== 0) return;
+    this.waiting = requestAnimationFrame(() => {
+      this.waiting = 0;
+      if (this.samples.length > 0) this.columns = appended(this.columns, this.samples.splice(0));
+      if (this.records.length > 0) this.trace = [...this.trace, ...this.records.splice(0)];
+      if (this.live) this.t = this.columns.t_s.at(-1) ?? 0;
+    });
+  }
+
+  private async ended(id: string): Promise<void> {
+    this.stream?.close();
+    this.stream = null;
+    this.live = false;
+    const quick = this.columns.t_s.length < 3;
+    await app.attempt("Reading the run", async () => {
+      await Promise.all([this.m.reload("run"), this.m.reload("product"), this.m.reload("observation_request")]);
+      await this.load(id, quick ? "start" : "here");
+      // A rover faster than the eye is shown again from the start.
+      if (quick) this.play();
+      else this.t = this.end;
+    });
+  }
+
+  play(): void {
+    if (this.columns.t_s.length === 0) return;
+    if (this.t >= this.end - 0.01) this.t = 0;
+    this.playing = true;
+    this.last = performance.now();
+    const tick = (now: number): void => {
+      if (!this.playing) return;
+      this.t = Math.min(this.end, this.t + ((now - this.last) / 1000) * this.speed);
+      this.last = now;
+      if (this.t >= this.end) this.playing = false;
+      else this.frame = requestAnimationFrame(tick);
+    };
+    this.frame = requestAnimationFrame(tick);
+  }
+
+  pause(): void {
+    this.playing = false;
+    cancelAnimationFrame(this.frame);
+  }
+
+  toggle(): void {
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
+  seek(t: number): void {
+    this.t = Math.max(0, Math.min(this.end, t));
+  }
+
+  /** To the next or the previous record of the trace. */
+  step(direction: 1 | -1): void {
+    this.pause();
+    const next =
+      direction > 0
+        ? this.steps.find((time) => time > this.t + 1e-6)
+        : this.steps.findLast((time) => time < this.t - 1e-6);
+    if (next !== undefined) this.t = next;
+  }
+
+  close(): void {
+    this.pause();
+    this.stream?.close();
+    this.stream = null;
+    this.live = false;
+    cancelAnimationFrame(this.waiting);
+    this.waiting = 0;
+    this.samples.length = 0;
+    this.records.length = 0;
+    this.columns = EMPTY;
+    this.trace = [];
+    this.t = 0;
+    this.error = null;
+    this.id = null;
+  }
+}

@@ -1,0 +1,71 @@
+/** What the pointer does on map and scene, and the edits that come of it. */
+
+import * as calls from "../api/calls";
+import type { Target } from "../api/types";
+import type { Point } from "../map/geometry";
+import type { Mode } from "../map/plan-map";
+import { app } from "./app.svelte";
+import type { MissionState } from "./mission.svelte";
+
+export class Tools {
+  mode = $state<Mode>("select");
+  measured = $state.raw<Point[]>([]);
+  measuredRise = $state<number | null>(null);
+
+  constructor(private readonly m: MissionState) {}
+
+  setMode(mode: Mode): void {
+    this.mode = this.mode === mode && mode !== "select" ? "select" : mode;
+    this.measured = [];
+    this.measuredRise = null;
+  }
+
+  /** Make a target where somebody clicked; height, normal and covariance are the server's. */
+  async pick(east: number, north: number): Promise<Target | null> {
+    const created = await app.attempt("The new target", async () => {
+      const target = await calls.createTarget(this.m.id, this.m.nextTargetName(), round(east), round(north));
+      await this.m.reload("target");
+      return target;
+    });
+    if (created === null) return null;
+    this.mode = "select";
+    app.go({ selection: { kind: "target", id: created.id }, tab: "selection" });
+    return created;
+  }
+
+  async keepOutDrawn(corners: Point[]): Promise<void> {
+    const created = await app.attempt("The keep-out", async () => {
+      const name = `K${this.m.keepOuts.length + 1}`;
+      const keepOut = await calls.createKeepOut(this.m.id, name, corners.map(rounded));
+      await this.m.reload("keep_out");
+      return keepOut;
+    });
+    this.mode = "select";
+    if (created !== null) app.go({ selection: { kind: "keep-out", id: created.id }, tab: "selection" });
+  }
+
+  async keepOutReshaped(id: string, corners: Point[]): Promise<void> {
+    const keepOut = this.m.keepOuts.find((known) => known.id === id);
+    if (keepOut === undefined) return;
+    await app.attempt("The keep-out", () => calls.changeKeepOut(keepOut, { polygon_m: corners.map(rounded) }));
+    await app.attempt("The keep-outs", () => this.m.reload("keep_out"));
+  }
+
+  /** Heights of both ends of a measured line, asked of the server. */
+  async measure(points: Point[]): Promise<void> {
+    this.measured = points;
+    this.measuredRise = null;
+    const [a, b] = points;
+    if (a === undefined || b === undefined) return;
+    await app.attempt("Measuring", async () => {
+      const [from, to] = await Promise.all([
+        calls.terrainPoint(this.m.id, a[0], a[1]),
+        calls.terrainPoint(this.m.id, b[0], b[1]),
+      ]);
+      this.measuredRise = to.up_m - from.up_m;
+    });
+  }
+}
+
+const round = (value: number): number => Math.round(value * 1000) / 1000;
+const rounded = (point: Point): number[] => [round(point[0]), round(point[1])];

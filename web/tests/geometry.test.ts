@@ -1,0 +1,135 @@
+import { describe, expect, it } from "vitest";
+import {
+  ellipse,
+  type Network,
+  offsetPath,
+  outline,
+  pathOf,
+  placeLabels,
+  type Point,
+  polygonArea,
+  ribbonsOf,
+  ribbonWidth,
+  trackingCone,
+} from "../src/map/geometry";
+import { densify, groundGeometry, stripGeometry, sunDirection, surface } from "../src/scene/ground";
+
+const network: Network = {
+  nodes: [
+    { id: "start", target_id: null, pose: { east_m: 0, north_m: 0 } },
+    { id: "n1", target_id: "A", pose: { east_m: 4, north_m: 0 } },
+    { id: "n2", target_id: "B", pose: { east_m: 4, north_m: 3 } },
+  ],
+  segments: [
+    { start: "start", end: "n1", points_m: [[0, 0], [2, 1], [4, 0]] },
+    { start: "n2", end: "n1", points_m: [[4, 3], [5, 1], [4, 0]] },
+  ],
+};
+const nowhere = (): Point | null => null;
+
+describe("the way of a drive", () => {
+  it("follows the path network, also against the direction of a segment", () => {
+    expect(pathOf(network, null, "A", nowhere)).toEqual([[0, 0], [2, 1], [4, 0]]);
+    expect(pathOf(network, "A", "B", nowhere)).toEqual([[4, 0], [5, 1], [4, 3]]);
+  });
+
+  it("is straight where the network has no segment, and unknown where there is no place", () => {
+    expect(pathOf(network, null, "B", nowhere)).toEqual([[0, 0], [4, 3]]);
+    expect(pathOf(null, null, "X", nowhere)).toBeNull();
+    expect(pathOf(null, null, "X", (t) => (t === null ? [0, 0] : [1, 1]))).toEqual([[0, 0], [1, 1]]);
+  });
+});
+
+describe("ribbons", () => {
+  const leg = (line: string, from: string | null, to: string, p: number) => ({ line, depth: line === "main" ? 0 : 1, step: `${line}/0`, from, to, p });
+  const way = (from: string | null, to: string) => pathOf(network, from, to, nowhere);
+
+  it("are as wide as the drive is probable", () => {
+    expect(ribbonWidth(1)).toBeGreaterThan(4 * ribbonWidth(0.01));
+    expect(ribbonWidth(7)).toBe(ribbonWidth(1));
+  });
+
+  it("lie side by side on the same way and do not overlap", () => {
+    const [a, b] = ribbonsOf([leg("main", null, "A", 0.8), leg("option-1", null, "A", 0.2)], way);
+    const gap = Math.abs((a?.shift ?? 0) - (b?.shift ?? 0));
+    expect(gap).toBeGreaterThanOrEqual(((a?.width ?? 0) + (b?.width ?? 0)) / 2);
+  });
+
+  it("lie on opposite sides when one goes there and one comes back", () => {
+    const [a, b] = ribbonsOf([leg("main", "A", "B", 0.5), leg("option-1", "B", "A", 0.5)], way);
+    expect(Math.sign(a?.shift ?? 0)).toBe(Math.sign(b?.shift ?? 0));
+  });
+
+  it("are shifted by their distance everywhere", () => {
+    const moved = offsetPath([[0, 0], [10, 0], [10, 10]], 1);
+    expect(moved).toEqual([[0, 1], [9, 1], [9, 10]]);
+    expect(offsetPath([[0, 0], [5, 0], [0, 0]], 1).every(([x, y]) => Math.hypot(x, y) < 6)).toBe(true);
+  });
+});
+
+describe("shapes", () => {
+  it("have the area and the spread they tell of", () => {
+    expect(polygonArea([[0, 0], [4, 0], [4, 3]])).toBe(6);
+    const ring = ellipse([1, 2], [[0.04, 0, 0], [0, 0.01, 0]], 2, 400);
+    expect(Math.max(...ring.map((p) => p[0])) - 1).toBeCloseTo(0.4, 4);
+    expect(Math.max(...ring.map((p) => p[1])) - 2).toBeCloseTo(0.2, 4);
+    expect(polygonArea(outline(3, 3, 0.4, 1, 1))).toBeGreaterThan(1);
+  });
+
+  it("open the tracking cone towards where the target was first seen", () => {
+    const cone = trackingCone([10, 0], [0, 0], 0.3);
+    expect(cone[0]).toEqual([10, 0]);
+    for (const [x, y] of cone.slice(1)) {
+      expect(Math.hypot(x - 10, y)).toBeCloseTo(10);
+      expect(Math.abs(Math.atan2(y, 10 - x))).toBeLessThanOrEqual(0.3001);
+    }
+  });
+});
+
+describe("names on the map", () => {
+  it("lie neither on each other nor on a mark, and the first one gets its place", () => {
+    const labels = [[0, 0], [30, 2], [60, 0], [31, 3], [32, 4]].map(([x = 0, y = 0]) => ({ at: [x, y] as Point, width: 60, height: 14 }));
+    const places = placeLabels(labels, 9);
+    expect(places[0]).not.toBeNull();
+    const boxes = places.flatMap((shift, k) => {
+      const at = labels[k]?.at ?? [0, 0];
+      return shift === null ? [] : [[at[0] + shift[0], at[1] + shift[1]]];
+    });
+    boxes.forEach((a, i) =>
+      boxes.slice(i + 1).forEach((b) => {
+        const apart = Math.abs((a[0] ?? 0) - (b[0] ?? 0)) >= 60 || Math.abs((a[1] ?? 0) - (b[1] ?? 0)) >= 14;
+        expect(apart).toBe(true);
+      }),
+    );
+    expect(places.some((place) => place === null)).toBe(true);
+  });
+});
+
+describe("the ground in 3D", () => {
+  const grid = { rows: 3, columns: 3, west: -1, east: 1, south: -1, north: 1, heights: new Float32Array([0, 0, 0, 0, 1, 0, 0, 0, Number.NaN]) };
+
+  it("has two triangles a cell, none where a height is missing, none in the hole", () => {
+    const extent = { west: -1, south: -1, east: 1, north: 1 };
+    expect(groundGeometry(grid, extent, null).getIndex()?.count).toBe(3 * 6);
+    expect(groundGeometry(grid, extent, { west: -3, south: -3, east: 3, north: 3 }).getIndex()?.count).toBe(0);
+    const normal = groundGeometry(grid, extent, null).getAttribute("normal");
+    for (let k = 0; k < 4; k += 1) expect(normal.getY(k)).toBeGreaterThan(0);
+  });
+
+  it("is covered by what is draped over it", () => {
+    const up = surface([grid]);
+    expect(up(0, 0)).toBe(1);
+    expect(up(9, 9)).toBe(0);
+    const strip = stripGeometry([[-1, 0], [0, 0]], 0.1, 0.05, up).getAttribute("position");
+    for (let k = 0; k < strip.count; k += 1) {
+      expect(strip.getY(k)).toBeCloseTo(up(strip.getX(k), -strip.getZ(k)) + 0.05, 5);
+    }
+    expect(densify([[0, 0], [1, 0]], 0.3)).toHaveLength(5);
+  });
+
+  it("is lit from the east in the morning, from above at noon and from the west in the evening", () => {
+    expect(sunDirection(8).x).toBeGreaterThan(0.5);
+    expect(sunDirection(12).y).toBeGreaterThan(0.98);
+    expect(sunDirection(16).x).toBeLessThan(-0.5);
+  });
+});

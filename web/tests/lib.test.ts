@@ -1,0 +1,252 @@
+import { describe, expect, it } from "vitest";
+import { nodesOf, tokenize } from "../src/lib/crl";
+import { parseRows, parseTargets } from "../src/lib/csv";
+import * as format from "../src/lib/format";
+import { keyName } from "../src/lib/keys";
+import { appended, blendAngle, type Columns, indexAt, momentAt, nodeStates, stepTimes } from "../src/lib/replay";
+import { bodyOf, freshFields, problemsOf } from "../src/lib/request-form";
+import { formatRoute, parseRoute, type Route } from "../src/lib/route";
+import { contours, contourStep, type Grid, heightAt, slopes } from "../src/lib/terrain-image";
+
+describe("numbers for people", () => {
+  it("tell times as clocks and on the Mars clock, whose second is longer", () => {
+    expect(format.clock(3909)).toBe("1:05:09");
+    expect(format.clock(-5)).toBe("−0:00:05");
+    expect(format.solarTime(10, 0)).toBe("10:00");
+    // One hour of LMST is 3699 s.
+    expect(format.solarTime(10, 3698.97)).toBe("11:00");
+    expect(format.planSeconds(10, "11:00")).toBeCloseTo(3698.97, 1);
+    expect(format.planTime(10, format.lmstSeconds(10, 1234))).toBeCloseTo(1234);
+  });
+
+  it("refuse what is no time of day", () => {
+    for (const text of ["", "25:00", "10:60", "ten", "10"]) expect(format.planSeconds(10, text)).toBeNull();
+  });
+
+  it("never round a chance to nothing or to certainty", () => {
+    expect(format.percent(0.001)).toBe("<1 %");
+    expect(format.percent(0.999)).toBe(">99 %");
+    expect(format.percent(0)).toBe("0 %");
+    expect(format.percent(1)).toBe("100 %");
+    expect(format.percent(null)).toBe("–");
+  });
+
+  it("write joules as watt-hours and small lengths as centimetres", () => {
+    expect(format.energy(3600 * 292)).toBe("292 Wh");
+    expect(format.energy(3600 * 4.25)).toBe("4.25 Wh");
+    expect(format.length(0.048)).toBe("4.8 cm");
+    expect(format.length(12.345)).toBe("12.35 m");
+    expect(format.signed(-1.24)).toBe("−1.2");
+    expect(format.signed(0.001)).toBe("0.0");
+  });
+
+  it("give the half axes of an error ellipsoid, whatever its direction", () => {
+    const [a, b, c] = [0.05, 0.02, 0.01];
+    const angle = 0.7;
+    const [u, v] = [Math.cos(angle), Math.sin(angle)];
+    const rotated = [
+      [u * u * a * a + v * v * b * b, u * v * (a * a - b * b), 0],
+      [u * v * (a * a - b * b), v * v * a * a + u * u * b * b, 0],
+      [0, 0, c * c],
+    ];
+    format.standardDeviations(rotated).forEach((value, k) => expect(value).toBeCloseTo([a, b, c][k] ?? 0, 9));
+    expect(format.standardDeviations([[1, 0, 0], [0, 1, 0], [0, 0, 1]])).toEqual([1, 1, 1]);
+  });
+});
+
+describe("deep links", () => {
+  it("bring back what was open and selected", () => {
+    const route: Route = {
+      mission: "msn-1",
+      plan: "pln-2",
+      run: null,
+      tab: "crl",
+      view: "scene",
+      selection: { kind: "step", id: "option-3/4" },
+    };
+    expect(formatRoute(route)).toBe("#/m/msn-1?plan=pln-2&tab=crl&view=scene&sel=step:option-3/4");
+    expect(parseRoute(formatRoute(route))).toEqual(route);
+  });
+
+  it("do not stumble over what is no address of ours", () => {
+    for (const hash of ["", "#", "#/", "#/x/y", "#/m/", "#/m"]) expect(parseRoute(hash).mission).toBeNull();
+    expect(parseRoute("#/m/a?sel=nonsense:1").selection).toBeNull();
+    expect(parseRoute("#/m/a?sel=target").selection).toBeNull();
+  });
+});
+
+describe("pasted targets", () => {
+  it("are read with or without a heading, with tabs, semicolons or commas", () => {
+    const wanted = { name: "Rock 1", east_m: 4.2, north_m: -1.5, instrument: "science_camera", value: 3, problem: null };
+    for (const text of [
+      "Rock 1, 4.2, -1.5, science camera, 3",
+      "name;x;y;instrument;value\n\nRock 1;4.2;-1.5;Science Camera;3\n",
+      'north\teast\ttarget\tvalue\tinstrument\n-1.5\t4.2\t"Rock 1"\t3\tscience_camera',
+    ]) {
+      expect(parseTargets(text)[0]).toMatchObject(wanted);
+    }
+  });
+
+  it("name the line and the cell that cannot be read", () => {
+    const rows = parseTargets("name,east,north,value\nA,x,1\nB,1,2,-4\n,1,2\nC,1,2");
+    expect(rows.map((row) => [row.line, row.problem])).toEqual([
+      [2, "east is “x”, not a number of metres"],
+      [3, "value is “-4”, not a number of at least 0"],
+      [4, "no name"],
+      [5, null],
+    ]);
+  });
+
+  it("may hold the separator in quotes", () => {
+    expect(parseRows('"a, ""b""",2\r\n')).toEqual([['a, "b"', "2"]]);
+  });
+});
+
+describe("CRL text", () => {
+  const TEXT = `(plan :id p ; a comment with (brackets)
+  :node (block :id root
+    :node-list ((task :id t1 :action image :probability 0.9 :parameters (target = tgt-1)
+                      :metadata (observation = req-1 target = "tgt-1"))
+      (branch :id b :options ((option :id o1 :utility 3.5e1
+          :node (task :id t2 :start-conditions ((database (:trackerstate "Rock \\"1\\"" /= :lost))) :action wait)))))))`;
+
+  it("is cut into tokens that make the same text again", () => {
+    expect(tokenize(TEXT).map((token) => token.text).join("")).toBe(TEXT);
+    expect(tokenize(TEXT).filter((token) => token.kind === "number").map((token) => token.text)).toEqual(["0.9", "3.5e1"]);
+    expect(tokenize("/ odd ' \u0000").map((token) => token.text).join("")).toBe("/ odd ' \u0000");
+  });
+
+  it("gives every node its place, action, metadata and parent", () => {
+    const nodes = nodesOf(TEXT);
+    expect(nodes.map((node) => [node.id, node.kind, node.action, node.parent])).toEqual([
+      ["root", "block", null, "p"],
+      ["t1", "task", "image", "root"],
+      ["b", "branch", null, "root"],
+      ["o1", "option", null, "b"],
+      ["t2", "task", "wait", "o1"],
+    ]);
+    expect(nodes[1]?.metadata).toEqual({ observation: "req-1", target: "tgt-1" });
+    expect(TEXT.slice(nodes[3]?.start, nodes[3]?.end)).toMatch(/^\(option[^]*\)$/);
+    expect(nodes[1]?.line).toBe(3);
+    expect(nodes.map((node) => node.probability)).toEqual([null, 0.9, null, null, null]);
+  });
+});
+
+describe("a replay", () => {
+  const columns: Columns = {
+    t_s: [0, 10, 20],
+    east_m: [0, 0, 4],
+    north_m: [null, 1, 1],
+    heading_rad: [3, -3, -3],
+    battery_j: [1, 1, 1],
+    energy_used_j: [0, 5, 9],
+    tracker_confidence: { A: [null, 0.9, 0.4] },
+    tracker_state: { A: [null, "tracked", "lost"], B: ["idle", "idle", "idle"] },
+    task: [null, "t1", "t2"],
+  };
+
+  it("blends numbers between samples and keeps states as last told", () => {
+    const moment = momentAt(columns, 15);
+    expect(moment.east_m).toBe(2);
+    expect(moment.energy_used_j).toBe(7);
+    expect(moment.task).toBe("t1");
+    expect(moment.trackers.A).toEqual({ confidence: 0.9, state: "tracked" });
+    expect(moment.trackers.B?.state).toBe("idle");
+    expect(momentAt(columns, 99).trackers.A?.state).toBe("lost");
+    expect(momentAt(columns, 5).north_m).toBe(1);
+  });
+
+  it("grows by live samples, also with a tracker that was not there before", () => {
+    const sample = { t_s: 30, east_m: 5, north_m: 1, heading_rad: 0, battery_j: 1, energy_used_j: 12, task: null };
+    const grown = appended(columns, [{ ...sample, trackers: { A: { state: "lost", confidence: 0.1 }, C: { state: "tracked", confidence: 1 } } }]);
+    expect(grown.tracker_confidence.C).toEqual([null, null, null, 1]);
+    expect(grown.tracker_state.B).toEqual(["idle", "idle", "idle", null]);
+    for (const column of [grown.east_m, grown.task, grown.tracker_state.A]) expect(column).toHaveLength(4);
+    expect(columns.t_s).toHaveLength(3);
+  });
+
+  it("turns the short way round", () => {
+    const half = blendAngle(3, -3, 0.5) ?? 0;
+    expect(Math.cos(half)).toBeCloseTo(-1, 6);
+    expect(blendAngle(null, 1, 0.5)).toBe(1);
+  });
+
+  it("finds samples by halving", () => {
+    expect([-1, 0, 9.9, 10, 25].map((t) => indexAt(columns.t_s, t))).toEqual([-1, 0, 0, 1, 2]);
+  });
+
+  it("knows what became of each node by any moment", () => {
+    const records = [
+      { t_s: 0, event: "start", arguments: ["a"] },
+      { t_s: 5, event: "end", arguments: ["a", "SUCCEEDED"] },
+      { t_s: 5, event: "start", arguments: ["b"] },
+      { t_s: 9, event: "end", arguments: ["b", "FAILED", "action-failed"] },
+    ];
+    expect([...nodeStates(records, 4)]).toEqual([["a", "running"]]);
+    expect(nodeStates(records, 9).get("b")).toBe("failed");
+    expect(stepTimes(records)).toEqual([0, 5, 9]);
+  });
+});
+
+describe("the request form", () => {
+  it("sends a window in plan seconds", () => {
+    const fields = { ...freshFields(), from: "11:00", until: "12:00" };
+    expect(problemsOf(fields, 10, 14400)).toEqual({});
+    expect(bodyOf(fields, 10)).toMatchObject({ window_s: [3699, 7398], value: 10, tracked: true });
+    expect(bodyOf(freshFields("science_camera"), 10)).toMatchObject({ window_s: null, tracked: false, value: 4 });
+  });
+
+  it("says what is wrong before the server does", () => {
+    const check = (changes: object) => Object.keys(problemsOf({ ...freshFields(), ...changes }, 10, 14400));
+    expect(check({ value: null })).toEqual(["value"]);
+    expect(check({ value: -1 })).toEqual(["value"]);
+    expect(check({ dwell: -1 })).toEqual(["dwell"]);
+    expect(check({ from: "11:00" })).toEqual(["until"]);
+    expect(check({ from: "9:00", until: "12:00" })).toEqual(["from"]);
+    expect(check({ from: "12:00", until: "11:00" })).toEqual(["until"]);
+    expect(check({ from: "23:00", until: "23:30" })).toEqual(["from"]);
+    expect(check({ from: "soon", until: "12:00" })).toEqual(["from"]);
+  });
+});
+
+describe("pictures of the ground", () => {
+  // A plane that rises 1 m per 2 m to the north.
+  const rows = 5;
+  const columns = 9;
+  const grid: Grid = {
+    rows,
+    columns,
+    west: -4,
+    east: 4,
+    south: -2,
+    north: 2,
+    heights: Float32Array.from({ length: rows * columns }, (_, k) => (2 - Math.floor(k / columns)) / 2),
+  };
+
+  it("take heights between posts and nothing outside", () => {
+    expect(heightAt(grid, 0.3, 0.5)).toBeCloseTo(0.25);
+    expect(heightAt(grid, 5, 0)).toBeNull();
+  });
+
+  it("show the slope of a plane", () => {
+    for (const slope of slopes(grid)) expect(slope).toBeCloseTo(Math.atan(0.5), 5);
+  });
+
+  it("draw contours where the ground has their height", () => {
+    for (const [level, flat] of contours(grid, 0.3)) {
+      for (let k = 0; k < flat.length; k += 2) expect((flat[k + 1] ?? 0) / 2).toBeCloseTo(level, 5);
+    }
+    expect(contours(grid, 0.3).size).toBe(7);
+    expect(contourStep(6)).toBe(0.5);
+  });
+});
+
+describe("keys", () => {
+  it("are named the same with either command key", () => {
+    const press = (key: string, held: object = {}) => keyName({ key, ctrlKey: false, metaKey: false, shiftKey: false, ...held });
+    expect(press("T")).toBe("t");
+    expect(press("z", { metaKey: true })).toBe("ctrl+z");
+    expect(press("Z", { ctrlKey: true, shiftKey: true })).toBe("ctrl+shift+z");
+    expect(press("?", { shiftKey: true })).toBe("?");
+  });
+});
