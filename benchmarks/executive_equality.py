@@ -1,0 +1,91 @@
+"""Does the executive running the emitted CRL earn what the planner's evaluator says, future by future?
+
+Each future is a table of draws that the evaluator and the abstract rover both meet. Prints, per problem,
+the share of futures with equal utility and the same options taken, and every difference.
+
+    .venv/bin/python benchmarks/executive_equality.py [--futures 2000] [--branches 6] [PROBLEM.json ...]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from executive.crl import canonical_text
+from executive.loading import load_plan
+from executive.runtime import run_plan
+from planner.emit_crl import emit
+from planner.evaluate.draws import draw_table, earned
+from planner.plan_tree import Branch, PlanTree, walk, with_ids
+from planner.problem import load_problem, problem_to_dict
+from planner.solve import solve
+from rover_iface.simulator.abstract_rover import make_rover
+from rover_iface.simulator.world import load_world
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One future in which the two do not agree."""
+
+    future: int
+    evaluator: tuple[float, tuple[str, ...]]
+    executive: tuple[float, tuple[str, ...]]
+
+
+def compare(problem_document: Mapping[str, Any], tree: PlanTree, futures: int, seed: int) -> list[Difference]:
+    """Return the futures in which utility or options taken differ."""
+    problem = load_problem(problem_document)
+    tree = PlanTree(tree.instance, with_ids(tree.plan), tree.method)
+    table = draw_table(problem, futures, seed)
+    expected = earned(problem, tree.plan, table)
+    entries = {}
+    for path, step in walk(tree.plan):
+        if isinstance(step, Branch):
+            for k, option in enumerate(step.options):
+                entries[option.id] = expected.program.option_entry[(*path, k)]
+    plan = load_plan(canonical_text(emit(problem, tree)))
+    world = load_world(problem_to_dict(problem))
+    found = []
+    for k in range(futures):
+        outcome = run_plan(plan, make_rover(world, draws=table.future(k)), run_id=f"run-{k}")
+        chosen = {r.arguments[1] for r in outcome.trace if r.event == "choose"}
+        taken = tuple(sorted(name for name in entries if name in chosen))
+        wanted = tuple(sorted(name for name, row in entries.items() if expected.visited[k, row]))
+        if abs(outcome.utility - float(expected.utility[k])) > 1e-6 or taken != wanted:
+            found.append(Difference(k, (float(expected.utility[k]), wanted), (float(outcome.utility), taken)))
+    return found
+
+
+def main() -> None:
+    """Compare on the problems named, or on five of the public instances."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("problems", nargs="*", type=Path)
+    parser.add_argument("--futures", type=int, default=2000)
+    parser.add_argument("--branches", type=int, default=6)
+    parser.add_argument("--seed", type=int, default=7)
+    arguments = parser.parse_args()
+    folder = Path(__file__).resolve().parents[1].parent / "shared" / "contingency" / "instances"
+    names = ("dev-reserve-5", "dev-windows-6", "dev-mixed-7", "dev-tracking-5", "dev-reserve-8")
+    problems = arguments.problems or [folder / f"{name}.json" for name in names]
+    for path in problems:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        result = solve(load_problem(document), max_branches=arguments.branches, iterations=2000)
+        began = time.process_time()
+        differences = compare(document, result.tree, arguments.futures, arguments.seed)
+        rate = arguments.futures / (time.process_time() - began)
+        share = 100.0 * (1.0 - len(differences) / arguments.futures)
+        print(
+            f"{path.stem}: {share:.2f} % of {arguments.futures} futures equal, "
+            f"{result.branches} branches, {rate:.0f} days a second"
+        )
+        for difference in differences[:10]:
+            print(f"  future {difference.future}: {difference.evaluator} against {difference.executive}")
+
+
+if __name__ == "__main__":
+    main()

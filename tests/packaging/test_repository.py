@@ -1,0 +1,163 @@
+"""What the repository as a whole promises: rooms, locks, compose file, start-up."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import grimp
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+TRACKED = subprocess.run(
+    ["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True
+).stdout.splitlines()
+
+
+def test_executive_imports_the_standard_library_only() -> None:
+    graph = grimp.build_graph("executive", include_external_packages=True)
+    outside = {
+        imported
+        for module in graph.modules
+        if module.split(".")[0] == "executive"
+        for imported in graph.find_modules_directly_imported_by(module)
+        if imported.split(".")[0] != "executive" and imported.split(".")[0] not in sys.stdlib_module_names
+    }
+    assert outside == set()
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in TRACKED if n.startswith("requirements/") or n.endswith("package-lock.json")]
+)
+def test_lock_files_hold_no_address(name: str) -> None:
+    text = (ROOT / name).read_text()
+    if name.endswith(".json"):
+        assert '"resolved"' not in text
+    else:
+        assert "://" not in text
+        assert "--index" not in text
+        assert "--find-links" not in text
+
+
+def test_lock_files_hash_every_package() -> None:
+    for lock in (ROOT / "requirements").glob("*.lock"):
+        entries = re.split(r"\n(?=\S)", lock.read_text().strip())
+        assert len(entries) > 30
+        without = [e.split()[0] for e in entries if "--hash=sha256:" not in e]
+        assert without == [], lock.name
+
+
+def test_npm_does_not_write_addresses_into_its_lock() -> None:
+    assert "omit-lockfile-registry-resolved=true" in (ROOT / "web/.npmrc").read_text().split()
+
+
+def test_no_tracked_file_names_a_package_registry() -> None:
+    hosts = re.compile(
+        "|".join(["pypi" + r"\.org", "python" + "hosted", "npmjs" + r"\.(org|com)", "registry" + r"\.npm"])
+    )
+    found = [
+        name
+        for name in TRACKED
+        if (ROOT / name).is_file()
+        and (ROOT / name).suffix not in {".png", ".jpg", ".tif", ".glb", ".gz", ".npz", ".md"}
+        and hosts.search((ROOT / name).read_text(errors="ignore"))
+    ]
+    assert found == []
+
+
+def test_no_tracked_file_is_large() -> None:
+    large = {
+        n: (ROOT / n).stat().st_size
+        for n in TRACKED
+        if (ROOT / n).is_file() and (ROOT / n).stat().st_size > 2**21
+    }
+    assert large == {}
+
+
+def test_compose_file_fits_the_compose_schema() -> None:
+    check = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", "vendor.compose-spec"]
+    done = subprocess.run(
+        [*check, "docker-compose.yml"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_compose_file_runs_api_worker_and_postgresql() -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    assert set(services) == {"migrate", "api", "worker", "db"}
+    assert services["db"]["image"].startswith("postgres:")
+    assert services["api"]["command"][:2] == ["outcrop", "serve"]
+    assert services["worker"]["command"] == ["outcrop", "worker"]
+    for name in ("api", "worker"):
+        assert services[name]["environment"]["OUTCROP_DATABASE_URL"].startswith("postgresql+psycopg://")
+
+
+def test_compose_commands_exist() -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    for service in ("migrate", "api", "worker"):
+        _, command, *options = services[service]["command"]
+        done = subprocess.run(
+            [sys.executable, "-m", "ground.cli", command, "--help"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        for option in (o for o in options if o.startswith("--")):
+            assert option in done.stdout
+
+
+def test_help_loads_no_heavy_library() -> None:
+    heavy = {
+        "numpy",
+        "scipy",
+        "numba",
+        "ortools",
+        "cv2",
+        "fastapi",
+        "sqlalchemy",
+        "pydantic",
+        "shapely",
+        "matplotlib",
+    }
+    code = (
+        "import sys\nfrom ground.cli.main import app, register_all\nregister_all()\n"
+        f"print(sorted({heavy!r} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_wheel_names_every_room() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert wheel["packages"] == ["executive", "planner", "rover_iface", "ground", "web"]
+    assert wheel["force-include"] == {"migrations": "ground/migrations"}
+
+
+def test_navigation_of_the_docs_is_complete() -> None:
+    text = (ROOT / "mkdocs.yml").read_text()
+    listed = set(re.findall(r"([\w-]+\.md)", text))
+    pages = {p.name for p in (ROOT / "docs").glob("*.md")}
+    assert listed == pages
+
+
+def test_links_inside_the_docs_lead_somewhere() -> None:
+    broken = []
+    for page in [*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]:
+        for link in re.findall(r"\]\(([^)#\s]+)", page.read_text()):
+            if "://" not in link and not (page.parent / link).exists():
+                broken.append((page.name, link))
+    assert broken == []
+
+
+def test_docs_build_without_a_warning(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert (tmp_path / "architecture" / "index.html").exists()
