@@ -6,10 +6,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.convert import DayKeepOut, DayTarget, StandPose, stand_for
-from ground.errors import InvalidInputError
+from ground.errors import InvalidInputError, UnreachableError
 from ground.gdr import values as v
 from ground.gdr.models import KeepOutRow, MissionRow, SolRow, TargetRow
 from ground.gdr.repository import Repository
+from ground.services.check_stand import weigh_stand
 from ground.services.terrains import mission_terrain, terrain_row
 from ground.work.day import INSTRUMENTS
 
@@ -23,12 +24,20 @@ def place_rover(
 ) -> v.ObservationPoint:
     """Return the observation point of a target for an instrument, or why there is none.
 
-    A pose set by hand is taken as it is.
+    A pose set by hand takes the place of the program's choice and has to keep the same rules.
+
+    Raises
+    ------
+    UnreachableError
+        If the target cannot be observed from the pose set by hand.
     """
     from rover_iface.errors import RoverError
     from rover_iface.profile import load_profile
 
     if manual is not None:
+        verdict = weigh_stand(repo, session, target, instrument, manual)
+        if not verdict.reachable:
+            raise UnreachableError(verdict.reason, pointer="/observation_pose")
         return v.ObservationPoint(pose=manual, reachable=True, manual=True, reason="")
     mission = session.get_one(MissionRow, target.mission_id)
     newest = session.scalars(

@@ -105,16 +105,6 @@ def test_a_request_without_a_reachable_observation_point_says_why(api: Api, miss
     )
     assert request["observation_point"]["reachable"] is False
     assert "Rock1" in request["observation_point"]["reason"]
-    by_hand = {"observation_pose": {"east_m": 3.2, "north_m": 1.0, "heading_rad": 0.0}}
-    changed = api(
-        "PATCH", f"/observation-requests/{request['id']}", by_hand, headers={"If-Match": '"1"'}
-    ).json()
-    assert changed["observation_point"] == {
-        "pose": {"east_m": 3.2, "north_m": 1.0, "heading_rad": 0.0},
-        "reachable": True,
-        "manual": True,
-        "reason": "",
-    }
 
 
 def test_precedence_cannot_go_in_a_circle(api: Api, mission: Mission) -> None:

@@ -466,6 +466,66 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/missions/{mission_id}/panorama": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Panorama
+         * @description Describe the panorama of the start pose; its tiles are rendered when they are first read, then kept.
+         */
+        get: operations["get_panorama"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/panorama/point": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Panorama Point
+         * @description Ask the full-resolution terrain for the ground in a direction (azimuth clockwise from north).
+         */
+        get: operations["get_panorama_point"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/panorama/tiles/{index}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Panorama Tile
+         * @description Send a tile of the panorama, grey, rendered by the simulator.
+         */
+        get: operations["get_panorama_tile"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/missions/{mission_id}/path-networks": {
         parameters: {
             query?: never;
@@ -574,6 +634,49 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/missions/{mission_id}/rover": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Rover
+         * @description Describe the mission's rover for a view: body, arm, mast, cameras, tracking cone, sun.
+         */
+        get: operations["get_rover"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/rover/view": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Camera View
+         * @description Give a camera model in the site frame for a rover standing at a pose, as it settles on the ground.
+         *
+         *     With `at_east_m` and `at_north_m` the mast looks at the ground there, else it stands at `pan_rad` and
+         *     `tilt_rad`.
+         */
+        get: operations["get_camera_view"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/missions/{mission_id}/runs": {
         parameters: {
             query?: never;
@@ -658,6 +761,26 @@ export interface paths {
          * @description Describe the mission's terrain: layers, extent, start pose.
          */
         get: operations["get_terrain"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/terrain/coverage": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Coverage
+         * @description Send which ground is seen from the start pose, and how well it is known there.
+         */
+        get: operations["get_coverage"];
         put?: never;
         post?: never;
         delete?: never;
@@ -786,6 +909,26 @@ export interface paths {
          * @description Follow a request to its target, plans, runs and data products.
          */
         get: operations["get_observation_request_lineage"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/observation-requests/{observation_request_id}/stand": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Stand Check
+         * @description Weigh a pose for a request by the rules of base placement; by default the rover faces the target.
+         */
+        get: operations["get_stand_check"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1636,6 +1779,64 @@ export interface components {
             north_min_m: number;
         };
         /**
+         * Camera
+         * @description A camera model (CAHV, CAHVOR or CAHVORE); vectors in the frame of `mount`, H and V in pixels.
+         *
+         *     Pixel (0, 0) is the centre of the upper left one. Vectors the model does not have are zero.
+         */
+        Camera: {
+            /** A */
+            A: number[];
+            /** C */
+            C: number[];
+            /** E */
+            E: number[];
+            /** H */
+            H: number[];
+            /** O */
+            O: number[];
+            /** R */
+            R: number[];
+            /** V */
+            V: number[];
+            /** Height */
+            height: number;
+            /**
+             * Kind
+             * @enum {string}
+             */
+            kind: "CAHV" | "CAHVOR" | "CAHVORE";
+            /** Linearity */
+            linearity: number;
+            /**
+             * Mount
+             * @enum {string}
+             */
+            mount: "mast" | "body" | "site";
+            /** Name */
+            name: string;
+            /** Width */
+            width: number;
+        };
+        /**
+         * CameraView
+         * @description A camera of the rover at a pose, site frame, with how the rover stands there and the mast points.
+         */
+        CameraView: {
+            camera: components["schemas"]["Camera"];
+            /** Pan Rad */
+            pan_rad: number;
+            /** Pitch Rad */
+            pitch_rad: number;
+            pose: components["schemas"]["Pose"];
+            /** Roll Rad */
+            roll_rad: number;
+            /** Tilt Rad */
+            tilt_rad: number;
+            /** Up M */
+            up_m: number;
+        };
+        /**
          * CommandState
          * @description A command the rover has not answered yet.
          */
@@ -2469,6 +2670,48 @@ export interface components {
             /** Next Cursor */
             next_cursor: string | null;
         };
+        /**
+         * Panorama
+         * @description What the navigation camera sees from the start pose, as cylindrical tiles of one size side by side.
+         *
+         *     A place of a tile x pixels right of and y below its upper left corner looks at azimuth `left_azimuth_rad`
+         *     + x `rad_per_px` and elevation `top_elevation_rad` - y `rad_per_px`.
+         */
+        Panorama: {
+            /** Camera */
+            camera: string;
+            /** Lmst H */
+            lmst_h: number;
+            pose: components["schemas"]["Pose"];
+            /** Rad Per Px */
+            rad_per_px: number;
+            /** Tile Height */
+            tile_height: number;
+            /** Tile Width */
+            tile_width: number;
+            /** Tiles */
+            tiles: components["schemas"]["PanoramaTile"][];
+            /** Top Elevation Rad */
+            top_elevation_rad: number;
+        };
+        /**
+         * PanoramaTile
+         * @description A part of a panorama: its columns go clockwise from `left_azimuth_rad` (clockwise from north).
+         *
+         *     `eye_m` is the centre of the camera that took it, site frame.
+         */
+        PanoramaTile: {
+            /** Eye M */
+            eye_m: number[];
+            /** Index */
+            index: number;
+            /** Left Azimuth Rad */
+            left_azimuth_rad: number;
+            /** Ready */
+            ready: boolean;
+            /** Url */
+            url: string;
+        };
         /** PassBody */
         PassBody: {
             /**
@@ -2933,6 +3176,66 @@ export interface components {
          */
         Role: "viewer" | "scientist" | "planner" | "flight_director" | "operator" | "admin";
         /**
+         * RoverShape
+         * @description What a view draws of a mission's rover, from its profile; points in the rover frame, metres.
+         *
+         *     `cone_half_angle_rad` is that of the tracking region as the path network uses it. `odometry_error` is
+         *     the share of the way by which dead reckoning is off (one standard deviation). `sun` is the light of the
+         *     day as the simulator has it.
+         */
+        RoverShape: {
+            /** Arm Azimuth Limit Rad */
+            arm_azimuth_limit_rad: number;
+            /** Arm Min Reach M */
+            arm_min_reach_m: number;
+            /** Arm Reach M */
+            arm_reach_m: number;
+            /** Axle X M */
+            axle_x_m: number[];
+            /** Cameras */
+            cameras: components["schemas"]["Camera"][];
+            /** Clearance M */
+            clearance_m: number;
+            /** Cone Half Angle Rad */
+            cone_half_angle_rad: number;
+            /** Heading Drift Rad M */
+            heading_drift_rad_m: number;
+            /** Height M */
+            height_m: number;
+            /** Length M */
+            length_m: number;
+            /** Mast Pivot M */
+            mast_pivot_m: number[];
+            /** Max Slope Rad */
+            max_slope_rad: number;
+            /** Max Tilt Rad */
+            max_tilt_rad: number;
+            /** Navigation Camera */
+            navigation_camera: string;
+            /** Odometry Error */
+            odometry_error: number;
+            /** Pan Limit Rad */
+            pan_limit_rad: number;
+            /** Profile */
+            profile: string;
+            /** Shoulder M */
+            shoulder_m: number[];
+            /** Sun */
+            sun: components["schemas"]["SunPlace"][];
+            /** Tilt Limits Rad */
+            tilt_limits_rad: number[];
+            /** Track M */
+            track_m: number;
+            /** Version */
+            version: string;
+            /** Wheel Radius M */
+            wheel_radius_m: number;
+            /** Wheel Width M */
+            wheel_width_m: number;
+            /** Width M */
+            width_m: number;
+        };
+        /**
          * Run
          * @description One execution of a plan's CRL, by a simulated rover (dry run) or as brought down from a rover.
          */
@@ -3243,6 +3546,28 @@ export interface components {
             uplink_deadline_utc?: string | null;
         };
         /**
+         * StandCheck
+         * @description Whether a target can be observed from a pose, and the figures; null where they mean nothing.
+         *
+         *     `reach_m` is from the arm's shoulder (contact instruments) or the mast (remote ones) to the target,
+         *     `tool_tilt_rad` between tool or view and the surface normal.
+         */
+        StandCheck: {
+            /** Clearance M */
+            clearance_m: number | null;
+            pose: components["schemas"]["Pose"];
+            /** Reach M */
+            reach_m: number | null;
+            /** Reachable */
+            reachable: boolean;
+            /** Reason */
+            reason: string;
+            /** Slope Rad */
+            slope_rad: number | null;
+            /** Tool Tilt Rad */
+            tool_tilt_rad: number | null;
+        };
+        /**
          * SummaryDocument
          * @description The planner's summary.
          */
@@ -3254,6 +3579,16 @@ export interface components {
             format?: string;
         } & {
             [key: string]: unknown;
+        };
+        /**
+         * SunPlace
+         * @description Unit vector to the sun, east-north-up, at a local mean solar time.
+         */
+        SunPlace: {
+            /** Direction */
+            direction: number[];
+            /** Lmst H */
+            lmst_h: number;
         };
         /**
          * Target
@@ -5829,6 +6164,187 @@ export interface operations {
             };
         };
     };
+    get_panorama: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Panorama"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_panorama_point: {
+        parameters: {
+            query: {
+                azimuth_rad: number;
+                elevation_rad: number;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TerrainPoint"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_panorama_tile: {
+        parameters: {
+            query?: {
+                /** @description from the tile's url; makes it cacheable */
+                key?: string;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+                index: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "image/jpeg": unknown;
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
     list_path_networks: {
         parameters: {
             query?: {
@@ -6351,6 +6867,131 @@ export interface operations {
             };
         };
     };
+    get_rover: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RoverShape"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_camera_view: {
+        parameters: {
+            query: {
+                east_m: number;
+                north_m: number;
+                camera: string;
+                heading_rad?: number;
+                pan_rad?: number;
+                tilt_rad?: number;
+                at_east_m?: number | null;
+                at_north_m?: number | null;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CameraView"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
     list_runs: {
         parameters: {
             query?: {
@@ -6811,6 +7452,68 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Terrain"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_coverage: {
+        parameters: {
+            query?: {
+                layer?: "inner" | "outer";
+                /** @description thinned out to at most so many posts */
+                max_posts?: number;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description one byte a post, row by row, first row in the north: 0 = nothing known, 1 = hidden from the start pose's mast, else 2 + standard deviation in centimetres of a point picked there. X-Outcrop-Shape, X-Outcrop-Bounds and X-Outcrop-Spacing as with the heights. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": unknown;
                 };
             };
             /** @description Not authenticated */
@@ -7380,6 +8083,68 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Lineage"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_stand_check: {
+        parameters: {
+            query: {
+                east_m: number;
+                north_m: number;
+                heading_rad?: number | null;
+            };
+            header?: never;
+            path: {
+                observation_request_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StandCheck"];
                 };
             };
             /** @description Not authenticated */

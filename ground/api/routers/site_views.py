@@ -1,0 +1,154 @@
+"""What the 3D view, the map and the panorama draw: rover, cameras, coverage, the place to stand."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Path, Query
+from starlette.responses import FileResponse, Response
+
+from ground.api.context import Id, Repo, Who, answer, call
+from ground.api.problems import responses
+from ground.gdr import values as v
+from ground.gdr.view_values import CameraView, Panorama, RoverShape, StandCheck
+
+router = APIRouter(tags=["views"], responses=responses(401, 403))
+Coordinate = Annotated[float, Query(ge=-100_000.0, le=100_000.0, allow_inf_nan=False)]
+Angle = Annotated[float, Query(ge=-6.2831853071795869, le=6.2831853071795869, allow_inf_nan=False)]
+
+
+@router.get("/missions/{mission_id}/rover", response_model=RoverShape, responses=responses(404, 422))
+async def get_rover(repo: Repo, who: Who, mission_id: Id) -> Response:
+    """Describe the mission's rover for a view: body, arm, mast, cameras, tracking cone, sun."""
+    from ground.services.describe_rover import describe_rover
+
+    return answer(await call(describe_rover, repo, who, mission_id))
+
+
+@router.get("/missions/{mission_id}/rover/view", response_model=CameraView, responses=responses(404, 422))
+async def get_camera_view(
+    repo: Repo,
+    who: Who,
+    mission_id: Id,
+    east_m: Coordinate,
+    north_m: Coordinate,
+    camera: Annotated[str, Query(min_length=1, max_length=80)],
+    heading_rad: Angle = 0.0,
+    pan_rad: Angle = 0.0,
+    tilt_rad: Angle = 0.0,
+    at_east_m: Coordinate | None = None,
+    at_north_m: Coordinate | None = None,
+) -> Response:
+    """Give a camera model in the site frame for a rover standing at a pose, as it settles on the ground.
+
+    With `at_east_m` and `at_north_m` the mast looks at the ground there, else it stands at `pan_rad` and
+    `tilt_rad`."""
+    from ground.services.describe_rover import view_from
+
+    at = None if at_east_m is None or at_north_m is None else (at_east_m, at_north_m)
+    pose = v.Pose(east_m, north_m, heading_rad)
+    return answer(
+        await call(view_from, repo, who, mission_id, pose, camera, pan_rad=pan_rad, tilt_rad=tilt_rad, at=at)
+    )
+
+
+@router.get(
+    "/missions/{mission_id}/terrain/coverage",
+    response_class=Response,
+    responses={
+        200: {
+            "content": {"application/octet-stream": {}},
+            "description": (
+                "one byte a post, row by row, first row in the north: 0 = nothing known, 1 = hidden from the "
+                "start pose's mast, else 2 + standard deviation in centimetres of a point picked there. "
+                "X-Outcrop-Shape, X-Outcrop-Bounds and X-Outcrop-Spacing as with the heights."
+            ),
+        },
+        **responses(404, 422),
+    },
+)
+async def get_coverage(
+    repo: Repo,
+    who: Who,
+    mission_id: Id,
+    layer: Literal["inner", "outer"] = "inner",
+    max_posts: Annotated[
+        int, Query(ge=16, le=1_000_000, description="thinned out to at most so many posts")
+    ] = 90_000,
+) -> Response:
+    """Send which ground is seen from the start pose, and how well it is known there."""
+    from ground.services.read_coverage import read_coverage
+
+    tile = await call(read_coverage, repo, who, mission_id, layer, max_posts)
+    headers = {
+        "X-Outcrop-Shape": f"{tile.rows},{tile.columns}",
+        "X-Outcrop-Bounds": ",".join(f"{b:.6f}" for b in tile.bounds),
+        "X-Outcrop-Spacing": f"{tile.spacing_m:.6f}",
+        "Cache-Control": "private, max-age=300",
+    }
+    return Response(tile.content, media_type="application/octet-stream", headers=headers)
+
+
+@router.get("/missions/{mission_id}/panorama", response_model=Panorama, responses=responses(404, 422))
+async def get_panorama(repo: Repo, who: Who, mission_id: Id) -> Response:
+    """Describe the panorama of the start pose; its tiles are rendered when they are first read, then kept."""
+    from ground.services.look_around import look_around
+
+    return answer(await call(look_around, repo, who, mission_id))
+
+
+@router.get(
+    "/missions/{mission_id}/panorama/tiles/{index}",
+    response_class=Response,
+    responses={200: {"content": {"image/jpeg": {}}}, **responses(404, 422)},
+)
+async def get_panorama_tile(
+    repo: Repo,
+    who: Who,
+    mission_id: Id,
+    index: Annotated[int, Path(ge=0, le=99)],
+    key: Annotated[str, Query(max_length=40, description="from the tile's url; makes it cacheable")] = "",
+) -> Response:
+    """Send a tile of the panorama, grey, rendered by the simulator."""
+    from ground.services.look_around import read_tile
+
+    path = await call(read_tile, repo, who, mission_id, index)
+    cached = "private, max-age=86400" if key else "no-cache"
+    return FileResponse(path, media_type="image/jpeg", headers={"Cache-Control": cached})
+
+
+@router.get(
+    "/missions/{mission_id}/panorama/point", response_model=v.TerrainPoint, responses=responses(404, 422)
+)
+async def get_panorama_point(
+    repo: Repo,
+    who: Who,
+    mission_id: Id,
+    azimuth_rad: Annotated[float, Query(ge=-6.2831853071795869, le=12.566370614359172, allow_inf_nan=False)],
+    elevation_rad: Annotated[
+        float, Query(ge=-1.5707963267948966, le=1.5707963267948966, allow_inf_nan=False)
+    ],
+) -> Response:
+    """Ask the full-resolution terrain for the ground in a direction (azimuth clockwise from north)."""
+    from ground.services.look_around import point_in_panorama
+
+    return answer(await call(point_in_panorama, repo, who, mission_id, azimuth_rad, elevation_rad))
+
+
+@router.get(
+    "/observation-requests/{observation_request_id}/stand",
+    response_model=StandCheck,
+    responses=responses(404, 422),
+)
+async def get_stand_check(
+    repo: Repo,
+    who: Who,
+    observation_request_id: Id,
+    east_m: Coordinate,
+    north_m: Coordinate,
+    heading_rad: Angle | None = None,
+) -> Response:
+    """Weigh a pose for a request by the rules of base placement; by default the rover faces the target."""
+    from ground.services.check_stand import check_stand
+
+    return answer(await call(check_stand, repo, who, observation_request_id, east_m, north_m, heading_rad))
