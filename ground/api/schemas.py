@@ -9,6 +9,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from ground.gdr import values as v
+from ground.work.what_if import Changes, changes_of
 
 T = TypeVar("T")
 
@@ -266,8 +267,34 @@ class PathNetworkCreate(Body):
     sol_id: Id | None = None
 
 
+class WhatIf(Body):
+    """Changes of a plan's day. Budgets are what may be used in all; a late start costs time and hotel energy.
+
+    Each chance p to lose a track becomes 1 - (1 - p) ** `loss_factor`. `keep_outs` are polygons that stand in
+    the place of the mission's keep-outs.
+    """
+
+    exclude: Annotated[list[Id], Field(max_length=500)] = []
+    force: Annotated[list[Id], Field(max_length=20)] = []
+    values: Annotated[dict[Id, Utility], Field(max_length=500)] = {}
+    time_budget_s: Seconds | None = None
+    energy_budget_j: Joules | None = None
+    start_delay_s: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=88_775.0)] = 0.0
+    loss_factor: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=10.0)] = 1.0
+    keep_outs: (
+        Annotated[list[Annotated[list[Corner], Field(min_length=3, max_length=500)]], Field(max_length=200)]
+        | None
+    ) = None
+
+    def value(self) -> Changes:
+        """Return the changes as the service takes them."""
+        members = self.model_dump()
+        return changes_of({name: value for name, value in members.items() if value is not None})
+
+
 class PlanCreate(Body):
-    """Ask for a plan. `request_ids` limits it to some requests; empty = all that are open.
+    """Ask for a plan. `request_ids` limits it to some requests; empty = all that are open. With `what_if` the
+    plan is made for a day changed so: it answers another question than the mission's and is never approved.
 
     With `iterations` the answer does not depend on the machine: same seed, same plan.
     """
@@ -282,6 +309,7 @@ class PlanCreate(Body):
     iterations: Annotated[int, Field(strict=True, ge=1, le=10_000_000)] | None = None
     seed: Seed = 1
     request_ids: Annotated[list[Id], Field(max_length=5000)] = []
+    what_if: WhatIf | None = None
 
 
 class PlanChange(Body):

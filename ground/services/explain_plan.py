@@ -12,13 +12,17 @@ from ground.gdr import values as v
 from ground.gdr.repository import Repository
 from ground.services.actor import Actor
 from ground.services.read_plan import computed_plan
+from ground.work.what_if import begun
 
 if TYPE_CHECKING:
-    from planner.plan_tree import PlanTree
+    from planner.evaluate.model import Floats
+    from planner.plan_tree import Plan, PlanTree
     from planner.problem import Problem
 
 FUTURES = 20_000
 """Enough for a standard error of about a hundredth of a plan's value, in about a second."""
+BINS = 32
+"""Bars of a histogram."""
 
 
 def _stored(session: Session, plan: m.PlanRow) -> tuple[Problem, PlanTree]:
@@ -89,6 +93,8 @@ def compare_plans(repo: Repository, actor: Actor, plan_id: str, other_id: str) -
         except PlannerError as err:
             raise InvalidInputError(f"plan {b.number} does not fit: {err}", pointer="other_id") from err
     found = compare(problem, tree_a.plan, tree_b.plan, futures=FUTURES, seed=a.seed)
+    futures_a, begun_a = _flown(problem, tree_a.plan, a.seed)
+    futures_b, begun_b = _flown(problem, tree_b.plan, a.seed)
     in_a, in_b = set(a.planned_request_ids), set(b.planned_request_ids)
     return v.PlanComparison(
         plan_a=a.id,
@@ -105,4 +111,48 @@ def compare_plans(repo: Repository, actor: Actor, plan_id: str, other_id: str) -
         overrun_b=found.overrun_b,
         only_in_a=sorted(in_a - in_b),
         only_in_b=sorted(in_b - in_a),
+        futures=FUTURES,
+        histogram=_pair_histogram(futures_a, futures_b),
+        difference_histogram=_histogram(futures_a - futures_b),
+        begun_a=begun_a,
+        begun_b=begun_b,
     )
+
+
+def _flown(problem: Problem, plan: Plan, seed: int) -> tuple[Floats, dict[str, float]]:
+    """Return the utility of a plan in each future, and how often each of its observations was begun."""
+    from planner.evaluate.model import Model
+    from planner.evaluate.monte_carlo import simulate
+    from planner.evaluate.program import compile_plan
+
+    model = Model.of(problem)
+    program = compile_plan(model, plan)
+    flown = simulate(model, program, FUTURES, seed=seed, count_visits=True)
+    return flown.utility, begun(program, plan, flown.row_visits, FUTURES)
+
+
+def _edges(low: float, high: float) -> Floats:
+    import numpy as np
+
+    if high - low < 1e-9:
+        low, high = low - 0.5, high + 0.5
+    return np.linspace(low, high, BINS + 1)
+
+
+def _histogram(values: Floats) -> v.Histogram:
+    import numpy as np
+
+    counts, edges = np.histogram(values, _edges(float(values.min()), float(values.max())))
+    return v.Histogram(_rounded(edges), _rounded(counts / len(values)))
+
+
+def _pair_histogram(a: Floats, b: Floats) -> v.PairHistogram:
+    import numpy as np
+
+    edges = _edges(float(min(a.min(), b.min())), float(max(a.max(), b.max())))
+    shares = (np.histogram(values, edges)[0] / len(values) for values in (a, b))
+    return v.PairHistogram(_rounded(edges), *map(_rounded, shares))
+
+
+def _rounded(values: Floats) -> list[float]:
+    return [round(float(value), 6) for value in values]

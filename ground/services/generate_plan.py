@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import orjson
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -15,12 +17,14 @@ from ground.gdr import values as v
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.services.actor import SYSTEM_ACTOR, Action, Actor
+from ground.services.answer_what_if import keep_out_documents
 from ground.services.checks import next_number
 from ground.services.day_inputs import choose_sol, day_inputs
 from ground.services.edit import insert, update
 from ground.services.inputs_digest import inputs_digest
 from ground.services.kinds import KINDS, show_jobs
 from ground.services.terrains import terrain_row
+from ground.work.what_if import Changes
 
 KIND = "generate_plan"
 
@@ -39,6 +43,7 @@ class PlanOrder:
     iterations: int | None = None
     seed: int = 1
     request_ids: tuple[str, ...] = ()
+    what_if: Changes | None = None
 
 
 def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOrder) -> v.Job:
@@ -58,6 +63,9 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
                 )
         sol = choose_sol(session, mission_id, order.sol_id)
         payload = day_inputs(repo, session, mission, sol, order.request_ids)
+        inputs = inputs_digest(session, mission_id)
+        if order.what_if is not None:
+            inputs = _changed_inputs(payload, inputs, order.what_if)
         plan_id, job_id = new_id("pln"), new_id("job")
         number = next_number(session, m.PlanRow, mission_id)
         row = m.PlanRow(
@@ -67,8 +75,8 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
             sol_id=sol.id,
             parent_id=order.parent_id,
             number=number,
-            name=order.name or f"Plan {number}",
-            notes=order.notes,
+            name=order.name or (f"Plan {number}" if order.what_if is None else f"What-if {number}"),
+            notes=order.notes or ("" if order.what_if is None else f"What if: {order.what_if.in_words()}."),
             state=v.PlanState.DRAFT.value,
             strategy=order.strategy,
             max_branches=order.max_branches,
@@ -76,7 +84,7 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
             iterations=order.iterations,
             seed=order.seed,
             job_id=job_id,
-            inputs_sha256=inputs_digest(session, mission_id),
+            inputs_sha256=inputs,
             terrain_sha256=terrain_row(session, mission_id).sha256,
             dictionary=f"{COMMANDS.name} {COMMANDS.version}",
             rover_profile=mission.rover_profile,
@@ -87,7 +95,9 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
         )
         insert(session, actor, KINDS["plan"], row)
         order_document = {
-            k: value for k, value in asdict(order).items() if k not in {"name", "notes", "request_ids"}
+            k: value
+            for k, value in asdict(order).items()
+            if k not in {"name", "notes", "request_ids", "what_if"}
         }
         job = jobs.enqueue(
             session,
@@ -103,6 +113,17 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
         value = show_jobs(session, [job])[0]
     jobs.WAKE.set()
     return value
+
+
+def _changed_inputs(payload: dict[str, Any], inputs: str, changes: Changes) -> str:
+    """Put the changes into the day of a what-if; return a digest that no state of the mission ever has.
+
+    So the plan counts as stale from the beginning: it answers another question and cannot be approved.
+    """
+    if changes.keep_outs is not None:
+        payload["keep_outs"] = keep_out_documents(changes)
+    payload["what_if"] = changes.as_dict()
+    return hashlib.sha256(orjson.dumps([inputs, payload["what_if"]])).hexdigest()
 
 
 def settle(_repo: Repository, session: Session, job: m.JobRow, result: dict[str, Any]) -> str | None:

@@ -10,6 +10,7 @@ from ground.convert import Report
 from ground.errors import JobFailedError
 from ground.jobs import WorkStoppedError
 from ground.work.day import network_geometry, observation_points, prepare
+from ground.work.what_if import changed_problem, changes_of
 
 if TYPE_CHECKING:
     from planner.problem import Problem
@@ -28,7 +29,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     from planner.emit_crl import emit
     from planner.errors import PlannerError
     from planner.plan_tree import plan_tree_to_dict, planned_observations
-    from planner.problem import problem_from_dict
+    from planner.problem import problem_from_dict, problem_to_dict
     from planner.solve import PlanStatus, Progress, solve
 
     day = prepare(payload, lambda share, what: report(0.3 * share, what))
@@ -49,7 +50,10 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         return stopped
 
     try:
-        problem = problem_from_dict(day.problem)
+        problem, document = problem_from_dict(day.problem), day.problem
+        if "what_if" in payload:
+            problem = changed_problem(problem, changes_of(payload["what_if"]))
+            document = problem_to_dict(problem)
         result = solve(
             problem,
             strategy=order["strategy"],
@@ -81,7 +85,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     check = result.check
     return {
         "status": result.status.value,
-        "problem": day.problem,
+        "problem": document,
         "problem_sha256": problem.digest(),
         "tree": plan_tree_to_dict(result.tree, problem),
         "crl_text": text,
@@ -95,7 +99,10 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         "lower": result.lower,
         "upper": _finite(result.upper),
         "branches": result.branches,
-        "summary": summary_of(problem, result, digest(crl)),
+        "summary": {
+            **summary_of(problem, result, digest(crl)),
+            **({"what_if": payload["what_if"]} if "what_if" in payload else {}),
+        },
         "geometry": network_geometry(day),
         "observation_points": observation_points(day),
     }

@@ -27,6 +27,7 @@ from ground.api.schemas import (
     PlanCreate,
     SummaryDocument,
     TreeDocument,
+    WhatIf,
     set_members,
 )
 from ground.gdr import values as v
@@ -132,6 +133,7 @@ async def create_plan(
         iterations=body.iterations,
         seed=body.seed,
         request_ids=tuple(body.request_ids),
+        what_if=None if body.what_if is None else body.what_if.value(),
     )
     job = await call(generate_plan, repo, who, mission_id, order)
     return await accepted(repo, who, job, prefer)
@@ -216,3 +218,13 @@ async def compare_plans(repo: Repo, who: Who, plan_id: Id, other_id: Id) -> Resp
     from ground.services.explain_plan import compare_plans
 
     return answer(await call(compare_plans, repo, who, plan_id, other_id))
+
+
+@router.post(
+    "/plans/{plan_id}/what-if", response_model=v.WhatIfAnswer, responses=responses(400, 404, 409, 422)
+)
+async def answer_what_if(repo: Repo, who: Who, plan_id: Id, body: WhatIf) -> Response:
+    """Say at once what changes of the day are worth: to the plan as it is, and to one made for them."""
+    from ground.services.answer_what_if import answer_what_if
+
+    return answer(await call(answer_what_if, repo, who, plan_id, body.value()))

@@ -1233,6 +1233,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/plans/{plan_id}/what-if": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Answer What If
+         * @description Say at once what changes of the day are worth: to the plan as it is, and to one made for them.
+         */
+        post: operations["answer_what_if"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/plans/{plan_id}/why-not/{request_id}": {
         parameters: {
             query?: never;
@@ -2112,6 +2132,16 @@ export interface components {
             version: string;
         };
         /**
+         * Histogram
+         * @description Shares of the futures in bins; bin k reaches from `edges[k]` to `edges[k + 1]`, the last inclusive.
+         */
+        Histogram: {
+            /** Edges */
+            edges: number[];
+            /** Share */
+            share: number[];
+        };
+        /**
          * ImportedGeometry
          * @description What came of a file of targets and keep-outs.
          */
@@ -2671,6 +2701,18 @@ export interface components {
             next_cursor: string | null;
         };
         /**
+         * PairHistogram
+         * @description Two histograms over the same bins.
+         */
+        PairHistogram: {
+            /** Edges */
+            edges: number[];
+            /** Share A */
+            share_a: number[];
+            /** Share B */
+            share_b: number[];
+        };
+        /**
          * Panorama
          * @description What the navigation camera sees from the start pose, as cylindrical tiles of one size side by side.
          *
@@ -2911,14 +2953,29 @@ export interface components {
         /**
          * PlanComparison
          * @description Two plans on the same futures; the worst 5 % are means over the worst twentieth of each.
+         *
+         *     `histogram` is of the utility of both, `difference_histogram` of A less B future by future. `begun_a` and
+         *     `begun_b` are the shares of the futures in which each request was begun.
          */
         PlanComparison: {
             /** A Beats B */
             a_beats_b: number;
             /** B Beats A */
             b_beats_a: number;
+            /** Begun A */
+            begun_a: {
+                [key: string]: number;
+            };
+            /** Begun B */
+            begun_b: {
+                [key: string]: number;
+            };
             /** Difference */
             difference: number;
+            difference_histogram: components["schemas"]["Histogram"];
+            /** Futures */
+            futures: number;
+            histogram: components["schemas"]["PairHistogram"];
             /** Only In A */
             only_in_a: string[];
             /** Only In B */
@@ -2944,7 +3001,8 @@ export interface components {
         };
         /**
          * PlanCreate
-         * @description Ask for a plan. `request_ids` limits it to some requests; empty = all that are open.
+         * @description Ask for a plan. `request_ids` limits it to some requests; empty = all that are open. With `what_if` the
+         *     plan is made for a day changed so: it answers another question than the mission's and is never approved.
          *
          *     With `iterations` the answer does not depend on the machine: same seed, same plan.
          */
@@ -2988,6 +3046,7 @@ export interface components {
              * @default 20
              */
             time_limit_s?: number;
+            what_if?: components["schemas"]["WhatIf"] | null;
         };
         /**
          * PlanState
@@ -3865,6 +3924,104 @@ export interface components {
             reason: string;
             /** Rule */
             rule: string;
+        };
+        /**
+         * WhatIf
+         * @description Changes of a plan's day. Budgets are what may be used in all; a late start costs time and hotel energy.
+         *
+         *     Each chance p to lose a track becomes 1 - (1 - p) ** `loss_factor`. `keep_outs` are polygons that stand in
+         *     the place of the mission's keep-outs.
+         */
+        WhatIf: {
+            /** Energy Budget J */
+            energy_budget_j?: number | null;
+            /**
+             * Exclude
+             * @default []
+             */
+            exclude?: string[];
+            /**
+             * Force
+             * @default []
+             */
+            force?: string[];
+            /** Keep Outs */
+            keep_outs?: number[][][] | null;
+            /**
+             * Loss Factor
+             * @default 1
+             */
+            loss_factor?: number;
+            /**
+             * Start Delay S
+             * @default 0
+             */
+            start_delay_s?: number;
+            /** Time Budget S */
+            time_budget_s?: number | null;
+            /**
+             * Values
+             * @default {}
+             */
+            values?: {
+                [key: string]: number;
+            };
+        };
+        /**
+         * WhatIfAnswer
+         * @description What changes of the day are worth to a plan, on the same futures for all three values.
+         *
+         *     `value_present` is the plan today, `value_kept` the same plan in the changed day (without what was taken
+         *     away), `value_found` the best plan found at once for it: a full planning can only be better. `change` is
+         *     found less present, `replanning` found less kept. `gained` and `lost` are requests against the present
+         *     plan, `reach` the chance of each request to be begun. `per_hour` and `per_100_kj` are what more of a
+         *     budget is worth there; `why` says it in sentences.
+         */
+        WhatIfAnswer: {
+            /** Branches */
+            branches: number;
+            /** Change */
+            change: number;
+            /** Change Error */
+            change_error: number;
+            /** Changes */
+            changes: string;
+            /** Elapsed S */
+            elapsed_s: number;
+            /** Energy Budget J */
+            energy_budget_j: number;
+            /** Feasible */
+            feasible: boolean;
+            /** Gained */
+            gained: string[];
+            /** Lost */
+            lost: string[];
+            /** Overrun */
+            overrun: number;
+            /** Per 100 Kj */
+            per_100_kj: number;
+            /** Per Hour */
+            per_hour: number;
+            /** Plan Id */
+            plan_id: string;
+            /** Reach */
+            reach: {
+                [key: string]: number;
+            };
+            /** Replanning */
+            replanning: number;
+            /** Replanning Error */
+            replanning_error: number;
+            /** Time Budget S */
+            time_budget_s: number;
+            /** Value Found */
+            value_found: number;
+            /** Value Kept */
+            value_kept: number;
+            /** Value Present */
+            value_present: number;
+            /** Why */
+            why: string[];
         };
         /**
          * WhyNot
@@ -9421,6 +9578,86 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["FlightRuleResult"][];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    answer_what_if: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                plan_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["WhatIf"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["WhatIfAnswer"];
                 };
             };
             /** @description Malformed request */

@@ -1,0 +1,136 @@
+"""What-if: an answer at once that moves the right way, on common futures; and a what-if kept as a plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.work.what_if import Changes, changed_problem, changes_of, what_if
+from tests.ground.conftest import Api, yard
+from tests.ground.test_day_over_rest import file_requests, planned
+from tests.ground.test_missions_api import problem as problem_of
+
+
+@pytest.fixture
+def planned_day(sqlite_api: Api, terrain_folder: Path) -> tuple[Api, str, dict[str, str], dict[str, Any]]:
+    mission = yard(sqlite_api.repo, terrain_folder)
+    requests = {name: request["id"] for name, request in file_requests(sqlite_api, mission).items()}
+    return sqlite_api, mission.id, requests, planned(sqlite_api, mission)
+
+
+def test_nothing_changed_changes_nothing(planned_day: Any) -> None:
+    api, _, _, plan = planned_day
+    answer = api.post(f"/plans/{plan['id']}/what-if", {}, status=200)
+    assert answer["change"] == 0.0
+    assert answer["value_present"] == answer["value_kept"] == answer["value_found"]
+    assert answer["value_present"] == pytest.approx(plan["expected_utility"], rel=0.02)
+    assert (answer["gained"], answer["lost"]) == ([], [])
+    assert answer["changes"] == "nothing changed"
+
+
+def test_what_is_taken_away_costs_and_what_is_worth_more_gains(planned_day: Any) -> None:
+    api, _, requests, plan = planned_day
+    url = f"/plans/{plan['id']}/what-if"
+    without = api.post(url, {"exclude": [requests["Near"]]}, status=200)
+    assert without["lost"] == [requests["Near"]]
+    assert without["change"] < -5.0
+    assert requests["Near"] not in without["reach"]
+    dearer = api.post(url, {"values": {requests["Far"]: 15.0}}, status=200)
+    assert dearer["change"] == pytest.approx(10.0 * dearer["reach"][requests["Far"]], rel=0.1)
+    assert dearer["change_error"] < 0.2
+    less = api.post(url, {"time_budget_s": 60.0}, status=200)
+    assert less["value_found"] == 0.0
+    assert sorted(less["lost"]) == sorted(requests.values())
+    late = api.post(url, {"start_delay_s": 600.0}, status=200)
+    assert late["time_budget_s"] == pytest.approx(answer_budget(api, plan) - 600.0)
+    worse = api.post(url, {"loss_factor": 10.0}, status=200)
+    assert worse["value_kept"] <= worse["value_present"]
+
+
+def answer_budget(api: Api, plan: dict[str, Any]) -> float:
+    budget: float = api.get(f"/problems/{plan['problem_id']}")["document"]["budget"]["time_s"]
+    return budget
+
+
+def test_other_keep_outs_make_another_network(planned_day: Any) -> None:
+    api, _, requests, plan = planned_day
+    ring = [[1.0, -2.0], [7.0, -2.0], [7.0, 4.0], [1.0, 4.0]]
+    answer = api.post(f"/plans/{plan['id']}/what-if", {"keep_outs": [ring]}, status=200)
+    assert answer["lost"] == [requests["Near"]]
+    assert any("no longer be reached" in why for why in answer["why"])
+    free = api.post(f"/plans/{plan['id']}/what-if", {"keep_outs": []}, status=200)
+    assert free["lost"] == []
+
+
+def test_a_demand_that_cannot_be_met_is_said(planned_day: Any) -> None:
+    api, _, requests, plan = planned_day
+    url = f"/plans/{plan['id']}/what-if"
+    answer = api.post(url, {"force": [requests["Near"]], "time_budget_s": 60.0}, status=200)
+    assert answer["feasible"] is False
+    assert requests["Near"] in answer["why"][0]
+    both = api("POST", url, {"force": [requests["Near"]], "exclude": [requests["Near"]]})
+    assert "both excluded and demanded" in problem_of(both, 422, "invalid-input")["detail"]
+    unknown = api("POST", url, {"values": {"req-nobody": 3.0}})
+    assert "req-nobody is not in the plan's problem" in problem_of(unknown, 422, "invalid-input")["detail"]
+
+
+def test_a_what_if_kept_is_a_plan_of_its_own_that_nobody_approves(planned_day: Any) -> None:
+    api, mission_id, requests, plan = planned_day
+    order = {
+        "iterations": 3,
+        "time_limit_s": 60.0,
+        "parent_id": plan["id"],
+        "what_if": {"exclude": [requests["Near"]], "loss_factor": 2.0},
+    }
+    job = api.post(f"/missions/{mission_id}/plans", order, status=202)
+    api.jobs()
+    job = api.get(f"/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job["problem"]
+    kept = api.get(job["result_url"])
+    assert kept["planned_request_ids"] == [requests["Far"]]
+    assert kept["parent_id"] == plan["id"]
+    assert kept["stale"] is True
+    assert kept["notes"] == "What if: 1 request taken away, tracks lost 2 times as readily."
+    summary = api.get(f"/plans/{kept['id']}/summary")
+    assert summary["what_if"] == {"exclude": [requests["Near"]], "loss_factor": 2.0}
+    compared = api.get(f"/plans/{plan['id']}/comparison/{kept['id']}")
+    assert compared["only_in_a"] == [requests["Near"]]
+
+
+def test_a_comparison_has_histograms_of_both_on_one_scale(planned_day: Any) -> None:
+    api, _, requests, plan = planned_day
+    compared = api.get(f"/plans/{plan['id']}/comparison/{plan['id']}")
+    pair, difference = compared["histogram"], compared["difference_histogram"]
+    assert pair["share_a"] == pair["share_b"]
+    assert sum(pair["share_a"]) == pytest.approx(1.0)
+    assert len(pair["edges"]) == len(pair["share_a"]) + 1
+    assert sum(difference["share"]) == pytest.approx(1.0)
+    assert compared["begun_a"] == compared["begun_b"]
+    assert compared["begun_a"][requests["Far"]] > 0.5
+    middle = [(low + high) / 2 for low, high in zip(pair["edges"], pair["edges"][1:], strict=False)]
+    mean = sum(m * share for m, share in zip(middle, pair["share_a"], strict=True))
+    assert mean == pytest.approx(compared["value_a"], abs=(pair["edges"][1] - pair["edges"][0]))
+
+
+def test_changes_survive_their_written_form() -> None:
+    changes = Changes(
+        exclude=("a",), values={"b": 2.0}, loss_factor=0.5, keep_outs=(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)),)
+    )
+    assert changes_of(changes.as_dict()) == changes
+    assert Changes().as_dict() == {}
+
+
+def test_more_time_and_surer_tracks_never_cost() -> None:
+    from planner.solve import solve
+    from tests.planner.examples import example
+
+    problem = example()
+    plan = solve(problem, iterations=3, max_branches=2).tree.plan
+    known = tuple(str(o.id) for o in problem.observations)
+    for changes in (Changes(time_budget_s=2.0 * problem.budget.time_s), Changes(loss_factor=0.0)):
+        changed = changed_problem(problem, changes)
+        found = what_if(problem, plan, changed, known=known, max_branches=2, seed=1, iterations=3)
+        assert found.change >= -3.0 * found.change_error
+        assert found.replanning >= -1e-9
