@@ -352,6 +352,15 @@ class RunCreate(Body):
     notes: Text = ""
 
 
+class RunControlBody(Body):
+    """Hold or let go a run that goes on, change its pace, let one record of the executive pass, or abort."""
+
+    paused: Flag | None = None
+    pace: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e6)] | None = None
+    step: Flag = False
+    abort: Flag = False
+
+
 class RunChange(Body):
     notes: Text = Field(default_factory=_unset)
 

@@ -700,6 +700,19 @@ class Person:
 
 
 @dataclass(frozen=True, slots=True)
+class RunControl:
+    """What is asked of a run that goes on: plan seconds a second (0 = all at once), held or not, single steps
+    asked for so far, aborted.
+    """
+
+    run_id: str
+    pace: float
+    paused: bool
+    steps: int
+    abort: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Upload:
     """A file received and not yet used."""
 

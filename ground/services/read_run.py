@@ -15,7 +15,9 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.get_resource import find_row
 from ground.services.kinds import KINDS
-from ground.work.run_work import LIVE, columns, live_samples, trace_event
+from ground.work.run_work import LIVE, columns, live_lines_of, trace_event
+
+GIVEN_UP = {v.JobState.FAILED.value, v.JobState.CANCELLED.value}
 
 
 def _row(repo: Repository, actor: Actor, run_id: str) -> RunRow:
@@ -26,7 +28,7 @@ def _row(repo: Repository, actor: Actor, run_id: str) -> RunRow:
 
 
 def read_trace(repo: Repository, actor: Actor, run_id: str) -> v.Trace:
-    """Return the executive's trace.
+    """Return the executive's trace; of a run that was given up, what there was until then.
 
     Raises
     ------
@@ -34,6 +36,10 @@ def read_trace(repo: Repository, actor: Actor, run_id: str) -> v.Trace:
         While the run is not over.
     """
     row = _row(repo, actor, run_id)
+    live = repo.run_dir(run_id) / LIVE
+    if row.trace_sha256 is None and row.state in GIVEN_UP and live.exists():
+        seen = [v.TraceEvent(e["t_s"], e["event"], e["arguments"]) for e in live_lines_of(live, "trace")]
+        return v.Trace(run_id, row.outcome or row.state, seen[-1].t_s if seen else 0.0, seen)
     if row.trace_sha256 is None:
         raise StateError(f"run {run_id} is {row.state}; its trace is there when it is over")
     document = orjson.loads(repo.files.read(row.trace_sha256))
@@ -48,7 +54,7 @@ def read_telemetry(repo: Repository, actor: Actor, run_id: str) -> v.Telemetry:
     if row.telemetry_sha256 is not None:
         table: dict[str, Any] = orjson.loads(repo.files.read(row.telemetry_sha256))
     else:
-        table = columns(live_samples(repo.run_dir(run_id) / LIVE))
+        table = columns(live_lines_of(repo.run_dir(run_id) / LIVE, "telemetry"))
     return v.Telemetry(run_id=run_id, complete=row.telemetry_sha256 is not None, **table)
 
 

@@ -8,6 +8,7 @@ import mimetypes
 import shutil
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO, TYPE_CHECKING, Any
 
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from executive.ports import TraceRecord
 
 LIVE = "live.jsonl"
+CONTROL = "control.json"
+LOOK_S = 0.05
+"""How long a wish of the operator may wait while the run is held."""
 PROGRESS_S = 5.0
 """Plan seconds between two reports of the pose while driving."""
 
@@ -31,35 +35,102 @@ def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> dict[str, A
     return {"t_s": t_s, "event": event, "arguments": list(arguments)}
 
 
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What an operator asks of a run that goes on; `steps` counts the single steps asked for so far."""
+
+    pace: float = 0.0
+    paused: bool = False
+    steps: int = 0
+    abort: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @classmethod
+    def read(cls, text: bytes) -> Wish:
+        """Return the wish in a control file."""
+        return cls(**json.loads(text))
+
+
 class _Live:
     """Writes each sample and each record as a line, `["telemetry", {...}]` or `["trace", {...}]`, at its
-    pace."""
+    pace; does what the file of `ground.services.control_run` asks, and writes `["control", {...}]` then.
+    """
 
     def __init__(
-        self, out: IO[str], pace: float, budget_s: float, report: Report, stop: Callable[[], bool]
+        self,
+        out: IO[str],
+        control: Path,
+        pace: float,
+        budget_s: float,
+        report: Report,
+        stop: Callable[[], bool],
     ) -> None:
-        self._out, self._pace, self._budget_s, self._report, self._stop = out, pace, budget_s, report, stop
-        self._began = time.monotonic()
+        self._out, self._budget_s, self._report, self._stop = out, budget_s, report, stop
+        self._control, self._seen = control, b""
+        self._wish = Wish(pace=pace)
+        self._steps = 0
+        self._anchor = (0.0, time.monotonic())
+
+    def stopped(self) -> bool:
+        """Return whether the run is to end: an operator's abort, or the job is given up."""
+        return self._wish.abort or self._stop()
 
     def sample(self, sample: Sample) -> None:
-        self._keep_pace(sample.t_s)
+        self._hold(sample.t_s)
         self._line("telemetry", sample.as_dict())
         self._report(min(0.97, sample.t_s / self._budget_s), f"t = {sample.t_s:.0f} s")
 
     def trace(self, record: TraceRecord) -> None:
-        self._line("trace", trace_event(record.t_ms / 1000, record.event, record.arguments))
+        t_s = record.t_ms / 1000
+        self._hold(t_s)
+        self._steps += 1
+        self._line("trace", trace_event(t_s, record.event, record.arguments))
 
     def _line(self, kind: str, data: Mapping[str, Any]) -> None:
         self._out.write(json.dumps([kind, data], separators=(",", ":")) + "\n")
-        if self._pace > 0:
+        if self._wish.pace > 0 or self._wish.paused or kind == "control":
             self._out.flush()
 
-    def _keep_pace(self, plan_s: float) -> None:
-        """Let plan time pass no faster than the pace; 0 = as fast as it goes."""
-        if self._pace <= 0:
+    def _look(self, plan_s: float) -> None:
+        """Take up what the control file asks."""
+        try:
+            text = self._control.read_bytes()
+        except OSError:
             return
-        while (left := plan_s / self._pace - (time.monotonic() - self._began)) > 0 and not self._stop():
-            time.sleep(min(left, 0.1))
+        if text == self._seen:
+            return
+        self._seen = text
+        wish = Wish.read(text)
+        if wish.steps != self._wish.steps:
+            self._steps = 0
+        self._wish = wish
+        self._anchor = (plan_s, time.monotonic())
+        self._line("control", {"t_s": plan_s, **wish.as_dict()})
+
+    def _hold(self, plan_s: float) -> None:
+        """Let plan time pass no faster than the pace (0 = as fast as it goes), and not at all while paused.
+
+        A step lets the executive's records pass up to the next one.
+        """
+        self._look(plan_s)
+        while not self.stopped():
+            wish = self._wish
+            if wish.paused and self._steps >= (1 if wish.steps else 0):
+                self._anchor = (plan_s, time.monotonic())
+            elif wish.pace <= 0 or wish.paused:
+                return
+            else:
+                since, began = self._anchor
+                left = (plan_s - since) / wish.pace - (time.monotonic() - began)
+                if left <= 0:
+                    return
+                time.sleep(min(left, LOOK_S))
+                self._look(plan_s)
+                continue
+            time.sleep(LOOK_S)
+            self._look(plan_s)
 
 
 def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
@@ -91,7 +162,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
             terrain=load_cached(Path(payload["terrain_dir"])),
         )
         with (folder / LIVE).open("w", encoding="utf-8") as out:
-            live = _Live(out, float(payload["pace"]), budget_s, report, should_stop)
+            live = _Live(out, folder / CONTROL, float(payload["pace"]), budget_s, report, should_stop)
             flight = fly(
                 payload["crl_text"],
                 rover,
@@ -100,7 +171,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
                 about={name: payload[name] for name in ("rover", "seed", "faults")},
                 on_sample=live.sample,
                 on_trace=live.trace,
-                should_stop=should_stop,
+                should_stop=live.stopped,
                 sync=False,
             )
     except (RoverError, ExecutiveError, CrlError, InvalidInputError) as err:
@@ -190,13 +261,13 @@ def _store_product(folder: Path, store: FileStore, row: Mapping[str, Any]) -> di
     }
 
 
-def live_samples(path: Path) -> list[dict[str, Any]]:
-    """Return the samples that a run going on has written so far."""
+def live_lines_of(path: Path, wanted: str) -> list[dict[str, Any]]:
+    """Return the samples (`telemetry`) or records (`trace`) that a run going on has written so far."""
     found = []
     if path.exists():
         for line in path.read_bytes().split(b"\n")[:-1]:
             kind, data = json.loads(line)
-            if kind == "telemetry":
+            if kind == wanted:
                 found.append(data)
     return found
 

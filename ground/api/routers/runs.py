@@ -10,7 +10,7 @@ from starlette.responses import FileResponse, Response, StreamingResponse
 from ground.api.context import Cursor, FilterId, Id, IfMatch, Limit, Repo, Who, answer, call, revision_wanted
 from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
-from ground.api.schemas import Page, RunChange, RunCreate, set_members
+from ground.api.schemas import Page, RunChange, RunControlBody, RunCreate, set_members
 from ground.gdr import values as v
 from ground.services.change_resource import change_resource
 from ground.services.get_resource import get_resource
@@ -76,6 +76,25 @@ async def change_run(repo: Repo, who: Who, run_id: Id, body: RunChange, if_match
     return answer(await call(change_resource, repo, who, "run", run_id, changes, revision_wanted(if_match)))
 
 
+@router.post("/runs/{run_id}/control", response_model=v.RunControl, responses=responses(400, 404, 409, 422))
+async def control_run(repo: Repo, who: Who, run_id: Id, body: RunControlBody) -> Response:
+    """Pause, resume, step, speed up or abort a run that goes on."""
+    from ground.services.control_run import control_run
+
+    return answer(
+        await call(
+            control_run,
+            repo,
+            who,
+            run_id,
+            paused=body.paused,
+            pace=body.pace,
+            step=body.step,
+            abort=body.abort,
+        )
+    )
+
+
 @router.get("/runs/{run_id}/trace", response_model=v.Trace, responses=responses(404, 409, 422))
 async def get_run_trace(repo: Repo, who: Who, run_id: Id) -> Response:
     """Read the executive's trace."""
@@ -117,8 +136,8 @@ async def get_run_snapshot(
     responses={**EVENT_STREAM, **responses(404, 422)},
 )
 async def stream_run(repo: Repo, who: Who, run_id: Id, last_event_id: LastEventId = None) -> Response:
-    """Stream a run: events `telemetry` (one sample), `trace` (one record), `product`, and at last `end`
-    (the run)."""
+    """Stream a run: events `telemetry` (one sample), `trace` (one record), `control` (what an operator
+    asked), and at last `end` (the run)."""
     from ground.api.streams import run_stream
 
     return await run_stream(repo, who, run_id, last_event_id)

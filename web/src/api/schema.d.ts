@@ -1397,6 +1397,26 @@ export interface paths {
         patch: operations["change_run"];
         trace?: never;
     };
+    "/api/v1/runs/{run_id}/control": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Control Run
+         * @description Pause, resume, step, speed up or abort a run that goes on.
+         */
+        post: operations["control_run"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/runs/{run_id}/events": {
         parameters: {
             query?: never;
@@ -1406,8 +1426,8 @@ export interface paths {
         };
         /**
          * Stream Run
-         * @description Stream a run: events `telemetry` (one sample), `trace` (one record), `product`, and at last `end`
-         *     (the run).
+         * @description Stream a run: events `telemetry` (one sample), `trace` (one record), `control` (what an operator
+         *     asked), and at last `end` (the run).
          */
         get: operations["stream_run"];
         put?: never;
@@ -3350,6 +3370,43 @@ export interface components {
         RunChange: {
             /** Notes */
             notes?: string;
+        };
+        /**
+         * RunControl
+         * @description What is asked of a run that goes on: plan seconds a second (0 = all at once), held or not, single steps
+         *     asked for so far, aborted.
+         */
+        RunControl: {
+            /** Abort */
+            abort: boolean;
+            /** Pace */
+            pace: number;
+            /** Paused */
+            paused: boolean;
+            /** Run Id */
+            run_id: string;
+            /** Steps */
+            steps: number;
+        };
+        /**
+         * RunControlBody
+         * @description Hold or let go a run that goes on, change its pace, let one record of the executive pass, or abort.
+         */
+        RunControlBody: {
+            /**
+             * Abort
+             * @default false
+             */
+            abort?: boolean;
+            /** Pace */
+            pace?: number | null;
+            /** Paused */
+            paused?: boolean | null;
+            /**
+             * Step
+             * @default false
+             */
+            step?: boolean;
         };
         /**
          * RunCreate
@@ -10258,6 +10315,86 @@ export interface operations {
             };
             /** @description If-Match missing */
             428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    control_run: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                run_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RunControlBody"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RunControl"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
                 headers: {
                     [name: string]: unknown;
                 };
