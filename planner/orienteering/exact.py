@@ -217,7 +217,7 @@ class ExactSolver:
                 better, found, _ = self._pass(root, 150, incumbent, started + seconds)
                 if better > incumbent:
                     incumbent, route = better, found
-            bound = (self._offset + value + root.worth_of(self._gain, self._once)) / self._scale
+            bound = (self._offset + value + root.worth_of(self._gain, self._worth * self._scale, self._once)) / self._scale
             if bound < best_bound - 1e-9:
                 best_bound, best, quiet = bound, (once.copy(), order.copy(), sides.copy()), 0
             else:
@@ -372,7 +372,7 @@ class ExactSolver:
         upper = best
         proven = left <= NEVER // 2
         if not proven:
-            bound = (self._offset + left + root.worth_of(self._gain, self._once)) // self._scale
+            bound = (self._offset + left + root.worth_of(self._gain, self._worth * self._scale, self._once)) // self._scale
             upper = max(best, bound)
             budget = math.inf if iterations is None else made_before + iterations
             for width in _WIDTHS:
@@ -445,7 +445,7 @@ class ExactSolver:
             np.array([root.group]),
             np.array([root.time]),
             np.array([root.fuel]),
-            np.array([root.worth_of(self._gain, self._once)]),
+            np.array([root.worth_of(self._gain, self._worth * self._scale, self._once)]),
             np.array([0]),
             np.array([2**60]),
         )
@@ -553,12 +553,13 @@ class _Root:
     done: IntArray
     late: IntArray
 
-    def worth_of(self, gain: IntArray, once: IntArray) -> int:
+    def worth_of(self, gain: IntArray, worth: IntArray, once: IntArray) -> int:
         """Return the scaled worth with which the first label starts.
 
-        That is the gain of what is already done, less the "at most once" multipliers of what is out of reach.
+        That is what the multipliers add to or take from what is already done (its prize was earned before
+        and counts no more), less the "at most once" multipliers of what is out of reach.
         """
-        return int((gain * self.done).sum() - (once * self.late).sum())
+        return int(((gain - worth) * self.done).sum() - (once * self.late).sum())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,6 +18,13 @@ NEVER = -(2**29)  # value of a state from which the end cannot be reached; far b
 
 
 @numba.njit(cache=True, nogil=True)
+def _raise_to(here: Array, there: Array, worth: int) -> None:
+    """Raise `here` to `there` + worth where that is more; two slices of one length vectorise."""
+    for j in range(len(here)):
+        here[j] = max(here[j], here.dtype.type(there[j] + worth))
+
+
+@numba.njit(cache=True, nogil=True)
 def fill_table(
     table: Array,
     road_s: Array,
@@ -73,9 +80,7 @@ def fill_table(
                     shift = cost // e_step
                     reach = min((e_budget - cost) // e_step + 1, width - shift)
                     row = table[base[h] + (1 << (x - first[h])), (done - begin) // step]
-                    worth = gain[x]
-                    for j in range(reach):
-                        away[j] = max(away[j], row[j + shift] + worth)
+                    _raise_to(away[:reach], row[shift : shift + reach], gain[x])
             count = first[g + 1] - first[g]
             for mask in range((1 << count) - 1, -1, -1):
                 here = table[base[g] + mask, k]
@@ -91,9 +96,7 @@ def fill_table(
                     shift = energy[x] // e_step
                     reach = min((e_budget - energy[x]) // e_step + 1, width - shift)
                     row = table[base[g] + (mask | 1 << b), (done - begin) // step]
-                    worth = gain[x]
-                    for j in range(reach):
-                        here[j] = max(here[j], row[j + shift] + worth)
+                    _raise_to(here[:reach], row[shift : shift + reach], gain[x])
 
 
 @numba.njit(cache=True, nogil=True)

@@ -59,6 +59,24 @@ def test_a_branch_problem_on_the_same_table_gets_the_same_optimum_as_on_its_own(
     assert solution.value == optimum(variant)
 
 
+def test_a_branch_is_not_credited_with_what_was_earned_before_it() -> None:
+    problem = _random_rover(10, 3)
+    solver = ExactSolver(problem, SMALL)
+    first = solver.solve()
+    dear = max(first.route, key=lambda i: problem.experiments[i].prize)
+    done = frozenset(first.route[: first.route.index(dear) + 1])
+    branch = replace(problem, start_site=problem.experiments[dear].site, start_time=9000, done=done)
+    fresh = replace(branch, experiments=tuple(replace(e, prize=1) for e in problem.experiments))
+    left = len(problem.experiments) - len(done)
+    cheap = ExactSolver(fresh, SMALL)
+    cheap.prepare()
+    assert (cheap.solve(iterations=1).upper or 0) <= left
+    quick = solver.solve(branch, iterations=1)
+    assert quick.upper is not None
+    assert first.value is not None
+    assert quick.upper < first.value
+
+
 @settings(max_examples=60, deadline=None)
 @given(problems(must=False), st.integers(1, 40))
 def test_more_budget_never_lowers_the_optimum(problem: RoutingProblem, more: int) -> None:
