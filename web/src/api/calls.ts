@@ -1,11 +1,13 @@
 /** What the page asks of the server, one function a call. Nothing else in the page knows an address. */
 
+import type { CoverageGrid } from "../lib/overlay";
 import type { Grid } from "../lib/terrain-image";
 import type { PlanTree } from "../lib/plan-tree";
-import { api, body, ifMatch, pages, ProblemError, setCsrf } from "./client";
+import { api, body, ifMatch, pages, ProblemError, sendFile, setCsrf } from "./client";
 import type { components } from "./schema";
 import type {
   Approval,
+  CameraView,
   Comment,
   Event,
   Finding,
@@ -17,22 +19,29 @@ import type {
   ObservationRequest,
   ObservationRequestChange,
   ObservationRequestCreate,
+  Panorama,
   PathNetwork,
   Person,
   Plan,
   PlanComparison,
   PlanCreate,
+  Pose,
   Product,
+  RoverShape,
   Run,
+  RunControl,
   RunCreate,
+  RunSnapshot,
   Sol,
   SolChange,
+  StandCheck,
   Target,
   TargetChange,
   Telemetry,
   Terrain,
   TerrainPoint,
   Trace,
+  WhatIfAnswer,
   WhyNot,
 } from "./types";
 
@@ -111,16 +120,80 @@ export const terrainPoint = (id: string, east_m: number, north_m: number): Promi
     }),
   );
 
-/** Heights of a layer, thinned out to at most `posts`. */
-export async function heights(id: string, layer: string, posts: number): Promise<Grid> {
-  const url = `${V1}/missions/${id}/terrain/heights?layer=${encodeURIComponent(layer)}&max_posts=${posts}`;
+interface RasterAnswer extends Omit<Grid, "heights"> {
+  content: ArrayBuffer;
+}
+
+async function raster(id: string, what: string, layer: string, posts: number): Promise<RasterAnswer> {
+  const url = `${V1}/missions/${id}/terrain/${what}?layer=${encodeURIComponent(layer)}&max_posts=${posts}`;
   const answer = await fetch(url, { credentials: "same-origin" });
-  if (!answer.ok) throw new ProblemError(answer.status, { title: "The heights of the terrain could not be read" });
+  if (!answer.ok) throw new ProblemError(answer.status, { title: `The ${what} of the terrain could not be read` });
   const numbers = (name: string): number[] => (answer.headers.get(name) ?? "").split(",").map(Number);
   const [rows = 0, columns = 0] = numbers("X-Outcrop-Shape");
   const [west = 0, south = 0, east = 0, north = 0] = numbers("X-Outcrop-Bounds");
-  return { rows, columns, west, south, east, north, heights: new Float32Array(await answer.arrayBuffer()) };
+  return { rows, columns, west, south, east, north, content: await answer.arrayBuffer() };
 }
+
+/** Heights of a layer, thinned out to at most `posts`. */
+export async function heights(id: string, layer: string, posts: number): Promise<Grid> {
+  const { content, ...grid } = await raster(id, "heights", layer, posts);
+  return { ...grid, heights: new Float32Array(content) };
+}
+
+/** What the mast sees from the start pose, and how well. */
+export async function coverage(id: string, layer: string, posts: number): Promise<CoverageGrid> {
+  const { content, ...grid } = await raster(id, "coverage", layer, posts);
+  return { ...grid, codes: new Uint8Array(content) };
+}
+
+// ----------------------------------------------------------------------------------- rover and panorama
+
+export const rover = (id: string): Promise<RoverShape> =>
+  body(api.GET("/api/v1/missions/{mission_id}/rover", { params: inMission(id) }));
+
+/** A camera of the rover at a pose, site frame; the mast looks at a point of the ground or stands at two angles. */
+export const cameraView = (
+  id: string,
+  pose: Pose,
+  camera: string,
+  mast: { pan_rad: number; tilt_rad: number } | { at_east_m: number; at_north_m: number },
+): Promise<CameraView> =>
+  body(
+    api.GET("/api/v1/missions/{mission_id}/rover/view", {
+      params: {
+        path: { mission_id: id },
+        query: { east_m: pose.east_m, north_m: pose.north_m, heading_rad: pose.heading_rad, camera, ...mast },
+      },
+    }),
+  );
+
+export const panorama = (id: string): Promise<Panorama> =>
+  body(api.GET("/api/v1/missions/{mission_id}/panorama", { params: inMission(id) }));
+
+export const panoramaPoint = (id: string, azimuth_rad: number, elevation_rad: number): Promise<TerrainPoint> =>
+  body(
+    api.GET("/api/v1/missions/{mission_id}/panorama/point", {
+      params: { path: { mission_id: id }, query: { azimuth_rad, elevation_rad } },
+    }),
+  );
+
+/** Whether a request can be carried out from a pose. */
+export const standCheck = (request: string, pose: Pose): Promise<StandCheck> =>
+  body(
+    api.GET("/api/v1/observation-requests/{observation_request_id}/stand", {
+      params: { path: { observation_request_id: request }, query: { ...pose } },
+    }),
+  );
+
+// -------------------------------------------------------------------------------------------- uploads
+
+/** Send a file; `told` hears the share that is sent, 0 to 1. */
+export const upload = (
+  file: File,
+  told: (share: number) => void,
+  stop: AbortSignal,
+): Promise<Schemas["Upload"]> =>
+  sendFile(`${V1}/uploads?file_name=${encodeURIComponent(file.name)}`, file, told, stop) as Promise<Schemas["Upload"]>;
 
 // ------------------------------------------------------------------------------------- sols and targets
 
@@ -135,11 +208,17 @@ export const changeSol = (sol: Sol, changes: SolChange): Promise<Sol> =>
 export const targets = (id: string): Promise<Target[]> =>
   pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/targets", { params: inMissionPage(id, cursor) })));
 
-export const createTarget = (id: string, name: string, east_m: number, north_m: number): Promise<Target> =>
+export const createTarget = (
+  id: string,
+  name: string,
+  east_m: number,
+  north_m: number,
+  source_image = "",
+): Promise<Target> =>
   body(
     api.POST("/api/v1/missions/{mission_id}/targets", {
       params: inMission(id),
-      body: { name, east_m, north_m, notes: "", source_image: "" },
+      body: { name, east_m, north_m, notes: "", source_image },
     }),
   );
 
@@ -258,6 +337,9 @@ export const whyNot = (id: string, request_id: string): Promise<WhyNot> =>
 export const comparePlans = (id: string, other_id: string): Promise<PlanComparison> =>
   body(api.GET("/api/v1/plans/{plan_id}/comparison/{other_id}", { params: { path: { plan_id: id, other_id } } }));
 
+export const whatIf = (id: string, changes: Schemas["WhatIf"]): Promise<WhatIfAnswer> =>
+  body(api.POST("/api/v1/plans/{plan_id}/what-if", { params: planPath(id), body: changes }));
+
 export const flightRules = (id: string): Promise<FlightRuleResult[]> =>
   body(api.GET("/api/v1/plans/{plan_id}/flight-rules", { params: planPath(id) }));
 
@@ -307,6 +389,13 @@ export const trace = (id: string): Promise<Trace> =>
 
 export const telemetry = (id: string): Promise<Telemetry> =>
   body(api.GET("/api/v1/runs/{run_id}/telemetry", { params: runPath(id) }));
+
+export const controlRun = (id: string, wish: Schemas["RunControlBody"]): Promise<RunControl> =>
+  body(api.POST("/api/v1/runs/{run_id}/control", { params: runPath(id), body: wish }));
+
+/** The executive as it stood at a plan time. */
+export const snapshot = (id: string, t_s: number): Promise<RunSnapshot> =>
+  body(api.GET("/api/v1/runs/{run_id}/snapshot", { params: { path: { run_id: id }, query: { t_s } } }));
 
 export const runEventsUrl = (id: string): string => `${V1}/runs/${id}/events`;
 

@@ -2,9 +2,10 @@
 
 import type { components } from "./schema";
 
-type Schemas = components["schemas"];
+export type Schemas = components["schemas"];
 
 export type Approval = Schemas["Approval"];
+export type CameraView = Schemas["CameraView"];
 export type Comment = Schemas["Comment"];
 export type Event = Schemas["Event"];
 export type Finding = Schemas["Finding"];
@@ -17,16 +18,19 @@ export type Mission = Schemas["Mission"];
 export type ObservationRequest = Schemas["ObservationRequest"];
 export type ObservationRequestCreate = Schemas["ObservationRequestCreate"];
 export type ObservationRequestChange = Schemas["ObservationRequestChange"];
+export type Panorama = Schemas["Panorama"];
 export type PathNetwork = Schemas["PathNetwork"];
 export type Person = Schemas["Person"];
 export type Plan = Schemas["Plan"];
 export type PlanCreate = Schemas["PlanCreate"];
 export type Pose = Schemas["Pose"];
 export type Product = Schemas["Product"];
+export type RoverShape = Schemas["RoverShape"];
 export type Run = Schemas["Run"];
 export type RunCreate = Schemas["RunCreate"];
 export type Sol = Schemas["Sol"];
 export type SolChange = Schemas["SolChange"];
+export type StandCheck = Schemas["StandCheck"];
 export type Target = Schemas["Target"];
 export type TargetChange = Schemas["TargetChange"];
 export type Telemetry = Schemas["Telemetry"];
@@ -35,3 +39,6 @@ export type TerrainPoint = Schemas["TerrainPoint"];
 export type Trace = Schemas["Trace"];
 export type PlanComparison = Schemas["PlanComparison"];
 export type WhyNot = Schemas["WhyNot"];
+export type WhatIfAnswer = Schemas["WhatIfAnswer"];
+export type RunControl = Schemas["RunControl"];
+export type RunSnapshot = Schemas["RunSnapshot"];

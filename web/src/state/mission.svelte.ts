@@ -14,6 +14,7 @@ import type {
   Plan,
   PlanCreate,
   Product,
+  RoverShape,
   Run,
   RunCreate,
   Sol,
@@ -53,6 +54,8 @@ const NO_FOCUS: Focus = {
 export class MissionState {
   mission = $state.raw<Mission | null>(null);
   terrain = $state.raw<Terrain | null>(null);
+  /** Shape, cameras and light; null until the server has told them. */
+  rover = $state.raw<RoverShape | null>(null);
   sols = $state.raw<Sol[]>([]);
   targets = $state.raw<Target[]>([]);
   requests = $state.raw<ObservationRequest[]>([]);
@@ -102,6 +105,16 @@ export class MissionState {
   readonly productsOf = $derived(Map.groupBy(this.products, (product) => product.target_id ?? ""));
   readonly orphans = $derived(this.products.filter((product) => product.orphan));
   readonly planJobs = $derived(this.jobs.filter((job) => ACTIVE.has(job.state)));
+  /** The job that makes the open plan. */
+  readonly planJob = $derived(this.jobs.find((job) => job.id === this.plan?.job_id) ?? null);
+  /** Why there is no such plan; null while it is being made, and when it is there. */
+  readonly planFailure = $derived.by<string | null>(() => {
+    const [plan, job] = [this.plan, this.planJob];
+    if (plan === null || plan.crl_sha256 !== null || job === null || ACTIVE.has(job.state)) return null;
+    if (job.state === "cancelled") return "Cancelled before there was a plan.";
+    if (job.state === "succeeded") return null;
+    return typeof job.problem?.detail === "string" ? job.problem.detail : job.message || "Planning failed.";
+  });
   readonly nodes = $derived<CrlNode[]>(this.crl === null ? [] : nodesOf(this.crl));
   readonly nodeById = $derived(new Map(this.nodes.map((node) => [node.id, node])));
   readonly focus = $derived<Focus>(this.focusOf(app.selection));
@@ -130,6 +143,9 @@ export class MissionState {
       this.loading = false;
       return;
     }
+    void app.attempt("Reading the rover", async () => {
+      this.rover = await calls.rover(this.id);
+    });
     await Promise.all(
       ["sol", "target", "observation_request", "keep_out", "path_network", "plan", "run", "product", "job", "comment"].map(
         (kind) => this.reload(kind),

@@ -41,6 +41,12 @@ export class RunState {
   speed = $state<number>(300);
   t = $state(0);
   error = $state<string | null>(null);
+  /** While a run goes on: whether it is held, its pace (plan seconds a second), and whether the view goes with it. */
+  held = $state(false);
+  pace = $state(0);
+  following = $state(true);
+  /** Looking back at a run that goes on. */
+  readonly behind = $derived.by(() => this.live && !this.following);
 
   readonly run = $derived.by<Run | null>(() => this.m.runs.find((run) => run.id === this.id) ?? null);
   readonly end = $derived(Math.max(this.columns.t_s[this.columns.t_s.length - 1] ?? 0, this.trace.at(-1)?.t_s ?? 0));
@@ -99,8 +105,23 @@ export class RunState {
     if (from === "end") this.t = this.end;
   }
 
+  private controlled(wish: { pace: number; paused: boolean }): void {
+    this.held = wish.paused;
+    this.pace = wish.pace;
+  }
+
+  /** Hold, let go, step, speed up or abort the run that goes on. */
+  async control(wish: { paused?: boolean; pace?: number; step?: boolean; abort?: boolean }): Promise<void> {
+    const id = this.id;
+    if (id === null || !this.live) return;
+    const now = await app.attempt(wish.abort === true ? "The abort" : "Holding the run", () => calls.controlRun(id, wish));
+    if (now !== null && id === this.id) this.controlled(now);
+  }
+
   private follow(id: string): void {
     this.live = true;
+    this.following = true;
+    this.held = false;
     this.stream = listen(calls.runEventsUrl(id), {
       telemetry: (data) => {
         this.samples.push(data as Sample);
@@ -110,6 +131,7 @@ export class RunState {
         this.records.push(data as TraceRecord);
         this.arrived();
       },
+      control: (data) => this.controlled(data as { pace: number; paused: boolean }),
       product: () => void this.m.reload("product"),
       end: () => void this.ended(id),
     });
@@ -122,7 +144,7 @@ export class RunState {
       this.waiting = 0;
       if (this.samples.length > 0) this.columns = appended(this.columns, this.samples.splice(0));
       if (this.records.length > 0) this.trace = [...this.trace, ...this.records.splice(0)];
-      if (this.live) this.t = this.columns.t_s.at(-1) ?? 0;
+      if (this.live && this.following) this.t = this.end;
     });
   }
 
@@ -130,6 +152,7 @@ export class RunState {
     this.stream?.close();
     this.stream = null;
     this.live = false;
+    this.held = false;
     const quick = this.columns.t_s.length < 3;
     await app.attempt("Reading the run", async () => {
       await Promise.all([this.m.reload("run"), this.m.reload("product"), this.m.reload("observation_request")]);
@@ -160,23 +183,36 @@ export class RunState {
     cancelAnimationFrame(this.frame);
   }
 
+  /** Play or pause: a run that goes on is held or let go, one that is over is replayed. */
   toggle(): void {
-    if (this.playing) this.pause();
+    if (this.live) void this.control({ paused: !this.held });
+    else if (this.playing) this.pause();
     else this.play();
   }
 
   seek(t: number): void {
     this.t = Math.max(0, Math.min(this.end, t));
+    this.following = this.t >= this.end - 1;
+  }
+
+  /** Go with the run again. */
+  catchUp(): void {
+    this.following = true;
+    this.t = this.end;
   }
 
   /** To the next or the previous record of the trace. */
   step(direction: 1 | -1): void {
     this.pause();
+    if (this.live && this.following && direction > 0) {
+      void this.control({ step: true });
+      return;
+    }
     const next =
       direction > 0
         ? this.steps.find((time) => time > this.t + 1e-6)
         : this.steps.findLast((time) => time < this.t - 1e-6);
-    if (next !== undefined) this.t = next;
+    if (next !== undefined) this.seek(next);
   }
 
   close(): void {
@@ -192,6 +228,8 @@ export class RunState {
     this.trace = [];
     this.t = 0;
     this.error = null;
+    this.held = false;
+    this.following = true;
     this.id = null;
   }
 }
