@@ -10,6 +10,7 @@ Every value is the grid's, without sampling.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -19,11 +20,18 @@ import numpy as np
 from planner.contingency.conditions import Bins, best_condition
 from planner.contingency.pico2005 import steps_at, with_steps, without_unused_tracks
 from planner.contingency.policy import Policy
-from planner.contingency.sequences import Masses, best_sequences, likely_path, sequence_steps, total
+from planner.contingency.sequences import (
+    Masses,
+    Sequence,
+    best_sequences,
+    likely_path,
+    sequence_steps,
+    total,
+)
 from planner.evaluate.grid import Grid
 from planner.evaluate.notes import without_option
 from planner.evaluate.program import Program, compile_plan
-from planner.evaluate.propagate import Backward, Flow, State, forward
+from planner.evaluate.propagate import Backward, Flow, State, TailValues, forward, run_in
 from planner.plan_tree import (
     Branch,
     Condition,
@@ -35,12 +43,25 @@ from planner.plan_tree import (
     Plan,
     Step,
     TrackStart,
+    TrackStop,
     count_branches,
     walk,
 )
 
 FOLLOWED = 2e-4
 """Share of the mass that a state needs to be looked at when a branch is fitted."""
+
+KEPT_TRACKS = 2
+"""Tracks given up by a plan that are tried to be kept for a later option."""
+
+MOVES_TRIED = 2
+"""Options that are tried for a line at once."""
+
+LINES_KEPT = (5, 3, 2)
+"""Lines that are kept after the first option, after the second, and after every further one."""
+
+PROMISE_EQUAL = 1e-3
+"""Share of the value within which two beginnings promise the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +111,10 @@ class _Move:
 class _Plan:
     """A plan with its program, value and distributions on one grid."""
 
-    def __init__(self, grid: Grid, plan: Plan):
-        self.grid, self.plan = grid, plan
-        self.program: Program = compile_plan(grid.model, plan, mark_ends=True)
-        self.backward = Backward(grid, self.program)
+    def __init__(self, tails: TailValues, plan: Plan):
+        self.grid, self.plan = tails.grid, plan
+        self.program: Program = compile_plan(self.grid.model, plan, mark_ends=True)
+        self.backward = Backward(self.grid, self.program, tails)
         self.value = self.backward.total()
         self._flow: Flow | None = None
 
@@ -124,9 +145,11 @@ class _Grower:
         self.policy, self.grid, self.limits = policy, grid, limits
         self.model = grid.model
         self.bins = Bins(grid)
+        self.tails = TailValues(grid)
         self.iterations = 0
         self.should_stop = should_stop
         self._optimal: dict[State, Any] = {}
+        self._sequences: dict[bytes, Sequence] = {}
 
     def over(self) -> bool:
         limit = self.limits.iterations
@@ -139,6 +162,18 @@ class _Grower:
             value = self._optimal[state] = self.policy.value(state).astype(np.float64)
         return value
 
+    def sequence(self, masses: Masses, width: int) -> Sequence:
+        """Return the best unbranched plan found from a distribution; the same distribution is met often."""
+        digest = hashlib.blake2b(digest_size=16)
+        for state, mass in masses.items():
+            digest.update(repr((width, *state)).encode())
+            digest.update(mass.tobytes())
+        key = digest.digest()
+        known = self._sequences.get(key)
+        if known is None:
+            known = self._sequences[key] = best_sequences(self.policy, masses, width=width)[0]
+        return known
+
     # ------------------------------------------------------------------------------------- points
 
     def points(self, plan: _Plan) -> list[_Point]:
@@ -147,8 +182,10 @@ class _Grower:
         for owner, steps in _lists(plan.plan):
             for k in range(len(steps) + 1):
                 path = (*owner, k)
-                if k < len(steps) and not isinstance(steps[k], Navigate | Observe):
+                if k < len(steps) and not isinstance(steps[k], Navigate | Observe | TrackStop):
                     continue
+                if k and isinstance(steps[k - 1], TrackStop):
+                    continue  # the option before the tracks are given up can do all that one after can
                 row = plan.program.step_row.get(path)
                 masses = plan.flow.get(row) if row else None
                 if not row or not masses:
@@ -218,9 +255,8 @@ class _Grower:
             masses = {s: m for s, m in masses.items() if float(m.sum()) > 0.0}
             if not masses:
                 continue
-            for sequence in best_sequences(policy, masses, width=2, keep=1):
-                for order in self.shortened(sequence.order):
-                    found.setdefault(sequence_steps(policy, order, point.masses))
+            for order in self.shortened(self.sequence(masses, 2).order):
+                found.setdefault(sequence_steps(policy, order, point.masses))
         return list(found)
 
     def shortened(self, order: tuple[int, ...]) -> list[tuple[int, ...]]:
@@ -235,7 +271,7 @@ class _Grower:
     def values_of(self, steps: Plan, masses: Masses) -> dict[State, Any]:
         """Return the value of carrying out steps, per state."""
         program = compile_plan(self.model, steps)
-        backward = Backward(self.grid, program)
+        backward = Backward(self.grid, program, self.tails)
         return {s: backward.value(program.entry, s) for s in masses}
 
     def fit(
@@ -264,6 +300,66 @@ class _Grower:
                     best = _Move(gain, put_option(plan.plan, point.path, Option(when, steps)))
         return best
 
+    def moves(self, plan: _Plan) -> list[_Move]:
+        """Return the moves worth carrying out: the best option, and the best where a track is kept."""
+        found = []
+        for variant in (plan, *self.keeping(plan)):
+            move = self.best_option(variant)
+            if move is not None:
+                found.append(_Move(variant.value + move.gain - plan.value, move.plan))
+        found.sort(key=lambda move: -move.gain)
+        return found[:MOVES_TRIED]
+
+    def kept(self, plans: list[_Plan], count: int) -> list[_Plan]:
+        """Return the plans to go on with: the best, and the best of those whose beginning promises most.
+
+        A main line that wants many branches is worth less than others while it has few.
+        """
+        distinct = {plan.plan: plan for plan in sorted(plans, key=lambda p: -p.value)}
+        ranked = list(distinct.values())
+        most = max(self.promise(plan) for plan in ranked)
+        promising = next(p for p in ranked if self.promise(p) >= most - PROMISE_EQUAL * abs(most))
+        chosen = ranked[:count]
+        return chosen if promising in chosen else [*chosen[: count - 1], promising]
+
+    def promise(self, plan: _Plan) -> float:
+        """Return what the optimal policy earns after the first drive of a plan."""
+        drive = next((s for s in plan.plan if isinstance(s, Navigate)), None)
+        begin = run_in(self.model, plan.program, plan.program.entry)
+        index = self.policy.index_of(begin.state)
+        place = self.model.place_of[drive.to] if drive is not None else 0
+        if drive is None or index is None or begin.over or not self.model.has_leg[begin.state.place, place]:
+            return plan.value
+        value = self.policy.drive_value(begin.state.place, index, place)
+        return float(self.policy.grid.at(value, begin.t_s, begin.g_j))
+
+    def keeping(self, plan: _Plan) -> list[_Plan]:
+        """Return variants of a plan that go on tracking what it gives up, where the policy would, most first.
+
+        A list gives up the tracks that it does not use, since each makes every drive longer. An option that
+        comes later and wants one can only be found once the track is kept.
+        """
+        floor = self.limits.tolerance * max(abs(plan.value), 1e-9)
+        found: list[tuple[float, Path]] = []
+        for path, step in walk(plan.plan):
+            if not isinstance(step, TrackStop):
+                continue
+            row, p = plan.program.step_row[path], self.model.place_of[step.target]
+            lost = sum(
+                float(
+                    np.vdot(mass, self.optimal(s) - self.optimal(s._replace(tracked=s.tracked & ~(1 << p))))
+                )
+                for s, mass in plan.flow.get(row, {}).items()
+                if (s.tracked >> p) & 1
+            )
+            if lost > floor:
+                found.append((lost, path))
+        found.sort(key=lambda item: (-item[0], item[1]))
+        return [
+            _Plan(self.tails, with_steps(plan.plan, path, lambda steps, k: (*steps[:k], *steps[k + 1 :])))
+            for _, path in found[:KEPT_TRACKS]
+        ]
+
     def refit(self, plan: _Plan) -> _Plan:
         """Return the plan with every option fitted anew: its condition, and its plan if it holds no
         branch.
@@ -274,7 +370,7 @@ class _Grower:
             option = dict(_options(plan.plan)).get(path)
             if option is None:
                 continue
-            without = _Plan(self.grid, neutral_option(plan.plan, path))
+            without = _Plan(self.tails, neutral_option(plan.plan, path))
             row = without.program.option_test[path]
             masses = without.flow.get(row, {})
             weight = total(masses)
@@ -295,7 +391,7 @@ class _Grower:
                 if gain > best_gain:
                     best_gain, best_new = gain, Option(when, steps)
             if best_new != option:
-                changed = _Plan(self.grid, replace_option(plan.plan, path, best_new))
+                changed = _Plan(self.tails, replace_option(plan.plan, path, best_new))
                 if changed.value > plan.value + 1e-9:
                     plan = changed
         return plan
@@ -317,7 +413,7 @@ class _Grower:
             if not kept or any(s.place == 0 for s in kept):
                 continue
             self.iterations += 1
-            sequence = best_sequences(self.policy, kept, width=self.limits.width)[0]
+            sequence = self.sequence(kept, self.limits.width)
             tails = [sequence_steps(self.policy, order, kept) for order in self.shortened(sequence.order)]
             ranked: list[tuple[float, int, Plan]] = []
             for tail in tails:
@@ -326,7 +422,7 @@ class _Grower:
             new = max(ranked)[2]
             if new == steps[first:]:
                 continue
-            changed = _Plan(self.grid, with_tail(plan.plan, path, new))
+            changed = _Plan(self.tails, with_tail(plan.plan, path, new))
             if changed.value > plan.value + 1e-9:
                 plan = changed
         return plan
@@ -345,7 +441,7 @@ class _Grower:
             other = OnFail.STOP if step.on_fail is OnFail.SKIP else OnFail.SKIP
             if not self._may_fail(plan, path, step):
                 continue
-            changed = _Plan(self.grid, change_step(plan.plan, path, replace(step, on_fail=other)))
+            changed = _Plan(self.tails, change_step(plan.plan, path, replace(step, on_fail=other)))
             if changed.value > plan.value + 1e-7 * max(1.0, abs(plan.value)):
                 plan = changed
         return plan
@@ -372,7 +468,7 @@ class _Grower:
         for path in sorted((p for p, _ in _options(plan.plan)), key=lambda p: (-len(p), p)):
             if path not in dict(_options(plan.plan)):
                 continue
-            changed = _Plan(self.grid, without_option(plan.plan, path))
+            changed = _Plan(self.tails, without_option(plan.plan, path))
             if changed.value >= plan.value - 1e-7 * max(1.0, abs(plan.value)):
                 plan = changed
         return plan
@@ -380,7 +476,7 @@ class _Grower:
     def lean(self, plan: _Plan) -> _Plan:
         """Return the plan without tracks that it does not use."""
         lean = without_unused_tracks(self.model, plan.plan)
-        return plan if lean == plan.plan else _Plan(self.grid, lean)
+        return plan if lean == plan.plan else _Plan(self.tails, lean)
 
     def settled(self, plan: _Plan) -> _Plan:
         """Return the plan after fitting its parts in turn until little changes."""
@@ -516,7 +612,7 @@ def plan_optimal(
                     report(plan.plan, plan.value)
 
     unbranched, paths = _main_lines(grower, limits, report)
-    first = [_Plan(grid, plan) for plan in (*extra, *unbranched[: limits.main_lines + 4])]
+    first = [_Plan(grower.tails, plan) for plan in (*extra, *unbranched[: limits.main_lines + 4])]
     lines = []
     for line in first:
         note(line)
@@ -525,7 +621,7 @@ def plan_optimal(
     optimum = search.optimum
     enough = limits.enough * max(abs(optimum), 1e-9)
     lines.sort(key=lambda p: -p.value)
-    grown = lines[: limits.main_lines] + [grower.reflag(_Plan(grid, plan)) for plan in paths]
+    grown = lines[: limits.main_lines] + [grower.reflag(_Plan(grower.tails, plan)) for plan in paths]
     for depth in range(limits.max_branches):
         if grower.over() or optimum - best[-1][0] <= enough:
             break
@@ -533,18 +629,14 @@ def plan_optimal(
         for line in grown:
             if grower.over():
                 break
-            move = grower.best_option(line)
-            if move is None:
-                continue
-            made = grower.pruned(grower.settled(_Plan(grid, move.plan)))
-            note(made)
-            note(grower.lean(made))  # the search goes on with the tracks that a later option may want
-            following.append(made)
+            for move in grower.moves(line):
+                made = grower.pruned(grower.settled(_Plan(grower.tails, move.plan)))
+                note(made)
+                note(grower.lean(made))  # the search goes on with the tracks that a later option may want
+                following.append(made)
         if not following:
             break
-        following.sort(key=lambda p: -p.value)
-        lines_kept = (limits.main_lines + 1, limits.main_lines - 1, limits.main_lines // 2)
-        grown = following[: lines_kept[min(depth, 2)]]
+        grown = grower.kept(following, LINES_KEPT[min(depth, len(LINES_KEPT) - 1)])
     search.curve = best
     search.iterations = grower.iterations
     search.finished = not grower.over()

@@ -10,7 +10,7 @@ import numpy as np
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Floats, Model
 from planner.evaluate.program import compile_plan
-from planner.evaluate.propagate import Backward, State, forward
+from planner.evaluate.propagate import Backward, State, TailValues, forward
 from planner.plan_tree import Branch, OptionNotes, Path, Plan, PlanTree, StepNotes, TrackStart, walk
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -45,7 +45,8 @@ def annotate(model: Model, grid: Grid | None, tree: PlanTree) -> PlanTree:
         return tree
     program = compile_plan(model, tree.plan)
     flow = forward(grid, program)
-    backward = Backward(grid, program)
+    tails = TailValues(grid)
+    backward = Backward(grid, program, tails)
     total = backward.total()
     times = np.broadcast_to(grid.t[:, None], grid.shape).ravel()
     energies = grid.energy.ravel()
@@ -82,7 +83,8 @@ def annotate(model: Model, grid: Grid | None, tree: PlanTree) -> PlanTree:
             entry = program.option_entry[here]
             taken = mass_at(entry)
             p_taken = 0.0 if taken is None else float(taken.sum())
-            gain = total - Backward(grid, compile_plan(model, without_option(tree.plan, here))).total()
+            less = compile_plan(model, without_option(tree.plan, here))
+            gain = total - Backward(grid, less, tails).total()
             options[here] = OptionNotes(
                 round(min(1.0, p_taken), 6),
                 round(gain, 6),

@@ -123,23 +123,54 @@ def step_without_time(model: Model, program: Program, row: int, state: State) ->
     return go, state._replace(tracked=state.tracked & ~(1 << arg))
 
 
+class TailValues:
+    """Values of the ends of programs over one grid, shared by all programs that end alike.
+
+    Rows are numbered by what they do and by the numbers of the rows that follow, so plans that differ in one
+    place share everything after it. Once `limit_mb` are held, all is forgotten and computed again when asked.
+    """
+
+    def __init__(self, grid: Grid, limit_mb: float = 300.0):
+        self.grid = grid
+        self.known: dict[tuple[int, State], Any] = {}
+        self._numbers: dict[tuple[int, int, float, int, int], int] = {}
+        self._limit = max(1, int(limit_mb * 1e6 / (grid.nt * grid.ng * grid.dtype.itemsize)))
+
+    def numbers_of(self, program: Program) -> list[int]:
+        """Return the number of each row; rows of different programs with one number have the same value."""
+        numbers = [0]
+        rows = zip(program.op, program.arg, program.value, program.go, program.fail, strict=True)
+        for op, arg, value, go, fail in list(rows)[1:]:  # every row comes after its successors
+            key = (int(op), int(arg), float(value), numbers[go], numbers[fail])
+            numbers.append(self._numbers.setdefault(key, len(self._numbers) + 1))
+        return numbers
+
+    def keep(self, number: int, state: State, value: Any) -> None:
+        if len(self.known) >= self._limit:
+            self.known.clear()
+        self.known[number, state] = value
+
+
 class Backward:
     """Value of the rest of a plan, per program row and state, as arrays over the grid; computed when asked
     for.
     """
 
-    def __init__(self, grid: Grid, program: Program):
+    def __init__(self, grid: Grid, program: Program, tails: TailValues | None = None):
         self.grid, self.program, self.model = grid, program, grid.model
         self._zero = np.zeros(grid.shape, grid.dtype)
-        self._known: dict[tuple[int, State], Any] = {}
+        self._tails = tails or TailValues(grid)
+        self._numbers = self._tails.numbers_of(program)
 
     def value(self, row: int, state: State) -> Any:
         """Return the expected utility still to come at a row, shape (nt, ng); do not write to it."""
         if row == 0:
             return self._zero
-        known = self._known.get((row, state))
+        number = self._numbers[row]
+        known = self._tails.known.get((number, state))
         if known is None:
-            known = self._known[(row, state)] = self._compute(row, state)
+            known = self._compute(row, state)
+            self._tails.keep(number, state, known)
         return known
 
     def _compute(self, row: int, state: State) -> Any:
