@@ -7,6 +7,10 @@ schedule is kept at all times and repaired locally when a constraint is added, a
 clock advances (Dijkstra on the gaps, after Cotton and Maler 2006); a contradiction shows as a repair that
 comes back to where it began or to a point that is fixed. Nothing is ever computed for all pairs of points.
 
+Local repairs leave a schedule that is tight where it was repaired, so that the next repair reaches further.
+The points visited are counted, and when they are as many as the network has, the schedule is made anew with
+slack on both sides: in a chain of n points an execution then costs in the order of sqrt(n), not n.
+
 Times are whole milliseconds. Point 0, `ORIGIN`, is the start of the plan and is executed at 0.
 """
 
@@ -88,6 +92,9 @@ class TemporalNetwork:
         self._void: set[int] = set()
         self._trail: list[list[tuple[int, int, int]]] = []
         self._suspect: _Suspect | None = None
+        self._early: list[int] = []  # the earliest schedule when it was last made, empty if outdated
+        self._early_now = 0
+        self._visited = 0
 
     @property
     def consistent(self) -> bool:
@@ -106,6 +113,7 @@ class TemporalNetwork:
     def add_point(self) -> int:
         """Return a new point; it is not before the start of the plan only if a constraint says so."""
         point = len(self._time)
+        self._early = []
         self._time.append(self.now_ms)
         self._fixed.append(False)
         self._out.append([])
@@ -119,6 +127,7 @@ class TemporalNetwork:
     ) -> int:
         """Add a constraint without looking at it; `check` must follow. Return its index."""
         index = len(self._constraints)
+        self._early = []
         if self._void and (source in self._void or target in self._void):
             self._constraints.append(None)
             return index
@@ -258,6 +267,9 @@ class TemporalNetwork:
         count = len(self._time)
         fixed, enter = self._fixed, self._in
         early = self._time
+        self._early = early
+        self._early_now = self.now_ms
+        self._visited = 0
         late = [early[p] if fixed[p] else early[p] + HORIZON_MS for p in range(count)]
         queue = deque(range(count - 1, -1, -1))
         queued = bytearray(b"\x01") * count
@@ -295,11 +307,19 @@ class TemporalNetwork:
                 self._decide_again()
             return
         fixed[point] = True
+        if t_ms > self.now_ms:
+            self._early = []  # a clock that jumps: what is earliest is no longer known
         if t_ms > planned:
             self._shift(point, t_ms, 1)
         elif t_ms < planned:
             self._earliest = False
             self._shift(point, t_ms, -1)
+        self._make_slack()
+
+    def _make_slack(self) -> None:
+        """Make the schedule anew when repairs and searches have visited as many points as there are."""
+        if self._visited > len(self._time) and self._watch and not self._trail and self.consistent:
+            self._decide_again()
 
     def advance(self, now_ms: int) -> None:
         """Let the clock advance: no point that is not executed can lie before `now_ms` any more."""
@@ -340,8 +360,9 @@ class TemporalNetwork:
     def _bound(self, point: int) -> tuple[int, bool]:
         """Return the longest path to `point` from executed points and from the present, and which it was.
 
-        Best first over the points from which `point` can be reached. The kept schedule tells how much any
-        path through a point can still give, so the search ends as soon as nothing better is in sight.
+        Best first over the points from which `point` can be reached. Two schedules tell how much any path
+        through a point can still give, so that the search ends as soon as nothing better is in sight: the kept
+        one, and the earliest one as it was last made plus the time since then.
         """
         best = self.now_ms
         moving = False
@@ -358,6 +379,8 @@ class TemporalNetwork:
                 open_before = True
         if not open_before:
             return best, moving
+        early = self._early
+        since = now - self._early_now
         heap = [(-time[point], point, 0)]
         seen: set[int] = set()
         while heap:
@@ -377,8 +400,10 @@ class TemporalNetwork:
                     if now + found > best:
                         best = now + found
                         moving = True
-                    if found + time[u] > best:
-                        heapq.heappush(heap, (-found - time[u], u, found))
+                    most = found + (time[u] if not early else min(time[u], early[u] + since))
+                    if most > best:
+                        heapq.heappush(heap, (-most, u, found))
+        self._visited += len(seen)
         return best, moving
 
     # -- repair ------------------------------------------------------------------
@@ -458,6 +483,7 @@ class TemporalNetwork:
                     gap[v] = need
                     parent[v] = (u, w, number)
                     heapq.heappush(heap, (-need, v))
+        self._visited += len(moved)
         trail = self._trail[-1] if self._trail else None
         watch = self._watch and sign < 0
         for point, mirrored in moved.items():
