@@ -10,8 +10,8 @@ import {
   polygonArea,
   ribbonsOf,
   ribbonWidth,
-  trackingCone,
-} from "../src/map/geometry";
+  trackingCone, drivesOf, lossColour, reachSector, standOf } from "../src/map/geometry";
+import { measureText } from "../src/lib/measure";
 import { densify, groundGeometry, stripGeometry, sunDirection, surface } from "../src/scene/ground";
 
 const network: Network = {
@@ -127,9 +127,57 @@ describe("the ground in 3D", () => {
     expect(densify([[0, 0], [1, 0]], 0.3)).toHaveLength(5);
   });
 
-  it("is lit from the east in the morning, from above at noon and from the west in the evening", () => {
-    expect(sunDirection(8).x).toBeGreaterThan(0.5);
-    expect(sunDirection(12).y).toBeGreaterThan(0.98);
-    expect(sunDirection(16).x).toBeLessThan(-0.5);
+  it("is lit from where the server says, and in between from in between", () => {
+    const places = [
+      { lmst_h: 6, direction: [1, 0, 0] },
+      { lmst_h: 12, direction: [0, 0.1, 0.995] },
+      { lmst_h: 18, direction: [-1, 0, 0] },
+    ];
+    expect(sunDirection(places, 6)[0]).toBeCloseTo(1);
+    expect(sunDirection(places, 12)[2]).toBeCloseTo(0.995, 3);
+    const [east, , up] = sunDirection(places, 9);
+    expect(east).toBeGreaterThan(0.6);
+    expect(up).toBeGreaterThan(0.6);
+    expect(sunDirection(places, 20)[0]).toBeLessThan(0);
+    expect(sunDirection([], 12)).toEqual([0, 0, 1]);
+  });
+});
+
+describe("what the arm reaches", () => {
+  const arm = { shoulder_m: [0.4, 0, 0.42], arm_reach_m: 0.79, arm_min_reach_m: 0.25, arm_azimuth_limit_rad: 1.2 };
+
+  it("lies before the rover, nearer than the reach for the shoulder's height", () => {
+    const ring = reachSector({ east_m: 10, north_m: 5, heading_rad: Math.PI / 2 }, arm);
+    const north = Math.max(...ring.map((p) => p[1]));
+    expect(north).toBeCloseTo(5 + 0.4 + Math.sqrt(0.79 ** 2 - 0.42 ** 2), 3);
+    expect(Math.min(...ring.map((p) => p[1]))).toBeGreaterThan(5.39);
+  });
+
+  it("is shown for the request in focus, else the first with a place", () => {
+    const at = (east_m: number) => ({ pose: { east_m, north_m: 0, heading_rad: 0 } });
+    const requests = [{ id: "a", observation_point: null }, { id: "b", observation_point: at(1) }, { id: "c", observation_point: at(2) }];
+    expect(standOf(requests, null)?.request.id).toBe("b");
+    expect(standOf(requests, "c")?.pose.east_m).toBe(2);
+    expect(standOf([], null)).toBeNull();
+  });
+});
+
+describe("drives of a network", () => {
+  it("are drawn once each with the worst chance, or that of one target", () => {
+    const segment = (id: string, start: string, end: string, p_lose: Record<string, number>) => ({ id, start, end, p_lose, points_m: [[0, 0], [1, 0]] });
+    const network = { segments: [segment("1", "s", "a", { A: 0.1, B: 0.3 }), segment("2", "a", "s", { A: 0.2, B: 0 })] };
+    expect(drivesOf(network, null)).toMatchObject([{ loss: 0.3, start: "s", end: "a" }]);
+    expect(drivesOf(network, "A")).toMatchObject([{ loss: 0.2 }]);
+    expect(drivesOf(null, null)).toEqual([]);
+    expect(lossColour(0.3)).not.toBe(lossColour(0.05));
+  });
+});
+
+describe("a measured line", () => {
+  it("tells distance, rise, angle and bearing, and only what is known", () => {
+    expect(measureText([[0, 0], [3, 4]], [1, 1])).toBe("5.00 m · up 0.0 cm · 5.00 m straight · 0.0° · bearing 37°");
+    expect(measureText([[0, 0], [0, -2]], [1, null])).toBe("2.00 m · bearing 180°");
+    expect(measureText([[0, 0], [2, 0]], [0, -2])).toContain("down 2.00 m · 2.83 m straight · −45.0°");
+    expect(measureText([[0, 0]], [null])).toBe("");
   });
 });

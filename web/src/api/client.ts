@@ -81,6 +81,39 @@ export async function body<T>(answer: Promise<Answer<T>>): Promise<T> {
   return result.data as T;
 }
 
+/** Send a file as the body of a POST, with word of how far it is; `fetch` cannot tell. */
+export function sendFile(url: string, file: Blob, told: (share: number) => void, stop: AbortSignal): Promise<unknown> {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    const end = (): void => request.abort();
+    const refuse = (problem: ProblemDocument): void => {
+      stop.removeEventListener("abort", end);
+      reject(new ProblemError(request.status, problem));
+    };
+    request.open("POST", url);
+    request.setRequestHeader("Content-Type", "application/octet-stream");
+    request.setRequestHeader("Idempotency-Key", crypto.randomUUID());
+    if (csrf !== "") request.setRequestHeader("X-CSRF-Token", csrf);
+    request.upload.onprogress = (event) => told(event.lengthComputable ? event.loaded / event.total : 0);
+    request.onload = () => {
+      let answer: unknown = null;
+      try {
+        answer = JSON.parse(request.responseText);
+      } catch {
+        // What is no JSON is no problem document either.
+      }
+      if (request.status >= 200 && request.status < 300) {
+        stop.removeEventListener("abort", end);
+        resolve(answer);
+      } else refuse(typeof answer === "object" && answer !== null ? answer : { detail: `the server answered ${request.status}` });
+    };
+    request.onerror = () => refuse({ title: "No connection", detail: "the file could not be sent; trying again is safe" });
+    request.onabort = () => refuse({ title: "Stopped", detail: "the upload was stopped" });
+    stop.addEventListener("abort", end);
+    request.send(file);
+  });
+}
+
 /** The lock of a change: the revision it was made from. */
 export function ifMatch(resource: { revision: number }): { "if-match": string } {
   return { "if-match": `"${resource.revision}"` };

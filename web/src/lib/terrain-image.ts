@@ -35,17 +35,19 @@ export function heightAt(grid: Grid, east: number, north: number): number | null
   return Number.isFinite(z) ? z : null;
 }
 
-/** Slope angle at every post, radians, by central differences. */
-export function slopes(grid: Grid): Float32Array {
+/** Slope angle at every post, radians, by central differences over about `baseline` metres, at least two posts. */
+export function slopes(grid: Grid, baseline = 0): Float32Array {
   const [dx, dy] = spacing(grid);
   const { rows, columns, heights } = grid;
   const result = new Float32Array(rows * columns);
+  const reach = (step: number): number => Math.max(1, Math.round(baseline / 2 / Math.max(step, 1e-9)));
+  const [across, along] = [reach(dx), reach(dy)];
   for (let r = 0; r < rows; r += 1) {
-    const up = Math.max(0, r - 1);
-    const down = Math.min(rows - 1, r + 1);
+    const up = Math.max(0, r - along);
+    const down = Math.min(rows - 1, r + along);
     for (let c = 0; c < columns; c += 1) {
-      const left = Math.max(0, c - 1);
-      const right = Math.min(columns - 1, c + 1);
+      const left = Math.max(0, c - across);
+      const right = Math.min(columns - 1, c + across);
       const gx =
         ((heights[r * columns + right] ?? 0) - (heights[r * columns + left] ?? 0)) / (dx * Math.max(1, right - left));
       const gy =

@@ -161,6 +161,78 @@ export function trackingCone(target: Point, eye: Point, halfAngle: number): Poin
   return [target, ...arc];
 }
 
+interface WithStand {
+  id: string;
+  observation_point?: { pose: { east_m: number; north_m: number; heading_rad: number } | null } | null;
+}
+
+/** The request whose observation point is shown: the one in focus, else the first that has one. */
+export function standOf<R extends WithStand>(
+  requests: readonly R[],
+  focus: string | null,
+): { request: R; pose: { east_m: number; north_m: number; heading_rad: number } } | null {
+  const ordered = [...requests].sort((a, b) => Number(b.id === focus) - Number(a.id === focus));
+  for (const request of ordered) {
+    const pose = request.observation_point?.pose;
+    if (pose) return { request, pose };
+  }
+  return null;
+}
+
+/** Colour of the chance to lose a target on a drive. */
+export function lossColour(loss: number, strength = 1): string {
+  if (loss <= 0.005) return `rgba(255,255,255,${(0.5 * strength).toFixed(2)})`;
+  const heat = Math.min(1, loss / 0.6);
+  const alpha = (0.5 + 0.35 * heat) * strength;
+  return `rgba(255,${Math.round(235 - 160 * heat)},${Math.round(200 - 150 * heat)},${alpha.toFixed(2)})`;
+}
+
+/** The drives of a network, each way once, with the chance to lose a target (or the one most in danger). */
+export function drivesOf(
+  network: { segments: readonly (Segment & { p_lose: Record<string, number> })[] } | null,
+  target: string | null,
+): { path: Point[]; loss: number; start: string; end: string }[] {
+  const drives = new Map<string, { path: Point[]; loss: number; start: string; end: string }>();
+  for (const segment of network?.segments ?? []) {
+    const key = [segment.start, segment.end].sort().join("|");
+    const chances = target !== null && target in segment.p_lose ? [segment.p_lose[target] ?? 0] : Object.values(segment.p_lose);
+    const loss = Math.max(0, ...chances);
+    const known = drives.get(key);
+    if (known !== undefined) {
+      known.loss = Math.max(known.loss, loss);
+      continue;
+    }
+    const path = segment.points_m.map((p): Point => [p[0] ?? 0, p[1] ?? 0]);
+    drives.set(key, { path, loss, start: segment.start, end: segment.end });
+  }
+  return [...drives.values()];
+}
+
+export const networkLines = (
+  network: Parameters<typeof drivesOf>[0],
+  target: string | null,
+): { path: Point[]; stroke: string; width: number }[] =>
+  drivesOf(network, target).map(({ path, loss }) => ({ path, stroke: lossColour(loss, 0.8), width: 0.03 }));
+
+/** Ground that the arm reaches from a pose: between least and full reach round the shoulder, as far as it turns. */
+export function reachSector(
+  pose: { east_m: number; north_m: number; heading_rad: number },
+  arm: { shoulder_m: readonly number[]; arm_reach_m: number; arm_min_reach_m: number; arm_azimuth_limit_rad: number },
+): Point[] {
+  const [c, s] = [Math.cos(pose.heading_rad), Math.sin(pose.heading_rad)];
+  const [x = 0, y = 0, z = 0] = arm.shoulder_m;
+  const middle: Point = [pose.east_m + x * c - y * s, pose.north_m + x * s + y * c];
+  // The shoulder stands above the ground: on the level it reaches less far.
+  const level = (reach: number): number => Math.sqrt(Math.max(0, reach * reach - z * z));
+  const arc = (radius: number, from: number, to: number): Point[] =>
+    Array.from({ length: 17 }, (_, k) => {
+      const angle = pose.heading_rad + from + ((to - from) * k) / 16;
+      return [middle[0] + radius * Math.cos(angle), middle[1] + radius * Math.sin(angle)];
+    });
+  const limit = arm.arm_azimuth_limit_rad;
+  return [...arc(level(arm.arm_reach_m), -limit, limit), ...arc(level(arm.arm_min_reach_m), limit, -limit)];
+}
+
 export function polygonArea(corners: readonly (readonly number[])[]): number {
   let twice = 0;
   corners.forEach((a, k) => {

@@ -12,7 +12,6 @@ import Snap from "ol/interaction/Snap";
 import ImageLayer from "ol/layer/Image";
 import VectorLayer from "ol/layer/Vector";
 import OlMap from "ol/Map";
-import { unByKey } from "ol/Observable";
 import Projection from "ol/proj/Projection";
 import ImageStatic from "ol/source/ImageStatic";
 import VectorSource from "ol/source/Vector";
@@ -21,11 +20,13 @@ import Fill from "ol/style/Fill";
 import RegularShape from "ol/style/RegularShape";
 import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
-import Text from "ol/style/Text";
 import View from "ol/View";
-import type { KeepOut, ObservationRequest, PathNetwork, Pose, Target, Terrain } from "../api/types";
-import { type Grid, slopes } from "../lib/terrain-image";
-import { ellipse, offsetPath, outline, placeLabels, type Point, type Ribbon, trackingCone } from "./geometry";
+import type { KeepOut, PathNetwork, Pose, RoverShape, Target, Terrain } from "../api/types";
+import { canvasOf, edges, type Raster } from "../lib/overlay";
+import type { Spot } from "../lib/spread";
+import { drivesOf, ellipse, lossColour, outline, placeLabels, type Point, reachSector, type Ribbon, trackingCone } from "./geometry";
+import { StandDrag } from "./stand-drag";
+import { closed, COLORS, labelText, lineColor, measure, ribbonStyle, type TargetLook, targetStyle, words } from "./styles";
 
 export type Mode = "select" | "target" | "keep-out" | "measure";
 
@@ -36,43 +37,31 @@ export interface MapEvents {
   reshaped(id: string, corners: Point[]): void;
   measured(points: Point[]): void;
   hovered(east: number | null, north: number | null): void;
+  /** Metres per pixel after the view has moved. */
+  scaled(resolution: number): void;
+  standTaken(request: string): void;
+  standMoved(east: number, north: number, turns: boolean): void;
+  standDropped(): void;
 }
 
-const FONT = '600 11px system-ui, "DejaVu Sans", sans-serif';
-const HALO = new Stroke({ color: "rgba(8,10,12,0.85)", width: 3.5 });
-const COLORS = {
-  main: "#58d0f5",
-  branch: ["#ff9d3c", "#ffc46b", "#ff7a59", "#f7b0c2"],
-  select: "#ffe14d",
-  keepOut: "#ff5d52",
-  network: "rgba(255,255,255,0.42)",
-  track: "#8ff0a8",
-};
-const CONE_HALF_ANGLE = 0.35;
-const CROWD = 80;
-
-export function lineColor(depth: number): string {
-  return depth === 0 ? COLORS.main : (COLORS.branch[(depth - 1) % COLORS.branch.length] ?? COLORS.main);
-}
-
-export interface TargetLook {
+/** Where the rover is to stand for the selected target. */
+export interface StandLook {
+  request: string;
+  pose: Pose;
   target: Target;
-  requests: ObservationRequest[];
-  /** Chance that the plan carries out something on it; null without a plan. */
-  reach: number | null;
-  products: number;
-  selected: boolean;
-  problem: boolean;
-  tracker: string | null;
+  /** Whether the target is reached while the point is dragged; null when nobody has said. */
+  verdict: boolean | null;
 }
+
+const CROWD = 80;
 
 export class PlanMap {
   readonly map: OlMap;
   private readonly projection = new Projection({ code: "SITE", units: "m" });
   private readonly images: ImageLayer<ImageStatic>[] = [];
-  private readonly slope = new ImageLayer({ opacity: 0.55, visible: false });
+  private readonly overlay = new ImageLayer({ opacity: 0.75, visible: false });
   private readonly contourLayer = this.vector(2);
-  private readonly networkLayer = this.vector(3);
+  private readonly networkLayer = this.vector(3, true);
   private readonly coneLayer = this.vector(4);
   private readonly keepOutLayer = this.vector(5);
   private readonly planLayer = this.vector(6);
@@ -83,6 +72,11 @@ export class PlanMap {
   private looks: readonly TargetLook[] = [];
   private readonly roverLayer = this.vector(10);
   private readonly scratch = this.vector(11);
+  private readonly spreadLayer = this.vector(8);
+  private readonly standLayer = this.vector(9);
+  private readonly crossLayer = this.vector(13);
+  private readonly snap: Snap;
+  private cross: Point | null = null;
   private draw: Draw | null = null;
   private readonly modify: Modify;
   private mode: Mode = "select";
@@ -97,29 +91,33 @@ export class PlanMap {
       controls: [],
       interactions: defaultInteractions({ doubleClickZoom: false, altShiftDragRotate: false, pinchRotate: false }),
       layers: [
-        this.slope,
+        this.overlay,
         this.contourLayer,
         this.networkLayer,
         this.coneLayer,
         this.keepOutLayer,
         this.planLayer,
         this.afterLayer,
+        this.spreadLayer,
+        this.standLayer,
         this.trackLayer,
         this.targetLayer,
         this.roverLayer,
         this.scratch,
         this.labelLayer,
+        this.crossLayer,
       ],
       view: new View({ projection: this.projection, center: [0, 0], resolution: 0.05, minResolution: 0.002 }),
     });
-    this.slope.setZIndex(1);
+    this.overlay.setZIndex(1);
     this.map.on("singleclick", (event) => this.clicked(event.pixel, event.coordinate as Point));
     this.map.on("pointermove", (event) => {
       const [east, north] = event.coordinate as Point;
       this.events.hovered(east, north);
       if (this.mode === "select") {
         const hit = this.map.hasFeatureAtPixel(event.pixel, { hitTolerance: 4, layerFilter: (l) => this.clickable(l) });
-        this.element.style.cursor = hit ? "pointer" : "";
+        const held = this.map.hasFeatureAtPixel(event.pixel, { hitTolerance: 2, layerFilter: (l) => l === this.standLayer });
+        this.element.style.cursor = hit ? "pointer" : held ? "move" : "";
       }
     });
     element.addEventListener("pointerleave", () => this.events.hovered(null, null));
@@ -141,12 +139,21 @@ export class PlanMap {
       }
     });
     this.map.addInteraction(this.modify);
-    this.map.addInteraction(new Snap({ source: this.keepOutLayer.getSource() as VectorSource, pixelTolerance: 8 }));
+    this.map.addInteraction(
+      new StandDrag(this.standLayer, () => this.mode === "select", {
+        taken: (request) => this.events.standTaken(request),
+        moved: (at, turns) => this.events.standMoved(at[0], at[1], turns),
+        dropped: () => this.events.standDropped(),
+      }),
+    );
+    this.snap = new Snap({ source: this.keepOutLayer.getSource() as VectorSource, pixelTolerance: 10 });
+    this.map.addInteraction(this.snap);
   }
 
-  private vector(z: number): VectorLayer<VectorSource> {
+  private vector(z: number, declutter = false): VectorLayer<VectorSource> {
     return new VectorLayer({
       source: new VectorSource(),
+      declutter,
       zIndex: z,
       updateWhileAnimating: true,
       updateWhileInteracting: true,
@@ -163,6 +170,7 @@ export class PlanMap {
     const [x = 0, y = 0] = view.getCenter() ?? [];
     this.element.dataset.center = `${x.toFixed(5)},${y.toFixed(5)}`;
     this.element.dataset.resolution = (view.getResolution() ?? 0).toFixed(7);
+    this.events.scaled(view.getResolution() ?? 0);
   }
 
   private clicked(pixel: number[], at: Point): void {
@@ -241,27 +249,15 @@ export class PlanMap {
     for (const layer of this.images) layer.setVisible(visible);
   }
 
-  setSlope(grid: Grid | null): void {
-    this.slope.setVisible(grid !== null);
-    if (grid === null) return;
-    const canvas = document.createElement("canvas");
-    canvas.width = grid.columns;
-    canvas.height = grid.rows;
-    const context = canvas.getContext("2d");
-    if (context === null) return;
-    const image = context.createImageData(grid.columns, grid.rows);
-    slopes(grid).forEach((slope, k) => {
-      const degrees = (slope * 180) / Math.PI;
-      const [r, g, b, a] =
-        degrees < 8 ? [60, 170, 110, 90] : degrees < 15 ? [235, 200, 70, 150] : degrees < 22 ? [245, 130, 50, 190] : [220, 40, 50, 220];
-      image.data.set([r as number, g as number, b as number, a as number], 4 * k);
-    });
-    context.putImageData(image, 0, 0);
-    this.slope.setSource(
+  setOverlay(raster: Raster | null): void {
+    this.overlay.setVisible(raster !== null);
+    if (raster === null) return;
+    const b = edges(raster);
+    this.overlay.setSource(
       new ImageStatic({
-        url: canvas.toDataURL(),
+        url: canvasOf(raster).toDataURL(),
         projection: this.projection,
-        imageExtent: [grid.west, grid.south, grid.east, grid.north],
+        imageExtent: [b.west, b.south, b.east, b.north],
       }),
     );
   }
@@ -283,10 +279,23 @@ export class PlanMap {
       const strong = index % 5 === 0;
       feature.setStyle(
         new Style({
-          stroke: new Stroke({ color: `rgba(255,244,225,${strong ? 0.75 : 0.38})`, width: strong ? 1.3 : 0.8 }),
+          stroke: new Stroke({ color: `rgba(255,244,225,${strong ? 0.8 : 0.42})`, width: strong ? 1.4 : 0.8 }),
         }),
       );
       source.addFeature(feature);
+      if (!strong) continue;
+      // The level stands once or twice on each fifth line.
+      for (const share of parts.length > 400 ? [0.2, 0.7] : [0.5]) {
+        const part = parts[Math.floor(parts.length * share)];
+        if (part === undefined) continue;
+        const [[x0, y0], [x1, y1]] = part as [Point, Point];
+        const slant = -Math.atan2(y1 - y0, x1 - x0);
+        const label = new Feature(new PointGeometry([(x0 + x1) / 2, (y0 + y1) / 2]));
+        const text = words(`${level.toFixed(step < 1 ? 1 : 0).replace("-", "−")} m`, "#fff4e1");
+        text.setRotation(Math.abs(slant) > Math.PI / 2 ? slant + Math.PI : slant);
+        label.setStyle(new Style({ text }));
+        source.addFeature(label);
+      }
     }
   }
 
@@ -306,7 +315,7 @@ export class PlanMap {
             width: chosen ? 2.5 : 1.8,
             lineDash: chosen ? [] : [7, 4],
           }),
-          text: new Text({ text: keepOut.name, font: FONT, fill: new Fill({ color: "#ffd9d5" }), stroke: HALO }),
+          text: words(keepOut.name, "#ffd9d5"),
         }),
       );
       feature.getGeometry()?.on("change", () => feature.set("dirty", true, true));
@@ -318,26 +327,25 @@ export class PlanMap {
     const source = this.networkLayer.getSource() as VectorSource;
     source.clear();
     if (network === null || !show) return;
-    const seen = new Set<string>();
-    for (const segment of network.segments) {
-      const key = [segment.start, segment.end].sort().join("|");
-      if (seen.has(key)) continue;
-      seen.add(key);
-      const path = segment.points_m.map((p): Point => [p[0] ?? 0, p[1] ?? 0]);
-      const losses = Object.entries(segment.p_lose);
-      const loss =
-        focus !== null ? (segment.p_lose[focus] ?? 0) : Math.max(0, ...losses.map(([, p]) => p));
+    const near = new Set(network.nodes.filter((node) => focus !== null && node.target_id === focus).map((node) => node.id));
+    for (const { path, loss, start, end } of drivesOf(network, focus)) {
       const feature = new Feature(new LineString(path));
-      const heat = Math.min(1, loss / 0.3);
-      feature.setStyle(
-        new Style({
-          stroke: new Stroke({
-            color: loss > 0.005 ? `rgba(255,${Math.round(235 - 160 * heat)},${Math.round(200 - 150 * heat)},${0.4 + 0.4 * heat})` : COLORS.network,
-            width: 1.2,
-            lineDash: [4, 4],
-          }),
-        }),
-      );
+      // With a target in focus its own drives stand out; the others would hide the ground.
+      const own = near.has(start) || near.has(end);
+      const faint = focus !== null && !own;
+      const line = new Style({
+        stroke: new Stroke({ color: lossColour(loss, faint ? 0.3 : 1), width: own ? 2.2 : 1.2, lineDash: [4, 4] }),
+      });
+      feature.setStyle((_feature, resolution) => {
+        const geometry = feature.getGeometry() as LineString;
+        // Numbers only where the drive is long enough to carry one.
+        if (loss <= 0.005 || faint || geometry.getLength() / resolution < 60) return line;
+        const middle = new Style({
+          geometry: new PointGeometry(geometry.getCoordinateAt(0.5)),
+          text: words(loss < 0.01 ? "<1 %" : `${Math.round(100 * loss)} %`, "#ffe0c8"),
+        });
+        return [line, middle];
+      });
       source.addFeature(feature);
     }
     for (const node of network.nodes) {
@@ -396,7 +404,7 @@ export class PlanMap {
     }
   }
 
-  setTargets(looks: readonly TargetLook[], eye: Pose | null): void {
+  setTargets(looks: readonly TargetLook[], eye: Pose | null, shape: RoverShape | null): void {
     const source = this.targetLayer.getSource() as VectorSource;
     const cones = this.coneLayer.getSource() as VectorSource;
     source.clear();
@@ -414,8 +422,8 @@ export class PlanMap {
       const spread = new Feature(new Polygon([closed(ellipse(place, target.covariance_m2))]));
       spread.setStyle(new Style({ stroke: new Stroke({ color: COLORS.select, width: 1.2 }), fill: new Fill({ color: "rgba(255,225,77,0.15)" }) }));
       cones.addFeature(spread);
-      if (eye !== null && look.requests.some((request) => request.tracked)) {
-        const cone = new Feature(new Polygon([closed(trackingCone(place, [eye.east_m, eye.north_m], CONE_HALF_ANGLE))]));
+      if (eye !== null && shape !== null && look.requests.some((request) => request.tracked)) {
+        const cone = new Feature(new Polygon([closed(trackingCone(place, [eye.east_m, eye.north_m], shape.cone_half_angle_rad))]));
         cone.setStyle(
           new Style({
             fill: new Fill({ color: "rgba(120,210,255,0.12)" }),
@@ -424,17 +432,115 @@ export class PlanMap {
         );
         cones.addFeature(cone);
       }
-      for (const request of look.requests) {
-        const pose = request.observation_point?.pose;
-        if (!pose) continue;
-        const link = new Feature(new LineString([[pose.east_m, pose.north_m], place]));
-        link.setStyle(new Style({ stroke: new Stroke({ color: COLORS.select, width: 1.2, lineDash: [3, 3] }) }));
-        cones.addFeature(link);
-        const stand = new Feature(new Polygon([closed(outline(pose.east_m, pose.north_m, pose.heading_rad, 1.05, 0.85))]));
-        stand.setStyle(new Style({ stroke: new Stroke({ color: COLORS.select, width: 1.2 }), fill: new Fill({ color: "rgba(255,225,77,0.12)" }) }));
-        cones.addFeature(stand);
-      }
     }
+  }
+
+  /** The observation point of the selected target: its body moves it, the knob before its nose turns it. */
+  setStand(look: StandLook | null, shape: RoverShape | null): void {
+    const source = this.standLayer.getSource() as VectorSource;
+    source.clear();
+    if (look === null || shape === null) return;
+    const { pose, target, verdict } = look;
+    const color = verdict === null ? COLORS.select : verdict ? COLORS.reached : COLORS.refused;
+    const add = (feature: Feature, style: Style, part: string | null): void => {
+      feature.setStyle(style);
+      if (part !== null) feature.setProperties({ part, request: look.request });
+      source.addFeature(feature);
+    };
+    const stroke = new Stroke({ color, width: 1.6 });
+    add(
+      new Feature(new Polygon([closed(reachSector(pose, shape))])),
+      new Style({ stroke: new Stroke({ color, width: 1, lineDash: [3, 3] }), fill: new Fill({ color: `${color}1f` }) }),
+      null,
+    );
+    const place: Point = [target.position.east_m, target.position.north_m];
+    add(new Feature(new LineString([[pose.east_m, pose.north_m], place])), new Style({ stroke: new Stroke({ color, width: 1.2, lineDash: [3, 3] }) }), null);
+    const body = outline(pose.east_m, pose.north_m, pose.heading_rad, shape.length_m, shape.width_m);
+    add(new Feature(new Polygon([closed(body)])), new Style({ stroke, fill: new Fill({ color: `${color}4d` }) }), "body");
+    const nose = shape.length_m / 2 + 0.45;
+    const knob: Point = [pose.east_m + nose * Math.cos(pose.heading_rad), pose.north_m + nose * Math.sin(pose.heading_rad)];
+    add(
+      new Feature(new PointGeometry(knob)),
+      new Style({ image: new CircleStyle({ radius: 4.5, fill: new Fill({ color: "#10161a" }), stroke }) }),
+      "nose",
+    );
+  }
+
+  /** Where the rover may be at a moment: the larger and whiter, the likelier; a ring for what dead reckoning adds. */
+  setSpread(spots: readonly Spot[], ring: { at: Point; radius: number } | null): void {
+    const source = this.spreadLayer.getSource() as VectorSource;
+    source.clear();
+    const most = Math.max(1e-9, ...spots.map((spot) => spot.p));
+    for (const spot of spots) {
+      const feature = new Feature(new PointGeometry(spot.at));
+      const strong = Math.sqrt(spot.p / most);
+      feature.setStyle(
+        new Style({
+          image: new CircleStyle({
+            radius: 3 + 5 * strong,
+            fill: new Fill({ color: `#ffffff${hex(0.2 + 0.75 * strong)}` }),
+            stroke: new Stroke({ color: lineColor(spot.depth), width: 2 }),
+          }),
+          text: spot.p >= 0.12 ? words(`${Math.round(100 * spot.p)} %`, "#ffffff", [0, -14]) : undefined,
+        }),
+      );
+      source.addFeature(feature);
+    }
+    if (ring === null || ring.radius <= 0) return;
+    const circle = ellipse(ring.at, [[ring.radius ** 2, 0], [0, ring.radius ** 2]], 2);
+    const feature = new Feature(new Polygon([closed(circle)]));
+    feature.setStyle(new Style({ stroke: new Stroke({ color: "#ffffff", width: 1.4, lineDash: [5, 4] }), fill: new Fill({ color: "rgba(255,255,255,0.08)" }) }));
+    source.addFeature(feature);
+  }
+
+  // ---- the keyboard's pointer
+
+  /** Show or move the crosshair, pixels of the screen; it begins in the middle of the view. */
+  nudgeCross(right: number, up: number): void {
+    const view = this.map.getView();
+    const resolution = view.getResolution() ?? 0.05;
+    const [x, y] = this.cross ?? ((view.getCenter() ?? [0, 0]) as Point);
+    this.cross = [x + right * resolution, y + up * resolution];
+    this.center(...this.cross);
+    this.showCross();
+  }
+
+  hideCross(): void {
+    this.cross = null;
+    this.showCross();
+  }
+
+  get hasCross(): boolean {
+    return this.cross !== null;
+  }
+
+  /** Do at the crosshair what a click would do there; `last` ends an outline. */
+  pressCross(last: boolean): void {
+    const at = this.cross;
+    if (at === null) return;
+    if (this.draw !== null) {
+      if (last) this.draw.finishDrawing();
+      else this.draw.appendCoordinates([at]);
+      return;
+    }
+    const pixel = this.map.getPixelFromCoordinate(at);
+    if (pixel !== null) this.clicked(pixel, at);
+  }
+
+  private showCross(): void {
+    const source = this.crossLayer.getSource() as VectorSource;
+    source.clear();
+    this.element.dataset.cross = this.cross === null ? "" : this.cross.map((v) => v.toFixed(4)).join(",");
+    if (this.cross === null) {
+      this.events.hovered(null, null);
+      return;
+    }
+    this.events.hovered(this.cross[0], this.cross[1]);
+    const feature = new Feature(new PointGeometry(this.cross));
+    const mark = (color: string, width: number): Style =>
+      new Style({ image: new RegularShape({ points: 4, radius: 14, radius2: 0, stroke: new Stroke({ color, width }) }) });
+    feature.setStyle([mark("rgba(6,10,14,0.85)", 4.5), mark("#ffffff", 1.8)]);
+    source.addFeature(feature);
   }
 
   /** Write the names where they do not lie on a mark or on each other; the more valuable target goes first. */
@@ -461,14 +567,7 @@ export class PlanMap {
       const feature = new Feature(new PointGeometry([look.target.position.east_m, look.target.position.north_m]));
       feature.setStyle(
         new Style({
-          text: new Text({
-            text: labelText(look),
-            font: FONT,
-            offsetX: placed[0],
-            offsetY: placed[1],
-            fill: new Fill({ color: look.selected ? COLORS.select : "#ffffff" }),
-            stroke: HALO,
-          }),
+          text: words(labelText(look), look.selected ? COLORS.select : "#ffffff", placed),
         }),
       );
       source.addFeature(feature);
@@ -530,16 +629,16 @@ export class PlanMap {
       const geometry = event.feature.getGeometry();
       if (geometry instanceof Polygon) {
         this.events.drawn((geometry.getCoordinates()[0] as Point[]).slice(0, -1));
-        const key = (this.scratch.getSource() as VectorSource).on("addfeature", () => {
-          unByKey(key);
-          (this.scratch.getSource() as VectorSource).clear();
-        });
+        (this.scratch.getSource() as VectorSource).once("addfeature", () => (this.scratch.getSource() as VectorSource).clear());
       } else if (geometry instanceof LineString) {
         event.feature.setStyle(new Style({ stroke: new Stroke({ color: "#ffffff", width: 2 }) }));
         this.events.measured(geometry.getCoordinates() as Point[]);
       }
     });
     this.map.addInteraction(this.draw);
+    // What was added last hears of the pointer first: snapping comes before drawing.
+    this.map.removeInteraction(this.snap);
+    this.map.addInteraction(this.snap);
   }
 
   undoCorner(): void {
@@ -556,95 +655,7 @@ export class PlanMap {
   }
 }
 
-function closed(ring: Point[]): Point[] {
-  return [...ring, ring[0] ?? [0, 0]];
-}
-
-function ribbonStyle(ribbon: Ribbon, resolution: number, dimmed: boolean, chosen: boolean): Style[] {
-  const path = offsetPath(ribbon.path, ribbon.shift * resolution);
-  const geometry = new LineString(path);
-  const color = lineColor(ribbon.depth);
-  const opacity = dimmed ? "40" : "d9";
-  const styles = [
-    new Style({
-      geometry,
-      zIndex: 10 - ribbon.depth,
-      stroke: new Stroke({
-        color: chosen ? COLORS.select : `rgba(8,12,16,${dimmed ? 0.25 : 0.75})`,
-        width: ribbon.width + (chosen ? 5 : 2.4),
-        lineCap: "butt",
-      }),
-    }),
-    new Style({
-      geometry,
-      zIndex: 11 - ribbon.depth,
-      stroke: new Stroke({ color: color + opacity, width: ribbon.width, lineCap: "butt" }),
-    }),
-  ];
-  const middle = geometry.getCoordinateAt(0.55) as Point;
-  const ahead = geometry.getCoordinateAt(0.6) as Point;
-  styles.push(
-    new Style({
-      geometry: new PointGeometry(middle),
-      zIndex: 12,
-      image: new RegularShape({
-        points: 3,
-        radius: Math.max(4, ribbon.width * 0.42),
-        rotation: Math.PI / 2 - Math.atan2(ahead[1] - middle[1], ahead[0] - middle[0]),
-        fill: new Fill({ color: dimmed ? "rgba(10,16,20,0.3)" : "rgba(10,16,20,0.9)" }),
-      }),
-    }),
-  );
-  return styles;
-}
-
-function targetStyle(look: TargetLook): Style[] {
-  const { requests } = look;
-  const states = new Set(requests.map((request) => request.state));
-  const contact = requests.some((request) => request.instrument === "microscopic_imager");
-  const fill = look.problem
-    ? "#ff8a80"
-    : states.has("satisfied")
-      ? "#7ee2a0"
-      : look.reach !== null && look.reach > 0.005
-        ? "#ffffff"
-        : requests.length === 0
-          ? "#9aa4ab"
-          : "#e9d9b8";
-  const radius = (contact ? 6.5 : 5.5) + (look.selected ? 1.5 : 0);
-  const ring = look.tracker === "tracked" ? "#6ff0a0" : look.tracker === null ? "#10161a" : "#ff6258";
-  const base = {
-    radius,
-    fill: new Fill({ color: fill }),
-    stroke: new Stroke({ color: ring, width: look.tracker === null ? 1.6 : 3 }),
-  };
-  // Contact measurements are discs, remote images are squares.
-  const mark = contact || requests.length === 0 ? new CircleStyle(base) : new RegularShape({ ...base, points: 4, angle: Math.PI / 4, radius: radius + 1 });
-  const styles: Style[] = [];
-  if (look.selected) {
-    styles.push(
-      new Style({
-        zIndex: 19,
-        image: new CircleStyle({ radius: radius + 5, stroke: new Stroke({ color: COLORS.select, width: 2.4 }) }),
-      }),
-    );
-  }
-  styles.push(new Style({ zIndex: look.selected ? 20 : 18, image: mark }));
-  return styles;
-}
-
-function labelText(look: TargetLook): string {
-  return clip(look.target.name, 22) + (look.products > 0 ? `  ▣ ${look.products}` : "");
-}
-
-const pen = document.createElement("canvas").getContext("2d");
-
-function measure(text: string): number {
-  if (pen === null) return 7 * text.length;
-  pen.font = FONT;
-  return pen.measureText(text).width;
-}
-
-function clip(text: string, limit: number): string {
-  return text.length <= limit ? text : `${text.slice(0, limit - 1)}…`;
-}
+const hex = (opacity: number): string =>
+  Math.round(255 * Math.max(0, Math.min(1, opacity)))
+    .toString(16)
+    .padStart(2, "0");

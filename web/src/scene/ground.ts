@@ -133,11 +133,14 @@ export function toScene(east: number, north: number, up: number): Vector3 {
   return new Vector3(east, up, -north);
 }
 
-/** Direction to the sun, scene axes, at local mean solar time (hours): equinox at a site near the equator. */
-export function sunDirection(lmst: number, latitude = -0.08): Vector3 {
-  const hour = ((lmst - 12) / 12) * Math.PI;
-  const up = Math.cos(latitude) * Math.cos(hour);
-  const east = -Math.sin(hour);
-  const north = -Math.sin(latitude) * Math.cos(hour);
-  return new Vector3(east, Math.max(0.06, up), -north).normalize();
+/** Direction to the sun (east, north, up) at a local mean solar time, between the places the server has told. */
+export function sunDirection(places: readonly { lmst_h: number; direction: readonly number[] }[], lmst: number): [number, number, number] {
+  const hour = ((lmst % 24) + 24) % 24;
+  const k = places.findIndex((place) => place.lmst_h > hour);
+  const [a, b] = [places[Math.max(0, k - 1)], places[k < 0 ? places.length - 1 : k]];
+  if (a === undefined || b === undefined) return [0, 0, 1];
+  const part = b.lmst_h === a.lmst_h ? 0 : (hour - a.lmst_h) / (b.lmst_h - a.lmst_h);
+  const [x, y, z] = [0, 1, 2].map((axis) => (a.direction[axis] ?? 0) * (1 - part) + (b.direction[axis] ?? 0) * part) as [number, number, number];
+  const size = Math.hypot(x, y, z) || 1;
+  return [x / size, y / size, z / size];
 }

@@ -3,27 +3,38 @@
 import * as calls from "../api/calls";
 import type { Target } from "../api/types";
 import type { Point } from "../map/geometry";
+import { measureText } from "../lib/measure";
 import type { Mode } from "../map/plan-map";
 import { app } from "./app.svelte";
 import type { MissionState } from "./mission.svelte";
+import { Overlays } from "./overlays.svelte";
+import { StandState } from "./stand.svelte";
 
 export class Tools {
   mode = $state<Mode>("select");
   measured = $state.raw<Point[]>([]);
-  measuredRise = $state<number | null>(null);
+  /** Heights of what is measured, from the server; null while it is asked. */
+  measuredUp = $state.raw<(number | null)[]>([]);
+  readonly measuredText = $derived(measureText(this.measured, this.measuredUp));
+  readonly stand: StandState;
+  readonly overlays: Overlays;
 
-  constructor(private readonly m: MissionState) {}
+  constructor(private readonly m: MissionState) {
+    this.stand = new StandState(m);
+    this.overlays = new Overlays(m);
+  }
 
   setMode(mode: Mode): void {
     this.mode = this.mode === mode && mode !== "select" ? "select" : mode;
     this.measured = [];
-    this.measuredRise = null;
+    this.measuredUp = [];
+    this.stand.cancel();
   }
 
   /** Make a target where somebody clicked; height, normal and covariance are the server's. */
-  async pick(east: number, north: number): Promise<Target | null> {
+  async pick(east: number, north: number, source = ""): Promise<Target | null> {
     const created = await app.attempt("The new target", async () => {
-      const target = await calls.createTarget(this.m.id, this.m.nextTargetName(), round(east), round(north));
+      const target = await calls.createTarget(this.m.id, this.m.nextTargetName(), round(east), round(north), source);
       await this.m.reload("target");
       return target;
     });
@@ -51,19 +62,19 @@ export class Tools {
     await app.attempt("The keep-outs", () => this.m.reload("keep_out"));
   }
 
-  /** Heights of both ends of a measured line, asked of the server. */
+  /** Measure between points; their heights are asked of the server. */
   async measure(points: Point[]): Promise<void> {
     this.measured = points;
-    this.measuredRise = null;
-    const [a, b] = points;
-    if (a === undefined || b === undefined) return;
+    this.measuredUp = points.map(() => null);
     await app.attempt("Measuring", async () => {
-      const [from, to] = await Promise.all([
-        calls.terrainPoint(this.m.id, a[0], a[1]),
-        calls.terrainPoint(this.m.id, b[0], b[1]),
-      ]);
-      this.measuredRise = to.up_m - from.up_m;
+      const found = await Promise.all(points.map(([east, north]) => calls.terrainPoint(this.m.id, east, north)));
+      if (this.measured === points) this.measuredUp = found.map((point) => point.up_m);
     });
+  }
+
+  /** One end more; a third one begins anew. */
+  async measureNext(point: Point): Promise<void> {
+    await this.measure(this.measured.length === 1 ? [...this.measured, point] : [point]);
   }
 }
 
