@@ -7,9 +7,9 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
-from fastapi.routing import APIRoute
 
 from ground.api import problems
+from ground.api.context import PREFIX
 from ground.api.problems import ProblemDocument
 from ground.api.routers import (
     comments,
@@ -29,7 +29,6 @@ from ground.api.routers import (
 )
 from ground.api.routers import uplink as uplink_router
 
-PREFIX = "/api/v1"
 DESCRIPTION = """Plan a rover's day on the ground and carry it out.
 
 Units stand in the names (`_m`, `_s`, `_j`, `_rad`); positions are in the site frame (east, north, up,
@@ -37,10 +36,6 @@ metres).
 Lists come in pages (`limit`, `cursor`). A change needs the ETag that was read as `If-Match`. Long work
 answers 202
 with a job, or 200 when `Prefer: wait=N` was enough. Errors are problem documents (RFC 9457)."""
-
-
-def _operation_id(route: APIRoute) -> str:
-    return route.name
 
 
 def build_api(**options: Any) -> FastAPI:
@@ -52,7 +47,6 @@ def build_api(**options: Any) -> FastAPI:
         openapi_url=f"{PREFIX}/openapi.json",
         docs_url=None,
         redoc_url=None,
-        generate_unique_id_function=_operation_id,
         **options,
     )
     for module in (  # those asked most come first: a request is held against one route after the other
@@ -71,8 +65,8 @@ def build_api(**options: Any) -> FastAPI:
         uploads,
         people,
     ):
-        app.include_router(module.router, prefix=PREFIX)
-    app.include_router(health.router)
+        app.router.routes.extend(module.router.routes)
+    app.router.routes.extend(health.router.routes)
     problems.install(app)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app

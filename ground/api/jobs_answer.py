@@ -9,7 +9,7 @@ import anyio
 from fastapi import Header
 from starlette.responses import Response
 
-from ground.api.context import answer, call
+from ground.api.context import answer, look
 from ground.errors import InvalidInputError
 from ground.gdr import values as v
 from ground.gdr.repository import Repository
@@ -50,7 +50,7 @@ async def accepted(repo: Repository, who: Actor, job: v.Job, prefer: str | None)
     with anyio.move_on_after(wait):
         while wait and job.state not in FINISHED:
             await anyio.sleep(0.05)
-            job = await call(get_resource, repo, who, "job", job.id)
+            job = await look(get_resource, repo, who, "job", job.id)
     done = job.state in FINISHED and wait > 0
     headers = {"Location": f"/api/v1/jobs/{job.id}"}
     if wait:

@@ -11,7 +11,7 @@ import orjson
 from starlette.responses import StreamingResponse
 
 from ground.api import metrics
-from ground.api.context import call
+from ground.api.context import call, look
 from ground.gdr import values as v
 from ground.gdr.repository import Repository
 from ground.services.actor import Actor
@@ -61,7 +61,7 @@ async def job_stream(
     repo: Repository, who: Actor, job_id: str, last_event_id: str | None
 ) -> StreamingResponse:
     """Stream a job until it is over."""
-    job = await call(get_resource, repo, who, "job", job_id)
+    job = await look(get_resource, repo, who, "job", job_id)
 
     async def events() -> AsyncIterator[bytes]:
         current, sent = job, int(last_event_id or 0)
@@ -76,7 +76,7 @@ async def job_stream(
             if over:
                 return
             await anyio.sleep(LOOK_S)
-            current = await call(get_resource, repo, who, "job", job_id)
+            current = await look(get_resource, repo, who, "job", job_id)
 
     return stream(events())
 
@@ -109,13 +109,13 @@ async def run_stream(
     """Stream a run line by line as it is written, then the finished run."""
     from ground.services.read_run import live_lines
 
-    await call(get_resource, repo, who, "run", run_id)
+    await look(get_resource, repo, who, "run", run_id)
 
     async def events() -> AsyncIterator[bytes]:
         line = int(last_event_id or 0)
         pulse = _Pulse(repo.settings.stream_seconds)
         while True:
-            run = await call(get_resource, repo, who, "run", run_id)
+            run = await look(get_resource, repo, who, "run", run_id)
             parts = await call(live_lines, repo, run, line)
             for kind, data in parts:
                 line += 1

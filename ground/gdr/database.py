@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import threading
 from collections.abc import Iterator
@@ -9,11 +10,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import orjson
 from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.orm import Session
 
 _WRITE = "outcrop_write"
-_PLAIN = "outcrop_plain"
+_SQLITE_ARGUMENTS: dict[str, Any] = {"check_same_thread": False, "timeout": 30.0}
+
+
+def _loads(text: str | bytes) -> Any:
+    """Return a JSON value; the quick reader refuses NaN and infinity, which older rows may hold."""
+    try:
+        return orjson.loads(text)
+    except orjson.JSONDecodeError:
+        return json.loads(text)
 
 
 class Database:
@@ -33,16 +43,36 @@ class Database:
                 Path(self.url.database).parent.mkdir(parents=True, exist_ok=True)
             self.engine = create_engine(
                 self.url,
-                connect_args={"check_same_thread": False, "timeout": 30.0},
+                connect_args=_SQLITE_ARGUMENTS,
                 pool_size=20,
                 max_overflow=60,
+                json_deserializer=_loads,
             )
             _prepare_sqlite(self.engine)
         else:
-            self.engine = create_engine(self.url, pool_size=20, max_overflow=60, pool_pre_ping=False)
+            self.engine = create_engine(self.url, pool_size=20, max_overflow=60, json_deserializer=_loads)
         self.write_engine = self.engine.execution_options(**{_WRITE: True})
-        options = {_PLAIN: True} if self.is_sqlite else {"isolation_level": "AUTOCOMMIT"}
-        self._plain_engine = self.engine.execution_options(**options)
+        self._plain_engine = self._make_plain_engine()
+
+    def _make_plain_engine(self) -> Engine:
+        """Return an engine whose connections never begin a transaction, so nothing is reset on their return.
+
+        A pool of its own: switching a connection to and fro cost as much as the read itself.
+        """
+        more: dict[str, Any] = {"connect_args": _SQLITE_ARGUMENTS} if self.is_sqlite else {}
+        engine = create_engine(
+            self.url,
+            isolation_level="AUTOCOMMIT",
+            pool_reset_on_return=None,
+            pool_use_lifo=True,
+            pool_size=20,
+            max_overflow=60,
+            json_deserializer=_loads,
+            **more,
+        )
+        if self.is_sqlite:
+            event.listen(engine, "connect", _on_sqlite_connect)
+        return engine
 
     @contextmanager
     def read(self) -> Iterator[Session]:
@@ -77,23 +107,23 @@ class Database:
 
     def dispose(self) -> None:
         self.engine.dispose()
+        self._plain_engine.dispose()
+
+
+def _on_sqlite_connect(connection: sqlite3.Connection, _record: Any) -> None:
+    connection.isolation_level = None
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA journal_mode=WAL")
+    cursor.execute("PRAGMA synchronous=FULL")
+    cursor.execute("PRAGMA foreign_keys=ON")
+    cursor.execute("PRAGMA busy_timeout=30000")
+    cursor.close()
 
 
 def _prepare_sqlite(engine: Engine) -> None:
-    @event.listens_for(engine, "connect")
-    def _on_connect(connection: sqlite3.Connection, _record: Any) -> None:
-        connection.isolation_level = None
-        cursor = connection.cursor()
-        cursor.execute("PRAGMA journal_mode=WAL")
-        cursor.execute("PRAGMA synchronous=FULL")
-        cursor.execute("PRAGMA foreign_keys=ON")
-        cursor.execute("PRAGMA busy_timeout=30000")
-        cursor.close()
+    event.listen(engine, "connect", _on_sqlite_connect)
 
     @event.listens_for(engine, "begin")
     def _on_begin(connection: Connection) -> None:
-        options = connection.get_execution_options()
-        if options.get(_PLAIN):
-            return
-        immediate = options.get(_WRITE)
+        immediate = connection.get_execution_options().get(_WRITE)
         connection.exec_driver_sql("BEGIN IMMEDIATE" if immediate else "BEGIN")

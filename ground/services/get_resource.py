@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import Select, bindparam
 from sqlalchemy.orm import Session
 
 from ground.errors import NotFoundError
 from ground.gdr import models as m
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
-from ground.services.kinds import KINDS, Kind, show_targets
-
-_TARGET_COLUMNS = m.TargetRow.__table__
-_TARGET_QUERY = select(_TARGET_COLUMNS).where(_TARGET_COLUMNS.c.id == bindparam("wanted"))
+from ground.services.kinds import KINDS, Kind
 
 
 def mission_of(row: m.Row) -> str | None:
     """Return the id of the mission a row belongs to."""
     return row.id if isinstance(row, m.MissionRow) else getattr(row, "mission_id", None)
+
+
+@lru_cache(maxsize=64)
+def _one_of(kind_name: str) -> Select[Any]:
+    kind = KINDS[kind_name]
+    return kind.shown().where(kind.row.__table__.c.id == bindparam("wanted"))
 
 
 def find_row(session: Session, kind: Kind, resource_id: str, *, lock: bool = False) -> Any:
@@ -37,16 +41,19 @@ def find_row(session: Session, kind: Kind, resource_id: str, *, lock: bool = Fal
 
 
 def get_resource(repo: Repository, actor: Actor, kind_name: str, resource_id: str) -> Any:
-    """Return the value of one resource."""
+    """Return the value of one resource.
+
+    Raises
+    ------
+    NotFoundError
+        If there is none.
+    """
     kind = KINDS[kind_name]
-    if kind_name == "target":
-        with repo.database.connection() as connection:
-            record = connection.execute(_TARGET_QUERY, {"wanted": resource_id}).first()
-        if record is None:
-            raise NotFoundError(f"there is no target {resource_id}")
-        actor.require(Action.READ, record.mission_id)
-        return show_targets(None, [record])[0]
-    with repo.database.read() as session:
-        row = find_row(session, kind, resource_id)
-        actor.require(Action.READ, mission_of(row))
-        return kind.show(session, [row])[0]
+    with repo.database.read() if kind.related else repo.database.connection() as reader:
+        row: Any = reader.execute(_one_of(kind_name), {"wanted": resource_id}).first()
+        if row is None:
+            raise NotFoundError(f"there is no {kind.title} {resource_id}")
+        actor.require(
+            Action.READ, resource_id if kind_name == "mission" else getattr(row, "mission_id", None)
+        )
+        return kind.show(reader, [row])[0]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import func, select
+from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError
@@ -29,8 +29,8 @@ class Page:
 class Kind:
     """How one kind of resource is stored and shown.
 
-    `show` maps rows to values, many at once so that names of related rows cost one query. `edit` is the
-    right needed to change it. `ordered_by` must be unique within a mission.
+    `show` maps rows to values, many at once so that names of related rows cost one query; rows of the mapper
+    and plain result rows of `shown()` will both do. `edit` is the right needed to change it.
     """
 
     name: str
@@ -38,11 +38,19 @@ class Kind:
     prefix: str
     collection: str
     row: type[m.Row]
-    show: Callable[[Session, Sequence[Any]], list[Any]]
+    show: Callable[[Any, Sequence[Any]], list[Any]]
     edit: Action
     fields: frozenset[str] = frozenset()
     """What a person may set; everything else is computed."""
     undoable: bool = False
+    related: bool = False
+    """Whether `show` reads other rows too, and so needs a session that sees one state of the database."""
+    unseen: frozenset[str] = frozenset()
+    """Columns that `show` has no use for; the large ones would cost more than all the others."""
+
+    def shown(self) -> Select[Any]:
+        """Return the query for the columns that `show` needs, without conditions."""
+        return select(*(c for c in self.row.__table__.c if c.name not in self.unseen))
 
 
 def _counts(session: Session, mission_ids: Sequence[str]) -> dict[str, v.Counts]:
@@ -98,7 +106,7 @@ def pose_of(document: Mapping[str, Any]) -> v.Pose:
     return v.Pose(float(document["east_m"]), float(document["north_m"]), float(document["heading_rad"]))
 
 
-def show_sols(_session: Session, rows: Sequence[m.SolRow]) -> list[v.Sol]:
+def show_sols(_session: object, rows: Sequence[m.SolRow]) -> list[v.Sol]:
     return [
         v.Sol(
             id=r.id,
@@ -124,8 +132,7 @@ def show_sols(_session: Session, rows: Sequence[m.SolRow]) -> list[v.Sol]:
     ]
 
 
-def show_targets(_session: Session | None, rows: Sequence[Any]) -> list[v.Target]:
-    """Map rows of targets; plain result rows of the same columns will do too."""
+def show_targets(_session: object, rows: Sequence[m.TargetRow]) -> list[v.Target]:
     return [
         v.Target(
             id=r.id,
@@ -191,7 +198,7 @@ def show_requests(session: Session, rows: Sequence[m.ObservationRequestRow]) -> 
     ]
 
 
-def show_keep_outs(_session: Session, rows: Sequence[m.KeepOutRow]) -> list[v.KeepOut]:
+def show_keep_outs(_session: object, rows: Sequence[m.KeepOutRow]) -> list[v.KeepOut]:
     return [
         v.KeepOut(
             id=r.id,
@@ -252,7 +259,7 @@ def show_networks(session: Session, rows: Sequence[m.PathNetworkRow]) -> list[v.
     return out
 
 
-def show_problems(_session: Session, rows: Sequence[m.ProblemRow]) -> list[v.Problem]:
+def show_problems(_session: object, rows: Sequence[m.ProblemRow]) -> list[v.Problem]:
     return [v.Problem(r.id, r.mission_id, r.sha256, r.document, r.author, r.created_utc) for r in rows]
 
 
@@ -302,7 +309,7 @@ def show_plans(session: Session, rows: Sequence[m.PlanRow]) -> list[v.Plan]:
     ]
 
 
-def show_runs(_session: Session, rows: Sequence[m.RunRow]) -> list[v.Run]:
+def show_runs(_session: object, rows: Sequence[m.RunRow]) -> list[v.Run]:
     return [
         v.Run(
             id=r.id,
@@ -331,7 +338,7 @@ def show_runs(_session: Session, rows: Sequence[m.RunRow]) -> list[v.Run]:
     ]
 
 
-def show_products(_session: Session, rows: Sequence[m.ProductRow]) -> list[v.Product]:
+def show_products(_session: object, rows: Sequence[m.ProductRow]) -> list[v.Product]:
     return [
         v.Product(
             id=r.id,
@@ -357,7 +364,7 @@ def show_products(_session: Session, rows: Sequence[m.ProductRow]) -> list[v.Pro
     ]
 
 
-def show_comments(_session: Session, rows: Sequence[m.CommentRow]) -> list[v.Comment]:
+def show_comments(_session: object, rows: Sequence[m.CommentRow]) -> list[v.Comment]:
     return [
         v.Comment(
             r.id,
@@ -374,7 +381,7 @@ def show_comments(_session: Session, rows: Sequence[m.CommentRow]) -> list[v.Com
     ]
 
 
-def show_jobs(_session: Session, rows: Sequence[m.JobRow]) -> list[v.Job]:
+def show_jobs(_session: object, rows: Sequence[m.JobRow]) -> list[v.Job]:
     from datetime import datetime
 
     return [
@@ -405,9 +412,9 @@ def show_jobs(_session: Session, rows: Sequence[m.JobRow]) -> list[v.Job]:
 def show_approvals(session: Session, rows: Sequence[m.ApprovalRow]) -> list[v.Approval]:
     from ground.services.inputs_digest import inputs_digest
 
-    plans = {
-        p.id: p for p in session.scalars(select(m.PlanRow).where(m.PlanRow.id.in_({r.plan_id for r in rows})))
-    }
+    p = m.PlanRow
+    query = select(p.id, p.state, p.inputs_sha256).where(p.id.in_({r.plan_id for r in rows}))
+    plans = {plan.id: plan for plan in session.execute(query)}
     now = {i: inputs_digest(session, i) for i in {r.mission_id for r in rows}}
     out_of_hand = {v.PlanState.UPLINKED, v.PlanState.EXECUTED}
     return [
@@ -432,11 +439,11 @@ def show_approvals(session: Session, rows: Sequence[m.ApprovalRow]) -> list[v.Ap
     ]
 
 
-def show_people(_session: Session, rows: Sequence[m.PersonRow]) -> list[v.Person]:
+def show_people(_session: object, rows: Sequence[m.PersonRow]) -> list[v.Person]:
     return [v.Person(r.id, r.name, v.Role(r.role), r.mission_roles, r.active, r.revision) for r in rows]
 
 
-def show_uploads(_session: Session, rows: Sequence[m.UploadRow]) -> list[v.Upload]:
+def show_uploads(_session: object, rows: Sequence[m.UploadRow]) -> list[v.Upload]:
     return [v.Upload(r.id, r.file_name, r.size_bytes, r.sha256, r.author, r.created_utc) for r in rows]
 
 
@@ -451,6 +458,7 @@ _ALL = (
         Action.EDIT_MISSION,
         frozenset({"name", "notes", "rover_profile"}),
         undoable=True,
+        related=True,
     ),
     Kind(
         "sol",
@@ -512,6 +520,7 @@ _ALL = (
             }
         ),
         undoable=True,
+        related=True,
     ),
     Kind(
         "keep_out",
@@ -525,10 +534,28 @@ _ALL = (
         undoable=True,
     ),
     Kind(
-        "path_network", "path network", "net", "path-networks", m.PathNetworkRow, show_networks, Action.PLAN
+        "path_network",
+        "path network",
+        "net",
+        "path-networks",
+        m.PathNetworkRow,
+        show_networks,
+        Action.PLAN,
+        related=True,
     ),
     Kind("problem", "planning problem", "prb", "problems", m.ProblemRow, show_problems, Action.PLAN),
-    Kind("plan", "plan", "pln", "plans", m.PlanRow, show_plans, Action.PLAN, frozenset({"name", "notes"})),
+    Kind(
+        "plan",
+        "plan",
+        "pln",
+        "plans",
+        m.PlanRow,
+        show_plans,
+        Action.PLAN,
+        frozenset({"name", "notes"}),
+        related=True,
+        unseen=frozenset({"tree", "summary", "crl_text", "findings"}),
+    ),
     Kind("run", "run", "run", "runs", m.RunRow, show_runs, Action.PLAN, frozenset({"notes"})),
     Kind("product", "data product", "prd", "products", m.ProductRow, show_products, Action.UPLINK),
     Kind(
@@ -541,8 +568,17 @@ _ALL = (
         Action.COMMENT,
         frozenset({"text"}),
     ),
-    Kind("job", "job", "job", "jobs", m.JobRow, show_jobs, Action.PLAN),
-    Kind("approval", "approval", "apv", "approvals", m.ApprovalRow, show_approvals, Action.APPROVE),
+    Kind("job", "job", "job", "jobs", m.JobRow, show_jobs, Action.PLAN, unseen=frozenset({"payload"})),
+    Kind(
+        "approval",
+        "approval",
+        "apv",
+        "approvals",
+        m.ApprovalRow,
+        show_approvals,
+        Action.APPROVE,
+        related=True,
+    ),
     Kind(
         "person",
         "person",
@@ -552,6 +588,7 @@ _ALL = (
         show_people,
         Action.ADMINISTER,
         frozenset({"role", "mission_roles", "active"}),
+        unseen=frozenset({"password_hash"}),
     ),
     Kind("upload", "upload", "upl", "uploads", m.UploadRow, show_uploads, Action.EDIT_SCIENCE),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from sqlalchemy import select
 
@@ -30,23 +31,25 @@ def list_resources(
     """
     kind = KINDS[kind_name]
     actor.require(Action.READ, mission_id)
-    with repo.database.read() as session:
-        query = select(kind.row).order_by(kind.row.id).limit(limit + 1)
-        if mission_id is not None:
-            if session.get(m.MissionRow, mission_id) is None:
+    column = kind.row.__table__.c
+    query = kind.shown().order_by(column.id).limit(limit + 1)
+    if mission_id is not None:
+        query = query.where(column.mission_id == mission_id)
+    if cursor is not None:
+        query = query.where(column.id > decode_cursor(cursor))
+    for name, value in (where or {}).items():
+        if value is None:
+            continue
+        if name == "orphan":
+            query = query.where(column.request_id.is_(None) if value else column.request_id.is_not(None))
+        else:
+            query = query.where(column[name] == value)
+    with repo.database.read() if kind.related else repo.database.connection() as reader:
+        rows: list[Any] = list(reader.execute(query))
+        if not rows and mission_id is not None:
+            wanted = select(m.MissionRow.id).where(m.MissionRow.id == mission_id)
+            if reader.execute(wanted).first() is None:
                 raise NotFoundError(f"there is no mission {mission_id}")
-            query = query.where(kind.row.__table__.c.mission_id == mission_id)
-        if cursor is not None:
-            query = query.where(kind.row.id > decode_cursor(cursor))
-        for column, value in (where or {}).items():
-            if value is None:
-                continue
-            if column == "orphan":
-                is_orphan = m.ProductRow.request_id.is_(None)
-                query = query.where(is_orphan if value else ~is_orphan)
-            else:
-                query = query.where(getattr(kind.row, column) == value)
-        rows = list(session.scalars(query))
         more = len(rows) > limit
         rows = rows[:limit]
-        return Page(kind.show(session, rows), encode_cursor(rows[-1].id) if more else None)
+        return Page(kind.show(reader, rows), encode_cursor(rows[-1].id) if more else None)

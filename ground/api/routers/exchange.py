@@ -7,16 +7,15 @@ import tempfile
 from pathlib import Path
 from typing import Any, Literal
 
-from fastapi import APIRouter
 from starlette.background import BackgroundTask
 from starlette.responses import FileResponse, Response
 
-from ground.api.context import Id, Repo, Who, answer, call
+from ground.api.context import Asked, Id, answer, api_router
 from ground.api.problems import responses
 from ground.api.schemas import GeometryImport
 from ground.gdr import values as v
 
-router = APIRouter(tags=["exchange"], responses=responses(401, 403))
+router = api_router("exchange")
 SEALED = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox"
 
 
@@ -40,12 +39,12 @@ def _attachment(name: str) -> dict[str, str]:
     responses={**_as("application/geo+json", "text/csv"), **responses(404, 422)},
 )
 async def export_geometry(
-    repo: Repo, who: Who, mission_id: Id, form: Literal["geojson", "csv"] = "geojson"
+    ask: Asked, mission_id: Id, form: Literal["geojson", "csv"] = "geojson"
 ) -> Response:
     """Send all targets and keep-outs as GeoJSON in site metres or as CSV."""
     from ground.services.exchange_geometry import export_geometry
 
-    content = await call(export_geometry, repo, who, mission_id, form=form)
+    content = await ask.do(export_geometry, mission_id, form=form)
     media = "text/csv; charset=utf-8" if form == "csv" else "application/geo+json"
     return Response(content, media_type=media, headers=_attachment(f"{mission_id}.{form}"))
 
@@ -56,12 +55,12 @@ async def export_geometry(
     status_code=201,
     responses=responses(400, 404, 413, 422),
 )
-async def import_geometry(repo: Repo, who: Who, mission_id: Id, body: GeometryImport) -> Response:
+async def import_geometry(ask: Asked, mission_id: Id, body: GeometryImport) -> Response:
     """Take in targets and keep-outs from an uploaded GeoJSON or CSV file: all of them, or none with the rows
     that are wrong."""
     from ground.services.exchange_geometry import import_geometry
 
-    return answer(await call(import_geometry, repo, who, mission_id, body.upload_id), 201)
+    return answer(await ask.do(import_geometry, mission_id, body.upload_id), 201)
 
 
 @router.get(
@@ -69,11 +68,11 @@ async def import_geometry(repo: Repo, who: Who, mission_id: Id, body: GeometryIm
     response_class=Response,
     responses={**_as("image/svg+xml", "text/vnd.graphviz"), **responses(404, 409, 422)},
 )
-async def draw_plan(repo: Repo, who: Who, plan_id: Id, form: Literal["svg", "dot"] = "svg") -> Response:
+async def draw_plan(ask: Asked, plan_id: Id, form: Literal["svg", "dot"] = "svg") -> Response:
     """Draw the plan tree as SVG, or give it as DOT."""
     from ground.services.draw_plan import draw_plan
 
-    text = await call(draw_plan, repo, who, plan_id, form=form)
+    text = await ask.do(draw_plan, plan_id, form=form)
     media = "image/svg+xml" if form == "svg" else "text/vnd.graphviz"
     return Response(text, media_type=media, headers={"Content-Security-Policy": SEALED})
 
@@ -86,14 +85,14 @@ async def draw_plan(repo: Repo, who: Who, plan_id: Id, form: Literal["svg", "dot
         **responses(404, 422),
     },
 )
-async def export_products(repo: Repo, who: Who, run_id: Id) -> Response:
+async def export_products(ask: Asked, run_id: Id) -> Response:
     """Send the data products of a run as a zip with a manifest of hashes, tasks, requests and targets."""
     from ground.services.export_products import export_products
 
     folder = Path(tempfile.mkdtemp(prefix="outcrop-products-"))
     target = folder / f"{run_id}-products.zip"
     try:
-        await call(export_products, repo, who, run_id, target)
+        await ask.do(export_products, run_id, target)
     except BaseException:
         shutil.rmtree(folder)
         raise
@@ -106,10 +105,10 @@ async def export_products(repo: Repo, who: Who, run_id: Id) -> Response:
     response_class=Response,
     responses={**_as("text/html"), **responses(404, 409, 422)},
 )
-async def get_run_report(repo: Repo, who: Who, run_id: Id) -> Response:
+async def get_run_report(ask: Asked, run_id: Id) -> Response:
     """Report a run on one page that loads nothing: map, plan tree, odds, requests and what came back."""
     from ground.services.report_run import report_run
 
-    text = await call(report_run, repo, who, run_id)
+    text = await ask.do(report_run, run_id)
     headers = {"Content-Security-Policy": SEALED}
     return Response(text, media_type="text/html; charset=utf-8", headers=headers)

@@ -8,11 +8,11 @@ from fastapi import APIRouter, Request
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.responses import Response
 
-from ground.api.context import Repo, answer, call
+from ground.api.context import Repo, answer, call, operation_id
 from ground.api.problems import responses
 from ground.api.schemas import Health
 
-router = APIRouter(tags=["operations"])
+router = APIRouter(tags=["operations"], generate_unique_id_function=operation_id)
 
 
 @router.get("/healthz", response_model=Health)

@@ -7,23 +7,11 @@ import tempfile
 from pathlib import Path
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.background import BackgroundTask
 from starlette.responses import FileResponse, Response
 
-from ground.api.context import (
-    Cursor,
-    Id,
-    IfMatch,
-    Limit,
-    Repo,
-    Who,
-    answer,
-    call,
-    created,
-    no_content,
-    revision_wanted,
-)
+from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, answer, api_router, call, created
 from ground.api.problems import responses
 from ground.api.schemas import (
     ArchiveImport,
@@ -32,57 +20,48 @@ from ground.api.schemas import (
     MissionCreate,
     Page,
     UndoBody,
-    set_members,
 )
 from ground.gdr import values as v
-from ground.services.change_resource import change_resource
-from ground.services.delete_resource import delete_resource
-from ground.services.get_resource import get_resource
-from ground.services.list_resources import list_resources
 
-router = APIRouter(tags=["missions"], responses=responses(401, 403))
+router = api_router("missions")
 Coordinate = Annotated[float, Query(ge=-100_000.0, le=100_000.0, allow_inf_nan=False)]
 
 
 @router.get("/missions", response_model=Page[v.Mission], responses=responses(422))
-async def list_missions(repo: Repo, who: Who, limit: Limit = 100, cursor: Cursor = None) -> Response:
+async def list_missions(ask: Asked, limit: Limit = 100, cursor: Cursor = None) -> Response:
     """List missions."""
-    return answer(await call(list_resources, repo, who, "mission", None, limit=limit, cursor=cursor))
+    return await ask.page("mission", None, limit, cursor)
 
 
 @router.post("/missions", response_model=v.Mission, status_code=201, responses=responses(400, 404, 409, 422))
-async def create_mission(repo: Repo, who: Who, body: MissionCreate) -> Response:
+async def create_mission(ask: Asked, body: MissionCreate) -> Response:
     """Open a mission on a generated, uploaded or the demo terrain."""
     from ground.api.mission_sources import open_mission
 
-    mission = await call(open_mission, repo, who, body)
+    mission = await ask.do(open_mission, body)
     return created(mission, f"/api/v1/missions/{mission.id}")
 
 
 @router.get("/missions/{mission_id}", response_model=v.Mission, responses=responses(404, 422))
-async def get_mission(repo: Repo, who: Who, mission_id: Id) -> Response:
+async def get_mission(ask: Asked, mission_id: Id) -> Response:
     """Read a mission."""
-    return answer(await call(get_resource, repo, who, "mission", mission_id))
+    return await ask.one("mission", mission_id)
 
 
 @router.patch(
     "/missions/{mission_id}", response_model=v.Mission, responses=responses(400, 404, 409, 412, 422, 428)
 )
 async def change_mission(
-    repo: Repo, who: Who, mission_id: Id, body: MissionChange, if_match: IfMatch = None
+    ask: Asked, mission_id: Id, body: MissionChange, if_match: IfMatch = None
 ) -> Response:
     """Change name, notes or rover profile of a mission."""
-    changes = set_members(body)
-    return answer(
-        await call(change_resource, repo, who, "mission", mission_id, changes, revision_wanted(if_match))
-    )
+    return await ask.change("mission", mission_id, body, if_match)
 
 
 @router.delete("/missions/{mission_id}", status_code=204, responses=responses(404, 409, 412, 422, 428))
-async def delete_mission(repo: Repo, who: Who, mission_id: Id, if_match: IfMatch = None) -> Response:
+async def delete_mission(ask: Asked, mission_id: Id, if_match: IfMatch = None) -> Response:
     """Delete a mission with all that is in it (administrators)."""
-    await call(delete_resource, repo, who, "mission", mission_id, revision_wanted(if_match))
-    return no_content()
+    return await ask.delete("mission", mission_id, if_match)
 
 
 @router.post(
@@ -91,20 +70,20 @@ async def delete_mission(repo: Repo, who: Who, mission_id: Id, if_match: IfMatch
     status_code=201,
     responses=responses(400, 404, 409, 422),
 )
-async def copy_mission(repo: Repo, who: Who, mission_id: Id, body: MissionCopy) -> Response:
+async def copy_mission(ask: Asked, mission_id: Id, body: MissionCopy) -> Response:
     """Copy a mission with its sols, targets, requests and keep-outs: a what-if of its own."""
     from ground.services.copy_mission import copy_mission
 
-    mission = await call(copy_mission, repo, who, mission_id, name=body.name, notes=body.notes)
+    mission = await ask.do(copy_mission, mission_id, name=body.name, notes=body.notes)
     return created(mission, f"/api/v1/missions/{mission.id}")
 
 
 @router.get("/missions/{mission_id}/terrain", response_model=v.Terrain, responses=responses(404, 422))
-async def get_terrain(repo: Repo, who: Who, mission_id: Id) -> Response:
+async def get_terrain(ask: Asked, mission_id: Id) -> Response:
     """Describe the mission's terrain: layers, extent, start pose."""
     from ground.services.read_terrain import read_terrain
 
-    return answer(await call(read_terrain, repo, who, mission_id))
+    return answer(await ask.do(read_terrain, mission_id))
 
 
 @router.get(
@@ -113,8 +92,7 @@ async def get_terrain(repo: Repo, who: Who, mission_id: Id) -> Response:
     responses={200: {"content": {"image/png": {}, "image/jpeg": {}}}, **responses(404, 422)},
 )
 async def get_ortho(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     layer: Literal["inner", "outer"] = "inner",
     max_px: Annotated[
@@ -124,7 +102,7 @@ async def get_ortho(
     """Send the ortho image of a layer, north up, with exactly the extent of the layer."""
     from ground.services.read_terrain import read_ortho
 
-    path, media, etag = await call(read_ortho, repo, who, mission_id, layer, max_px)
+    path, media, etag = await ask.do(read_ortho, mission_id, layer, max_px)
     return FileResponse(
         path, media_type=media, headers={"Cache-Control": "private, max-age=86400", "ETag": etag}
     )
@@ -148,8 +126,7 @@ async def get_ortho(
     },
 )
 async def get_heights(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     layer: Literal["inner", "outer"] = "inner",
     max_posts: Annotated[
@@ -159,7 +136,7 @@ async def get_heights(
     """Send the heights of a layer as binary."""
     from ground.services.read_terrain import read_heights
 
-    tile = await call(read_heights, repo, who, mission_id, layer, max_posts)
+    tile = await ask.do(read_heights, mission_id, layer, max_posts)
     headers = {
         "X-Outcrop-Shape": f"{tile.rows},{tile.columns}",
         "X-Outcrop-Bounds": ",".join(f"{b:.6f}" for b in tile.bounds),
@@ -173,19 +150,16 @@ async def get_heights(
 @router.get(
     "/missions/{mission_id}/terrain/point", response_model=v.TerrainPoint, responses=responses(404, 422)
 )
-async def get_terrain_point(
-    repo: Repo, who: Who, mission_id: Id, east_m: Coordinate, north_m: Coordinate
-) -> Response:
+async def get_terrain_point(ask: Asked, mission_id: Id, east_m: Coordinate, north_m: Coordinate) -> Response:
     """Ask the full-resolution terrain for one point: height, normal, slope, covariance."""
     from ground.services.read_terrain import read_point
 
-    return answer(await call(read_point, repo, who, mission_id, east_m, north_m))
+    return answer(await ask.do(read_point, mission_id, east_m, north_m))
 
 
 @router.get("/missions/{mission_id}/history", response_model=Page[v.Event], responses=responses(404, 422))
 async def list_history(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     limit: Limit = 100,
     after: Annotated[int, Query(ge=0, le=2**53, description="events behind this number")] = 0,
@@ -194,29 +168,27 @@ async def list_history(
     """List the changes of a mission; `next_cursor` is the number to give as `after`."""
     from ground.services.list_history import list_history
 
-    return answer(
-        await call(list_history, repo, who, mission_id, after=after, limit=limit, newest_first=newest_first)
-    )
+    return answer(await ask.do(list_history, mission_id, after=after, limit=limit, newest_first=newest_first))
 
 
 @router.post(
     "/missions/{mission_id}/undo", response_model=list[v.Event], responses=responses(400, 404, 409, 422)
 )
-async def undo(repo: Repo, who: Who, mission_id: Id, body: UndoBody) -> Response:
+async def undo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
     """Take back the last act; the answer holds the events that did it."""
     from ground.services.undo import undo
 
-    return answer(await call(undo, repo, who, mission_id, anyone=body.anyone))
+    return answer(await ask.do(undo, mission_id, anyone=body.anyone))
 
 
 @router.post(
     "/missions/{mission_id}/redo", response_model=list[v.Event], responses=responses(400, 404, 409, 422)
 )
-async def redo(repo: Repo, who: Who, mission_id: Id, body: UndoBody) -> Response:
+async def redo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
     """Do again what was last taken back."""
     from ground.services.undo import redo
 
-    return answer(await call(redo, repo, who, mission_id, anyone=body.anyone))
+    return answer(await ask.do(redo, mission_id, anyone=body.anyone))
 
 
 @router.get(
@@ -227,14 +199,14 @@ async def redo(repo: Repo, who: Who, mission_id: Id, body: UndoBody) -> Response
         **responses(404, 422),
     },
 )
-async def export_mission(repo: Repo, who: Who, mission_id: Id) -> Response:
+async def export_mission(ask: Asked, mission_id: Id) -> Response:
     """Send the whole mission as one archive: rows, history, terrain, products, each with its hash."""
     from ground.services.mission_archive import export_mission
 
     folder = Path(tempfile.mkdtemp(prefix="outcrop-archive-"))
     target = folder / f"outcrop-{mission_id}.zip"
     try:
-        await call(export_mission, repo, who, mission_id, target)
+        await ask.do(export_mission, mission_id, target)
     except BaseException:
         shutil.rmtree(folder)
         raise
@@ -245,11 +217,11 @@ async def export_mission(repo: Repo, who: Who, mission_id: Id) -> Response:
 @router.post(
     "/missions/import", response_model=v.Mission, status_code=201, responses=responses(400, 404, 409, 422)
 )
-async def import_mission(repo: Repo, who: Who, body: ArchiveImport) -> Response:
+async def import_mission(ask: Asked, body: ArchiveImport) -> Response:
     """Take in a mission's archive that was uploaded; it keeps its ids and history."""
     from ground.services.mission_archive import import_mission
     from ground.services.store_upload import uploaded_file
 
-    source = await call(uploaded_file, repo, body.upload_id)
-    mission = await call(import_mission, repo, who, source, name=body.name)
+    source = await call(uploaded_file, ask.repo, body.upload_id)
+    mission = await ask.do(import_mission, source, name=body.name)
     return created(mission, f"/api/v1/missions/{mission.id}")

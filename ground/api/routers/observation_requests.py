@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.responses import Response
 
-from ground.api.context import (
-    Cursor,
-    FilterId,
-    Id,
-    IfMatch,
-    Limit,
-    Repo,
-    Who,
-    answer,
-    call,
-    created,
-    no_content,
-    revision_wanted,
-)
+from ground.api.context import Asked, Cursor, FilterId, Id, IfMatch, Limit, answer, api_router, created
 from ground.api.problems import responses
-from ground.api.schemas import ObservationRequestChange, ObservationRequestCreate, Page, set_members
+from ground.api.schemas import ObservationRequestChange, ObservationRequestCreate, Page
 from ground.gdr import values as v
-from ground.services.change_resource import change_resource
 from ground.services.create_request import create_request
-from ground.services.delete_resource import delete_resource
-from ground.services.get_resource import get_resource
-from ground.services.list_resources import list_resources
 
-router = APIRouter(tags=["observation requests"], responses=responses(401, 403))
+router = api_router("observation requests")
 
 
 @router.get(
@@ -37,8 +19,7 @@ router = APIRouter(tags=["observation requests"], responses=responses(401, 403))
     responses=responses(404, 422),
 )
 async def list_observation_requests(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     limit: Limit = 100,
     cursor: Cursor = None,
@@ -46,17 +27,8 @@ async def list_observation_requests(
     state: v.RequestState | None = None,
 ) -> Response:
     """List observation requests, of one target or in one state if wanted."""
-    return answer(
-        await call(
-            list_resources,
-            repo,
-            who,
-            "observation_request",
-            mission_id,
-            limit=limit,
-            cursor=cursor,
-            where={"target_id": target_id, "state": state},
-        )
+    return await ask.page(
+        "observation_request", mission_id, limit, cursor, where={"target_id": target_id, "state": state}
     )
 
 
@@ -66,14 +38,10 @@ async def list_observation_requests(
     status_code=201,
     responses=responses(400, 404, 409, 422),
 )
-async def create_observation_request(
-    repo: Repo, who: Who, mission_id: Id, body: ObservationRequestCreate
-) -> Response:
+async def create_observation_request(ask: Asked, mission_id: Id, body: ObservationRequestCreate) -> Response:
     """File an observation request; the observation point is found by base placement."""
-    value = await call(
+    value = await ask.do(
         create_request,
-        repo,
-        who,
         mission_id,
         target_id=body.target_id,
         instrument=body.instrument,
@@ -94,9 +62,9 @@ async def create_observation_request(
     response_model=v.ObservationRequest,
     responses=responses(404, 422),
 )
-async def get_observation_request(repo: Repo, who: Who, observation_request_id: Id) -> Response:
+async def get_observation_request(ask: Asked, observation_request_id: Id) -> Response:
     """Read an observation request."""
-    return answer(await call(get_resource, repo, who, "observation_request", observation_request_id))
+    return await ask.one("observation_request", observation_request_id)
 
 
 @router.patch(
@@ -105,21 +73,10 @@ async def get_observation_request(repo: Repo, who: Who, observation_request_id: 
     responses=responses(400, 404, 409, 412, 422, 428),
 )
 async def change_observation_request(
-    repo: Repo, who: Who, observation_request_id: Id, body: ObservationRequestChange, if_match: IfMatch = None
+    ask: Asked, observation_request_id: Id, body: ObservationRequestChange, if_match: IfMatch = None
 ) -> Response:
     """Change an observation request."""
-    changes = set_members(body)
-    return answer(
-        await call(
-            change_resource,
-            repo,
-            who,
-            "observation_request",
-            observation_request_id,
-            changes,
-            revision_wanted(if_match),
-        )
-    )
+    return await ask.change("observation_request", observation_request_id, body, if_match)
 
 
 @router.delete(
@@ -128,13 +85,10 @@ async def change_observation_request(
     responses=responses(404, 409, 412, 422, 428),
 )
 async def delete_observation_request(
-    repo: Repo, who: Who, observation_request_id: Id, if_match: IfMatch = None
+    ask: Asked, observation_request_id: Id, if_match: IfMatch = None
 ) -> Response:
     """Delete an observation request."""
-    await call(
-        delete_resource, repo, who, "observation_request", observation_request_id, revision_wanted(if_match)
-    )
-    return no_content()
+    return await ask.delete("observation_request", observation_request_id, if_match)
 
 
 @router.get(
@@ -142,8 +96,8 @@ async def delete_observation_request(
     response_model=v.Lineage,
     responses=responses(404, 422),
 )
-async def get_observation_request_lineage(repo: Repo, who: Who, observation_request_id: Id) -> Response:
+async def get_observation_request_lineage(ask: Asked, observation_request_id: Id) -> Response:
     """Follow a request to its target, plans, runs and data products."""
     from ground.services.trace_lineage import trace_lineage
 
-    return answer(await call(trace_lineage, repo, who, "observation_request", observation_request_id))
+    return answer(await ask.do(trace_lineage, "observation_request", observation_request_id))

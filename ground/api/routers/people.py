@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from starlette.responses import Response
 
 from ground.api.context import (
+    Asked,
     Cursor,
     Id,
     IfMatch,
     Limit,
     Repo,
-    Who,
     answer,
+    api_router,
     call,
     created,
     no_content,
-    revision_wanted,
 )
 from ground.api.problems import responses
 from ground.api.schemas import (
@@ -27,49 +27,40 @@ from ground.api.schemas import (
     PersonCreate,
     SessionCreate,
     SessionValue,
-    set_members,
 )
 from ground.gdr import values as v
-from ground.services.change_resource import change_resource
-from ground.services.get_resource import get_resource
-from ground.services.list_resources import list_resources
 
-router = APIRouter(tags=["people"], responses=responses(401, 403))
+router = api_router("people")
 COOKIE = "outcrop_session"
 
 
 @router.get("/people", response_model=Page[v.Person], responses=responses(422))
-async def list_people(repo: Repo, who: Who, limit: Limit = 100, cursor: Cursor = None) -> Response:
+async def list_people(ask: Asked, limit: Limit = 100, cursor: Cursor = None) -> Response:
     """List people; with profiles these are who one may work as."""
-    return answer(await call(list_resources, repo, who, "person", None, limit=limit, cursor=cursor))
+    return await ask.page("person", None, limit, cursor)
 
 
 @router.post("/people", response_model=v.Person, status_code=201, responses=responses(400, 409, 422))
-async def create_person(repo: Repo, who: Who, body: PersonCreate) -> Response:
+async def create_person(ask: Asked, body: PersonCreate) -> Response:
     """Add a person (administrators)."""
     from ground.services.people import create_person
 
-    person = await call(create_person, repo, who, body.name, body.role, body.password)
+    person = await ask.do(create_person, body.name, body.role, body.password)
     return created(person, f"/api/v1/people/{person.id}")
 
 
 @router.get("/people/{person_id}", response_model=v.Person, responses=responses(404, 422))
-async def get_person(repo: Repo, who: Who, person_id: Id) -> Response:
+async def get_person(ask: Asked, person_id: Id) -> Response:
     """Read a person."""
-    return answer(await call(get_resource, repo, who, "person", person_id))
+    return await ask.one("person", person_id)
 
 
 @router.patch(
     "/people/{person_id}", response_model=v.Person, responses=responses(400, 404, 409, 412, 422, 428)
 )
-async def change_person(
-    repo: Repo, who: Who, person_id: Id, body: PersonChange, if_match: IfMatch = None
-) -> Response:
+async def change_person(ask: Asked, person_id: Id, body: PersonChange, if_match: IfMatch = None) -> Response:
     """Change role, roles in single missions, or shut a person out (administrators)."""
-    changes = set_members(body)
-    return answer(
-        await call(change_resource, repo, who, "person", person_id, changes, revision_wanted(if_match))
-    )
+    return await ask.change("person", person_id, body, if_match)
 
 
 @router.get("/session", response_model=SessionValue)
@@ -97,17 +88,17 @@ async def delete_session(repo: Repo, request: Request) -> Response:
 
 
 @router.post("/api-keys", response_model=ApiKeyValue, status_code=201, responses=responses(400, 422))
-async def create_api_key(repo: Repo, who: Who, body: ApiKeyCreate) -> Response:
+async def create_api_key(ask: Asked, body: ApiKeyCreate) -> Response:
     """Make an API key for oneself; the secret is shown this once."""
     from ground.services.people import create_api_key
 
-    return answer(await call(create_api_key, repo, who, body.name, body.days), 201)
+    return answer(await ask.do(create_api_key, body.name, body.days), 201)
 
 
 @router.delete("/api-keys/{key_id}", status_code=204, responses=responses(404, 422))
-async def delete_api_key(repo: Repo, who: Who, key_id: Id) -> Response:
+async def delete_api_key(ask: Asked, key_id: Id) -> Response:
     """Take back an API key."""
     from ground.services.people import delete_api_key
 
-    await call(delete_api_key, repo, who, key_id)
+    await ask.do(delete_api_key, key_id)
     return no_content()

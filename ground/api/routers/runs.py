@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Query
+from fastapi import Header, Query
 from starlette.responses import FileResponse, Response, StreamingResponse
 
-from ground.api.context import Cursor, FilterId, Id, IfMatch, Limit, Repo, Who, answer, call, revision_wanted
+from ground.api.context import Asked, Cursor, FilterId, Id, IfMatch, Limit, answer, api_router
 from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
-from ground.api.schemas import Page, RunChange, RunControlBody, RunCreate, set_members
+from ground.api.schemas import Page, RunChange, RunControlBody, RunCreate
 from ground.gdr import values as v
-from ground.services.change_resource import change_resource
-from ground.services.get_resource import get_resource
-from ground.services.list_resources import list_resources
 
-router = APIRouter(tags=["runs"], responses=responses(401, 403))
+router = api_router("runs")
 LastEventId = Annotated[
     str | None, Header(max_length=40, pattern=r"^[0-9]{1,18}$", description="go on behind it")
 ]
@@ -27,13 +24,11 @@ EVENT_STREAM: dict[int | str, dict[str, Any]] = {
 
 @router.get("/missions/{mission_id}/runs", response_model=Page[v.Run], responses=responses(404, 422))
 async def list_runs(
-    repo: Repo, who: Who, mission_id: Id, limit: Limit = 100, cursor: Cursor = None, plan_id: FilterId = None
+    ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None, plan_id: FilterId = None
 ) -> Response:
     """List runs, of one plan if wanted."""
     where = {"plan_id": plan_id}
-    return answer(
-        await call(list_resources, repo, who, "run", mission_id, limit=limit, cursor=cursor, where=where)
-    )
+    return await ask.page("run", mission_id, limit, cursor, where)
 
 
 @router.post(
@@ -45,9 +40,7 @@ async def list_runs(
         **responses(400, 404, 409, 422),
     },
 )
-async def create_run(
-    repo: Repo, who: Who, mission_id: Id, body: RunCreate, prefer: Prefer = None
-) -> Response:
+async def create_run(ask: Asked, mission_id: Id, body: RunCreate, prefer: Prefer = None) -> Response:
     """Run a plan on a simulated rover: a job, whose subject is the run."""
     from ground.services.dry_run import RunOrder, dry_run
 
@@ -59,33 +52,30 @@ async def create_run(
         pace=body.pace,
         notes=body.notes,
     )
-    job = await call(dry_run, repo, who, mission_id, order)
-    return await accepted(repo, who, job, prefer)
+    job = await ask.do(dry_run, mission_id, order)
+    return await accepted(ask.repo, ask.who, job, prefer)
 
 
 @router.get("/runs/{run_id}", response_model=v.Run, responses=responses(404, 422))
-async def get_run(repo: Repo, who: Who, run_id: Id) -> Response:
+async def get_run(ask: Asked, run_id: Id) -> Response:
     """Read a run: outcome, utility, options taken."""
-    return answer(await call(get_resource, repo, who, "run", run_id))
+    return await ask.one("run", run_id)
 
 
 @router.patch("/runs/{run_id}", response_model=v.Run, responses=responses(400, 404, 409, 412, 422, 428))
-async def change_run(repo: Repo, who: Who, run_id: Id, body: RunChange, if_match: IfMatch = None) -> Response:
+async def change_run(ask: Asked, run_id: Id, body: RunChange, if_match: IfMatch = None) -> Response:
     """Change the notes of a run."""
-    changes = set_members(body)
-    return answer(await call(change_resource, repo, who, "run", run_id, changes, revision_wanted(if_match)))
+    return await ask.change("run", run_id, body, if_match)
 
 
 @router.post("/runs/{run_id}/control", response_model=v.RunControl, responses=responses(400, 404, 409, 422))
-async def control_run(repo: Repo, who: Who, run_id: Id, body: RunControlBody) -> Response:
+async def control_run(ask: Asked, run_id: Id, body: RunControlBody) -> Response:
     """Pause, resume, step, speed up or abort a run that goes on."""
     from ground.services.control_run import control_run
 
     return answer(
-        await call(
+        await ask.do(
             control_run,
-            repo,
-            who,
             run_id,
             paused=body.paused,
             pace=body.pace,
@@ -96,25 +86,24 @@ async def control_run(repo: Repo, who: Who, run_id: Id, body: RunControlBody) ->
 
 
 @router.get("/runs/{run_id}/trace", response_model=v.Trace, responses=responses(404, 409, 422))
-async def get_run_trace(repo: Repo, who: Who, run_id: Id) -> Response:
+async def get_run_trace(ask: Asked, run_id: Id) -> Response:
     """Read the executive's trace."""
     from ground.services.read_run import read_trace
 
-    return answer(await call(read_trace, repo, who, run_id))
+    return answer(await ask.do(read_trace, run_id))
 
 
 @router.get("/runs/{run_id}/telemetry", response_model=v.Telemetry, responses=responses(404, 422))
-async def get_run_telemetry(repo: Repo, who: Who, run_id: Id) -> Response:
+async def get_run_telemetry(ask: Asked, run_id: Id) -> Response:
     """Read telemetry as columns; while the run goes on, what there is so far (`complete` is false)."""
     from ground.services.read_run import read_telemetry
 
-    return answer(await call(read_telemetry, repo, who, run_id))
+    return answer(await ask.do(read_telemetry, run_id))
 
 
 @router.get("/runs/{run_id}/snapshot", response_model=v.RunSnapshot, responses=responses(404, 409, 422))
 async def get_run_snapshot(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     run_id: Id,
     seq: Annotated[
         int | None, Query(ge=0, le=2**53, description="record of the journal; default the last one")
@@ -127,7 +116,7 @@ async def get_run_snapshot(
     """Look into the executive at a record of the journal: nodes, windows, conditions, resources."""
     from ground.services.read_snapshot import read_snapshot
 
-    return answer(await call(read_snapshot, repo, who, run_id, seq=seq, t_s=t_s))
+    return answer(await ask.do(read_snapshot, run_id, seq=seq, t_s=t_s))
 
 
 @router.get(
@@ -135,18 +124,17 @@ async def get_run_snapshot(
     response_class=StreamingResponse,
     responses={**EVENT_STREAM, **responses(404, 422)},
 )
-async def stream_run(repo: Repo, who: Who, run_id: Id, last_event_id: LastEventId = None) -> Response:
+async def stream_run(ask: Asked, run_id: Id, last_event_id: LastEventId = None) -> Response:
     """Stream a run: events `telemetry` (one sample), `trace` (one record), `control` (what an operator
     asked), and at last `end` (the run)."""
     from ground.api.streams import run_stream
 
-    return await run_stream(repo, who, run_id, last_event_id)
+    return await run_stream(ask.repo, ask.who, run_id, last_event_id)
 
 
 @router.get("/missions/{mission_id}/products", response_model=Page[v.Product], responses=responses(404, 422))
 async def list_products(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     limit: Limit = 100,
     cursor: Cursor = None,
@@ -157,23 +145,21 @@ async def list_products(
 ) -> Response:
     """List data products by run, target or request; `orphan=true` lists those that match no request."""
     where = {"run_id": run_id, "target_id": target_id, "request_id": request_id, "orphan": orphan}
-    return answer(
-        await call(list_resources, repo, who, "product", mission_id, limit=limit, cursor=cursor, where=where)
-    )
+    return await ask.page("product", mission_id, limit, cursor, where)
 
 
 @router.get("/products/{product_id}", response_model=v.Product, responses=responses(404, 422))
-async def get_product(repo: Repo, who: Who, product_id: Id) -> Response:
+async def get_product(ask: Asked, product_id: Id) -> Response:
     """Read what is known of a data product."""
-    return answer(await call(get_resource, repo, who, "product", product_id))
+    return await ask.one("product", product_id)
 
 
 @router.get("/products/{product_id}/lineage", response_model=v.Lineage, responses=responses(404, 422))
-async def get_product_lineage(repo: Repo, who: Who, product_id: Id) -> Response:
+async def get_product_lineage(ask: Asked, product_id: Id) -> Response:
     """Follow a data product back to run, CRL task, observation request and target."""
     from ground.services.trace_lineage import trace_lineage
 
-    return answer(await call(trace_lineage, repo, who, "product", product_id))
+    return answer(await ask.do(trace_lineage, "product", product_id))
 
 
 @router.get(
@@ -186,11 +172,11 @@ async def get_product_lineage(repo: Repo, who: Who, product_id: Id) -> Response:
         **responses(404, 422),
     },
 )
-async def get_product_file(repo: Repo, who: Who, product_id: Id) -> Response:
+async def get_product_file(ask: Asked, product_id: Id) -> Response:
     """Send the file of a data product; its ETag is the SHA-256 of the content."""
     from ground.services.read_product import read_product
 
-    product, path = await call(read_product, repo, who, product_id)
+    product, path = await ask.do(read_product, product_id)
     headers = {"ETag": f'"{product.sha256}"', "Cache-Control": "private, max-age=31536000, immutable"}
     headers["Content-Security-Policy"] = "default-src 'none'; sandbox"
     return FileResponse(

@@ -4,31 +4,30 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Query
+from fastapi import Path, Query
 from starlette.responses import FileResponse, Response
 
-from ground.api.context import Id, Repo, Who, answer, call
+from ground.api.context import Asked, Id, answer, api_router
 from ground.api.problems import responses
 from ground.gdr import values as v
 from ground.gdr.view_values import CameraView, Panorama, RoverShape, StandCheck
 
-router = APIRouter(tags=["views"], responses=responses(401, 403))
+router = api_router("views")
 Coordinate = Annotated[float, Query(ge=-100_000.0, le=100_000.0, allow_inf_nan=False)]
 Angle = Annotated[float, Query(ge=-6.2831853071795869, le=6.2831853071795869, allow_inf_nan=False)]
 
 
 @router.get("/missions/{mission_id}/rover", response_model=RoverShape, responses=responses(404, 422))
-async def get_rover(repo: Repo, who: Who, mission_id: Id) -> Response:
+async def get_rover(ask: Asked, mission_id: Id) -> Response:
     """Describe the mission's rover for a view: body, arm, mast, cameras, tracking cone, sun."""
     from ground.services.describe_rover import describe_rover
 
-    return answer(await call(describe_rover, repo, who, mission_id))
+    return answer(await ask.do(describe_rover, mission_id))
 
 
 @router.get("/missions/{mission_id}/rover/view", response_model=CameraView, responses=responses(404, 422))
 async def get_camera_view(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     east_m: Coordinate,
     north_m: Coordinate,
@@ -48,7 +47,7 @@ async def get_camera_view(
     at = None if at_east_m is None or at_north_m is None else (at_east_m, at_north_m)
     pose = v.Pose(east_m, north_m, heading_rad)
     return answer(
-        await call(view_from, repo, who, mission_id, pose, camera, pan_rad=pan_rad, tilt_rad=tilt_rad, at=at)
+        await ask.do(view_from, mission_id, pose, camera, pan_rad=pan_rad, tilt_rad=tilt_rad, at=at)
     )
 
 
@@ -68,8 +67,7 @@ async def get_camera_view(
     },
 )
 async def get_coverage(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     layer: Literal["inner", "outer"] = "inner",
     max_posts: Annotated[
@@ -79,7 +77,7 @@ async def get_coverage(
     """Send which ground is seen from the start pose, and how well it is known there."""
     from ground.services.read_coverage import read_coverage
 
-    tile = await call(read_coverage, repo, who, mission_id, layer, max_posts)
+    tile = await ask.do(read_coverage, mission_id, layer, max_posts)
     headers = {
         "X-Outcrop-Shape": f"{tile.rows},{tile.columns}",
         "X-Outcrop-Bounds": ",".join(f"{b:.6f}" for b in tile.bounds),
@@ -90,11 +88,11 @@ async def get_coverage(
 
 
 @router.get("/missions/{mission_id}/panorama", response_model=Panorama, responses=responses(404, 422))
-async def get_panorama(repo: Repo, who: Who, mission_id: Id) -> Response:
+async def get_panorama(ask: Asked, mission_id: Id) -> Response:
     """Describe the panorama of the start pose; its tiles are rendered when they are first read, then kept."""
     from ground.services.look_around import look_around
 
-    return answer(await call(look_around, repo, who, mission_id))
+    return answer(await ask.do(look_around, mission_id))
 
 
 @router.get(
@@ -103,8 +101,7 @@ async def get_panorama(repo: Repo, who: Who, mission_id: Id) -> Response:
     responses={200: {"content": {"image/jpeg": {}}}, **responses(404, 422)},
 )
 async def get_panorama_tile(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     index: Annotated[int, Path(ge=0, le=99)],
     key: Annotated[str, Query(max_length=40, description="from the tile's url; makes it cacheable")] = "",
@@ -112,7 +109,7 @@ async def get_panorama_tile(
     """Send a tile of the panorama, grey, rendered by the simulator."""
     from ground.services.look_around import read_tile
 
-    path = await call(read_tile, repo, who, mission_id, index)
+    path = await ask.do(read_tile, mission_id, index)
     cached = "private, max-age=86400" if key else "no-cache"
     return FileResponse(path, media_type="image/jpeg", headers={"Cache-Control": cached})
 
@@ -121,8 +118,7 @@ async def get_panorama_tile(
     "/missions/{mission_id}/panorama/point", response_model=v.TerrainPoint, responses=responses(404, 422)
 )
 async def get_panorama_point(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     mission_id: Id,
     azimuth_rad: Annotated[float, Query(ge=-6.2831853071795869, le=12.566370614359172, allow_inf_nan=False)],
     elevation_rad: Annotated[
@@ -132,7 +128,7 @@ async def get_panorama_point(
     """Ask the full-resolution terrain for the ground in a direction (azimuth clockwise from north)."""
     from ground.services.look_around import point_in_panorama
 
-    return answer(await call(point_in_panorama, repo, who, mission_id, azimuth_rad, elevation_rad))
+    return answer(await ask.do(point_in_panorama, mission_id, azimuth_rad, elevation_rad))
 
 
 @router.get(
@@ -141,8 +137,7 @@ async def get_panorama_point(
     responses=responses(404, 422),
 )
 async def get_stand_check(
-    repo: Repo,
-    who: Who,
+    ask: Asked,
     observation_request_id: Id,
     east_m: Coordinate,
     north_m: Coordinate,
@@ -151,4 +146,4 @@ async def get_stand_check(
     """Weigh a pose for a request by the rules of base placement; by default the rover faces the target."""
     from ground.services.check_stand import check_stand
 
-    return answer(await call(check_stand, repo, who, observation_request_id, east_m, north_m, heading_rad))
+    return answer(await ask.do(check_stand, observation_request_id, east_m, north_m, heading_rad))

@@ -2,40 +2,21 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.responses import Response
 
-from ground.api.context import (
-    Cursor,
-    Id,
-    IfMatch,
-    Limit,
-    Repo,
-    Who,
-    answer,
-    call,
-    created,
-    no_content,
-    revision_wanted,
-)
+from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, api_router, created
 from ground.api.problems import responses
-from ground.api.schemas import Page, SolChange, SolCreate, set_members
+from ground.api.schemas import Page, SolChange, SolCreate
 from ground.gdr import values as v
-from ground.services.change_resource import change_resource
 from ground.services.create_sol import create_sol as open_sol
-from ground.services.delete_resource import delete_resource
-from ground.services.get_resource import get_resource
-from ground.services.list_resources import list_resources
 
-router = APIRouter(tags=["sols"], responses=responses(401, 403))
+router = api_router("sols")
 
 
 @router.get("/missions/{mission_id}/sols", response_model=Page[v.Sol], responses=responses(404, 422))
-async def list_sols(
-    repo: Repo, who: Who, mission_id: Id, limit: Limit = 100, cursor: Cursor = None
-) -> Response:
+async def list_sols(ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None) -> Response:
     """List the sols of a mission."""
-    return answer(await call(list_resources, repo, who, "sol", mission_id, limit=limit, cursor=cursor))
+    return await ask.page("sol", mission_id, limit, cursor)
 
 
 @router.post(
@@ -44,12 +25,10 @@ async def list_sols(
     status_code=201,
     responses=responses(400, 404, 409, 422),
 )
-async def create_sol(repo: Repo, who: Who, mission_id: Id, body: SolCreate) -> Response:
+async def create_sol(ask: Asked, mission_id: Id, body: SolCreate) -> Response:
     """Open a sol; what is left out has a default."""
-    value = await call(
+    value = await ask.do(
         open_sol,
-        repo,
-        who,
         mission_id,
         number=body.number,
         notes=body.notes,
@@ -68,20 +47,18 @@ async def create_sol(repo: Repo, who: Who, mission_id: Id, body: SolCreate) -> R
 
 
 @router.get("/sols/{sol_id}", response_model=v.Sol, responses=responses(404, 422))
-async def get_sol(repo: Repo, who: Who, sol_id: Id) -> Response:
+async def get_sol(ask: Asked, sol_id: Id) -> Response:
     """Read a sol."""
-    return answer(await call(get_resource, repo, who, "sol", sol_id))
+    return await ask.one("sol", sol_id)
 
 
 @router.patch("/sols/{sol_id}", response_model=v.Sol, responses=responses(400, 404, 409, 412, 422, 428))
-async def change_sol(repo: Repo, who: Who, sol_id: Id, body: SolChange, if_match: IfMatch = None) -> Response:
+async def change_sol(ask: Asked, sol_id: Id, body: SolChange, if_match: IfMatch = None) -> Response:
     """Change a sol; plans made before become stale."""
-    changes = set_members(body)
-    return answer(await call(change_resource, repo, who, "sol", sol_id, changes, revision_wanted(if_match)))
+    return await ask.change("sol", sol_id, body, if_match)
 
 
 @router.delete("/sols/{sol_id}", status_code=204, responses=responses(404, 409, 412, 422, 428))
-async def delete_sol(repo: Repo, who: Who, sol_id: Id, if_match: IfMatch = None) -> Response:
+async def delete_sol(ask: Asked, sol_id: Id, if_match: IfMatch = None) -> Response:
     """Delete a sol that has no plans."""
-    await call(delete_resource, repo, who, "sol", sol_id, revision_wanted(if_match))
-    return no_content()
+    return await ask.delete("sol", sol_id, if_match)

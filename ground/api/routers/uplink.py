@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.responses import Response
 
-from ground.api.context import Cursor, Id, Limit, Repo, Who, answer, call, created
+from ground.api.context import Asked, Cursor, Id, Limit, answer, api_router, created
 from ground.api.problems import responses
 from ground.api.schemas import ApprovalCreate, Page, RunIngest, WaiverCreate
 from ground.gdr import values as v
-from ground.services.list_resources import list_resources
 
-router = APIRouter(tags=["uplink"], responses=responses(401, 403))
+router = api_router("uplink")
 
 
 @router.get(
     "/missions/{mission_id}/approvals", response_model=Page[v.Approval], responses=responses(404, 422)
 )
-async def list_approvals(
-    repo: Repo, who: Who, mission_id: Id, limit: Limit = 100, cursor: Cursor = None
-) -> Response:
+async def list_approvals(ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None) -> Response:
     """List approvals, with those that are void."""
-    return answer(await call(list_resources, repo, who, "approval", mission_id, limit=limit, cursor=cursor))
+    return await ask.page("approval", mission_id, limit, cursor)
 
 
 @router.get(
@@ -29,11 +25,11 @@ async def list_approvals(
     response_model=list[v.FlightRuleResult],
     responses=responses(404, 409, 422),
 )
-async def get_flight_rules(repo: Repo, who: Who, plan_id: Id) -> Response:
+async def get_flight_rules(ask: Asked, plan_id: Id) -> Response:
     """Hold every flight rule against the plan."""
     from ground.services.check_flight_rules import check_flight_rules
 
-    return answer(await call(check_flight_rules, repo, who, plan_id))
+    return answer(await ask.do(check_flight_rules, plan_id))
 
 
 @router.post(
@@ -42,11 +38,11 @@ async def get_flight_rules(repo: Repo, who: Who, plan_id: Id) -> Response:
     status_code=201,
     responses=responses(400, 404, 409, 422),
 )
-async def create_waiver(repo: Repo, who: Who, plan_id: Id, body: WaiverCreate) -> Response:
+async def create_waiver(ask: Asked, plan_id: Id, body: WaiverCreate) -> Response:
     """Accept that one flight rule does not hold for this plan, with the reason."""
     from ground.services.check_flight_rules import waive_rule
 
-    return answer(await call(waive_rule, repo, who, plan_id, body.rule, body.reason), 201)
+    return answer(await ask.do(waive_rule, plan_id, body.rule, body.reason), 201)
 
 
 @router.post(
@@ -55,11 +51,11 @@ async def create_waiver(repo: Repo, who: Who, plan_id: Id, body: WaiverCreate) -
     status_code=201,
     responses=responses(400, 404, 409, 422),
 )
-async def approve_plan(repo: Repo, who: Who, plan_id: Id, body: ApprovalCreate) -> Response:
+async def approve_plan(ask: Asked, plan_id: Id, body: ApprovalCreate) -> Response:
     """Approve a verified plan; not one's own, and only with the digest that was read."""
     from ground.services.approve_plan import approve_plan
 
-    approval = await call(approve_plan, repo, who, plan_id, body.crl_sha256, body.note)
+    approval = await ask.do(approve_plan, plan_id, body.crl_sha256, body.note)
     return created(approval, f"/api/v1/missions/{approval.mission_id}/approvals")
 
 
@@ -71,11 +67,11 @@ async def approve_plan(repo: Repo, who: Who, plan_id: Id, body: ApprovalCreate) 
         **responses(404, 409, 422, 503),
     },
 )
-async def package_plan(repo: Repo, who: Who, plan_id: Id) -> Response:
+async def package_plan(ask: Asked, plan_id: Id) -> Response:
     """Make the signed uplink package of an approved plan; the plan is uplinked with it."""
     from ground.services.package_plan import package_plan
 
-    package = await call(package_plan, repo, who, plan_id)
+    package = await ask.do(package_plan, plan_id)
     headers = {
         "Content-Disposition": f'attachment; filename="{package.file_name}"',
         "ETag": f'"{package.sha256}"',
@@ -89,9 +85,9 @@ async def package_plan(repo: Repo, who: Who, plan_id: Id) -> Response:
     status_code=201,
     responses=responses(400, 404, 409, 422),
 )
-async def ingest_run(repo: Repo, who: Who, body: RunIngest) -> Response:
+async def ingest_run(ask: Asked, body: RunIngest) -> Response:
     """Take in the folder of an execution (an uploaded zip) and tie its products to what asked for them."""
     from ground.services.ingest_run import ingest_upload
 
-    run = await call(ingest_upload, repo, who, body.upload_id)
+    run = await ask.do(ingest_upload, body.upload_id)
     return created(run, f"/api/v1/runs/{run.id}")

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from starlette.responses import Response
 
-from ground.api.context import Repo, Who, call, created
+from ground.api.context import Asked, api_router, call, created
 from ground.api.problems import responses
 from ground.gdr import values as v
 from ground.services.store_upload import UploadDraft
 
-router = APIRouter(tags=["uploads"], responses=responses(401, 403))
+router = api_router("uploads")
 FileName = Annotated[str, Query(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f/\\\\]+$")]
 
 
@@ -28,9 +28,9 @@ FileName = Annotated[str, Query(min_length=1, max_length=200, pattern=r"^[^\x00-
         }
     },
 )
-async def create_upload(repo: Repo, who: Who, request: Request, file_name: FileName) -> Response:
+async def create_upload(ask: Asked, request: Request, file_name: FileName) -> Response:
     """Upload a file as the body: a terrain (zip, GeoTIFF, mesh), an ortho image, a mission's archive."""
-    draft = UploadDraft(repo, who, file_name)
+    draft = UploadDraft(ask.repo, ask.who, file_name)
     try:
         async for chunk in request.stream():
             draft.write(chunk)
