@@ -14,45 +14,15 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
 from rover_iface.errors import LocalizationError
+from rover_iface.localization import rock_model_kernels as kernels
 
 Array = NDArray[np.floating]
 
 FEWEST_POINTS = 12
 EDGE = 0.01
 """Share of the squared radius at which a spheroid's height, vertical there, goes on as a straight line."""
-
-
-def _dome(q: Array) -> Array:
-    return np.where(
-        q > EDGE, np.sqrt(np.maximum(q, EDGE)), math.sqrt(EDGE) + (q - EDGE) / (2 * math.sqrt(EDGE))
-    )
-
-
-def _hemispheroid(p: Array, xy: Array) -> Array:
-    x0, y0, r, h = p
-    return h * _dome(1 - ((xy[:, 0] - x0) ** 2 + (xy[:, 1] - y0) ** 2) / r**2)
-
-
-def _ellipsoid(p: Array, xy: Array) -> Array:
-    x0, y0, a, h, b, phi = p
-    dx, dy = xy[:, 0] - x0, xy[:, 1] - y0
-    along, across = dx * math.cos(phi) + dy * math.sin(phi), dy * math.cos(phi) - dx * math.sin(phi)
-    return h * _dome(1 - (along / a) ** 2 - (across / b) ** 2)
-
-
-def _cone(p: Array, xy: Array) -> Array:
-    x0, y0, r, h = p
-    return h * (1 - np.hypot(xy[:, 0] - x0, xy[:, 1] - y0) / r)
-
-
-def _tetrahedron(p: Array, xy: Array) -> Array:
-    x0, y0, r, h, phi = p
-    normals = phi + math.pi / 3 + 2 * math.pi / 3 * np.arange(3)  # corners at phi, edges at r / 2
-    out = (xy[:, :1] - x0) * np.cos(normals) + (xy[:, 1:] - y0) * np.sin(normals)
-    return h * (1 - out.max(axis=1) / (r / 2))
 
 
 def _spheroid_area(a: float, b: float, h: float) -> float:
@@ -63,27 +33,27 @@ def _spheroid_area(a: float, b: float, h: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Family:
-    heights: Callable[[Array, Array], Array]
+    code: int
     area: Callable[[Array], float]
     turns: tuple[float, ...] = ()
 
     def starts(self, x: float, y: float, r: float, h: float) -> list[list[float]]:
         if not self.turns:
             return [[x, y, r, h]]
-        shape = [x, y, r, h] if self.heights is _tetrahedron else [x, y, r, h, 0.8 * r]
+        shape = [x, y, r, h] if self.code == kernels.TETRAHEDRON else [x, y, r, h, 0.8 * r]
         return [[*shape, turn] for turn in self.turns]
 
 
 FAMILIES: Final[dict[str, _Family]] = {
-    "hemispheroid": _Family(_hemispheroid, lambda p: _spheroid_area(p[2], p[2], p[3])),
-    "cone": _Family(_cone, lambda p: math.pi * float(p[2]) * math.hypot(p[2], p[3])),
+    "hemispheroid": _Family(kernels.HEMISPHEROID, lambda p: _spheroid_area(p[2], p[2], p[3])),
+    "cone": _Family(kernels.CONE, lambda p: math.pi * float(p[2]) * math.hypot(p[2], p[3])),
     "tetrahedron": _Family(
-        _tetrahedron,
+        kernels.TETRAHEDRON,
         lambda p: 1.5 * math.sqrt(3) * float(p[2]) * math.hypot(p[3], p[2] / 2),
         (0.0, math.pi / 6, math.pi / 3, math.pi / 2),
     ),
     "semi-ellipsoid": _Family(
-        _ellipsoid,
+        kernels.ELLIPSOID,
         lambda p: _spheroid_area(p[2], p[4], p[3]),
         (0.0, math.pi / 4, math.pi / 2, 3 * math.pi / 4),
     ),
@@ -146,8 +116,17 @@ def _radius(family: str, p: Array) -> float:
     return math.sqrt(p[2] * p[4]) if family == "semi-ellipsoid" else float(p[2])
 
 
-def fit_rock_model(points: ArrayLike, family: str) -> RockModel:
+def fit_rock_model(
+    points: ArrayLike,
+    family: str,
+    *,
+    radius_m: tuple[float, float] | None = None,
+    height_m: tuple[float, float] | None = None,
+) -> RockModel:
     """Return the best rock of one family through surface points [n, 3]; see the module for the frame.
+
+    `radius_m` and `height_m` bound the radius or semi-axes and the height where the outline of the rock is
+    known; a triangle's circle may be 1.3 times as large.
 
     Raises
     ------
@@ -158,23 +137,26 @@ def fit_rock_model(points: ArrayLike, family: str) -> RockModel:
     if family not in FAMILIES:
         raise LocalizationError(f"rock family {family!r} is unknown; known are {', '.join(FAMILIES)}")
     model = FAMILIES[family]
-    xy, z = surface[:, :2], surface[:, 2]
-    x, y, h = surface[int(z.argmax())]
-    extent = float(np.hypot(*(xy - (x, y)).T).max())
-    starts = model.starts(x, y, max(extent, 1e-3), h)
+    xy, z = surface[:, :2], np.ascontiguousarray(surface[:, 2])
+    top_x, top_y, h = surface[int(z.argmax())]
+    extent = max(float(np.hypot(*(xy - (top_x, top_y)).T).max()), 1e-3)
+    starts = model.starts(top_x, top_y, extent, h)
     low, high = np.full(len(starts[0]), -np.inf), np.full(len(starts[0]), np.inf)
     sizes = [2, 3, 4] if family == "semi-ellipsoid" else [2, 3]
     low[sizes] = [0.2 * extent, 0.5 * h, 0.2 * extent][: len(sizes)]
     high[sizes] = [3 * extent, 2 * h, 3 * extent][: len(sizes)]
+    if radius_m is not None:
+        lengths = [2, 4] if family == "semi-ellipsoid" else [2]
+        low[lengths], high[lengths] = radius_m[0], radius_m[1] * (1.3 if family == "tetrahedron" else 1.0)
+    if height_m is not None:
+        low[3], high[3] = height_m
+    x, y = np.ascontiguousarray(xy[:, 0]), np.ascontiguousarray(xy[:, 1])
     fits = [
-        least_squares(
-            lambda p: model.heights(p, xy) - z, start, bounds=(low, high), x_scale=extent, max_nfev=60
-        )
-        for start in starts
+        kernels.fit(model.code, np.array(start), low, high, x, y, z, extent, EDGE, 60) for start in starts
     ]
-    fit = min(fits, key=lambda one: float(one.cost))
-    p, free = fit.x, max(len(z) - len(fit.x), 1)
-    covariance = 2 * fit.cost / free * np.linalg.pinv(fit.jac.T @ fit.jac)
+    p, cost, normal = min(fits, key=lambda one: float(one[1]))
+    free = max(len(z) - len(p), 1)
+    covariance = 2 * cost / free * np.linalg.pinv(normal)
 
     def sigma(of: Callable[[Array], float]) -> float:
         steps = 1e-5 * extent * np.eye(len(p))
@@ -200,11 +182,16 @@ def fit_rock_model(points: ArrayLike, family: str) -> RockModel:
         area_sigma_m2=sigma(model.area),
         axes_m=(a, b),
         orientation_rad=turn,
-        rms_m=math.sqrt(2 * fit.cost / len(z)),
+        rms_m=math.sqrt(2 * cost / len(z)),
     )
 
 
-def best_rock_model(points: ArrayLike) -> RockModel:
+def best_rock_model(
+    points: ArrayLike,
+    *,
+    radius_m: tuple[float, float] | None = None,
+    height_m: tuple[float, float] | None = None,
+) -> RockModel:
     """Return the rock of the family with the least RMS of heights; `SIMPLER_WITHIN` is the one exception.
 
     Raises
@@ -212,7 +199,9 @@ def best_rock_model(points: ArrayLike) -> RockModel:
     LocalizationError
         If there are fewer than `FEWEST_POINTS` points [n, 3], or none above ground.
     """
-    fitted = {family: fit_rock_model(points, family) for family in FAMILIES}
+    fitted = {
+        family: fit_rock_model(points, family, radius_m=radius_m, height_m=height_m) for family in FAMILIES
+    }
     wide = fitted.pop("semi-ellipsoid")
     simple = min(fitted.values(), key=lambda rock: rock.rms_m)
     return simple if simple.rms_m <= SIMPLER_WITHIN * wide.rms_m + SIMPLER_BELOW_M else wide

@@ -1,0 +1,455 @@
+"""Rocks in the points that stereo saw from one stop.
+
+Li et al. 2007, section II.A: peaks are local maxima of the cloud, a plane through the ground of 70 x 70 cm
+(near) or 2 x 2 m (far) round a peak gives its height, the points above the plane are its surface. Here the
+search runs on the raster of directions, where stereo errs along the ray alone: a rock is a patch that
+stands above the ground and hangs together in disparity, and two peaks with a deep gap between are two rocks.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.errors import LocalizationError
+from rover_iface.localization.ground_points import DirectionRaster, GroundPoints, direction_raster
+from rover_iface.localization.rock_models import FEWEST_POINTS, RockModel, best_rock_model
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class ExtractionOptions:
+    """Parameters of the rock extraction.
+
+    Attributes
+    ----------
+    farthest_m
+        Beyond, the range errs by more than a rock is wide.
+    least_height_m, least_cells
+        A rock is at least this high over its plane and this many cells large.
+    near_m, near_side_m, far_side_m
+        Up to `near_m` the plane is taken from a square of `near_side_m`, beyond from one of `far_side_m`
+        (published: 70 cm and 2 m).
+    disparity_px
+        Standard deviation of a disparity; what hangs together differs by at most 4 of them.
+    ground_reach_m
+        How far the ground is smoothed, coarse to fine; what is a rise at one reach is looked at again.
+    widest_m, least_steepness
+        Wider than this, or lower than this share of its width, is a rise of the ground and no rock.
+    steepest_rise
+        A face that recedes by more than this per height (37 degrees from level), beyond what stereo errs, is
+        a rise as well: a rock's face stands.
+    significant_height_m
+        Rocks from this height on count as significant.
+    """
+
+    farthest_m: float = 26.0
+    least_height_m: float = 0.10
+    least_cells: int = 10
+    near_m: float = 6.0
+    near_side_m: float = 0.7
+    far_side_m: float = 2.0
+    disparity_px: float = 0.3
+    ground_reach_m: tuple[float, ...] = (1.6, 1.0, 0.6)
+    widest_m: float = 3.0
+    least_steepness: float = 0.3
+    steepest_rise: float = 1.3
+    significant_height_m: float = 0.15
+
+    def __post_init__(self) -> None:
+        if self.least_cells < FEWEST_POINTS - 4 or not self.least_height_m > 0 or not self.disparity_px > 0:
+            raise LocalizationError(
+                f"rocks of {self.least_cells} cells, {self.least_height_m} m, {self.disparity_px} px; at least "
+                f"{FEWEST_POINTS - 4} cells and positive height and disparity error are needed"
+            )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SeenRock:
+    """A rock seen from one stop, site frame of the cloud.
+
+    Attributes
+    ----------
+    peak
+        [3], its highest point.
+    position, covariance
+        [3], [3, 3]: middle of its foot, and how far that may be off.
+    height_m, width_m
+        Over the plane round it; across the line of sight.
+    range_m
+        From the eye.
+    surface
+        [n, 3], points above the plane.
+    model
+        The best of the four solids, None when there are too few points for one.
+    cells
+        How many cells of the direction raster show it.
+    """
+
+    peak: Array
+    position: Array
+    covariance: Array
+    height_m: float
+    width_m: float
+    range_m: float
+    surface: Array
+    model: RockModel | None
+    cells: Array
+
+    @property
+    def radius_m(self) -> float:
+        """Return the radius of its model, or half its width."""
+        return self.model.radius_m if self.model is not None else 0.5 * self.width_m
+
+    @property
+    def area_m2(self) -> float:
+        """Return the surface of its model, or that of a hemispheroid of its size."""
+        if self.model is not None:
+            return self.model.area_m2
+        return 2.0 * math.pi * 0.5 * self.width_m * max(self.height_m, 0.5 * self.width_m)
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Height of the ground under a cloud, on a raster of 1 m posts [rows, columns], row 0 south."""
+
+    heights: Array
+    west: float
+    south: float
+    side: float
+
+    def at(self, xy: Array) -> Array:
+        """Return ground heights at points [..., 2], bilinear, the border's beyond it."""
+        from scipy.ndimage import map_coordinates
+
+        where = (
+            np.moveaxis(xy, -1, 0)[::-1] - np.array([self.south, self.west]).reshape(2, *[1] * (xy.ndim - 1))
+        ) / self.side
+        return np.asarray(map_coordinates(self.heights, where, order=1, mode="nearest"))
+
+
+def fit_ground(points: Array, *, side: float = 1.0, reach_m: float = 1.5) -> Ground:
+    """Return the ground under points [n, 3]: planes through low points, weighted by distance, rocks left out.
+
+    Each cell stands with its lower points; a Gaussian of `reach_m` weighs the cells round a post, and cells
+    above the plane lose weight twice over.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    low = points[:, :2].min(axis=0) - 2 * side
+    at = np.floor((points[:, :2] - low) / side).astype(np.int64)
+    columns, rows = (int(v) + 4 for v in at.max(axis=0))
+    cell = at[:, 1] * columns + at[:, 0]
+    order = np.lexsort((points[:, 2], cell))
+    cells, first, count = np.unique(cell[order], return_index=True, return_counts=True)
+    chosen = order[first + (0.3 * (count - 1)).astype(np.int64)]
+    lows = points[chosen]
+    weight = np.minimum(count, 10) / 10.0
+    posts_y, posts_x = np.mgrid[0:rows, 0:columns] * side
+    sigma = reach_m / side
+    height = np.zeros((rows, columns))
+    trust = np.ones(len(cells))
+    for _ in range(4):
+        moments = {}
+        x, y, z = (lows - (low[0], low[1], 0.0)).T
+        # Gaussian sums round each post: the local plane by normal equations
+        for name, values in {
+            "1": 1.0,
+            "x": x,
+            "y": y,
+            "z": z,
+            "xx": x * x,
+            "xy": x * y,
+            "yy": y * y,
+            "xz": x * z,
+            "yz": y * z,
+        }.items():
+            field = np.zeros(rows * columns)
+            field[cells] = weight * trust * values
+            moments[name] = gaussian_filter(
+                field.reshape(rows, columns), sigma, mode="constant", truncate=5.0
+            )
+        total = np.maximum(moments["1"], 1e-12)
+        mx, my, mz = moments["x"] / total, moments["y"] / total, moments["z"] / total
+        xx = moments["xx"] / total - mx * mx + 0.05
+        yy = moments["yy"] / total - my * my + 0.05
+        xy = moments["xy"] / total - mx * my
+        xz, yz = moments["xz"] / total - mx * mz, moments["yz"] / total - my * mz
+        det = xx * yy - xy * xy
+        a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
+        height = mz + a * (posts_x - mx) + b * (posts_y - my)
+        height = np.where(moments["1"] > 1e-9, height, np.median(z))
+        ground = Ground(height, float(low[0]), float(low[1]), side)
+        over = lows[:, 2] - ground.at(lows[:, :2])
+        trust = np.where(over > 0.04, np.exp(-(((over - 0.04) / 0.06) ** 2)), 1.0)
+    return ground
+
+
+def extract_rocks(
+    seen: GroundPoints, options: ExtractionOptions | None = None, *, models: bool = True
+) -> list[SeenRock]:
+    """Return the rocks in a cloud, the nearest first; without `models` the solids are not fitted.
+
+    Raises
+    ------
+    LocalizationError
+        If too few points lie within reach.
+    """
+    options = options or ExtractionOptions()
+    raster = direction_raster(seen, farthest_m=options.farthest_m + 6.0)
+    smooth = _smoothed(raster.inverse)
+    raster = DirectionRaster(smooth, raster.left, raster.top, raster.step, raster.eye)
+    points = raster.points()
+    valid = np.isfinite(smooth)
+    rocks: list[SeenRock] = []
+    taken = np.zeros(smooth.size, dtype=bool)
+    # a rock on a rise is lost in it until the ground is followed more closely
+    for reach in options.ground_reach_m:
+        ground = fit_ground(points[valid], side=min(1.0, 0.7 * reach), reach_m=reach)
+        over = np.full(smooth.shape, np.nan)
+        over[valid] = points[valid][:, 2] - ground.at(points[valid][:, :2])
+        for patch in _patches(over, smooth * seen.range_factor, options):
+            if taken[patch].any():
+                continue
+            rock = _rock(patch, raster, points, over, ground, seen.range_factor, options, models)
+            if rock is not None:
+                rocks.append(rock)
+                taken[patch] = True
+    return sorted(rocks, key=lambda rock: rock.range_m)
+
+
+def _smoothed(inverse: Array) -> Array:
+    """Return the raster with each value the median of its 3 x 3 cells; lone cells are dropped."""
+    padded = np.pad(inverse, 1, constant_values=np.nan)
+    rows, columns = inverse.shape
+    stack = np.stack([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
+    known = np.isfinite(stack).sum(axis=0)
+    stack.sort(axis=0)  # NaN go last
+    middle = np.take_along_axis(stack, np.maximum(known - 1, 0)[None] // 2, axis=0)[0]
+    return np.where(np.isfinite(inverse) & (known >= 3), middle, np.nan)
+
+
+def _patches(over: Array, disparity: Array, options: ExtractionOptions) -> list[Array]:
+    """Return flat cell indices of each patch above ground that hangs together in disparity."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    with np.errstate(invalid="ignore"):
+        high = over > 0.5 * options.least_height_m + 0.0015 / np.maximum(disparity / 235.4, 1e-3)
+    rows, columns = over.shape
+    number = np.arange(rows * columns).reshape(rows, columns)
+    jump = 4.0 * options.disparity_px
+    pairs = []
+    for one, two in (
+        ((slice(None), slice(0, -1)), (slice(None), slice(1, None))),
+        ((slice(0, -1), slice(None)), (slice(1, None), slice(None))),
+    ):
+        with np.errstate(invalid="ignore"):
+            joined = high[one] & high[two] & (np.abs(disparity[one] - disparity[two]) < jump)
+        pairs.append(np.stack((number[one][joined], number[two][joined])))
+    ends = np.concatenate(pairs, axis=1)
+    graph = coo_matrix((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(number.size, number.size))
+    label = connected_components(graph, directed=False)[1]
+    inside = np.flatnonzero(high.ravel())
+    order = inside[np.argsort(label[inside], kind="stable")]
+    cuts = np.flatnonzero(np.diff(label[order])) + 1
+    patches = [part for part in np.split(order, cuts) if len(part) >= options.least_cells]
+    return [piece for part in patches for piece in _split(part, over, options)]
+
+
+def _split(part: Array, over: Array, options: ExtractionOptions) -> list[Array]:
+    """Return a patch cut where its outline sinks below 60 % of the lower of two peaks."""
+    columns = part % over.shape[1]
+    left = int(columns.min())
+    outline = np.zeros(int(columns.max()) - left + 1)
+    np.maximum.at(outline, columns - left, over.ravel()[part])
+    if len(outline) < 6:
+        return [part]
+    rolled = np.convolve(np.pad(outline, 1, mode="edge"), np.full(3, 1 / 3), mode="valid")
+    best, where = 0.6, -1
+    for k in range(2, len(rolled) - 2):
+        share = rolled[k] / max(min(rolled[:k].max(), rolled[k + 1 :].max()), 1e-6)
+        if share < best:
+            best, where = share, k
+    if where < 0:
+        return [part]
+    pieces = [part[columns - left <= where], part[columns - left > where]]
+    return [
+        cut for piece in pieces if len(piece) >= options.least_cells for cut in _split(piece, over, options)
+    ]
+
+
+def _rock(
+    patch: Array,
+    raster: DirectionRaster,
+    points: Array,
+    over: Array,
+    ground: Ground,
+    range_factor: float,
+    options: ExtractionOptions,
+    models: bool,
+) -> SeenRock | None:
+    columns = over.shape[1]
+    cells = points.reshape(-1, 3)[patch]
+    away = np.linalg.norm(cells - raster.eye, axis=1)
+    # what is not hidden behind the face stands at the near side: the ranges of one rock are one range
+    distance = float(np.median(away))
+    if distance > options.farthest_m:
+        return None
+    top = patch[np.argmax(over.ravel()[patch])]
+    peak = points.reshape(-1, 3)[top]
+    side = options.near_side_m if distance < options.near_m else options.far_side_m
+    plane = _plane(peak, points, over, side, options) if distance < options.near_m else None
+    if plane is None:
+        plane = _plane(peak, points, over, options.far_side_m, options)
+    if plane is None:
+        here = ground.at(peak[None, :2])[0]
+        plane = np.array([0.0, 0.0, 1.0]), float(here)
+    normal, level = plane
+    heights = cells @ normal - level
+    height = float(peak @ normal - level)
+    if height < options.least_height_m:
+        return None
+    column = patch % columns
+    azimuth = raster.left + raster.step * column
+    near, far = np.percentile(azimuth, (2, 98))
+    width = float((far - near + raster.step) * distance)
+    if not 0.05 < width < options.widest_m or height < options.least_steepness * width:
+        return None
+    if _is_rise(cells, raster.eye, range_factor, options):
+        return None
+    middle = 0.5 * (near + far)
+    sight = np.array([math.cos(middle), math.sin(middle), 0.0])
+    across = np.array([-sight[1], sight[0], 0.0])
+    level_range = float(np.median(np.hypot(*(cells - raster.eye)[:, :2].T)))
+    centre = raster.eye[:2] + sight[:2] * (level_range + 0.25 * width)
+    foot = float((level - normal[:2] @ centre) / normal[2])
+    sigma_range = distance**2 / range_factor * options.disparity_px * 0.6
+    along = math.hypot(sigma_range, 0.15 * width)
+    sideways = math.hypot(0.12 * width, 0.7 * raster.step * distance)
+    upward = math.hypot(0.03, 0.003 * distance)
+    covariance = (
+        along**2 * np.outer(sight, sight)
+        + sideways**2 * np.outer(across, across)
+        + upward**2 * np.diag([0, 0, 1.0])
+    )
+    surface = cells[heights > 0.1 * height]
+    model = None
+    if models and len(surface) >= FEWEST_POINTS:
+        model = _model(
+            surface, normal, level, sight, width, height, distance**2 / range_factor * options.disparity_px
+        )
+    return SeenRock(
+        peak=peak,
+        position=np.array([centre[0], centre[1], foot]),
+        covariance=covariance,
+        height_m=height,
+        width_m=width,
+        range_m=distance,
+        surface=surface,
+        model=model,
+        cells=patch,
+    )
+
+
+def _is_rise(cells: Array, eye: Array, range_factor: float, options: ExtractionOptions) -> bool:
+    """Return whether a face surely recedes: the slope of range over height, one deviation off."""
+    away = np.hypot(*(cells - eye)[:, :2].T)
+    z = cells[:, 2] - cells[:, 2].mean()
+    spread = float(z @ z)
+    slope = float(z @ (away - away.mean())) / (spread + 1e-4)
+    sigma = float(np.median(away)) ** 2 / range_factor * options.disparity_px
+    # neighbouring cells err together: six count as one
+    return slope - sigma / math.sqrt(spread / 6.0 + 1e-9) > options.steepest_rise
+
+
+def _plane(
+    peak: Array, points: Array, over: Array, side: float, options: ExtractionOptions
+) -> tuple[Array, float] | None:
+    """Return normal and level (normal . p = level) of the ground in a square round a peak, or None."""
+    flat, height = points.reshape(-1, 3), over.ravel()
+    with np.errstate(invalid="ignore"):
+        near = np.flatnonzero(
+            (np.abs(flat[:, 0] - peak[0]) < side / 2)
+            & (np.abs(flat[:, 1] - peak[1]) < side / 2)
+            & (height < 0.5 * options.least_height_m)
+        )
+    if len(near) < 8:
+        return None
+    chosen = flat[near]
+    base = np.column_stack((chosen[:, :2] - peak[:2], np.ones(len(near))))
+    # slopes are held towards level: the ground of a far rock is seen on one side only
+    ridge = np.diag([0.02, 0.02, 0.0]) * len(near)
+    x = np.zeros(3)
+    weight = np.ones(len(near))
+    for _ in range(3):
+        x = np.linalg.solve(
+            (base * weight[:, None]).T @ base + ridge, (base * weight[:, None]).T @ chosen[:, 2]
+        )
+        rest = chosen[:, 2] - base @ x
+        scale = 1.5 * float(np.median(np.abs(rest))) + 1e-3
+        weight = 1.0 / (1.0 + (rest / (2 * scale)) ** 2)
+    normal = np.array([-x[0], -x[1], 1.0])
+    normal /= np.linalg.norm(normal)
+    level = float(normal @ np.array([peak[0], peak[1], x[2]]))
+    return normal, level
+
+
+def _model(
+    surface: Array,
+    normal: Array,
+    level: float,
+    sight: Array,
+    width: float,
+    height: float,
+    sigma_range: float,
+) -> RockModel | None:
+    """Return the best solid through surface points, in a frame whose x runs along the line of sight."""
+    if len(surface) > 60:
+        surface = surface[np.linspace(0, len(surface) - 1, 60).astype(np.int64)]
+    x = sight - (sight @ normal) * normal
+    x /= np.linalg.norm(x)
+    axes = np.stack((x, np.cross(normal, x), normal))
+    local = (surface - surface.mean(axis=0)) @ axes.T
+    local[:, 2] = surface @ normal - level
+    local[:, 0], axis = settled_depth(local, 0.5 * width, sigma_range)
+    # symmetric about its peak (Li et al. 2007, II.B): the far side is the near one mirrored
+    mirrored = local * (-1.0, 1.0, 1.0) + (2.0 * axis, 0.0, 0.0)
+    try:
+        return best_rock_model(
+            np.concatenate((local, mirrored)),
+            radius_m=(0.3 * width, 0.6 * width),
+            height_m=(0.9 * height, 1.15 * height),
+        )
+    except LocalizationError:
+        return None
+
+
+def settled_depth(local: Array, radius_m: float, sigma_m: float) -> tuple[Array, float]:
+    """Return depths [n] along the sight freed of what stereo errs, and that of the rock's axis.
+
+    `local` are points (depth, across, up) [n, 3], metres.
+
+    Stereo's error of depth is often larger than the rock. Depth is taken as that of a half round of the
+    rock's width, plus a tilt found by least squares, plus what is left as far as it is larger than `sigma_m`
+    would make it (Wiener's factor): near, the points count, far, the outline.
+    """
+    depth, across, up = local.T
+    height = max(float(up.max()), 1e-3)
+    middle = 0.5 * (float(across.max()) + float(across.min()))
+    inside = 1.0 - ((across - middle) / radius_m) ** 2 - (up / height) ** 2
+    round_ = -radius_m * np.sqrt(np.clip(inside, 0.0, None))
+    rest = depth - round_
+    base = np.column_stack((np.ones(len(depth)), up - up.mean(), across - middle))
+    # neighbouring cells err together (six count as one); a face leans by up to 1, turns by up to 0.5
+    noise = 6.0 * sigma_m**2
+    ridge = np.diag([0.0, noise, noise / 0.25])
+    tilt = np.linalg.solve(base.T @ base + ridge, base.T @ rest)
+    left = rest - base @ tilt
+    true = (0.15 * radius_m) ** 2
+    return np.asarray(round_ + base @ tilt + true / (true + sigma_m**2) * left), float(tilt[0])
