@@ -109,7 +109,7 @@ export class Lens {
   /** How much wider the picture's angle is than that of a view with the given projection: marks are to look alike. */
   widerThan(view: PerspectiveCamera): number {
     const own = Math.abs(this.camera.projectionMatrix.elements[5] ?? 1);
-    return Math.abs(view.projectionMatrix.elements[5] ?? 1) / Math.max(1e-6, own);
+    return Math.min(2, Math.abs(view.projectionMatrix.elements[5] ?? 1) / Math.max(1e-6, own));
   }
 
   /** Ray of a place on the screen, scene axes; null outside the picture. `x`, `y` from the box's upper left corner. */
