@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rover_iface.errors import RoverError
 from rover_iface.navigation.kernels import assess, gather
+from rover_iface.navigation.registration import Correction, RegistrationParameters, register
 from rover_iface.profile import RoverProfile
 
 Array = NDArray[np.floating]
@@ -42,7 +43,7 @@ class MapParameters:
 
 
 class HazardMap:
-    """Hazards round a drive, in the rover's own estimate of the site frame.
+    """Hazards round a drive, in a frame of the map's own: that of the first look, kept by registration.
 
     `hazard` [rows, columns] is 0 for flat ground, 1 and more for an obstacle, NaN where nothing is known;
     `confidence` runs from 0 to 1 with the number of points. Row 0 lies in the south.
@@ -72,35 +73,15 @@ class HazardMap:
         self.updates = 0
 
     def update(self, clouds: list[Array], eye: ArrayLike) -> int:
-        """Merge point clouds [n, 3] seen from `eye` [3], all in the estimated site frame; return the points
-        used.
+        """Merge point clouds [n, 3] seen from `eye` [3], all in the map's frame; return the points used.
 
         Notes
         -----
         Weight falls with the square of the range beyond 2 m, as stereo's own error does.
         """
         p = self.parameters
-        origin = np.asarray(eye, dtype=float)
-        r0, r1, c0, c1 = self._window(origin[0], origin[1], p.reach_m + p.patch_m + 0.3)
+        fresh, (r0, r1, c0, c1), used = self._gathered(clouds, np.asarray(eye, dtype=float))
         view = (slice(r0, r1), slice(c0, c1))
-        fresh = np.zeros((3, r1 - r0, c1 - c0))
-        used = 0
-        for cloud in clouds:
-            if not len(cloud):
-                continue
-            distance = np.linalg.norm(cloud - origin, axis=1)
-            near = distance < p.reach_m
-            gains = 1.0 / np.maximum(1.0, distance[near] / 2.0) ** 2
-            used += gather(
-                fresh[0],
-                fresh[1],
-                fresh[2],
-                self.west + c0 * p.cell_m,
-                self.south + r0 * p.cell_m,
-                p.cell_m,
-                cloud[near],
-                gains,
-            )
         # Old points have drifted: where there are new ones they count for less, elsewhere they are all there
         # is.
         keep = np.where(fresh[0] > 0, p.discount, 1.0)
@@ -128,6 +109,56 @@ class HazardMap:
         self.confidence[view] *= p.fading ** self._age[view]
         self.updates += 1
         return used
+
+    def fit(
+        self,
+        clouds: list[Array],
+        eye: ArrayLike,
+        pivot: tuple[float, float],
+        sigma_m: float,
+        parameters: RegistrationParameters | None = None,
+    ) -> Correction:
+        """Return how clouds [n, 3] must be moved about `pivot` to fit what is mapped; the map stays as it is.
+
+        `sigma_m` is one standard deviation of the rover's place on the map before.
+        """
+        p = self.parameters
+        if not self.updates:
+            return Correction()
+        fresh, (r0, r1, c0, c1), _ = self._gathered(clouds, np.asarray(eye, dtype=float))
+        view = (slice(r0, r1), slice(c0, c1))
+        known = self._weight[view] >= p.least
+        heights = np.where(known, self._total[view] / np.where(known, self._weight[view], 1.0), 0.0)
+        rows, columns = np.nonzero(fresh[0] >= p.least)
+        weight = fresh[0][rows, columns]
+        cells = np.column_stack((columns, rows, fresh[1][rows, columns] / weight, weight)).astype(float)
+        middle = ((pivot[0] - self.west) / self.cell - c0, (pivot[1] - self.south) / self.cell - r0)
+        return register(heights, known, self.cell, cells, middle, sigma_m, parameters)
+
+    def _gathered(self, clouds: list[Array], eye: Array) -> tuple[Array, tuple[int, int, int, int], int]:
+        """Return sums of weight, z and z^2 [3, rows, columns] of clouds, their window, the points used."""
+        p = self.parameters
+        window = self._window(eye[0], eye[1], p.reach_m + p.patch_m + 0.3)
+        r0, r1, c0, c1 = window
+        fresh = np.zeros((3, r1 - r0, c1 - c0))
+        used = 0
+        for cloud in clouds:
+            if not len(cloud):
+                continue
+            distance = np.linalg.norm(cloud - eye, axis=1)
+            near = distance < p.reach_m
+            gains = 1.0 / np.maximum(1.0, distance[near] / 2.0) ** 2
+            used += gather(
+                fresh[0],
+                fresh[1],
+                fresh[2],
+                self.west + c0 * p.cell_m,
+                self.south + r0 * p.cell_m,
+                p.cell_m,
+                cloud[near],
+                gains,
+            )
+        return fresh, window, used
 
     def _window(self, x: float, y: float, half: float) -> tuple[int, int, int, int]:
         rows, columns = self.hazard.shape

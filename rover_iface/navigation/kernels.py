@@ -245,6 +245,15 @@ def cost_to_go(price: Array, cell: float, goal_row: int, goal_column: int) -> Ar
     return cost
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _clearance(u: float, v: float, half_length: float, half_width: float) -> float:
+    """Return the distance of a point of the rover frame from the rover's outline, negative inside."""
+    a, b = abs(u) - half_length, abs(v) - half_width
+    if a > 0.0 and b > 0.0:
+        return math.hypot(a, b)
+    return max(a, b)
+
+
 @njit(cache=True, nogil=True)
 def try_ways(
     hazard: Array,
@@ -265,10 +274,10 @@ def try_ways(
 ) -> Array:
     """Return per way [n, 6]: length free of obstacles, mean hazard, end x, y, heading, share unknown.
 
-    A way [n, 3] is a turn in place, then an arc of a curvature and a length (backwards if negative). Cells
-    that lie
-    under the rover where it stands now are taken to be harmless, and so are those within a circle (the
-    tracked target's own rock).
+    A way [n, 3] is a turn in place, then an arc of a curvature and a length (backwards if negative). An
+    obstacle stops it if it comes within the margin and nearer than it is now, so that the rover can leave
+    what it stands beside; so does ground never seen under the body itself. Obstacles within a circle (the
+    tracked target's own rock) do not count.
     """
     rows, columns = hazard.shape
     result = np.zeros((ways.shape[0], 6))
@@ -314,17 +323,21 @@ def try_ways(
                         blind += 1.0
                         continue
                     h = hazard[row, col]
-                    if math.isnan(h):
+                    unseen = math.isnan(h)
+                    if unseen:
                         total += unknown
                         blind += 1.0
-                        continue
-                    if h >= 1.0:
+                    if unseen or h >= 1.0:
                         ax, ay = gx - x, gy - y
-                        if (
-                            abs(ch * ax + sh * ay) <= half_length + margin
-                            and abs(-sh * ax + ch * ay) <= half_width + margin
-                            and math.hypot(gx - px, gy - py) > math.hypot(ax, ay) - 0.02
-                        ):
+                        after = _clearance(u, v, half_length, half_width)
+                        before = _clearance(ch * ax + sh * ay, -sh * ax + ch * ay, half_length, half_width)
+                        if after >= (0.0 if unseen else margin):
+                            continue
+                        if before < 0.0:
+                            # Under the rover already: it may be left behind, not driven over once more.
+                            if unseen or math.hypot(gx - px, gy - py) > math.hypot(ax, ay) - 0.02:
+                                continue
+                        elif after >= before - 0.01:
                             continue
                         if math.hypot(gx - ignore_x, gy - ignore_y) <= ignore_radius:
                             continue

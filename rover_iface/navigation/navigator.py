@@ -4,10 +4,13 @@ After section 5 of the single-cycle instrument placement paper (Morphin and GEST
 four
 stereo pairs become a grid of local planes; cells are judged by residual, tilt and step; the cost of a cell
 joins
-that with the way to the goal over the cumulative map; the arc of least cost is driven. Two things are added:
-the way
-to the goal is worked out over the whole map (so that the rover leaves dead ends), and turns in place are
-candidates.
+that with the way to the goal over the cumulative map; the arc of least cost is driven. Three things are
+added: the way to the goal is worked out over the whole map (so that the rover leaves dead ends), turns in
+place are candidates, and each look is registered to the map before it is merged (`registration.py`), so that
+a rock stays where it was seen while dead reckoning drifts.
+
+Two frames are kept apart: the *believed* one of dead reckoning, and the *map's*, which is the same at the
+first look. `where` and `on_map` lead from one to the other.
 """
 
 from __future__ import annotations
@@ -19,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_iface.errors import RoverError
-from rover_iface.frames import Pose, wrap_angle
+from rover_iface.frames import Pose, Transform, wrap_angle
 from rover_iface.navigation.hazard_map import HazardMap, MapParameters
 from rover_iface.navigation.kernels import cost_to_go, obstacle_distance, try_ways
+from rover_iface.navigation.registration import Correction
 from rover_iface.profile import RoverProfile
 
 Array = NDArray[np.floating]
@@ -29,7 +33,12 @@ Array = NDArray[np.floating]
 
 @dataclass(frozen=True, slots=True)
 class NavigatorParameters:
-    """How arcs are chosen. Margins in metres round the rover's outline; costs are in metres of way."""
+    """How arcs are chosen. Margins in metres round the rover's outline; costs are in metres of way.
+
+    `drift_share` and `drift_floor_m` give a standard deviation of dead reckoning between two looks. A way
+    that ends before an obstacle is cut short by `short_share` of its length and `short_m`, for wheels that
+    slide.
+    """
 
     curvatures: int = 15
     turns_deg: tuple[float, ...] = (15, 30, 50, 75, 105, 140, 180)
@@ -42,6 +51,10 @@ class NavigatorParameters:
     curve_cost: float = 0.08
     coarse_m: float = 0.2
     patience: int = 5
+    drift_share: float = 0.08
+    drift_floor_m: float = 0.01
+    short_share: float = 0.15
+    short_m: float = 0.03
 
     def __post_init__(self) -> None:
         if not 0 <= self.least_margin_m <= self.margin_m:
@@ -76,6 +89,10 @@ class Navigator:
     parameters: NavigatorParameters = field(default_factory=NavigatorParameters)
     step_m: float | None = None
     ignore: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    correction: Correction = field(default_factory=Correction)
+    sigma_m: float = 0.0
+    _map_from_believed: Transform = field(default_factory=Transform.identity)
+    _believed: Pose | None = None
     _stuck: int = 0
     _last_turn: float = 0.0
 
@@ -92,8 +109,52 @@ class Navigator:
         size = math.hypot(goal[0] - start[0], goal[1] - start[1]) + 16.0
         return Navigator(profile, HazardMap(profile, centre, size, map_parameters))
 
+    def look(self, clouds: list[Array], eye: Array, believed: Pose) -> int:
+        """Merge clouds [n, 3] seen from `eye` [3], both in the rover frame; return the points used.
+
+        `believed` is where dead reckoning puts the rover. The look is fitted to the map first; `correction`
+        says how well that went, `sigma_m` how sure the rover's place on the map is now.
+        """
+        p = self.parameters
+        way = 0.0
+        if self._believed is not None:
+            way = math.hypot(believed.x - self._believed.x, believed.y - self._believed.y)
+        self._believed = believed
+        if self.map.updates:
+            self.sigma_m = math.hypot(self.sigma_m, p.drift_floor_m + p.drift_share * way)
+        seen_from = self._map_from_believed * believed.site_from_rover
+        at = seen_from.translation
+        correction = self.map.fit(
+            [seen_from.apply(c) for c in clouds],
+            seen_from.apply(eye),
+            (float(at[0]), float(at[1])),
+            self.sigma_m,
+        )
+        self.correction = correction
+        if correction.made:
+            self.sigma_m = correction.sigma_m
+            shift = at + np.array([correction.east_m, correction.north_m, correction.rise_m])
+            lean = Transform.from_rpy(
+                correction.tilt_north_rad, -correction.tilt_east_rad, correction.turn_rad
+            )
+            back = Transform(np.eye(3), -at)
+            seen_from = Transform(np.eye(3), shift) * lean * back * seen_from
+            # Attitude comes from the inertial sensor anew at each stop: only its turn is carried on.
+            turn = Transform.from_rpy(0.0, 0.0, correction.turn_rad)
+            self._map_from_believed = Transform(np.eye(3), shift) * turn * back * self._map_from_believed
+        return self.map.update([seen_from.apply(c) for c in clouds], seen_from.apply(eye))
+
+    def where(self, believed: Pose) -> Pose:
+        """Return a pose of dead reckoning as it lies on the map."""
+        return Pose.from_transform(self._map_from_believed * believed.site_from_rover)
+
+    def on_map(self, x: float, y: float) -> tuple[float, float]:
+        """Return a place of the believed site frame as it lies on the map, seen from where the rover is."""
+        moved = self._map_from_believed.apply(np.array([x, y, 0.0]))
+        return float(moved[0]), float(moved[1])
+
     def choose(self, pose: Pose, goal: tuple[float, float]) -> Way | None:
-        """Return the way to drive next from an estimated pose, or None if none is safe."""
+        """Return the way to drive next from a pose on the map to a goal on it, or None if none is safe."""
         p = self.parameters
         field_ = self._cost_field(goal)
         step = self.step_m if self.step_m is not None else self.profile.mobility.step_m
@@ -101,6 +162,7 @@ class Navigator:
         step = min(step, max(left, 0.05))
         candidates = self._candidates(step * p.lookahead, pose, goal)
         body = self.profile.body
+        drift = min(0.15, 2.0 * self.sigma_m)
         for margin in (p.margin_m, (p.margin_m + p.least_margin_m) / 2, p.least_margin_m):
             seen = try_ways(
                 self.map.hazard,
@@ -113,7 +175,7 @@ class Navigator:
                 candidates,
                 body.length_m / 2,
                 body.width_m / 2,
-                margin,
+                margin + drift,
                 p.unknown_cost,
                 *self.ignore,
             )
@@ -154,6 +216,8 @@ class Navigator:
         ):
             wanted = min(step, abs(length))
             usable = min(wanted, free)
+            if free < abs(length):
+                usable = min(wanted, free * (1.0 - p.short_share) - p.short_m)
             if usable < min(0.6 * wanted, 0.3) or usable < 0.02:
                 continue
             x, y, heading = end_of(pose, turn, curvature, math.copysign(usable, length))

@@ -7,6 +7,7 @@ rover with full images puts its own clouds in the place of these.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -75,23 +76,30 @@ class StereoSensor:
     reach_m: float = 6.0
     drop_share: float = 0.05
 
+    @property
+    def pairs_around(self) -> int:
+        """Return how many stereo pairs a look all round takes."""
+        return len(self.directions) + len(self.directions_around)
+
     @cached_property
     def directions(self) -> list[Array]:
         """Return unit directions [rows x columns, 3] of each view in the rover frame."""
-        return self._views(self.tilt)
+        return self._views(self.tilt, self.pans)
 
     @cached_property
-    def directions_down(self) -> list[Array]:
-        """Return the same for views that look at the ground in front of the wheels."""
-        return self._views(self.tilt_down)
+    def directions_around(self) -> list[Array]:
+        """Return the same for the views that a look all round adds: sides, back, and near the wheels."""
+        limit = self.profile.mast.pan_limit_rad
+        back = [s * min(math.radians(a), limit) for a in (100.0, 140.0, 180.0) for s in (-1, 1)]
+        return self._views(self.tilt, back) + self._views(self.tilt_down, [*self.pans, *back])
 
-    def _views(self, tilt: float) -> list[Array]:
+    def _views(self, tilt: float, pans: Sequence[float]) -> list[Array]:
         views = []
         u = np.tan(self.hfov / 2) * np.linspace(-1, 1, self.columns)
         v = np.tan(self.vfov / 2) * np.linspace(-1, 1, self.rows)
         uu, vv = (g.ravel() for g in np.meshgrid(u, v))
         ct, st = math.cos(tilt), math.sin(tilt)
-        for pan in self.pans:
+        for pan in pans:
             cp, sp = math.cos(pan), math.sin(pan)
             forward = np.array([cp * ct, sp * ct, st])
             left = np.array([-sp, cp, 0.0])
@@ -107,15 +115,15 @@ class StereoSensor:
         return np.array([mast.base_m[0], mast.base_m[1], mast.height_m])
 
     def look(
-        self, ground: GroundRaster, true_pose: Pose, rng: np.random.Generator, *, down: bool = False
+        self, ground: GroundRaster, true_pose: Pose, rng: np.random.Generator, *, around: bool = False
     ) -> list[Array]:
-        """Return one cloud [n, 3] per view, in the rover frame, with noise; `down` adds views of the near
-        ground, for the first look at a place.
+        """Return one cloud [n, 3] per view, in the rover frame, with noise; `around` adds views to all sides
+        and of the near ground, for the first look at a place.
         """
         site_from_rover = true_pose.site_from_rover
         eye = site_from_rover.apply(self.eye)
         clouds = []
-        for directions in [*self.directions, *(self.directions_down if down else ())]:
+        for directions in [*self.directions, *(self.directions_around if around else ())]:
             world = np.ascontiguousarray(site_from_rover.rotate(directions))
             ranges = cast_ranges(
                 ground.heights, ground.west, ground.south, ground.spacing, eye, world, self.reach_m

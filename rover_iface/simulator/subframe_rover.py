@@ -404,18 +404,19 @@ class SubframeRover(RoutineRover):
         if self._navigator is None:
             self._navigator = Navigator.fresh(self.profile, (here.x, here.y), goal)
         navigator = self._navigator
-        clouds = self.sensor.look(self.ground, self.chassis.pose, self.rng, down=navigator.map.updates == 0)
-        site_from_rover = here.site_from_rover
-        navigator.map.update(
-            [site_from_rover.apply(c) for c in clouds], site_from_rover.apply(self.sensor.eye)
-        )
+        first = navigator.map.updates == 0
+        if first:
+            pairs = self.sensor.pairs_around / len(self.sensor.pans)
+            duration, energy = round(duration * pairs), energy * pairs
+        clouds = self.sensor.look(self.ground, self.chassis.pose, self.rng, around=first)
+        navigator.look(clouds, self.sensor.eye, here)
         navigator.step_m = self._step_limit()
         if name:
             followed = self._followed.get(name)
             x, y = self.targets[name].point[:2] if followed is None else followed.update.position[:2]
-            navigator.ignore = (float(x), float(y), 0.45)
+            navigator.ignore = (*navigator.on_map(float(x), float(y)), 0.45)
         yield Step(duration, energy)
-        return navigator.choose(here, goal)
+        return navigator.choose(navigator.where(here), navigator.on_map(*goal))
 
     def _step_limit(self) -> float:
         """Return the longest way the tracker can follow: a share of the nearest tracked target's range."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rover_iface.errors import RoverError
 from rover_iface.frames import Pose
+from rover_iface.mobility import settled_pose
 from rover_iface.navigation.hazard_map import HazardMap, MapParameters
-from rover_iface.navigation.kernels import cast_ranges, cost_to_go, obstacle_distance
+from rover_iface.navigation.kernels import cast_ranges, cost_to_go, obstacle_distance, try_ways
 from rover_iface.navigation.navigator import Navigator, NavigatorParameters, Way, end_of
+from rover_iface.navigation.registration import RegistrationParameters, register
 from rover_iface.navigation.sensor import GroundRaster, StereoSensor
 from rover_iface.navigation.traverse import drive, traverse_study
 from rover_iface.profile import load_profile
@@ -28,7 +31,7 @@ def looked(ground: GroundRaster, pose: Pose, looks: int = 2) -> HazardMap:
     hazards = HazardMap(K9, (pose.x, pose.y), 16.0)
     for k in range(looks):
         site = pose.site_from_rover
-        clouds = [site.apply(c) for c in sensor.look(ground, pose, rng, down=k == 0)]
+        clouds = [site.apply(c) for c in sensor.look(ground, pose, rng, around=k == 0)]
         hazards.update(clouds, site.apply(sensor.eye))
     return hazards
 
@@ -166,6 +169,80 @@ def test_a_goal_behind_a_ring_of_boulders_is_given_up_without_a_collision() -> N
     assert not went.collided
 
 
+def test_a_look_is_laid_onto_the_map_to_two_centimetres() -> None:
+    def hills(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        rocks = sum(
+            np.where(np.hypot(x - a, y - b) < 0.2, 0.2, 0.0)
+            for a, b in ((2.0, 0.6), (3.0, -1.0), (2.4, 2.0), (1.6, -2.0), (4.0, 1.4))
+        )
+        return rocks + 0.05 * np.sin(1.7 * x) * np.cos(1.3 * y)
+
+    ground = GroundRaster.of(bumpy(hills), 5.9)
+    sensor, rng = StereoSensor(K9), np.random.default_rng(4)
+    navigator = Navigator.fresh(K9, (0.0, 0.0), (4.0, 0.0))
+    start = settled_pose(ground, K9, 0.0, 0.0, 0.0)
+    navigator.look(sensor.look(ground, start, rng, around=True), sensor.eye, start)
+    true = settled_pose(ground, K9, 0.6, 0.1, 0.15)
+    believed = replace(true, x=0.66, y=0.05, heading=0.165, z=true.z + 0.03)
+    navigator.look(sensor.look(ground, true, rng), sensor.eye, believed)
+    here = navigator.where(believed)
+    assert navigator.correction.made
+    assert math.hypot(here.x - true.x, here.y - true.y) < 0.02
+    assert abs(here.heading - true.heading) < 0.006
+    assert navigator.sigma_m < 0.02
+    # A place beside the rover stays beside it, whatever frame it is told in.
+    aside = believed.site_from_rover.apply(np.array([1.0, 0.5, 0.0]))
+    expected = true.site_from_rover.apply(np.array([1.0, 0.5, 0.0]))
+    assert navigator.on_map(float(aside[0]), float(aside[1])) == pytest.approx(tuple(expected[:2]), abs=0.03)
+
+
+def test_flat_ground_leaves_the_pose_to_dead_reckoning_and_its_doubt_grows() -> None:
+    ground = GroundRaster.of(plane(), 9.0)
+    sensor, rng = StereoSensor(K9), np.random.default_rng(4)
+    navigator = Navigator.fresh(K9, (0.0, 0.0), (4.0, 0.0))
+    doubts = []
+    for x in (0.0, 0.75, 1.5):
+        navigator.look(sensor.look(ground, Pose(x, 0.0), rng, around=x == 0), sensor.eye, Pose(x, 0.0))
+        here = navigator.where(Pose(x, 0.0))
+        assert math.hypot(here.x - x, here.y) < 0.05
+        doubts.append(navigator.sigma_m)
+    assert doubts[0] < doubts[1] < doubts[2]
+
+
+def test_too_little_overlap_is_no_registration() -> None:
+    heights, known = np.zeros((40, 40)), np.zeros((40, 40), dtype=bool)
+    fresh = np.column_stack((np.arange(30.0), np.arange(30.0), np.zeros(30), np.ones(30)))
+    assert not register(heights, known, 0.1, fresh, (10.0, 10.0), 0.05).made
+    with pytest.raises(RoverError, match="registration takes residuals"):
+        RegistrationParameters(noise_m=0.1, outlier_m=0.05)
+
+
+def ways_over(hazard: np.ndarray, *ways: tuple[float, float, float]) -> list[float]:
+    seen = try_ways(
+        hazard, -2.0, -2.0, 0.1, 0.0, 0.0, 0.0, np.array(ways), 0.525, 0.425, 0.13, 0.35, 0.0, 0.0, -1.0
+    )
+    return [float(v) for v in seen[:, 0]]
+
+
+def test_a_rock_beside_the_rover_forbids_the_turn_that_would_sweep_it() -> None:
+    hazard = np.zeros((41, 41))
+    assert ways_over(hazard, (1.0, 0.0, 0.5)) == [0.5]
+    hazard[25, 20] = 2.0  # half a metre to the left: beside the body, within reach of its corners
+    turned, ahead = ways_over(hazard, (1.0, 0.0, 0.5), (0.0, 0.0, 0.5))
+    assert turned == 0.0
+    assert ahead == 0.5
+
+
+def test_ground_never_seen_is_not_driven_onto_but_left() -> None:
+    hazard = np.zeros((41, 41))
+    hazard[18:23, 28:30] = np.nan
+    (free,) = ways_over(hazard, (0.0, 0.0, 1.0))
+    assert 0.0 < free < 0.35
+    hazard[:] = 0.0
+    hazard[20, 21] = np.nan  # under the mast, where no camera looks
+    assert ways_over(hazard, (0.0, 0.0, 1.0)) == [1.0]
+
+
 def test_parameters_out_of_range_are_refused() -> None:
     with pytest.raises(RoverError, match="cell of the hazard map is 5"):
         MapParameters(cell_m=5)
@@ -184,7 +261,6 @@ def test_four_random_traverses_arrive_without_a_collision() -> None:
 
 @pytest.mark.slow
 def test_a_hundred_random_traverses_of_twenty_metres() -> None:
-    """The goal is no collision; three in this hundred are what has been reached, five would be worse."""
     study, _ = traverse_study(K9, runs=100, seed=1000)
-    assert study.collided < 5
+    assert study.collided == 0
     assert study.arrived >= 95

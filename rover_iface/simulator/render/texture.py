@@ -11,8 +11,14 @@ import math
 from numba import njit
 
 MASK = 0xFFFFFFFF
-GRAIN = 3.0
-"""How much stronger the finest octaves of rock are than the coarse ones."""
+GRAIN = 0.4, 0.9, 10.0
+"""Grain of rock finer than 10 cm against the coarse octaves: factor there, power by which it grows, limit."""
+
+DUST = 0.40, 1.6, 0.06
+"""Bare rock: share where the noise is 0, growth with the noise, and the grain that shows through dust."""
+
+CHIPS = 0.12, 0.05, 0.35
+"""Facets of rock: slope, brightness, and by how much of a cell their lattice is bent."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -178,29 +184,80 @@ def gravel(
 
 
 @njit(cache=True, nogil=True)
+def facets(x: float, y: float, z: float, edge: float, salt: int) -> tuple[float, float, float, float]:
+    """Return a brightness and three slopes in [-1, 1] that are constant over cells of a unit lattice.
+
+    `edge` is the width of the passage from cell to cell, 0..1: sharp edges, yet none sharper than the pixel.
+    """
+    xi, yi, zi = math.floor(x), math.floor(y), math.floor(z)
+    i, j, k = int(xi), int(yi), int(zi)
+    fx = min(1.0, max(0.0, (x - xi - 0.5) / edge + 0.5))
+    fy = min(1.0, max(0.0, (y - yi - 0.5) / edge + 0.5))
+    fz = min(1.0, max(0.0, (z - zi - 0.5) / edge + 0.5))
+    tint, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
+    for a in range(2):
+        wa = fx if a == 1 else 1.0 - fx
+        for b in range(2):
+            wb = wa * (fy if b == 1 else 1.0 - fy)
+            for c in range(2):
+                w = wb * (fz if c == 1 else 1.0 - fz)
+                if w <= 0.0:
+                    continue
+                h = scramble(i + a, j + b, k + c, salt)
+                w /= 127.5
+                tint += w * ((h & 255) - 127.5)
+                gx += w * (((h >> 8) & 255) - 127.5)
+                gy += w * (((h >> 16) & 255) - 127.5)
+                gz += w * (((h >> 24) & 255) - 127.5)
+    return tint, gx, gy, gz
+
+
+@njit(cache=True, nogil=True)
 def stone(
     x: float, y: float, z: float, footprint: float, slope: float, mottle: float, salt: int
 ) -> tuple[float, float, float, float]:
-    """Return brightness variation and the gradient of a rock surface's height: pits, grain and dust."""
+    """Return brightness variation and the gradient of a rock surface's height: chipped facets, grain, dust.
+
+    Facets are cells of a lattice bent by the coarser octaves; where dust lies, the grain fades.
+    """
     tint, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
+    bend, bare, dust = 0.0, 1.0, 0.0
     wavelength = 0.48
     level = 0
-    while wavelength > footprint and level < 11:
+    while wavelength > footprint and level < 14:
         keep = fade(wavelength, footprint)
         c, s = math.cos(0.9 * level + 0.3), math.sin(0.9 * level + 0.3)
         u, v, w = (c * x + s * z) / wavelength, y / wavelength + 3.7 * level, (c * z - s * x) / wavelength
         n, nu, nv, nw = noise3(u, v, w, salt + level)
-        sharp = 1.0
-        grain = 1.0 if wavelength > 0.1 else min(GRAIN, (0.1 / wavelength) ** 0.55)
-        if level % 2 == 1:  # every second octave ridged: cracks and edges
-            sharp = -1.0 if n > 0.0 else 1.0
-            tint += keep * grain * mottle * (0.5 - 1.6 * abs(n))
+        if level == 1 or level == 2 or level == 3:
+            dust += n * (0.5 if level == 2 else 0.35)
+            bare = min(1.0, max(0.0, DUST[0] + DUST[1] * dust))
+            bare = DUST[2] + (1.0 - DUST[2]) * bare * bare * (3.0 - 2.0 * bare)
+        strength = keep
+        if wavelength < 0.1:
+            strength *= bare * min(GRAIN[2], GRAIN[0] * (0.1 / wavelength) ** GRAIN[1])
+        if level % 2 == 1:  # every second octave ridged: cracks
+            tint += strength * mottle * (0.5 - 1.6 * abs(n))
+            strength = -strength if n > 0.0 else strength
         else:
-            tint += keep * grain * mottle * n
-        steep = slope * keep * grain * sharp
-        gx += steep * (c * nu - s * nw)
-        gy += steep * nv
-        gz += steep * (s * nu + c * nw)
-        wavelength *= 0.5
+            tint += strength * mottle * n
+        gx += slope * strength * (c * nu - s * nw)
+        gy += slope * strength * nv
+        gz += slope * strength * (s * nu + c * nw)
+        if 1 <= level <= 3:
+            size = 0.42 * wavelength
+            edge = min(1.0, max(0.06, 1.2 * footprint / size))
+            t, hx, hy, hz = facets(
+                u / 0.42 + bend, v / 0.42 + 0.6 * bend, w / 0.42 - bend, edge, salt + 40 + level
+            )
+            k = fade(size, footprint)
+            tint += CHIPS[1] * k * t
+            gx += CHIPS[0] * k * (c * hx - s * hz)
+            gy += CHIPS[0] * k * hy
+            gz += CHIPS[0] * k * (s * hx + c * hz)
+        bend = CHIPS[2] * 2.0 * n / 0.42
+        wavelength *= (
+            0.5 if wavelength > 0.025 else 0.7
+        )  # finer steps where octaves come and go with the range
         level += 1
     return tint, gx, gy, gz
