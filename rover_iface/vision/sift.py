@@ -1,17 +1,20 @@
 """The feature tracker: SIFT points ranged by stereo carry all targets from stop to stop.
 
-Pedersen, Deans, Lees and others 2006 (K9): features of both images of a pair are matched to 3-D points,
-those to the points of the last stop, a rigid motion is found by RANSAC (100 draws of three points, Horn's
-method, inliers within 3 cm) and refitted until the consensus is stable; each target moves with it. Two
-things differ from the publication. An inlier is told in pixels of both images as well as in metres, because
-three centimetres mean nothing where stereo errs by ten; and the motion is refined on those pixels, which
-also gives its covariance (`method="published"` switches to the metric consensus with bootstrap covariance).
+Pedersen, Deans, Lees and others 2006, Deans, Kunz, Sargent and others 2005 (K9): features of both images of a
+pair are matched to 3-D points, those to the points of the last valid stop, a rigid motion is found by RANSAC
+(100 draws of three points, Horn's method, inliers within 3 cm) and refitted until the consensus is stable;
+each target moves with it. `SiftOptions.as_published()` is that tracker.
+
+What ships differs where measurement showed a gain (docs/tracking.md): the motion is found and weighted in
+the images (`sift_motion`), each target is looked at (`sift_anchor`), an unmatched stop widens the covariance
+by what dead reckoning may be off, and the confidence is the chance that the target is within 5 cm across the
+line of sight.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -20,8 +23,12 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import triangulate
 from rover_iface.errors import TrackerError
-from rover_iface.frames import Transform
-from rover_iface.vision.tracker import Image, StereoView, TrackState, TrackUpdate
+from rover_iface.vision.sift_anchor import Anchor, AnchorOptions, Looks
+from rover_iface.vision.sift_features import Features, find_features, match_moved
+from rover_iface.vision.sift_motion import Motion, find_motion, find_motion_published, horn
+from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
+
+__all__ = ["Motion", "SiftOptions", "SiftTracker", "horn"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +37,8 @@ class SiftOptions:
 
     Attributes
     ----------
+    method
+        `shipped`, or `published` with metric consensus, bootstrap covariance, no looks at the target.
     features
         Strongest features kept per image.
     ratio
@@ -37,22 +46,31 @@ class SiftOptions:
     row_px
         How far a left-right match may be from its epipolar line.
     gate_px
-        How far a feature may be from where the pose estimate puts it.
+        How far a feature may be from where the pose estimate puts it; while fewer than `half_count` agree,
+        three times that and then the whole image are tried.
     tau_m, draws
         Consensus distance and number of RANSAC draws (published: 3 cm, 100).
     inlier_px
         Consensus distance in the images.
     slope, half_count
-        a and N of the confidence 1 / (1 + exp(-a (n - N))) (the sign of eq. 7 as printed is wrong).
+        a and N of 1 / (1 + exp(-a (n - N))) (the sign of eq. 7 as printed is wrong).
     least
         Inliers without which the update counts as lost.
     lost_updates
         Updates allowed in LOST (published: 4 to 5).
     sigma_px
         Error of a feature's coordinates.
+    start_sigma_px
+        Error of the designated point's coordinates in the published initial covariance.
+    odometry_share, heading_rad
+        Dead reckoning while coasting: error per metre driven and of the heading per square root of a metre.
+    slack_share, slack_m, slack_rad
+        What dead reckoning may be off between stops (of the way, and by turning) before a motion is doubted.
+    error_m
+        The error that the confidence speaks of, across the line of sight.
     """
 
-    method: Literal["pixel", "published"] = "pixel"
+    method: Literal["shipped", "published"] = "shipped"
     features: int = 1500
     ratio: float = 0.8
     row_px: float = 1.5
@@ -64,8 +82,16 @@ class SiftOptions:
     half_count: float = 30.0
     least: int = 8
     lost_updates: int = 4
-    sigma_px: float = 0.5
+    sigma_px: float = 0.3
+    start_sigma_px: float = 0.5
     bootstrap: int = 60
+    odometry_share: float = 0.05
+    heading_rad: float = 0.01
+    slack_share: float = 0.5
+    slack_m: float = 0.03
+    slack_rad: float = 0.01
+    error_m: float = 0.05
+    anchor: AnchorOptions = field(default_factory=AnchorOptions)
 
     def __post_init__(self) -> None:
         if self.features < 20 or self.draws < 1 or self.least < 4:
@@ -73,69 +99,70 @@ class SiftOptions:
                 f"feature tracker with {self.features} features, {self.draws} draws, {self.least} inliers; "
                 "at least 20, 1 and 4 are needed"
             )
+        if not (self.sigma_px > 0 and self.inlier_px > 0 and self.error_m > 0 and self.lost_updates >= 0):
+            raise TrackerError(
+                f"feature tracker with sigma {self.sigma_px} px, inliers {self.inlier_px} px, error "
+                f"{self.error_m} m, {self.lost_updates} lost updates; the first three must be positive"
+            )
+
+    @classmethod
+    def as_published(cls) -> SiftOptions:
+        """Return the tracker of Deans and others 2005."""
+        return cls(method="published", sigma_px=0.5)
 
 
-@dataclass(frozen=True, eq=False)
-class Features:
-    """Ranged features of one stop: points (n, 3), pixels in both images (n, 2), descriptors (n, 128)."""
+@dataclass(slots=True)
+class _Chain:
+    """Targets that share features: the last valid stop and what came of the present one."""
 
-    points: Array
-    left_px: Array
-    right_px: Array
-    descriptors: npt.NDArray[np.float32]
-
-    def __len__(self) -> int:
-        return len(self.points)
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """How the rover's idea of the site has moved between two stops.
-
-    Attributes
-    ----------
-    new_from_old
-        Where points believed at the earlier stop are believed now.
-    covariance
-        (6, 6): turn (3, radians, about `centre`) and shift (3, metres).
-    inliers
-        How many features agree.
-    """
-
-    new_from_old: Transform
-    covariance: Array
-    centre: Array
-    inliers: int
+    view: StereoView
+    valid_view: StereoView
+    features: Features
+    motion: Motion | None = None
+    stops: int = 0
+    coasted_m: float = 0.0
 
 
 @dataclass(slots=True)
 class _Target:
+    chain: _Chain
     position: Array
     covariance: Array
+    anchor: Anchor | None
+    view: StereoView
     state: TrackState = TrackState.TRACKED
     misses: int = 0
+    answer: TrackUpdate | None = None
 
 
 class SiftTracker:
-    """Feature tracker (a `Tracker`); targets share the features of each stop.
+    """Feature tracker (a `Tracker`); targets started on the same view share the features of each stop.
 
-    Its confidence is 1 / (1 + exp(-a (n - N))) of the number n of features that agree on the motion: 0.5 at
-    N = 30. A stop whose features do not match keeps the last good ones, and the target stays where dead
-    reckoning has it.
+    A stop whose features do not match keeps the last valid ones: the target stays where dead reckoning has
+    it, its covariance grows with the way driven, and the next stop is matched against the last valid one.
+    After `lost_updates` such stops the target has failed.
+
+    Its confidence, as published, is 1 / (1 + exp(-a (n - N))) of the number n of features that agree on the
+    motion: 0.5 at N = 30. As shipped it is the least of that count's (with N at twice the least number of
+    features) and the chance that the covariance leaves of an error below `error_m` across the line of sight.
+    Below 0.5 the target is lost.
     """
 
     def __init__(self, options: SiftOptions | None = None) -> None:
         self.options = options or SiftOptions()
+        self.looks = Looks(self.options.anchor)
         self._targets: dict[str, _Target] = {}
-        self._features: Features | None = None
-        self._view: StereoView | None = None
-        self._motion: Motion | None = None
-        self._stop = 0
+        self._found: tuple[StereoView, Features] | None = None
 
     @property
     def targets(self) -> tuple[str, ...]:
         """Return what is followed."""
         return tuple(self._targets)
+
+    @property
+    def shipped(self) -> bool:
+        """Return whether this is the shipped method, not the published one."""
+        return self.options.method == "shipped"
 
     def start(
         self,
@@ -143,53 +170,65 @@ class SiftTracker:
         position: npt.ArrayLike | None,
         view: StereoView,
         *,
+        pixel: npt.ArrayLike | None = None,
         pixels: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     ) -> TrackUpdate:
-        """Begin to follow a point, given as position (3,) or as its pixels in both images."""
+        """Begin to follow a surface point, given as position (3,) or as pixel (2,) of the left image.
+
+        `pixels` gives the point in both images where stereo has been done already.
+        """
         if target in self._targets:
             raise TrackerError(f'target "{target}" is followed already; clear it first')
-        if pixels is None:
-            if position is None:
-                raise TrackerError(f'target "{target}" needs a position or its pixels')
-            point = np.asarray(position, dtype=np.float64)
-            pair = view.left_camera.project(point), view.right_camera.project(point)
-        else:
-            pair = np.asarray(pixels[0], dtype=np.float64), np.asarray(pixels[1], dtype=np.float64)
-            point = triangulate(view.left_camera, view.right_camera, pair[0][None], pair[1][None])[0][0]
-        if not (np.isfinite(pair[0]).all() and np.isfinite(pair[1]).all() and np.isfinite(point).all()):
-            raise TrackerError(f'target "{target}" lies behind the cameras')
-        if self._view is not view:
-            if self._targets:
-                raise TrackerError(f'target "{target}" must be started on the view of the last update')
-            self._features = self.find(view)
-            self._view, self._motion = view, None
-        assert self._features is not None
-        if len(self._features) < self.options.least:
+        point, spread, anchor = self._designate(target, position, view, pixel, pixels)
+        chain = next((t.chain for t in self._targets.values() if t.chain.valid_view is view), None)
+        if chain is None:
+            chain = _Chain(view, view, self.find(view))
+        if len(chain.features) < self.options.least:
             raise TrackerError(
-                f"only {len(self._features)} features could be ranged; {self.options.least} are needed"
+                f"only {len(chain.features)} features could be ranged; {self.options.least} are needed"
             )
-        spread = _unscented(view, pair[0], pair[1], self.options.sigma_px)
-        self._targets[target] = _Target(point, spread)
-        return self._answer(target, view, len(self._features), ())
+        track = _Target(chain, point, spread, anchor, view)
+        self._targets[target] = track
+        track.answer = self._answer(target, view, spread, len(chain.features), ())
+        return track.answer
 
     def update(self, target: str, view: StereoView) -> TrackUpdate:
-        """Move a target with the motion of the features; the first target of a stop pays for all."""
+        """Move a target with the motion of the features; the first target of a stop pays for all.
+
+        A second update on the same view gives the same answer.
+        """
         track = self._get(target)
-        if self._view is not view:
-            self._advance(view)
+        if track.view is view and track.answer is not None:
+            return track.answer
+        track.view = view
         if track.state is TrackState.FAILED:
-            return self._answer(target, view, 0, ("failed earlier; clear it first",))
-        count = 0 if self._motion is None else self._motion.inliers
-        reasons: tuple[str, ...] = ()
-        if self._motion is None or count < self.options.least:
-            reasons = (f"{count} features agree on the motion; {self.options.least} are needed",)
-        if reasons:
+            track.answer = self._answer(
+                target, view, track.covariance, 0, ("failed earlier; clear it first",)
+            )
+            return track.answer
+        chain = track.chain
+        if chain.view is not view:
+            self._advance(chain, view)
+        if chain.motion is None:
+            track.answer = self._coast(target, track, view)
+            return track.answer
+        track.position, track.covariance = chain.motion.at(track.position, track.covariance)
+        if track.anchor is not None:
+            track.anchor.normal = np.asarray(chain.motion.new_from_old.rotate(track.anchor.normal))
+            _move_key(track.anchor, chain.motion)
+            track.position, track.covariance = self.looks.take(
+                view, track.position, track.covariance, track.anchor
+            )
+        confidence = self._confidence(track, view, chain.motion)
+        if self.shipped and confidence < 0.5:
             track.misses += 1
-            failed = track.misses > self.options.lost_updates
-            track.state = TrackState.FAILED if failed else TrackState.LOST
-        else:
-            track.misses, track.state = 0, TrackState.TRACKED
-        return self._answer(target, view, count, reasons)
+            track.state = TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST
+            why = (f"confidence {confidence:.2f} is below 0.50: {self._weakest(track, view, chain.motion)}",)
+            track.answer = self._answer(target, view, track.covariance, chain.motion.inliers, why, confidence)
+            return track.answer
+        track.misses, track.state = 0, TrackState.TRACKED
+        track.answer = self._answer(target, view, track.covariance, chain.motion.inliers, (), confidence)
+        return track.answer
 
     def predicted(self, target: str) -> Array:
         """Return where the target is believed to be."""
@@ -200,41 +239,169 @@ class SiftTracker:
         self._get(target)
         del self._targets[target]
 
-    def _advance(self, view: StereoView) -> None:
-        """Find the motion to a new stop and move every target that is not failed."""
-        assert self._features is not None
-        self._stop += 1
-        self._view = view
-        fresh = self.find(view)
-        self._motion = self.motion(self._features, fresh, view, seed=self._stop)
-        if self._motion is None:
-            return
-        motion = self._motion
-        for track in self._targets.values():
-            if track.state is TrackState.FAILED:
-                continue
-            moved: Array = np.asarray(motion.new_from_old.apply(track.position))
-            arm: Array = np.asarray(moved - motion.centre)
-            jacobian: Array = np.hstack((-_cross(arm), np.eye(3)))
-            grown = jacobian @ motion.covariance @ jacobian.T
-            track.covariance = np.asarray(motion.new_from_old.covariance(track.covariance) + grown)
-            track.position = moved
-        self._features = fresh
+    def find(self, view: StereoView) -> Features:
+        """Return the ranged features of a pair; those of the last pair asked for are kept."""
+        if self._found is None or self._found[0] is not view:
+            options = self.options
+            found = find_features(view, count=options.features, ratio=options.ratio, row_px=options.row_px)
+            self._found = (view, found)
+        return self._found[1]
 
-    def _answer(self, target: str, view: StereoView, count: int, reasons: tuple[str, ...]) -> TrackUpdate:
-        track = self._targets[target]
+    def motion(
+        self, old: Features, new: Features, view: StereoView, *, seed: int, driven_m: float = math.inf
+    ) -> Motion | None:
+        """Return the motion that most features agree on, or None when fewer than `least` do.
+
+        `driven_m` is how far the rover believes to have come since the old features: without a better motion
+        up to half of that, with an allowance for the heading, is taken first.
+        """
         options = self.options
+        if len(old) < 4 or len(new) < 4:
+            return None
+        away = float(np.percentile(np.linalg.norm(old.points - view.left_camera.C, axis=1), 25))
+        limit_m = options.slack_share * driven_m + options.slack_m + options.slack_rad * away
+        expected = np.asarray(view.left_camera.project(old.points))
+        best: Motion | None = None
+        for gate_px, draws in ((1.0, 1), (3.0, 3), (math.inf, 3)):
+            pairs = match_moved(old, new, expected, ratio=options.ratio, gate_px=gate_px * options.gate_px)
+            rng = np.random.default_rng([seed, len(pairs)])
+            if self.shipped:
+                found = find_motion(
+                    old,
+                    new,
+                    pairs,
+                    view,
+                    draws=draws * options.draws,
+                    inlier_px=options.inlier_px,
+                    sigma_px=options.sigma_px,
+                    limit_m=limit_m,
+                    least=options.least,
+                    rng=rng,
+                )
+            else:
+                found = find_motion_published(
+                    old, new, pairs, draws=options.draws, tau_m=options.tau_m, sets=options.bootstrap, rng=rng
+                )
+            if found is not None and (best is None or found.inliers > best.inliers):
+                best = found
+            if best is not None and best.inliers >= options.half_count:
+                break
+        return best if best is not None and best.inliers >= options.least else None
+
+    # ---- steps of an update
+
+    def _designate(
+        self,
+        target: str,
+        position: npt.ArrayLike | None,
+        view: StereoView,
+        pixel: npt.ArrayLike | None,
+        pixels: tuple[npt.ArrayLike, npt.ArrayLike] | None,
+    ) -> tuple[Array, Array, Anchor | None]:
+        given = None if position is None else np.asarray(position, dtype=np.float64)
+        if given is None and pixel is None and pixels is None:
+            raise TrackerError(f'target "{target}" needs a position or its pixel')
+        if pixels is not None:
+            pair = np.asarray(pixels[0], dtype=np.float64), np.asarray(pixels[1], dtype=np.float64)
+        elif pixel is not None:
+            pair = np.asarray(pixel, dtype=np.float64), np.full(2, np.nan)
+        else:
+            assert given is not None
+            pair = view.left_camera.project(given), view.right_camera.project(given)
+        if not np.isfinite(pair[0]).all():
+            raise TrackerError(f'target "{target}" lies behind the cameras')
+        expected = None if given is None else float(np.linalg.norm(given - view.left_camera.C))
+        found = self.looks.begin(view, pair[0], expected) if self.shipped or pixel is not None else None
+        if found is not None and self.shipped:
+            return found
+        if not np.isfinite(pair[1]).all():
+            if found is None:
+                raise TrackerError(
+                    f'target "{target}" at pixel ({pair[0][0]:.1f}, {pair[0][1]:.1f}) could not be ranged'
+                )
+            pair = pair[0], np.asarray(view.right_camera.project(found[0]))
+        point = triangulate(view.left_camera, view.right_camera, pair[0][None], pair[1][None])[0][0]
+        if not np.isfinite(point).all():
+            raise TrackerError(f'target "{target}" lies behind the cameras')
+        return point, _unscented(view, pair[0], pair[1], self.options.start_sigma_px), None
+
+    def _advance(self, chain: _Chain, view: StereoView) -> None:
+        """Find the motion to a new stop; without one the last valid stop stays the one to match."""
+        chain.stops += 1
+        chain.coasted_m += float(np.linalg.norm(view.left_camera.C - chain.view.left_camera.C))
+        chain.view = view
+        fresh = self.find(view)
+        chain.motion = self.motion(chain.features, fresh, view, seed=chain.stops, driven_m=chain.coasted_m)
+        if chain.motion is not None:
+            chain.features, chain.valid_view, chain.coasted_m = fresh, view, 0.0
+
+    def _coast(self, target: str, track: _Target, view: StereoView) -> TrackUpdate:
+        """Answer by dead reckoning, covariance widened by what that may be off since the last valid stop."""
+        options = self.options
+        track.misses += 1
+        track.state = TrackState.FAILED if track.misses > options.lost_updates else TrackState.LOST
+        moved = track.chain.coasted_m
+        lever = float(np.linalg.norm(track.position - view.left_camera.C))
+        turned = options.heading_rad * math.sqrt(moved) * lever
+        spread = track.covariance
+        if self.shipped:
+            spread = spread + ((options.odometry_share * moved) ** 2 + turned**2) * np.eye(3)
+        if track.state is TrackState.FAILED:
+            track.covariance = spread
+        why = f"fewer than {options.least} features agree on the motion"
+        # half of what the figures allow: nothing has been seen
+        confidence = 0.5 * min(self._count(0), _within(spread, view, track.position, options.error_m))
+        return self._answer(target, view, spread, 0, (why,), confidence if self.shipped else None)
+
+    def _count(self, inliers: int) -> float:
+        options = self.options
+        half = 2.0 * options.least if self.shipped else options.half_count
+        return 1.0 / (1.0 + math.exp(-options.slope * (inliers - half)))
+
+    def _grounds(self, track: _Target, view: StereoView, motion: Motion) -> dict[str, float]:
+        options = self.options
+        grounds = {f"{motion.inliers} features agree": self._count(motion.inliers)}
+        if self.shipped:
+            assert track.anchor is not None
+            told = self.looks.told(view, track.position, track.covariance, track.anchor)
+            chance = _within(told, view, track.position, options.error_m)
+            grounds[f"the chance of {100 * options.error_m:.0f} cm is {chance:.2f}"] = chance
+        return grounds
+
+    def _confidence(self, track: _Target, view: StereoView, motion: Motion) -> float:
+        return min(self._grounds(track, view, motion).values())
+
+    def _weakest(self, track: _Target, view: StereoView, motion: Motion) -> str:
+        grounds = self._grounds(track, view, motion)
+        return min(grounds, key=lambda name: grounds[name])
+
+    def _answer(
+        self,
+        target: str,
+        view: StereoView,
+        spread: Array,
+        count: int,
+        reasons: tuple[str, ...],
+        confidence: float | None = None,
+    ) -> TrackUpdate:
+        track = self._targets[target]
         tracked = track.state is TrackState.TRACKED
-        pixel = view.left_camera.project(track.position) if tracked else np.full(2, np.nan)
+        scores = {"inliers": float(count)}
+        if track.chain.motion is not None:
+            scores["matches"] = float(track.chain.motion.matches)
+            scores["residual"] = track.chain.motion.residual_px
+        if track.anchor is not None:
+            scores |= track.anchor.scores
+            spread = self.looks.told(view, track.position, spread, track.anchor)
         return TrackUpdate(
             target=target,
             state=track.state,
             position=track.position,
-            covariance=track.covariance,
-            confidence=1.0 / (1.0 + math.exp(-options.slope * (count - options.half_count))),
-            pixel=pixel,
+            covariance=spread,
+            confidence=self._count(count) if confidence is None else confidence,
+            pixel=view.left_camera.project(track.position) if tracked else np.full(2, np.nan),
             reasons=reasons,
-            scores={"inliers": float(count)},
+            scores=scores,
         )
 
     def _get(self, target: str) -> _Target:
@@ -243,176 +410,32 @@ class SiftTracker:
             raise TrackerError(f'target "{target}" is not followed; followed: {known}')
         return self._targets[target]
 
-    # ---- features and motion
 
-    def find(self, view: StereoView) -> Features:
-        """Return the features of a pair that both images show, as points."""
-        left = _detect(view.left, self.options.features)
-        right = _detect(view.right, self.options.features)
-        none = np.empty((0, 2))
-        if len(left[0]) < 2 or len(right[0]) < 2:
-            return Features(np.empty((0, 3)), none, none, np.empty((0, 128), np.float32))
-        pairs = _mutual(left[1], right[1], self.options.ratio)
-        a, b = left[0][pairs[:, 0]], right[0][pairs[:, 1]]
-        points, _ = triangulate(view.left_camera, view.right_camera, a, b)
-        miss = np.hypot(*(view.left_camera.project(points) - a).T)
-        miss += np.hypot(*(view.right_camera.project(points) - b).T)
-        with np.errstate(invalid="ignore"):
-            near = np.linalg.norm(points - view.left_camera.C, axis=1) < 60.0
-            good = np.isfinite(miss) & (miss < self.options.row_px) & near
-        return Features(points[good], a[good], b[good], left[1][pairs[good, 0]])
-
-    def motion(self, old: Features, new: Features, view: StereoView, *, seed: int) -> Motion | None:
-        """Return the motion that most features agree on, or None when fewer than four do."""
-        if len(old) < 4 or len(new) < 4:
-            return None
-        pairs = _mutual(old.descriptors, new.descriptors, self.options.ratio)
-        expected = view.left_camera.project(old.points[pairs[:, 0]])
-        with np.errstate(invalid="ignore"):
-            close = np.hypot(*(expected - new.left_px[pairs[:, 1]]).T) < self.options.gate_px
-        pairs = pairs[close]
-        if len(pairs) < 4:
-            return None
-        p, q = old.points[pairs[:, 0]], new.points[pairs[:, 1]]
-        left_px, right_px = new.left_px[pairs[:, 1]], new.right_px[pairs[:, 1]]
-        published = self.options.method == "published"
-
-        def agreeing(guess: Transform) -> npt.NDArray[np.bool_]:
-            moved = guess.apply(p)
-            metric = np.linalg.norm(moved - q, axis=1) < self.options.tau_m
-            if published:
-                return np.asarray(metric)
-            away = np.hypot(*(view.left_camera.project(moved) - left_px).T)
-            other = np.hypot(*(view.right_camera.project(moved) - right_px).T)
-            with np.errstate(invalid="ignore"):
-                return np.asarray((away < self.options.inlier_px) & (other < self.options.inlier_px))
-
-        rng = np.random.default_rng([seed, len(pairs)])
-        best = np.zeros(len(pairs), dtype=bool)
-        for _ in range(self.options.draws):
-            pick = rng.choice(len(pairs), 3, replace=False)
-            guess = horn(p[pick], q[pick])
-            if guess is None:
-                continue
-            found = agreeing(guess)
-            if found.sum() > best.sum():
-                best = found
-        if best.sum() < 4:
-            return None
-        fit: Transform | None = None
-        for _ in range(10):
-            fit = horn(p[best], q[best])
-            if fit is None:
-                return None
-            if not published:
-                fit = _refine(fit, p[best], left_px[best], right_px[best], view)[0]
-            again = agreeing(fit)
-            if again.sum() < 4 or np.array_equal(again, best):
-                break
-            best = again
-        assert fit is not None
-        centre = np.asarray(fit.apply(p[best]).mean(axis=0))
-        if published:
-            covariance = _bootstrap(p[best], q[best], fit, centre, self.options.bootstrap, rng)
-        else:
-            fit, covariance = _refine(fit, p[best], left_px[best], right_px[best], view)
-        return Motion(fit, covariance, centre, int(best.sum()))
+def _move_key(anchor: Anchor, motion: Motion) -> None:
+    """Carry the template's camera and point into the frame as it is believed now."""
+    key = anchor.key
+    anchor.key = type(key)(
+        key.image,
+        key.camera.transformed(motion.new_from_old),
+        key.pixel,
+        np.asarray(motion.new_from_old.apply(key.point)),
+        np.asarray(motion.new_from_old.rotate(key.normal)),
+        key.range_m,
+        key.drift_px2,
+    )
 
 
-def horn(p: Array, q: Array) -> Transform | None:
-    """Return the rigid motion that brings points p (n, 3) nearest to q, or None for degenerate ones.
-
-    Horn 1987 by way of the singular value decomposition.
-    """
-    a, b = p.mean(axis=0), q.mean(axis=0)
-    u, s, vt = np.linalg.svd((p - a).T @ (q - b))
-    if s[1] < 1e-12:
-        return None
-    d = np.sign(np.linalg.det(vt.T @ u.T))
-    rotation = vt.T @ np.diag([1.0, 1.0, d]) @ u.T
-    return Transform(rotation, b - rotation @ a)
-
-
-def _refine(
-    guess: Transform, p: Array, left_px: Array, right_px: Array, view: StereoView
-) -> tuple[Transform, Array]:
-    """Return the motion that fits both images best, and its covariance about the points' middle."""
-    rotation, translation = guess.rotation, guess.translation
-    normal_matrix: Array = np.eye(6)
-    variance = 1.0
-    for _ in range(6):
-        moved = p @ rotation.T + translation
-        centre = moved.mean(axis=0)
-        blocks, residuals = [], []
-        for camera, seen in ((view.left_camera, left_px), (view.right_camera, right_px)):
-            slope = camera.jacobian(moved)
-            turn = -np.stack([_cross(v) for v in moved - centre])
-            blocks.append(np.concatenate((slope @ turn, slope), axis=2))
-            residuals.append(seen - camera.project(moved))
-        j = np.concatenate(blocks).reshape(-1, 6)
-        r = np.concatenate(residuals).ravel()
-        good = np.isfinite(r) & np.isfinite(j).all(axis=1)
-        j, r = j[good], r[good]
-        weight = 1.0 / np.maximum(1.0, np.abs(r) / 0.8)
-        normal_matrix = (j * weight[:, None]).T @ j + 1e-9 * np.eye(6)
-        step: Array = np.asarray(np.linalg.solve(normal_matrix, (j * weight[:, None]).T @ r))
-        variance = float((weight * r * r).sum() / max(1, len(r) - 6))
-        small = _rotation(step[:3])
-        rotation = small @ rotation
-        translation = small @ (translation - centre) + centre + step[3:]
-        if np.abs(step).max() < 1e-8:
-            break
-    u, _, vt = np.linalg.svd(rotation)
-    # the old points carry stereo errors of their own: both ends of the motion count
-    return Transform(u @ vt, translation), np.asarray(2.0 * variance * np.linalg.inv(normal_matrix))
-
-
-def _bootstrap(
-    p: Array, q: Array, fit: Transform, centre: Array, sets: int, rng: np.random.Generator
-) -> Array:
-    """Return the covariance of the motion over sets of inliers drawn with replacement (as published)."""
-    rows = []
-    for _ in range(sets):
-        pick = rng.integers(len(p), size=len(p))
-        other = horn(p[pick], q[pick])
-        if other is None:
-            continue
-        change = other.rotation @ fit.rotation.T
-        turn = 0.5 * np.array(
-            [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
-        )
-        middle = fit.inverse().apply(centre)
-        rows.append(np.concatenate((turn, other.apply(middle) - centre)))
-    return np.asarray(np.cov(np.array(rows).T)) if len(rows) > 6 else np.eye(6)
-
-
-def _detect(image: Image, count: int) -> tuple[Array, npt.NDArray[np.float32]]:
-    import cv2
-
-    low, high = np.percentile(image, (0.5, 99.5))
-    grey = np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255).astype(np.uint8)
-    found, descriptors = cv2.SIFT.create(nfeatures=count).detectAndCompute(grey, None)
-    if descriptors is None or not found:
-        return np.empty((0, 2)), np.empty((0, 128), np.float32)
-    return np.array([k.pt for k in found], dtype=np.float64), np.asarray(descriptors, dtype=np.float32)
-
-
-def _mutual(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32], ratio: float) -> npt.NDArray[np.int64]:
-    """Return index pairs (n, 2) of descriptors that are each other's nearest and clearly so."""
-    if len(a) < 2 or len(b) < 2:
-        return np.empty((0, 2), np.int64)
-    distance = (a * a).sum(1)[:, None] + (b * b).sum(1)[None] - 2.0 * (a @ b.T)
-    first = distance.argmin(axis=1)
-    rows = np.arange(len(a))
-    best = distance[rows, first]
-    second = np.partition(distance, 1, axis=1)[:, 1]
-    back = distance.argmin(axis=0)
-    keep = (back[first] == rows) & (np.maximum(best, 0) < ratio**2 * second)
-    return np.column_stack((rows[keep], first[keep]))
+def _within(covariance: Array, view: StereoView, position: Array, error_m: float) -> float:
+    """Return the chance of an error below `error_m` across the line of sight (round: its mean variance)."""
+    ray = position - view.left_camera.C
+    ray = ray / np.linalg.norm(ray)
+    across = np.eye(3) - np.outer(ray, ray)
+    variance = 0.5 * float(np.trace(across @ covariance @ across))
+    return 1.0 - math.exp(-0.5 * error_m**2 / max(variance, 1e-12))
 
 
 def _unscented(view: StereoView, left_px: Array, right_px: Array, sigma_px: float) -> Array:
-    """Return the covariance of a ranged point by the unscented transform of its four coordinates."""
+    """Return the covariance of a ranged point by the unscented transform of its four coordinates (eq. 4)."""
     spread = math.sqrt(4.0) * sigma_px
     offsets = np.vstack((np.zeros((1, 4)), spread * np.eye(4), -spread * np.eye(4)))
     points = triangulate(
@@ -426,15 +449,3 @@ def _unscented(view: StereoView, left_px: Array, right_px: Array, sigma_px: floa
         )
     mean = weights @ points
     return np.asarray((weights[:, None] * (points - mean)).T @ (points - mean))
-
-
-def _cross(v: Array) -> Array:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-def _rotation(turn: Array) -> Array:
-    angle = float(np.linalg.norm(turn))
-    if angle < 1e-12:
-        return np.eye(3) + _cross(turn)
-    k = _cross(turn / angle)
-    return np.asarray(np.eye(3) + math.sin(angle) * k + (1.0 - math.cos(angle)) * (k @ k))

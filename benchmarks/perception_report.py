@@ -1,0 +1,82 @@
+"""Writes what the perception studies found into docs/tracking.md."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def write_report(results: dict[str, Any], docs: Path) -> None:
+    """Replace the generated sections of the page."""
+    fill(docs / "tracking.md", results, {"approach": _approach, "coverage": _coverage, "faults": _faults})
+
+
+def fill(page: Path, results: dict[str, Any], makers: dict[str, Callable[[dict[str, Any]], str]]) -> None:
+    """Write what each maker says between its markers; a maker whose study has not run is passed over."""
+    text = page.read_text()
+    for name, make in makers.items():
+        try:
+            body = make(results).strip()
+        except KeyError:
+            continue
+        text = re.sub(
+            rf"(<!-- begin:{name} -->).*?(<!-- end:{name} -->)",
+            lambda m, body=body: f"{m.group(1)}\n{body}\n{m.group(2)}",
+            text,
+            flags=re.DOTALL,
+        )
+    page.write_text(text)
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+def _end(entry: dict[str, float]) -> str:
+    return f"{entry['median']:.2f} / {entry['p95']:.2f} / {entry['max']:.2f}"
+
+
+def _approach(results: dict[str, Any]) -> str:
+    found = results["approach"]["table"]
+    names = list(found["shipped"]["ends"])
+    rows = [
+        [f"{kind}, in all", *(_end(found[kind]["ends"][n]) for n in names)]
+        for kind in ("shipped", "published")
+    ]
+    rows += [[f"{kind}, across", *(_end(entry["aside"][n]) for n in names)] for kind, entry in found.items()]
+    runs = sum(int(e["runs"]) for e in found["shipped"]["ends"].values())
+    worlds = len(results["approach"]["worlds"])
+    return f"{runs} approaches in {worlds} worlds.\n\n" + table(["end error, cm", *names], rows)
+
+
+def _coverage(results: dict[str, Any]) -> str:
+    found = results["approach"]["table"]
+    rows = []
+    for kind in ("shipped", "published"):
+        entry = found[kind]
+        by = [f"{part['covered_percent']:.0f} ({part['median_cm']:.1f})" for part in entry["by_range"]]
+        rows.append([kind, str(entry["updates"]), f"{entry['covered_percent']:.1f}", *by])
+    spans = [
+        f"{low:.0f} to {high:.0f} m" for low, high in (p["range_m"] for p in found["shipped"]["by_range"])
+    ]
+    return table(["method", "updates", "inside, %", *spans], rows)
+
+
+def _faults(results: dict[str, Any]) -> str:
+    found = results["faults"]
+    rows = [
+        [kind, str(e["runs"]), str(e["lost"]), str(e["recovered"]), str(e["failed"]), _end(e["ends"])]
+        for kind, e in found["kinds"].items()
+    ]
+    auc = "none was" if found["auc"] is None else f"area under the curve {found['auc']:.3f}"
+    return (
+        table(["what", "runs", "lost for a time", "found again", "failed", "end error, cm"], rows)
+        + f"\n{found['updates']} updates, {found['wrong']} of them more than 5 cm off across the line of "
+        f"sight: {auc}; {found['told_percent']:.1f} % of them were told as lost, alarms more than two "
+        f"updates late: {found['late_alarms']}. At stops where nothing was wrong "
+        f"{found['false_alarms_percent']:.2f} % of the answers were false alarms.\n"
+    )

@@ -1,0 +1,154 @@
+"""SIFT features of a stereo pair, ranged, and their matches: left to right and before to after.
+
+Matches are gated before descriptors are compared: a right feature must lie on the left one's epipolar line, a
+new feature where the pose estimate puts the old one. A rival outside the gate cannot spoil the ratio test.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.stereo import triangulate
+from rover_iface.vision.tracker import Image, StereoView
+
+Descriptors = npt.NDArray[np.float32]
+NEAREST_M, FARTHEST_M = 0.3, 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Ranged features of one stop.
+
+    Attributes
+    ----------
+    points
+        (n, 3), frame of the view's cameras, metres.
+    unit_covariance
+        (n, 3, 3), m^2, of the points for an error of one pixel in each of the four coordinates.
+    left_px, right_px
+        (n, 2), pixels.
+    descriptors
+        (n, 128), of the left image.
+    """
+
+    points: Array
+    unit_covariance: Array
+    left_px: Array
+    right_px: Array
+    descriptors: Descriptors
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def none() -> Features:
+    """Return no features."""
+    empty = np.empty((0, 2))
+    return Features(np.empty((0, 3)), np.empty((0, 3, 3)), empty, empty, np.empty((0, 128), np.float32))
+
+
+def find_features(view: StereoView, *, count: int, ratio: float, row_px: float) -> Features:
+    """Return the features of a pair that both images show, at most `count` an image, strongest first."""
+    left, right = detect(view.left, count), detect(view.right, count)
+    if len(left[0]) < 2 or len(right[0]) < 2:
+        return none()
+    gate = _near_epipolar(view.left_camera, view.right_camera, left[0], right[0], row_px)
+    pairs = mutual(left[1], right[1], ratio, gate)
+    a, b = left[0][pairs[:, 0]], right[0][pairs[:, 1]]
+    points, covariance = triangulate(view.left_camera, view.right_camera, a, b, sigma_px=1.0)
+    miss = np.hypot(*(view.left_camera.project(points) - a).T)
+    miss += np.hypot(*(view.right_camera.project(points) - b).T)
+    with np.errstate(invalid="ignore"):
+        near = np.linalg.norm(points - view.left_camera.C, axis=1) < FARTHEST_M
+        good = np.isfinite(miss) & (miss < row_px) & near & np.isfinite(covariance).all(axis=(1, 2))
+    return Features(points[good], covariance[good], a[good], b[good], left[1][pairs[good, 0]])
+
+
+def match_moved(
+    old: Features, new: Features, expected_px: Array, *, ratio: float, gate_px: float
+) -> npt.NDArray[np.int64]:
+    """Return index pairs (n, 2) of old and new features that match within a gate round the expected pixels.
+
+    `expected_px` (len(old), 2) is where the pose estimate puts the old points in the new left image; an
+    infinite gate compares everything with everything.
+    """
+    if len(old) < 2 or len(new) < 2:
+        return np.empty((0, 2), np.int64)
+    gate = None
+    if np.isfinite(gate_px):
+        with np.errstate(invalid="ignore"):
+            away = np.abs(expected_px[:, None, :] - new.left_px[None]).max(axis=2)
+            gate = away < gate_px
+    return mutual(old.descriptors, new.descriptors, ratio, gate)
+
+
+def detect(image: Image, count: int, cells: int = 6) -> tuple[Array, Descriptors]:
+    """Return pixels (n, 2) and descriptors (n, 128) of the strongest features of an image.
+
+    Strongest within each of `cells` x `cells` parts of the image, so that one garish thing in view does not
+    take the places of all the rest.
+    """
+    import cv2
+
+    low, high = np.percentile(image[::3, ::3], (0.5, 99.5))
+    grey = np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255).astype(np.uint8)
+    found, descriptors = cv2.SIFT.create().detectAndCompute(grey, None)
+    if descriptors is None or not found:
+        return np.empty((0, 2)), np.empty((0, 128), np.float32)
+    pixels = np.array([k.pt for k in found], dtype=np.float64)
+    strength = np.array([k.response for k in found])
+    if len(pixels) > count:
+        size = np.array([image.shape[1], image.shape[0]]) / cells
+        cell = np.minimum(pixels // size, cells - 1) @ np.array([1, cells])
+        order = np.lexsort((-strength, cell))
+        first = np.searchsorted(cell[order], cell[order])
+        rank = np.empty(len(order))
+        rank[order] = np.arange(len(order)) - first
+        kept = np.lexsort((-strength, rank))[:count]
+        pixels, descriptors = pixels[kept], descriptors[kept]
+    return pixels, np.asarray(descriptors, dtype=np.float32)
+
+
+def mutual(
+    a: Descriptors, b: Descriptors, ratio: float, gate: npt.NDArray[np.bool_] | None = None
+) -> npt.NDArray[np.int64]:
+    """Return index pairs (n, 2) of descriptors that are each other's nearest and clearly so.
+
+    `gate` (len(a), len(b)) says which pairs are possible at all. A feature without a rival in its gate passes
+    the ratio test if it is nearer than the median second-best distance allows.
+    """
+    if len(a) < 2 or len(b) < 2:
+        return np.empty((0, 2), np.int64)
+    distance = (a * a).sum(1)[:, None] + (b * b).sum(1)[None] - 2.0 * (a @ b.T)
+    np.maximum(distance, 0.0, out=distance)
+    if gate is not None:
+        distance[~gate] = np.inf
+    first = distance.argmin(axis=1)
+    rows = np.arange(len(a))
+    best = distance[rows, first]
+    second = np.partition(distance, 1, axis=1)[:, 1]
+    rivals = second[np.isfinite(second)]
+    second = np.where(np.isfinite(second), second, np.median(rivals) if len(rivals) else np.inf)
+    back = distance.argmin(axis=0)
+    keep = np.isfinite(best) & (back[first] == rows) & (best < ratio**2 * second)
+    return np.column_stack((rows[keep], first[keep]))
+
+
+def _near_epipolar(
+    left: CameraModel, right: CameraModel, left_px: Array, right_px: Array, row_px: float
+) -> npt.NDArray[np.bool_]:
+    """Return (n, m): which right pixels lie within `row_px` of the epipolar segment of which left pixel."""
+    origins, rays = left.back_project(left_px)
+    near, far = (right.project(origins + range_m * rays) for range_m in (NEAREST_M, FARTHEST_M))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = near - far
+        length = np.linalg.norm(along, axis=1)
+        along = along / length[:, None]
+        offset = right_px[None] - far[:, None]
+        t = (offset * along[:, None]).sum(axis=2)
+        across = np.abs(offset[..., 0] * along[:, None, 1] - offset[..., 1] * along[:, None, 0])
+        return np.asarray((across < row_px) & (t > -2.0) & (t < length[:, None] + 2.0))
