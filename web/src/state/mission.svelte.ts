@@ -83,6 +83,8 @@ export class MissionState {
   crl = $state.raw<string | null>(null);
   findings = $state.raw<Finding[]>([]);
   planError = $state<string | null>(null);
+  /** What is open on the plan sheet beside the plan. */
+  asked = $state<"what-if" | "compare" | null>(null);
 
   readonly sol = $derived(this.sols[this.sols.length - 1] ?? null);
   readonly startHour = $derived(this.sol?.start_lmst_h ?? 10);
