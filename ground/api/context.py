@@ -45,7 +45,7 @@ async def call(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R
     return await run_in_threadpool(function, *args, **kwargs)
 
 
-_READERS = ThreadPoolExecutor(8, "read")
+_READERS = ThreadPoolExecutor(4, "read")
 """Few on purpose: with a thread for each connection a read spends its time on handing the interpreter's lock
 round (64 connections: 1.3 to 1.5 times the CPU of a request). Long work has other threads and delays none."""
 

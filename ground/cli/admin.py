@@ -52,15 +52,24 @@ def register(app: typer.Typer) -> None:
         typer.echo(f"{sum(counts.values())} rows restored, {counts.get('missions', 0)} missions")
 
     @app.command("check")
-    def check_command() -> None:
-        """Look for products without their file and files that no record names. Needs no server."""
+    def check_command(
+        sweep: bool = typer.Option(
+            False, "--sweep", help="remove what no record names and is older than an hour"
+        ),
+    ) -> None:
+        """Look for records without their file and files that no record names. Needs no server."""
         from ground.cli.repository import open_or_fail
-        from ground.services.check_files import check_files
+        from ground.services.check_files import check_files, sweep_files
 
-        report = check_files(open_or_fail())
-        for product in report.without_file:
-            typer.echo(f"product {product}: its file is not in the store", err=True)
-        typer.echo(f"{report.files} files, {len(report.unnamed)} of them named by no record")
+        repo = open_or_fail()
+        gone = sweep_files(repo) if sweep else []
+        report = check_files(repo)
+        for record in report.without_file:
+            typer.echo(f"{record}: its file is not in the store", err=True)
+        typer.echo(
+            f"{report.files} files, {len(report.unnamed)} of them named by no record, "
+            f"{len(report.stray_runs)} folders of no run" + (f", {len(gone)} removed" if sweep else "")
+        )
         if report.without_file:
             raise typer.Exit(1)
 

@@ -46,7 +46,9 @@ class FileStore:
                 out.flush()
                 os.fsync(out.fileno())
             target = self.path(digest.hexdigest())
-            if not target.exists():
+            try:
+                os.utime(target)  # as young as the row that is about to name it, so that no sweep takes it
+            except FileNotFoundError:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 draft.replace(target)
         finally:

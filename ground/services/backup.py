@@ -17,6 +17,7 @@ from ground.errors import ArchiveError, ConflictError
 from ground.gdr.migrate import current_revision, migrate
 from ground.gdr.models import Base, Utc, utc_now
 from ground.gdr.repository import Repository
+from ground.services.read_snapshot import JOURNAL
 
 FORMAT = "backup/1"
 FOLDERS = ("files", "terrains", "keys")
@@ -26,9 +27,11 @@ def backup(repo: Repository, target: Path) -> dict[str, int]:
     """Write database and files into a tar file; return how many rows of each table it holds.
 
     The database is read in one transaction, then the files it names are copied: files never change and
-    come before their rows, so the copy is consistent while the server goes on.
+    come before their rows, so the copy is consistent while the server goes on. Of the folders of runs the
+    journals of those that are over go with it.
     """
     counts: dict[str, int] = {}
+    runs: list[str] = []
     with tempfile.TemporaryDirectory(prefix="outcrop-backup-") as work:
         rows = Path(work) / "rows.jsonl"
         with repo.database.read() as session, rows.open("w", encoding="utf-8") as out:
@@ -42,7 +45,10 @@ def backup(repo: Repository, target: Path) -> dict[str, int]:
                     record = {k: _plain(value) for k, value in row.items()}
                     out.write(json.dumps([table.name, record]) + "\n")
                     counts[table.name] += 1
+                    if table.name == "runs" and row["state"] not in {"queued", "running"}:
+                        runs.append(row["id"])
         parts = [p for name in FOLDERS for p in sorted((repo.data_dir / name).rglob("*")) if p.is_file()]
+        parts += [p for run in runs if (p := repo.run_dir(run) / JOURNAL).is_file()]
         head = {
             "format": FORMAT,
             "files": {p.relative_to(repo.data_dir).as_posix(): p.stat().st_size for p in parts},
@@ -103,7 +109,7 @@ def restore(repo: Repository, source: Path) -> dict[str, int]:
             for line in content.decode().splitlines():
                 name, record = json.loads(line)
                 session.execute(insert(tables[name]).values(**_typed(tables[name], record)))
-        for name in FOLDERS:
+        for name in (*FOLDERS, "runs"):
             if (folder / name).is_dir():
                 shutil.copytree(folder / name, repo.data_dir / name, dirs_exist_ok=True)
     migrate(repo.database)

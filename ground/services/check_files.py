@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 from sqlalchemy import select
 
@@ -16,37 +18,57 @@ FRESH_S = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class FileReport:
-    """Products whose file is missing, files that no record names, number of files."""
+    """Records whose file is missing, files that no record names, number of files, folders of no run."""
 
     without_file: list[str]
     unnamed: list[str]
     files: int
+    stray_runs: list[str]
 
 
-def named_files(repo: Repository) -> set[str]:
-    """Return the hashes that records name."""
+_NAMED = (
+    ProductRow.sha256,
+    RunRow.trace_sha256,
+    RunRow.telemetry_sha256,
+    UploadRow.sha256,
+    PackageRow.sha256,
+)
+
+
+def named_files(repo: Repository) -> dict[str, str]:
+    """Return the hashes that records name, each with the id of such a record."""
     with repo.database.read() as session:
-        named: set[str] = set()
-        for column in (
-            ProductRow.sha256,
-            RunRow.trace_sha256,
-            RunRow.telemetry_sha256,
-            UploadRow.sha256,
-            PackageRow.sha256,
-        ):
-            named |= {h for h in session.scalars(select(column)) if h is not None}
+        named: dict[str, str] = {}
+        for column in _NAMED:
+            query = select(column, column.class_.id).where(column.is_not(None))
+            named |= {str(sha256): str(owner) for sha256, owner in session.execute(query)}
         return named
+
+
+def stray_runs(repo: Repository) -> list[Path]:
+    """Return the folders of runs that are in no record: left by a downlink that did not come to its end."""
+    folder = repo.data_dir / "runs"
+    found = sorted(folder.iterdir()) if folder.is_dir() else []  # before the rows: who is faster is in them
+    with repo.database.read() as session:
+        known = set(session.scalars(select(RunRow.id)))
+    return [path for path in found if path.name not in known]
 
 
 def check_files(repo: Repository) -> FileReport:
     """Return what does not fit together."""
+    named = named_files(repo)
     present = set(repo.files.hashes())
-    with repo.database.read() as session:
-        products = session.execute(select(ProductRow.id, ProductRow.sha256)).all()
-    missing = [p.id for p in products if p.sha256 not in present]
-    return FileReport(missing, sorted(present - named_files(repo)), len(present))
+    missing = sorted(owner for sha256, owner in named.items() if sha256 not in present)
+    strays = [path.name for path in stray_runs(repo)]
+    return FileReport(missing, sorted(present - set(named)), len(present), strays)
 
 
 def sweep_files(repo: Repository) -> list[str]:
-    """Remove files that no record names and that are older than an hour; return their hashes."""
-    return repo.files.sweep(named_files(repo), time.time() - FRESH_S)
+    """Remove files and folders that no record names and that are older than an hour; return their names."""
+    old = time.time() - FRESH_S
+    gone = repo.files.sweep(set(named_files(repo)), old)
+    for path in stray_runs(repo):
+        if path.stat().st_mtime < old:
+            shutil.rmtree(path, ignore_errors=True)
+            gone.append(path.name)
+    return gone

@@ -11,7 +11,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import AlreadyExecutedError, ArchiveError, NotFoundError
+from ground.errors import AlreadyExecutedError, ArchiveError, GroundError, NotFoundError
 from ground.gdr import models as m
 from ground.gdr import values as v
 from ground.gdr.ids import new_id
@@ -45,8 +45,9 @@ def ingest_upload(repo: Repository, actor: Actor, upload_id: str) -> v.Run:
 def ingest_run(repo: Repository, actor: Actor, folder: Path) -> v.Run:
     """Return the run of a folder `run/1`, its products tied to task, request and target.
 
-    Files go into the store before the rows that name them, and all rows are written together: a crash leaves
-    neither a product without its record nor a record without its file, and the folder can be taken in again.
+    Files go into the store, and the folder with the journal beside the other runs, before the rows that name
+    them, and all rows are written together: a crash leaves neither a product without its record nor a record
+    without its file or journal, and the folder can be taken in again.
 
     Raises
     ------
@@ -62,6 +63,19 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> v.Run:
         raise ArchiveError(
             f"{folder.name}: run.json names no package; only executions of a package are taken in"
         )
+    run_id = new_id("run")
+    kept = repo.run_dir(run_id)
+    _keep_folder(folder, kept)
+    try:
+        return _record(repo, actor, folder, result, run_id)
+    except GroundError:  # after anything else the rows may have been written: the sweep knows
+        shutil.rmtree(kept, ignore_errors=True)
+        raise
+
+
+def _record(repo: Repository, actor: Actor, folder: Path, result: dict[str, Any], run_id: str) -> v.Run:
+    document = result["document"]
+    package = document["package_sha256"]
     with repo.database.write() as session:
         plan = session.get(m.PlanRow, document["plan"], with_for_update=True)
         if plan is None or plan.mission_id != document.get("mission"):
@@ -75,7 +89,7 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> v.Run:
         if session.scalars(select(m.PackageRow.id).where(m.PackageRow.sha256 == package)).first() is None:
             raise ArchiveError(f"{folder.name}: its package was not made by this repository")
         run = m.RunRow(
-            id=new_id("run"),
+            id=run_id,
             author=actor.name,
             mission_id=plan.mission_id,
             plan_id=plan.id,
@@ -96,13 +110,18 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> v.Run:
         update(session, actor, KINDS["plan"], plan, {"state": v.PlanState.EXECUTED.value}, action="execute")
         session.flush()
         value: v.Run = show_runs(session, [run])[0]
-    _keep_folder(folder, repo.run_dir(value.id))
     return value
 
 
 def _keep_folder(source: Path, target: Path) -> None:
-    """Keep the journal and the rest of the folder beside the repository; the rows do not need it."""
-    shutil.copytree(source, target, dirs_exist_ok=True)
+    """Copy the folder of a run, with its journal, to its place beside the repository: whole or not at all."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = target.with_name(f".draft-{target.name}")
+    try:
+        shutil.copytree(source, draft)
+        draft.rename(target)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def _settle_requests(

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from rover_iface.simulator.render.renderer import Renderer
     from rover_iface.terrain import Terrain
 
-TILT_RAD = -0.32
+TILT_RAD = -0.26
 OVERLAP = 0.1
 SIGHT_M = 100.0
-VERSION = 1
+VERSION = 2
 """Part of the name of a stored tile: another way of rendering is another name."""
 
 _rendering = threading.Lock()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 import tempfile
 import zipfile
@@ -22,6 +23,7 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.archives import extract_zip
 from ground.services.kinds import show_missions
+from ground.services.read_snapshot import JOURNAL
 
 FORMAT = "mission/1"
 TABLES = (
@@ -82,6 +84,8 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
     terrain_dir = repo.terrain_dir(rows["terrains"][0]["id"])
     files = {f"terrain/{p.name}": p for p in sorted(terrain_dir.iterdir()) if p.name[0] != "."}
     files |= {f"files/{sha256}": repo.files.path(sha256) for sha256 in sorted(_hashes(rows))}
+    journals = {f"runs/{run['id']}/{JOURNAL}": repo.run_dir(run["id"]) / JOURNAL for run in rows["runs"]}
+    files |= {name: path for name, path in journals.items() if path.is_file()}
     content = json.dumps(rows, sort_keys=True).encode()
     manifest = {
         "format": FORMAT,
@@ -125,6 +129,11 @@ def import_mission(repo: Repository, actor: Actor, source: Path, *, name: str | 
         if not place.is_dir():
             place.parent.mkdir(parents=True, exist_ok=True)
             shutil.copytree(folder / "terrain", place)
+        for run in rows["runs"]:
+            journal = folder / "runs" / run["id"] / JOURNAL
+            if journal.is_file() and not (kept := repo.run_dir(run["id"]) / JOURNAL).exists():
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(journal, kept)
         with repo.database.write() as session:
             if session.get(MissionRow, mission_id) is not None:
                 raise ConflictError(f"mission {mission_id} is here already")
@@ -169,8 +178,9 @@ def _checked(folder: Path) -> dict[str, list[dict[str, Any]]]:
     ):
         raise ArchiveError("the archive holds the history of something else")
     terrain = rows["terrains"][0]["id"]
-    if not terrain.replace("-", "").isalnum():
-        raise ArchiveError(f"the archive holds a terrain with the id {terrain!r}")
+    for identifier in (terrain, mission, *(r["id"] for t in TABLES for r in rows[t])):
+        if not re.fullmatch(r"[A-Za-z0-9_-]{1,40}", str(identifier)):
+            raise ArchiveError(f"the archive holds something with the id {str(identifier)[:60]!r}")
     return rows
 
 

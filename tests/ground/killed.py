@@ -1,21 +1,36 @@
-"""A process to be killed: writes, uploads and does jobs as fast as it can, and says what was acknowledged."""
+"""A process to be killed: writes, uploads, does jobs and takes runs in as fast as it can, and says what was
+acknowledged."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import random
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy.orm import Session
 
-from ground.gdr.models import CommentRow, JobRow
+from ground.gdr.ids import new_id
+from ground.gdr.models import CommentRow, JobRow, PackageRow, PlanRow
 from ground.gdr.repository import Repository, open_repository
+from ground.gdr.values import Role
 from ground.jobs import JobKind, Worker, enqueue
+from ground.services.actor import Actor
 from ground.services.create_comment import create_comment
+from ground.services.ingest_run import ingest_run
 from ground.services.store_upload import UploadDraft
 from ground.settings import load_settings
 from tests.ground import work_for_tests
 from tests.ground.conftest import PLANNER
+
+OPERATOR = Actor("Operator", Role.OPERATOR)
+TASK = "look"
+PRODUCTS = 3
+"""Data products of each run; the last one matches no request."""
 
 
 def _settle(_repo: Repository, session: Session, job: JobRow, _result: dict[str, Any]) -> None:
@@ -48,25 +63,95 @@ def queue_job(repo: Repository, mission_id: str) -> str:
         ).id
 
 
-def main(folder: str, address: str, mission_id: str, tell: Connection) -> None:
+def write_run(repo: Repository, plan: PlanRow, number: int) -> Path:
+    """Leave the folder `run/1` of an execution as it came down, with contents of its own; return it."""
+    name = f"{os.getpid()}-{number}"
+    package = repo.files.put_bytes(name.encode()).sha256
+    with repo.database.write() as session:
+        session.add(
+            PackageRow(
+                id=new_id("pkg"),
+                author="Operator",
+                mission_id=plan.mission_id,
+                plan_id=plan.id,
+                sequence=int(package[:7], 16),
+                sha256=package,
+                key_id="none",
+            )
+        )
+    folder = repo.data_dir / "downlink" / f".{name}"
+    (folder / "products").mkdir(parents=True)
+    lines = []
+    for index in range(PRODUCTS):
+        content = f"{name} {index} ".encode() * 4000
+        (folder / "products" / f"{index}.bin").write_bytes(content)
+        request = plan.request_ids[0] if index < PRODUCTS - 1 else "unknown"
+        lines.append(
+            {
+                "path": f"products/{index}.bin",
+                "sha256": hashlib.sha256(content).hexdigest(),
+                "kind": "image",
+                "task": TASK,
+                "t_s": float(index),
+                "label": {"request": request},
+            }
+        )
+    sample = {"t_s": 0.0, "east_m": 0.0, "north_m": 0.0, "heading_rad": 0.0, "task": "", "trackers": {}}
+    document = {
+        "format": "run/1",
+        "package_sha256": package,
+        "plan": plan.id,
+        "mission": plan.mission_id,
+        "plan_digest": plan.crl_sha256,
+        "outcome": "SUCCEEDED",
+        "outcomes": {TASK: "SUCCEEDED"},
+        "utility": 1.0,
+        "end_s": 9.0,
+    }
+    (folder / "products.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    (folder / "trace.jsonl").write_text(f'[{number}.0, "start", "{TASK}"]\n')
+    (folder / "telemetry.jsonl").write_text(
+        json.dumps({**sample, "battery_j": number, "energy_used_j": 1.0}) + "\n"
+    )
+    (folder / "journal.jsonl").write_text("{}\n")
+    (folder / "run.json").write_text(json.dumps(document))
+    return folder.rename(folder.with_name(name))
+
+
+def main(folder: str, address: str, mission_id: str, plan_id: str, tell: Connection) -> None:
     """Work until killed; each acknowledged id goes down `tell` before the next step."""
     settings = load_settings(
         data_dir=Path(folder), database_url=address, executor="inline", job_lease_s=0.5, job_attempts=20
     )
     repo = open_repository(settings)
+    with repo.database.read() as session:
+        plan = session.get_one(PlanRow, plan_id)
     worker = Worker(repo, KINDS, slots=1)
     worker.folder.mkdir(parents=True, exist_ok=True)
+    rng = random.Random(os.getpid())
     number = 0
-    while True:
-        number += 1
-        comment = create_comment(
+
+    def comment() -> None:
+        made = create_comment(
             repo, PLANNER, mission_id, subject_kind="mission", subject_id=mission_id, text=f"{number}"
         )
-        tell.send(("comment", comment.id))
+        tell.send(("comment", made.id))
+
+    def job() -> None:
         tell.send(("job", queue_job(repo, mission_id)))
-        draft = UploadDraft(repo, PLANNER, "x.bin")
-        draft.write(comment.id.encode() * 1000)
-        upload = draft.finish()
-        draft.close()
-        tell.send(("upload", upload.id))
         worker.step()
+
+    def upload() -> None:
+        draft = UploadDraft(repo, PLANNER, "x.bin")
+        draft.write(f"{os.getpid()} {number}".encode() * 1000)
+        tell.send(("upload", draft.finish().id))
+        draft.close()
+
+    def ingest() -> None:
+        tell.send(("run", ingest_run(repo, OPERATOR, write_run(repo, plan, number)).id))
+
+    acts: list[Callable[[], None]] = [comment, job, upload, ingest]
+    while True:
+        for act in rng.sample(acts, len(acts)):  # death finds it now in this, now in that
+            number += 1
+            act()

@@ -1,9 +1,13 @@
-"""SIGKILL at random during writes, uploads and jobs: nothing acknowledged is lost, nothing is done twice."""
+"""SIGKILL at random during writes, uploads, jobs and the downlink.
+
+Nothing acknowledged is lost, nothing done twice, no product without record and no record without file.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import multiprocessing
 import random
 import signal
@@ -14,27 +18,86 @@ from collections import Counter
 import pytest
 from sqlalchemy import select
 
+from executive.crl import digest, parse
+from ground.errors import AlreadyExecutedError
 from ground.gdr.history import verify_chains
-from ground.gdr.models import CommentRow, JobRow, UploadRow
+from ground.gdr.ids import new_id
+from ground.gdr.models import (
+    CommentRow,
+    JobRow,
+    PackageRow,
+    PlanRow,
+    ProductRow,
+    RunRow,
+    SolRow,
+    UploadRow,
+)
 from ground.gdr.repository import Repository
-from ground.gdr.values import Mission
+from ground.gdr.values import Instrument, Mission
 from ground.jobs import Worker
-from tests.ground.killed import KINDS, main
+from ground.services.check_files import check_files
+from ground.services.create_request import create_request
+from ground.services.create_target import create_target
+from ground.services.ingest_run import ingest_run
+from tests.ground.conftest import PLANNER
+from tests.ground.killed import KINDS, OPERATOR, PRODUCTS, TASK, main
 
 
-def kill_often(repo: Repository, mission: Mission, times: int) -> None:
+def uplinked_plan(repo: Repository, mission: Mission) -> str:
+    """File a plan with one task for one request, as it stands after its uplink; return its id."""
+    target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
+    request = create_request(
+        repo, PLANNER, mission.id, target_id=target.id, instrument=Instrument.SCIENCE_CAMERA, value=1.0
+    )
+    text = f'(plan :id p :node (task :id {TASK} :action image :metadata (request = "{request.id}")))'
+    with repo.database.write() as session:
+        plan = PlanRow(
+            id=new_id("pln"),
+            author="Planner",
+            mission_id=mission.id,
+            sol_id=session.scalars(select(SolRow.id)).one(),
+            number=1,
+            name="P",
+            state="uplinked",
+            strategy="optimal",
+            max_branches=0,
+            time_limit_s=1.0,
+            seed=1,
+            job_id="",
+            crl_text=text,
+            crl_sha256=digest(parse(text)),
+            inputs_sha256="",
+            terrain_sha256="",
+            dictionary="",
+            rover_profile="k9",
+            findings=[],
+            request_ids=[request.id],
+            planned_request_ids=[request.id],
+            left_out={},
+        )
+        session.add(plan)
+        return plan.id
+
+
+def kill_often(repo: Repository, mission: Mission, times: int) -> Counter[str]:
+    """Kill a process at work so many times, then hold the repository to what was acknowledged.
+
+    Returns how many acts of each kind were acknowledged.
+    """
     rng = random.Random(7)
-    acknowledged: dict[str, set[str]] = {"comment": set(), "job": set(), "upload": set()}
+    plan = uplinked_plan(repo, mission)
+    (repo.data_dir / "downlink").mkdir()
+    acknowledged: dict[str, set[str]] = {"comment": set(), "job": set(), "upload": set(), "run": set()}
     address = repo.database.url.render_as_string(hide_password=False)
     nursery = multiprocessing.get_context("forkserver")  # loads our modules once for all that are to die
     nursery.set_forkserver_preload(["tests.ground.killed"])
     for _ in range(times):
         ear, mouth = nursery.Pipe(duplex=False)
-        process = nursery.Process(target=main, args=(str(repo.data_dir), address, mission.id, mouth))
+        process = nursery.Process(target=main, args=(str(repo.data_dir), address, mission.id, plan, mouth))
         process.start()
         mouth.close()
-        told = [ear.recv()]  # it works: from now on it may die at any moment
-        timer = threading.Timer(rng.uniform(0.0, 0.2), process.kill)
+        told = [ear.recv() for _ in range(rng.randint(1, 8))]  # after some acts, in the middle of the next
+        timer = threading.Timer(rng.uniform(0.0, 0.05), process.kill)
         timer.start()
         with contextlib.suppress(EOFError, OSError):  # a word cut off by death was not acknowledged
             while True:
@@ -47,23 +110,35 @@ def kill_often(repo: Repository, mission: Mission, times: int) -> None:
         for kind, identifier in told:
             acknowledged[kind].add(identifier)
     assert all(acknowledged.values())
+    finish_jobs(repo)
+    hold_writes(repo, acknowledged)
+    hold_runs(repo, acknowledged["run"], take_in_again(repo))
+    with repo.database.read() as session:
+        assert verify_chains(session)[1] == []
+    return Counter({kind: len(found) for kind, found in acknowledged.items()})
+
+
+def finish_jobs(repo: Repository) -> None:
+    """Let a survivor take up the jobs of the dead when their leases have run out."""
     patient = dataclasses.replace(repo, settings=repo.settings.model_copy(update={"job_attempts": 50}))
     until = time.monotonic() + 60.0
-    while True:  # leases of the dead run out, then the survivor takes their jobs up
+    while True:
         Worker(patient, KINDS, slots=1).run_until_idle()
         with repo.database.read() as session:
             states = Counter(session.scalars(select(JobRow.state)))
         if set(states) <= {"succeeded"}:
-            break
+            return
         assert time.monotonic() < until, states
         threading.Event().wait(0.1)
+
+
+def hold_writes(repo: Repository, acknowledged: dict[str, set[str]]) -> None:
     with repo.database.read() as session:
         comments = list(
             session.execute(select(CommentRow.id, CommentRow.subject_kind, CommentRow.subject_id))
         )
         uploads = dict(session.execute(select(UploadRow.id, UploadRow.sha256)).all())  # type: ignore[arg-type]
         jobs = set(session.scalars(select(JobRow.id)))
-        assert verify_chains(session)[1] == []
     assert acknowledged["comment"] <= {c.id for c in comments}
     assert acknowledged["job"] <= jobs
     assert acknowledged["upload"] <= set(uploads)
@@ -73,10 +148,37 @@ def kill_often(repo: Repository, mission: Mission, times: int) -> None:
         assert repo.files.path(sha256).is_file()
 
 
+def take_in_again(repo: Repository) -> int:
+    """Take in every folder once more, as an operator would after a crash; return how many there are."""
+    folders = [f for f in (repo.data_dir / "downlink").iterdir() if not f.name.startswith(".")]
+    for folder in folders:
+        with contextlib.suppress(AlreadyExecutedError):
+            ingest_run(repo, OPERATOR, folder)
+    return len(folders)
+
+
+def hold_runs(repo: Repository, acknowledged: set[str], folders: int) -> None:
+    with repo.database.read() as session:
+        runs = dict(session.execute(select(RunRow.id, RunRow.package_sha256)).all())  # type: ignore[arg-type]
+        packages = set(session.scalars(select(PackageRow.sha256)))
+        products = list(session.execute(select(ProductRow.run_id, ProductRow.sha256, ProductRow.request_id)))
+    assert acknowledged <= set(runs)
+    assert len(runs) == len(set(runs.values())) == folders
+    assert set(runs.values()) <= packages
+    assert Counter(p.run_id for p in products) == dict.fromkeys(runs, PRODUCTS)
+    assert sum(p.request_id is None for p in products) == len(runs)
+    for product in products:
+        assert hashlib.sha256(repo.files.read(product.sha256)).hexdigest() == product.sha256
+    for run in runs:
+        assert (repo.run_dir(run) / "journal.jsonl").is_file()
+    assert check_files(repo).without_file == []
+
+
 def test_nothing_acknowledged_is_lost_when_the_process_is_killed(repo: Repository, mission: Mission) -> None:
-    kill_often(repo, mission, 2)
+    kill_often(repo, mission, 3)
 
 
 @pytest.mark.slow
 def test_nothing_acknowledged_is_lost_in_a_hundred_kills(repo: Repository, mission: Mission) -> None:
-    kill_often(repo, mission, 100)
+    done = kill_often(repo, mission, 100)
+    print(f"{repo.database.url.get_backend_name()}: 100 kills, acknowledged {dict(done)}")
