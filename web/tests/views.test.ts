@@ -1,9 +1,11 @@
 import { describe, expect, it } from "vitest";
 import { backProject, type CameraModel, cameraOf, clipMatrix, ellipseInImage, isLinear, moved, project, type Vector, warp } from "../src/lib/camera";
 import { coverageColour, edges, HIDDEN, slopeRaster, UNKNOWN } from "../src/lib/overlay";
+import { axesOf, marksIn } from "../src/lib/image-marks";
 import { azimuthOf, directionAt, loadingOrder, placeOf, type Strip } from "../src/lib/panorama";
 import { linesOf, legsOf, type PlanTree } from "../src/lib/plan-tree";
 import { scaleBar } from "../src/lib/scale-bar";
+import { terrainProblem } from "../src/lib/terrain-files";
 import { alongPath, planEnd, quantile, spotsAt, summary } from "../src/lib/spread";
 
 const none = [0, 0, 0];
@@ -208,5 +210,42 @@ describe("scale bar", () => {
     expect(bar.text).toBe(text);
     expect(bar.pixels).toBeLessThanOrEqual(120);
     expect(bar.pixels).toBeGreaterThan(40);
+  });
+});
+
+describe("targets in a picture that came back", () => {
+  const camera_model = { kind: "CAHV", width: 100, height: 80, C: [0, 0, 1], A: [1, 0, 0], H: [49.5, -100, 0], V: [39.5, 0, -100] };
+  const small = [[1e-4, 0, 0], [0, 1e-4, 0], [0, 0, 4e-4]];
+  const at = (id: string, east_m: number, north_m: number) => ({ id, name: id, position: { east_m, north_m, up_m: 1 }, covariance_m2: small });
+
+  it("stand where the label's camera sees them, with their ellipses", () => {
+    const shown = marksIn({ camera_model, point_m: [5, 0.1, 1] }, [at("A", 5, 0), at("B", 5, 9), at("C", -5, 0)], "A");
+    expect(shown?.marks).toHaveLength(1);
+    expect(shown?.marks[0]).toMatchObject({ id: "A", own: true });
+    expect(shown?.marks[0]?.x).toBeCloseTo(49.5);
+    // Two standard deviations: 2 cm across and 4 cm up at 5 m are 0.4 and 0.8 pixels; the longer one stands upright.
+    expect(shown?.marks[0]?.rx).toBeCloseTo(0.8, 3);
+    expect(shown?.marks[0]?.ry).toBeCloseTo(0.4, 3);
+    expect(Math.abs(shown?.marks[0]?.turn ?? 0)).toBeCloseTo(Math.PI / 2, 3);
+    expect(shown?.aimed?.[0]).toBeCloseTo(47.5);
+  });
+
+  it("are not guessed without a camera model", () => {
+    expect(marksIn({}, [at("A", 5, 0)], null)).toBeNull();
+    expect(axesOf([4, 0, 1])).toEqual({ rx: 2, ry: 1, turn: 0 });
+  });
+});
+
+describe("files of a terrain", () => {
+  const file = (name: string, size = 10) => ({ name, size });
+
+  it("are looked at before they are sent", () => {
+    expect(terrainProblem(null, null)).toBe("choose a terrain file");
+    expect(terrainProblem(file("site.ZIP"), null)).toBe("");
+    expect(terrainProblem(file("dem.tif"), file("ortho.png"))).toBe("");
+    expect(terrainProblem(file("notes.txt"), null)).toContain("notes.txt is no terrain");
+    expect(terrainProblem(file("dem.tif", 0), null)).toBe("dem.tif is empty");
+    expect(terrainProblem(file("site.zip"), file("ortho.png"))).toContain("GeoTIFF only");
+    expect(terrainProblem(file("dem.tif"), file("a.gif"))).toContain("a.gif is no image");
   });
 });

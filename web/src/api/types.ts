@@ -15,6 +15,7 @@ export type Job = Schemas["Job"];
 export type KeepOut = Schemas["KeepOut"];
 export type Lineage = Schemas["Lineage"];
 export type Mission = Schemas["Mission"];
+export type MissionCreate = Schemas["MissionCreate"];
 export type ObservationRequest = Schemas["ObservationRequest"];
 export type ObservationRequestCreate = Schemas["ObservationRequestCreate"];
 export type ObservationRequestChange = Schemas["ObservationRequestChange"];
