@@ -118,7 +118,7 @@ def branch_gains(
     problem: Problem, tree: PlanTree, *, futures: int = FUTURES, seed: int = 0
 ) -> list[BranchGain]:
     """Return what each option wins against the plan without it, on common random numbers."""
-    from planner.evaluate.notes import without_option
+    from planner.plan_edits import without_option
 
     model = Model.of(problem)
     whole = simulate(model, tree.plan, futures, seed=seed).utility

@@ -179,6 +179,22 @@ def count_branches(plan: Plan) -> int:
     )
 
 
+def ways(plan: Plan, before: frozenset[ObservationId] = frozenset()) -> Iterator[frozenset[ObservationId]]:
+    """Yield, for every way through the plan, the observations on it: what is made there if nothing fails."""
+    for step in plan:
+        match step:
+            case Observe(observation=observation) | Visit(observation=observation):
+                before |= {observation}
+            case Branch(options):
+                for option in options:
+                    yield from ways(option.plan, before)
+            case Stop():
+                break
+            case _:
+                pass
+    yield before
+
+
 def walk(plan: Plan, path: Path = ()) -> Iterator[tuple[Path, Step]]:
     """Yield every step with its path, in the order of the text."""
     for k, step in enumerate(plan):

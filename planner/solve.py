@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,8 +11,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from planner.contingency.bounds import Bound, upper_bound
+from planner.contingency.bounds import upper_bound
 from planner.contingency.branching import Search, SearchLimits, plan_optimal
+from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.pico2005 import plan_pico2005
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import Reduction, reduce_problem, several
@@ -35,6 +37,9 @@ from planner.plan_tree import (
 from planner.problem import Problem
 from planner.threads import one_blas_thread
 
+Curve = list[tuple[float, Plan]]
+"""Value and plan with at most 0, 1, 2, ... branches."""
+
 STRATEGIES = ("optimal", "pico2005")
 DEFAULT_BRANCHES = 6
 DEFAULT_TIME_LIMIT_S = 60.0
@@ -47,6 +52,9 @@ NOTES_GRID = (61, 37)
 BOUND_S = 4.0
 QUICK_PLANS = 2
 """Cuts of the mean route that the search begins with."""
+
+PRICE = 0.1
+"""First price of an overrun under a chance constraint, as a share of all utility."""
 
 SEARCH_S = 6.5
 SEARCH_S_PER_TARGET = 6.0
@@ -187,7 +195,7 @@ def solve(
 
 def _drop_rare(model: Model, plan: Plan, least: float) -> Plan:
     """Return the plan without options taken in a smaller share of the futures than `least`."""
-    from planner.evaluate.notes import without_option
+    from planner.plan_edits import without_option
 
     while True:
         grid = Grid(model, *SEARCH_GRID)
@@ -222,7 +230,7 @@ class _Work:
         self.best_plan: Plan = ()
         self.best_value = 0.0
         self.first_plan_s = 0.0
-        self.bound: Bound | None = None
+        self.prices: list[float] = [0.0]
 
     def told(self, plan: Plan, value: float) -> None:
         """Take note of a better plan and pass it on."""
@@ -248,28 +256,24 @@ class _Work:
         if small.t_max_s <= 0.0 or small.e_max_j <= 0.0:
             return self.answer(PlanStatus.EMPTY, (), self.why_empty(), reduction)
         pressed = self.pressed(small)
-        curve: list[tuple[float, Plan]]
-        search: Search | None = None
-        penalties = self.penalties(pressed)
-        for penalty in penalties:
-            model = dataclasses.replace(pressed, penalty=penalty)
-            grid = Grid(model, *self.search_grid(reduction))
-            if self.strategy == "pico2005":
-                curve = self.pico(model, grid)
-            else:
-                search = self.optimal(model, grid)
-                curve = search.curve
-            plan, check, values = self.choose(small, curve)
-            allowed = problem.max_overrun_probability
-            if allowed is None or check is None or check.overrun <= allowed or self.clock.stop():
-                break
         allowed = problem.max_overrun_probability
-        if allowed is not None and check is not None and check.overrun > allowed:
-            plan, check, values = (), None, [0.0]
+        search: Search | None = None
+        if allowed is None:
+            curve, search = self.searched(pressed, reduction, quick=self.quick)
+        else:
+            curve = self.searched_within(pressed, small, reduction, allowed)
+        plan, check, values = self.choose(small, curve)
         if must and not {str(o.id) for o in must} <= _main_line(plan):
             order = mean_seed(small, must=sum(1 << m for m in range(small.m) if small.must_do[m]))
             plan = (*track_steps(small, set(order)), *route_steps(small, order, 0, OnFail.SKIP))
             plan, check, values = self.choose(small, [(0.0, plan)])
+            if not plan and allowed is not None:
+                names = ", ".join(str(o.id) for o in must)
+                reason = (
+                    f"observation {names} must be done, but no plan found does that with a chance of at most "
+                    f"{allowed:g} to end over a budget"
+                )
+                return self.answer(PlanStatus.INFEASIBLE, (), (reason,), reduction)
         if not plan:
             status = PlanStatus.TIMEOUT if self.clock.stop() and not self.first_plan_s else PlanStatus.EMPTY
             return self.answer(status, (), self.why_empty(), reduction)
@@ -288,7 +292,8 @@ class _Work:
             return ()
         return (
             f"observation {', '.join(names)} must be done, but no route on mean values makes every such "
-            f"observation within {model.t_max_s:g} s and {model.e_max_j:g} J, in its window and in order",
+            f"observation within {model.t_max_s:g} s and {model.e_max_j:g} J, in its window and in order"
+            + ("" if model.data_limit_mbit == math.inf else f", within {model.data_limit_mbit:g} Mbit"),
         )
 
     def pressed(self, model: Model) -> Model:
@@ -300,22 +305,42 @@ class _Work:
             model, utility=np.where(model.must_do, model.utility + bonus, model.utility)
         )
 
-    def penalties(self, model: Model) -> list[float]:
-        """Return the costs of an overrun to plan with: the problem's, then rising ones under a chance
-        constraint.
-        """
-        if self.problem.max_overrun_probability is None:
-            return [model.penalty]
-        whole = max(1.0, float(model.utility.sum()))
-        return [model.penalty, *(model.penalty + whole * f for f in (0.2, 0.6, 2.0, 6.0, 20.0, 100.0))]
+    def searched(self, model: Model, reduction: Reduction, *, quick: bool) -> tuple[Curve, Search | None]:
+        """Return the plans that the strategy finds, by number of branches."""
+        grid = Grid(model, *self.search_grid(reduction, quick))
+        if self.strategy == "pico2005":
+            return self.pico(model, grid), None
+        search = self.optimal(model, grid, quick)
+        return search.curve, search
 
-    def search_grid(self, reduction: Reduction) -> tuple[int, int]:
+    def searched_within(self, model: Model, small: Model, reduction: Reduction, allowed: float) -> Curve:
+        """Return the plans found whose chance of an overrun is within `allowed`, by number of branches."""
+
+        def find(price: float, quick: bool) -> list[Plan]:
+            priced = dataclasses.replace(model, penalty=model.penalty + price)
+            return [plan for _, plan in self.searched(priced, reduction, quick=quick)[0]]
+
+        plans, self.prices = plans_within(
+            find,
+            lambda plan: keeps_to(small, plan, allowed, seed=self.seed + 2),
+            first_price=PRICE * max(1.0, float(small.utility.sum())),
+            should_stop=lambda: self.clock.stop(0.55),
+        )
+        evaluator = Evaluator(small)
+        valued = sorted(((evaluator.value(plan).value, plan) for plan in plans), key=lambda pair: pair[0])
+        curve: Curve = []
+        for most in range(self.max_branches + 1):
+            within = [pair for pair in valued if count_branches(pair[1]) <= most]
+            curve.append(within[-1] if within else (0.0, ()))
+        return curve
+
+    def search_grid(self, reduction: Reduction, quick: bool) -> tuple[int, int]:
         """Return the nodes to search with: fewer where the table of the policy is large."""
-        if self.quick:
+        if quick:
             return QUICK_GRID
         return COARSE_GRID if reduction.live_sets > MANY_LIVE_SETS else SEARCH_GRID
 
-    def pico(self, model: Model, grid: Grid) -> list[tuple[float, Plan]]:
+    def pico(self, model: Model, grid: Grid) -> Curve:
         plan = plan_pico2005(
             model,
             grid,
@@ -343,8 +368,8 @@ class _Work:
             self.told(plans[0][1], plans[0][0])
         return tuple(plan for _, plan in plans[:QUICK_PLANS])
 
-    def optimal(self, model: Model, grid: Grid) -> Search:
-        quick = self.quick_plans(model, grid)
+    def optimal(self, model: Model, grid: Grid, quick: bool) -> Search:
+        early = self.quick_plans(model, grid)
         policy = Policy(
             Grid(model, grid.nt, grid.ng, Rounding.MID, np.float32),
             one_stay=several(model),
@@ -353,8 +378,8 @@ class _Work:
         limits = SearchLimits(
             max_branches=self.max_branches,
             iterations=self.iterations,
-            main_lines=1 if self.quick else 4,
-            tolerance=1e-3 if self.quick else 2e-4,
+            main_lines=1 if quick else 4,
+            tolerance=1e-3 if quick else 2e-4,
         )
         until = time.thread_time() + SEARCH_S + SEARCH_S_PER_TARGET * max(0, model.n - 8)
         return plan_optimal(
@@ -365,12 +390,10 @@ class _Work:
                 self.clock.stop(0.6) or (not self.clock.deterministic and time.thread_time() > until)
             ),
             report=self.told,
-            extra=(*self.warm, *quick),
+            extra=(*self.warm, *early),
         )
 
-    def choose(
-        self, model: Model, curve: list[tuple[float, Plan]]
-    ) -> tuple[Plan, Estimate | None, list[float]]:
+    def choose(self, model: Model, curve: Curve) -> tuple[Plan, Estimate | None, list[float]]:
         """Return the plan of the curve that holds up on fresh futures, with its check and the values by
         branches.
 
@@ -378,12 +401,16 @@ class _Work:
         futures that took no part in the search.
         """
         evaluator = Evaluator(model)
+        allowed = self.problem.max_overrun_probability
         best: Plan = ()
         best_value = 0.0
         earned = np.zeros(CHECK_FUTURES // 10 if self.quick else CHECK_FUTURES)
         check: Estimate | None = None
-        values = []
-        for _, candidate in curve:
+        values: list[float] = []
+        for most, (_, candidate) in enumerate(curve):
+            if 0 < most < len(curve) - 1 and self.clock.cancelled():
+                values.append(best_value)  # whoever stopped the search waits for the best plan alone
+                continue
             plan = candidate
             if self.least_taken > 0.0 and count_branches(plan):
                 plan = _drop_rare(model, plan, self.least_taken)
@@ -391,11 +418,30 @@ class _Work:
                 value = evaluator.value(plan).value
                 if value > best_value or np.any(model.must_do):
                     futures = simulate(model, plan, len(earned), seed=self.seed + 1)
-                    if float(np.mean(futures.utility - earned)) > 0.0 or np.any(model.must_do):
+                    if allowed is not None and float(np.mean(futures.overrun)) > allowed:
+                        pass  # it kept to the chance on the futures that chose it only
+                    elif float(np.mean(futures.utility - earned)) > 0.0 or np.any(model.must_do):
                         best, best_value, earned = plan, value, futures.utility
                         check = futures.estimate()
             values.append(best_value)
         return best, check, values
+
+    def upper(self, model: Model) -> float:
+        """Return what no policy earns more than; under a chance constraint, no policy that keeps to it."""
+        left = max(0.5, self.clock.limit_s - self.clock.elapsed_s())
+        hasty = self.clock.cancelled()
+        seconds = min(left, 0.2 if self.quick or hasty else BOUND_S) / len(self.prices)
+        allowed = self.problem.max_overrun_probability or 0.0
+        return min(
+            upper_bound(
+                dataclasses.replace(model, penalty=model.penalty + price),
+                time_limit_s=seconds,
+                deterministic=self.clock.deterministic,
+                should_stop=lambda: not hasty and self.clock.cancelled(),
+            ).value
+            + price * allowed
+            for price in self.prices
+        )
 
     def why_empty(self) -> tuple[str, ...]:
         """Return why nothing is planned."""
@@ -415,6 +461,9 @@ class _Work:
                 f"the budget of {budget.time_s:g} s and {budget.usable_energy_j:g} J is too small: "
                 "no observation fits in it on mean values, in its window",
             )
+        allowed = problem.max_overrun_probability
+        if allowed is not None and self.first_plan_s:
+            return (f"no plan found keeps the chance of ending over a budget within {allowed:g}",)
         return ("no plan earns more in the mean than doing nothing",)
 
     def answer(
@@ -432,14 +481,7 @@ class _Work:
         upper = 0.0
         if status in (PlanStatus.PLANNED, PlanStatus.EMPTY):
             self.report(Progress(0.9, "bounds", self.best_value, None, count_branches(plan), plan))
-            left = max(0.5, self.clock.limit_s - self.clock.elapsed_s())
-            bound = upper_bound(
-                reduction.whole(),
-                time_limit_s=min(left, 0.2 if self.quick else BOUND_S),
-                deterministic=self.clock.deterministic,
-                should_stop=self.clock.cancelled,
-            )
-            upper = bound.value
+            upper = self.upper(reduction.whole())
         if model is not None and plan:
             tree = annotate(model, Grid(model, *NOTES_GRID), tree)
         expected = values[-1] if values else 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -60,7 +61,7 @@ def upper_bound(
         return Bound(0.0, "nothing can be done")
 
     def relaxed() -> Bound:
-        found = relaxed_bound(model)
+        found = relaxed_bound(model, limit_s=min(LP_LIMIT_S, max(0.1, 2.0 * time_limit_s)))
         return found if found.value < best.value else best
 
     if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:
@@ -106,14 +107,14 @@ def _within(model: Model, ln: tuple[float, float], cells: int, step: float) -> n
     return np.asarray(probability_below(edges, ln[0], ln[1]))
 
 
-def relaxed_bound(model: Model) -> Bound:
+def relaxed_bound(model: Model, *, limit_s: float = LP_LIMIT_S) -> Bound:
     """Return a bound by linear programming over start times, for problems that no table holds.
 
     Variables are the chances that an observation, or a drive to a target, starts in a cell of time. A drive
     takes the stochastically shortest of the ways to its target, no track is lost and energy is free. Every
     policy satisfies: at each instant at most one action runs; an observation starts at most once, and not
-    more often than the rover has arrived. Starts are rounded down to their cell, which only loosens these
-    constraints.
+    more often than the rover has arrived; what is begun fits in the downlink volume. Starts are rounded
+    down to their cell, which only loosens these constraints.
     """
     cells = LP_CELLS if model.m <= MANY_OBSERVATIONS else LP_CELLS // 4
     step = model.t_max_s / cells
@@ -155,6 +156,7 @@ def relaxed_bound(model: Model) -> Bound:
     row = cells + 1
     limits = [1.0] * row
     once: list[int] = []
+    begun: list[tuple[int, float]] = []  # column and downlink volume
     for m in wanted:
         place = int(model.obs_place[m])
         if place not in driven:
@@ -170,6 +172,7 @@ def relaxed_bound(model: Model) -> Bound:
             if k * step > closes or (k + 1) * step < opens:
                 continue
             cost.append(-worth * float(within[cells - k]))
+            begun.append((column, float(model.data_mbit[m])))
             occupy(within, k)
             put(np.arange(base + k, base + cells + 1), np.ones(cells + 1 - k))
             column += 1
@@ -185,6 +188,12 @@ def relaxed_bound(model: Model) -> Bound:
         row = base + cells + 1
     if not once:
         return Bound(0.0, "nothing can be reached")
+    if model.data_limit_mbit < math.inf:
+        rows.append(np.full(len(begun), row))
+        cols.append(np.array([k for k, _ in begun]))
+        vals.append(np.array([mbit for _, mbit in begun]))
+        limits.append(model.data_limit_mbit)
+        row += 1
     matrix = sparse.csr_matrix(
         (np.concatenate(vals), (np.concatenate(rows), np.concatenate(cols))), shape=(row, column)
     )
@@ -194,7 +203,7 @@ def relaxed_bound(model: Model) -> Bound:
         b_ub=np.array(limits),
         bounds=(0, None),
         method="highs",
-        options={"time_limit": LP_LIMIT_S},
+        options={"time_limit": limit_s},
     )
     if result.status != 0:
         return trivial_bound(model)

@@ -11,14 +11,13 @@ Every value is the grid's, without sampling.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from planner.contingency.conditions import Bins, best_condition
-from planner.contingency.pico2005 import steps_at, with_steps, without_unused_tracks
 from planner.contingency.policy import Policy
 from planner.contingency.sequences import (
     Masses,
@@ -29,9 +28,21 @@ from planner.contingency.sequences import (
     total,
 )
 from planner.evaluate.grid import Grid
-from planner.evaluate.notes import without_option
 from planner.evaluate.program import Program, compile_plan
 from planner.evaluate.propagate import Backward, Flow, State, TailValues, forward, run_in
+from planner.plan_edits import (
+    change_step,
+    lists_of,
+    neutral_option,
+    options_of,
+    put_option,
+    replace_option,
+    steps_at,
+    with_tail,
+    without_option,
+    without_step,
+    without_unused_tracks,
+)
 from planner.plan_tree import (
     Branch,
     Condition,
@@ -44,6 +55,7 @@ from planner.plan_tree import (
     Step,
     TrackStart,
     TrackStop,
+    Visit,
     count_branches,
     walk,
 )
@@ -129,15 +141,6 @@ class _Plan:
         return count_branches(self.plan)
 
 
-def _lists(plan: Plan, path: Path = ()) -> Iterator[tuple[Path, Plan]]:
-    """Yield every list of steps with the path of its owner."""
-    yield path, plan
-    for k, step in enumerate(plan):
-        if isinstance(step, Branch):
-            for j, option in enumerate(step.options):
-                yield from _lists(option.plan, (*path, k, j))
-
-
 class _Grower:
     def __init__(
         self, policy: Policy, grid: Grid, limits: SearchLimits, should_stop: Callable[[], bool]
@@ -162,24 +165,43 @@ class _Grower:
             value = self._optimal[state] = self.policy.value(state).astype(np.float64)
         return value
 
-    def sequence(self, masses: Masses, width: int) -> Sequence:
-        """Return the best unbranched plan found from a distribution; the same distribution is met often."""
-        digest = hashlib.blake2b(digest_size=16)
+    def sequence(self, masses: Masses, width: int, before: int) -> Sequence:
+        """Return the best unbranched plan found from a distribution; the same distribution is met often.
+
+        `before` are the observations (bits) that may have been made: they use downlink volume.
+        """
+        if not self.policy.sets.voluminous:
+            before = 0
+        digest = hashlib.blake2b(repr(before).encode(), digest_size=16)
         for state, mass in masses.items():
             digest.update(repr((width, *state)).encode())
             digest.update(mass.tobytes())
         key = digest.digest()
         known = self._sequences.get(key)
         if known is None:
-            known = self._sequences[key] = best_sequences(self.policy, masses, width=width)[0]
+            found = best_sequences(self.policy, masses, width=width, before=before)
+            known = self._sequences[key] = found[0]
         return known
+
+    def made_before(self, plan: Plan, path: Path) -> int:
+        """Return the observations (bits) on the way to a step."""
+        bits = 0
+        for depth in range(0, len(path), 2):
+            for step in plan[: path[depth]]:
+                if isinstance(step, Observe | Visit):
+                    bits |= 1 << self.model.number_of[step.observation]
+            if depth + 2 < len(path):
+                branch = plan[path[depth]]
+                assert isinstance(branch, Branch)
+                plan = branch.options[path[depth + 1]].plan
+        return bits
 
     # ------------------------------------------------------------------------------------- points
 
     def points(self, plan: _Plan) -> list[_Point]:
         """Return where an option may be put, by falling regret (the most that any option there can win)."""
         found = []
-        for owner, steps in _lists(plan.plan):
+        for owner, steps in lists_of(plan.plan):
             for k in range(len(steps) + 1):
                 path = (*owner, k)
                 if k < len(steps) and not isinstance(steps[k], Navigate | Observe | TrackStop):
@@ -245,7 +267,8 @@ class _Grower:
         )
         regions.sort(key=lambda r: -r[0])
         found: dict[Plan, None] = {(): None}
-        rest = steps_at_end(plan.plan, point.path)
+        before = self.made_before(plan.plan, point.path)
+        rest = steps_at(plan.plan, point.path)
         for k, step in enumerate(rest):
             if k and isinstance(step, Navigate) and not any(isinstance(x, Branch) for x in rest[k:]):
                 found.setdefault(rest[k:])
@@ -255,7 +278,7 @@ class _Grower:
             masses = {s: m for s, m in masses.items() if float(m.sum()) > 0.0}
             if not masses:
                 continue
-            for order in self.shortened(self.sequence(masses, 2).order):
+            for order in self.shortened(self.sequence(masses, 2, before).order):
                 found.setdefault(sequence_steps(policy, order, point.masses))
         return list(found)
 
@@ -355,19 +378,16 @@ class _Grower:
             if lost > floor:
                 found.append((lost, path))
         found.sort(key=lambda item: (-item[0], item[1]))
-        return [
-            _Plan(self.tails, with_steps(plan.plan, path, lambda steps, k: (*steps[:k], *steps[k + 1 :])))
-            for _, path in found[:KEPT_TRACKS]
-        ]
+        return [_Plan(self.tails, without_step(plan.plan, path)) for _, path in found[:KEPT_TRACKS]]
 
     def refit(self, plan: _Plan) -> _Plan:
         """Return the plan with every option fitted anew: its condition, and its plan if it holds no
         branch.
         """
-        for path in [p for p, _ in _options(plan.plan)]:
+        for path in [p for p, _ in options_of(plan.plan)]:
             if self.over():
                 return plan
-            option = dict(_options(plan.plan)).get(path)
+            option = dict(options_of(plan.plan)).get(path)
             if option is None:
                 continue
             without = _Plan(self.tails, neutral_option(plan.plan, path))
@@ -398,7 +418,7 @@ class _Grower:
 
     def retail(self, plan: _Plan) -> _Plan:
         """Return the plan with the tails of its lists (from the last branch on) replaced where that wins."""
-        for owner, steps in list(_lists(plan.plan)):
+        for owner, steps in list(lists_of(plan.plan)):
             if self.over():
                 return plan
             first = next((k + 1 for k in range(len(steps) - 1, -1, -1) if isinstance(steps[k], Branch)), 0)
@@ -413,7 +433,7 @@ class _Grower:
             if not kept or any(s.place == 0 for s in kept):
                 continue
             self.iterations += 1
-            sequence = self.sequence(kept, self.limits.width)
+            sequence = self.sequence(kept, self.limits.width, self.made_before(plan.plan, path))
             tails = [sequence_steps(self.policy, order, kept) for order in self.shortened(sequence.order)]
             ranked: list[tuple[float, int, Plan]] = []
             for tail in tails:
@@ -465,8 +485,8 @@ class _Grower:
 
     def pruned(self, plan: _Plan) -> _Plan:
         """Return the plan without options that win nothing."""
-        for path in sorted((p for p, _ in _options(plan.plan)), key=lambda p: (-len(p), p)):
-            if path not in dict(_options(plan.plan)):
+        for path in sorted((p for p, _ in options_of(plan.plan)), key=lambda p: (-len(p), p)):
+            if path not in dict(options_of(plan.plan)):
                 continue
             changed = _Plan(self.tails, without_option(plan.plan, path))
             if changed.value >= plan.value - 1e-7 * max(1.0, abs(plan.value)):
@@ -488,64 +508,6 @@ class _Grower:
             if plan.value < before + 3e-5 * max(1.0, abs(before)):
                 break
         return plan
-
-
-# ------------------------------------------------------------------------------------- edits of plans
-
-
-def _options(plan: Plan, path: Path = ()) -> Iterator[tuple[Path, Option]]:
-    for k, step in enumerate(plan):
-        if isinstance(step, Branch):
-            for j, option in enumerate(step.options):
-                yield (*path, k, j), option
-                yield from _options(option.plan, (*path, k, j))
-
-
-def steps_at_end(plan: Plan, path: Path) -> Plan:
-    """Return the steps from a path on; empty for the end of a list."""
-    return steps_at(plan, path)
-
-
-def put_option(plan: Plan, path: Path, option: Option) -> Plan:
-    """Return the plan with an option at a point; one without condition replaces what follows."""
-
-    def change(steps: Plan, k: int) -> Plan:
-        if not option.when:
-            return (*steps[:k], *option.plan)
-        if k > 0 and isinstance(steps[k - 1], Branch):
-            before = steps[k - 1]
-            assert isinstance(before, Branch)
-            return (*steps[: k - 1], Branch((*before.options, option)), *steps[k:])
-        return (*steps[:k], Branch((option,)), *steps[k:])
-
-    return with_steps(plan, path, change)
-
-
-def with_tail(plan: Plan, path: Path, tail: Plan) -> Plan:
-    return with_steps(plan, path, lambda steps, k: (*steps[:k], *tail))
-
-
-def change_step(plan: Plan, path: Path, step: Step) -> Plan:
-    return with_steps(plan, path, lambda steps, k: (*steps[:k], step, *steps[k + 1 :]))
-
-
-def replace_option(plan: Plan, path: Path, option: Option) -> Plan:
-    def change(steps: Plan, k: int) -> Plan:
-        branch = steps[k]
-        assert isinstance(branch, Branch)
-        options = (*branch.options[: path[-1]], option, *branch.options[path[-1] + 1 :])
-        return (*steps[:k], Branch(options), *steps[k + 1 :])
-
-    return with_steps(plan, path[:-1], change)
-
-
-def neutral_option(plan: Plan, path: Path) -> Plan:
-    """Return the plan with an option that is never taken."""
-    from planner.plan_tree import Comparison, TimeCondition
-
-    never = (TimeCondition(Comparison.LT, -1e12),)
-    option = dict(_options(plan))[path]
-    return replace_option(plan, path, Option(never, option.plan))
 
 
 # ------------------------------------------------------------------------------------- the whole
@@ -605,6 +567,8 @@ def plan_optimal(
     best: list[tuple[float, Plan]] = [(0.0, ())] * (limits.max_branches + 1)
 
     def note(plan: _Plan) -> None:
+        if not grid.model.plan_fits_downlink(plan.plan):
+            return
         for k in range(plan.branches, limits.max_branches + 1):
             if plan.value > best[k][0] + 1e-12:
                 best[k] = plan.value, plan.plan

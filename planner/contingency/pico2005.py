@@ -10,7 +10,7 @@ leaves out the sampling noise.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from planner.contingency.seeding import mean_route, mean_seed, route_steps, track_steps
@@ -18,6 +18,7 @@ from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.program import Program, compile_plan
 from planner.evaluate.propagate import Backward, State, forward
+from planner.plan_edits import put_option, steps_at, without_unused_tracks
 from planner.plan_tree import (
     Branch,
     Comparison,
@@ -29,12 +30,8 @@ from planner.plan_tree import (
     Option,
     Path,
     Plan,
-    Step,
     TimeCondition,
     TrackedCondition,
-    TrackStart,
-    TrackStop,
-    planned_observations,
     walk,
 )
 
@@ -53,42 +50,6 @@ class _Point:
     path: Path
     variance: float
     reached: float
-
-
-def steps_at(plan: Plan, path: Path) -> Plan:
-    """Return the list of steps that holds the step at a path, from that step on."""
-    steps = plan
-    for k in range(0, len(path) - 1, 2):
-        branch = steps[path[k]]
-        assert isinstance(branch, Branch)
-        steps = branch.options[path[k + 1]].plan
-    return steps[path[-1] :]
-
-
-def with_steps(plan: Plan, path: Path, change: Callable[[Plan, int], Plan]) -> Plan:
-    """Return the plan with the list of steps around `path` replaced by `change(list, position)`."""
-    if len(path) == 1:
-        return change(plan, path[0])
-    branch = plan[path[0]]
-    assert isinstance(branch, Branch)
-    options = list(branch.options)
-    options[path[1]] = replace(options[path[1]], plan=with_steps(options[path[1]].plan, path[2:], change))
-    return (*plan[: path[0]], Branch(tuple(options)), *plan[path[0] + 1 :])
-
-
-def with_option(plan: Plan, path: Path, option: Option) -> Plan:
-    """Return the plan with one more option at the branch just before the step at `path` (made if there is
-    none).
-    """
-
-    def change(steps: Plan, k: int) -> Plan:
-        if k > 0 and isinstance(steps[k - 1], Branch):
-            before = steps[k - 1]
-            assert isinstance(before, Branch)
-            return (*steps[: k - 1], Branch((*before.options, option)), *steps[k:])
-        return (*steps[:k], Branch((option,)), *steps[k:])
-
-    return with_steps(plan, path, change)
 
 
 def _mean_need(model: Model, steps: Plan, place: int) -> tuple[float, float]:
@@ -247,7 +208,9 @@ def _grow(
                     continue
                 if should_stop() or not budget.take():
                     return plan
-                candidate = with_option(plan, point.path, option)
+                candidate = put_option(plan, point.path, option)
+                if not model.plan_fits_downlink(candidate):
+                    continue
                 new = Backward(grid, compile_plan(model, candidate)).total()
                 if new > value + LEAST_GAIN * abs(value) + 1e-9:
                     helps = True
@@ -263,24 +226,3 @@ def _grow(
         value, plan = best
         refused.clear()
     return plan
-
-
-def without_unused_tracks(model: Model, plan: Plan) -> Plan:
-    """Return the plan without tracking of targets that no path of it places an instrument on."""
-    used = {
-        model.target_ids[int(model.obs_place[m]) - 1]
-        for m in (model.number_of[o] for o in planned_observations(plan))
-        if model.is_place[m]
-    }
-
-    def lean(steps: Plan) -> Plan:
-        kept: list[Step] = []
-        for step in steps:
-            if isinstance(step, TrackStart | TrackStop) and step.target not in used:
-                continue
-            if isinstance(step, Branch):
-                step = Branch(tuple(replace(o, plan=lean(o.plan)) for o in step.options))
-            kept.append(step)
-        return tuple(kept)
-
-    return lean(plan)

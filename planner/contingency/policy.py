@@ -34,7 +34,11 @@ class TooLargeError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Live:
-    """What can still be gained: live observations, and what is done on targets of fading value (bits)."""
+    """What can still be gained: live observations, and what is done that bears on their worth or room (bits).
+
+    Of what is done, the observations of targets of fading value count, and, while what is live may exceed the
+    downlink volume that is left, all that used some of it.
+    """
 
     bits: int
     memory: int = 0
@@ -56,34 +60,50 @@ class LiveSets:
         for place in range(1, model.n + 1):
             if model.diminishing[place] != 1.0 and int(model.target_bits[place]).bit_count() > 1:
                 self.fading |= int(model.target_bits[place])
+        self.voluminous = 0
+        if not model.fits_downlink(candidates):
+            self.voluminous = sum(1 << m for m in range(model.m) if model.data_mbit[m] > 0.0) & candidates
+        self.remembered = self.fading | self.voluminous
 
     def without(self, live: Live, bits: int) -> Live:
         """Return what is left when observations are given up undone, and with them all that depends on
         them.
         """
-        left = live.bits & ~bits
-        queue = bits & live.bits
+        return self.normal(self._remaining(live.bits, bits), live.memory)
+
+    def _remaining(self, live: int, bits: int) -> int:
+        left = live & ~bits
+        queue = bits & live
         while queue:
             low = queue & -queue
             queue ^= low
             fall = self.dependents[low.bit_length() - 1] & left
             left &= ~fall
             queue |= fall
-        return self.normal(left, live.memory)
+        return left
 
     def after(self, live: Live, m: int) -> Live:
         """Return what is left after observation m."""
-        return self.normal(live.bits & ~(1 << m), live.memory | ((1 << m) & self.fading))
+        return self.normal(live.bits & ~(1 << m), live.memory | ((1 << m) & self.remembered))
 
     def normal(self, bits: int, memory: int) -> Live:
-        if memory:
-            kept = 0
-            for place in range(1, self.model.n + 1):
-                target = int(self.model.target_bits[place])
-                if target & memory and target & bits:
-                    kept |= target & memory
-            memory = kept
-        return Live(bits, memory)
+        if not memory:
+            return Live(bits)
+        kept = 0
+        if memory & self.voluminous:
+            too_large = sum(
+                1 << m
+                for m in range(self.model.m)
+                if (bits >> m) & 1 and not self.model.fits_downlink(memory & self.voluminous | (1 << m))
+            )
+            bits = self._remaining(bits, too_large)
+            if not self.model.fits_downlink(memory & self.voluminous | bits):
+                kept = memory & self.voluminous
+        for place in range(1, self.model.n + 1):
+            target = int(self.model.target_bits[place]) & self.fading
+            if target & memory and target & bits:
+                kept |= target & memory
+        return Live(bits, kept)
 
     def open(self, live: Live, m: int) -> bool:
         """Return whether an observation is live and waits for no other."""
@@ -94,6 +114,8 @@ class LiveSets:
         model = self.model
         bits = self.candidates & ~state.done
         for m in range(model.m):
+            if not model.fits_downlink(1 << m):
+                bits &= ~(1 << m)
             if (bits >> m) & 1 and model.is_place[m] and not (state.tracked >> int(model.obs_place[m])) & 1:
                 bits &= ~(1 << m)
         changed = True
@@ -104,7 +126,7 @@ class LiveSets:
                 if (bits >> m) & 1 and missing:
                     bits &= ~(1 << m)
                     changed = True
-        return self.normal(bits, state.done & self.fading)
+        return self.normal(bits, state.done & self.remembered)
 
     def images(self) -> int:
         return sum(1 << m for m in range(self.model.m) if not self.model.is_place[m]) & self.candidates

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,8 +95,7 @@ def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda
     reachable = reachable_targets(problem)
     useful = part_of(problem, {t.id for t in problem.targets if t.id in reachable})
     whole = len(useful.targets) == len(problem.targets)
-    light = data_limited(problem)
-    count = live_sets_of(useful) if light is None else None
+    count = live_sets_of(useful)
     if count is not None:
         return Reduction(problem, problem if whole else useful, count)
     chosen: dict[ObservationId, None] = {o.id: None for o in useful.observations if o.must_do}
@@ -107,7 +106,7 @@ def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda
         for name in mean_route_of(useful, share):
             more = {**chosen, name: None}
             targets = {target_of[x] for x in more}
-            if len(more) <= KEPT_OBSERVATIONS and len(targets) <= KEPT_TARGETS and _holds(problem, more):
+            if len(more) <= KEPT_OBSERVATIONS and len(targets) <= KEPT_TARGETS:
                 chosen = more
     part = only(useful, set(chosen))
     left = len(problem.observations) - len(part.observations)
@@ -117,7 +116,7 @@ def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda
         live_sets_of(part) or 0,
         (
             f"planned with {len(part.observations)} of {len(problem.observations)} observations: {left} "
-            "that no good route on mean values makes, or that exceed the data volume, were left out",
+            "that no good route on mean values makes were left out",
         ),
     )
 
@@ -128,14 +127,6 @@ def data_limited(problem: Problem) -> float | None:
     if limit is None or sum(o.data_mbit for o in problem.observations) <= limit:
         return None
     return limit
-
-
-def _holds(problem: Problem, names: Iterable[ObservationId]) -> bool:
-    limit = data_limited(problem)
-    if limit is None:
-        return True
-    chosen = set(names)
-    return sum(o.data_mbit for o in problem.observations if o.id in chosen) <= limit
 
 
 def only(problem: Problem, names: set[ObservationId]) -> Problem:

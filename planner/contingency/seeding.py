@@ -4,6 +4,7 @@ planner.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +66,7 @@ def _best_route(
     ]
     worth = {m: model.expected_utility_of(m, state.done) for m in usable}
     fading = bool(np.any(model.diminishing != 1.0))
+    limited = model.data_limit_mbit < math.inf
     best = _Label(0.0, t_s, g_j, ())
     best_key = (-(must & ~state.done).bit_count(), 0.0) if count in (None, 0) else (-model.m - 1, 0.0)
     layer: dict[tuple[int, int], list[_Label]] = {(0, state.place): [best]}
@@ -81,6 +83,8 @@ def _best_route(
             for label in labels:
                 for m in usable:
                     if (chosen >> m) & 1 or int(model.predecessors[m]) & ~(chosen | state.done):
+                        continue
+                    if limited and not model.fits_downlink(chosen | state.done | 1 << m):
                         continue
                     target = int(model.obs_place[m])
                     fresh = model.is_place[m] and target not in placed

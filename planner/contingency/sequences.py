@@ -7,12 +7,14 @@ earned plus the optimal policy's value of the rest bounds every continuation and
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from planner.contingency.policy import Policy
+from planner.evaluate.model import Model
 from planner.evaluate.propagate import State, after_done, can_observe, loss_outcomes
 from planner.plan_tree import Navigate, Observe, OnFail, Plan, Step, TrackStop
 
@@ -115,9 +117,21 @@ def _promises(policy: Policy, masses: Masses) -> Any:
     return bounds
 
 
-def best_sequences(policy: Policy, masses: Masses, *, width: int, keep: int = 1) -> list[Sequence]:
+def _fits(model: Model, before: int, order: tuple[int, ...], m: int) -> bool:
+    """Return whether one more observation leaves the downlink volume unexceeded."""
+    if model.data_limit_mbit == math.inf:
+        return True
+    return model.fits_downlink(before | sum(1 << k for k in order) | (1 << m))
+
+
+def best_sequences(
+    policy: Policy, masses: Masses, *, width: int, keep: int = 1, before: int = 0
+) -> list[Sequence]:
     """Return the best unbranched plans found from a distribution, best first; the empty one is always among
     them.
+
+    `before` are observations (bits) that may have been made already: together with them no plan exceeds the
+    downlink volume, whatever fails.
     """
     model = policy.model
     root = _Node((), masses, 0.0, optimal_value(policy, masses))
@@ -131,7 +145,7 @@ def best_sequences(policy: Policy, masses: Masses, *, width: int, keep: int = 1)
         for k, node in enumerate(layer):
             bounds = node.earned + _promises(policy, node.masses)
             for m in range(model.m):
-                if bounds[m] > floor and m not in node.order:
+                if bounds[m] > floor and m not in node.order and _fits(model, before, node.order, m):
                     offers.append((float(bounds[m]), k, m))
         offers.sort(key=lambda offer: (-offer[0], offer[1], offer[2]))
         following: list[_Node] = []
@@ -168,7 +182,11 @@ def likely_path(policy: Policy, masses: Masses) -> tuple[int, ...]:
     order: tuple[int, ...] = ()
     while True:
         bounds = _promises(policy, masses)
-        offers = [(float(bounds[m]), -m) for m in range(policy.model.m) if m not in order]
+        offers = [
+            (float(bounds[m]), -m)
+            for m in range(policy.model.m)
+            if m not in order and _fits(policy.model, 0, order, m)
+        ]
         if not offers or max(offers)[0] <= 1e-3 * max(1.0, total(masses)):
             return order
         m = -max(offers)[1]

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.plan_tree import Plan, ways
 from planner.problem import START, Amount, Kind, ObservationId, Problem, TargetId
 
 Floats = NDArray[np.float64]
@@ -64,6 +65,7 @@ class Model:
     diminishing: Floats  # (n + 1,)
     must_do: Truths  # (m,)
     data_mbit: Floats  # (m,)
+    data_limit_mbit: float  # inf if there is none
     target_ids: tuple[TargetId, ...]
     observation_ids: tuple[ObservationId, ...]
 
@@ -133,6 +135,7 @@ class Model:
             diminishing=np.array([1.0, *(t.diminishing for t in targets)], float),
             must_do=np.array([o.must_do for o in observations], bool),
             data_mbit=np.array([o.data_mbit for o in observations], float),
+            data_limit_mbit=math.inf if problem.budget.data_mbit is None else problem.budget.data_mbit,
             target_ids=tuple(t.id for t in targets),
             observation_ids=tuple(o.id for o in observations),
         )
@@ -144,6 +147,20 @@ class Model:
     @cached_property
     def number_of(self) -> dict[str, int]:
         return {o: k for k, o in enumerate(self.observation_ids)}
+
+    def volume_of(self, observations: int) -> float:
+        """Return the downlink volume of observations (bits), Mbit."""
+        return float(sum(self.data_mbit[m] for m in range(self.m) if (observations >> m) & 1))
+
+    def fits_downlink(self, observations: int) -> bool:
+        """Return whether the volume of observations (bits) is within the budget."""
+        return self.volume_of(observations) <= self.data_limit_mbit * (1.0 + 1e-12)
+
+    def plan_fits_downlink(self, plan: Plan) -> bool:
+        """Return whether no way through a plan can exceed the downlink volume, whatever fails."""
+        if self.data_limit_mbit == math.inf:
+            return True
+        return all(self.fits_downlink(sum(1 << self.number_of[o] for o in way)) for way in ways(plan))
 
     def expected_utility_of(self, m: int, done: int) -> float:
         """Return what observation `m` is worth in the mean when carried out after those in `done`."""

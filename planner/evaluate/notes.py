@@ -11,7 +11,8 @@ from planner.evaluate.grid import Grid
 from planner.evaluate.model import Floats, Model
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, State, TailValues, forward
-from planner.plan_tree import Branch, OptionNotes, Path, Plan, PlanTree, StepNotes, TrackStart, walk
+from planner.plan_edits import without_option
+from planner.plan_tree import Branch, OptionNotes, Path, PlanTree, StepNotes, TrackStart, walk
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 TABLE_POINTS = 5
@@ -22,21 +23,6 @@ def _quantiles(values: Floats, weights: Floats) -> tuple[float, ...]:
     total = np.cumsum(weights[order])
     at = np.searchsorted(total, np.array(QUANTILES) * total[-1])
     return tuple(round(float(values[order][min(k, len(order) - 1)]), 3) for k in at)
-
-
-def without_option(plan: Plan, path: Path) -> Plan:
-    """Return the plan with the option at a path taken out, and its branch with it if that was the
-    only one.
-    """
-    step = plan[path[0]]
-    assert isinstance(step, Branch)
-    if len(path) == 2:
-        left = step.options[: path[1]] + step.options[path[1] + 1 :]
-        return (*plan[: path[0]], *([Branch(left)] if left else []), *plan[path[0] + 1 :])
-    option = step.options[path[1]]
-    option = replace(option, plan=without_option(option.plan, path[2:]))
-    options = (*step.options[: path[1]], option, *step.options[path[1] + 1 :])
-    return (*plan[: path[0]], Branch(options), *plan[path[0] + 1 :])
 
 
 def annotate(model: Model, grid: Grid | None, tree: PlanTree) -> PlanTree:

@@ -187,11 +187,3 @@ def test_a_large_problem_is_reduced_to_its_promising_targets() -> None:
     assert 0 < len(reduction.problem.observations) <= 12
     assert not reduction.exact
     assert "of 40 observations" in reduction.notes[0]
-
-
-def test_data_volume_limits_what_is_planned() -> None:
-    rows = [[observation(f"O{k + 1}", data_mbit=10.0, utility=5.0 + k)] for k in range(3)]
-    document = example(observations=rows)
-    budget = dataclasses.replace(document.budget, data_mbit=20.0)
-    reduction = reduce_problem(dataclasses.replace(document, budget=budget))
-    assert sum(o.data_mbit for o in reduction.problem.observations) <= 20.0

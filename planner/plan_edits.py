@@ -1,0 +1,144 @@
+"""Plans with a part put in, replaced or taken out; a plan itself never changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from planner.evaluate.model import Model
+from planner.plan_tree import (
+    Branch,
+    Comparison,
+    Option,
+    Path,
+    Plan,
+    Step,
+    TimeCondition,
+    TrackStart,
+    TrackStop,
+    planned_observations,
+)
+
+
+def steps_at(plan: Plan, path: Path) -> Plan:
+    """Return the list of steps that holds the step at a path, from that step on."""
+    steps = plan
+    for k in range(0, len(path) - 1, 2):
+        branch = steps[path[k]]
+        assert isinstance(branch, Branch)
+        steps = branch.options[path[k + 1]].plan
+    return steps[path[-1] :]
+
+
+def with_steps(plan: Plan, path: Path, change: Callable[[Plan, int], Plan]) -> Plan:
+    """Return the plan with the list of steps around `path` replaced by `change(list, position)`."""
+    if len(path) == 1:
+        return change(plan, path[0])
+    branch = plan[path[0]]
+    assert isinstance(branch, Branch)
+    options = list(branch.options)
+    options[path[1]] = replace(options[path[1]], plan=with_steps(options[path[1]].plan, path[2:], change))
+    return (*plan[: path[0]], Branch(tuple(options)), *plan[path[0] + 1 :])
+
+
+def lists_of(plan: Plan, path: Path = ()) -> Iterator[tuple[Path, Plan]]:
+    """Yield every list of steps with the path of its owner."""
+    yield path, plan
+    for k, step in enumerate(plan):
+        if isinstance(step, Branch):
+            for j, option in enumerate(step.options):
+                yield from lists_of(option.plan, (*path, k, j))
+
+
+def options_of(plan: Plan, path: Path = ()) -> Iterator[tuple[Path, Option]]:
+    """Yield every option with its path, an option before those within its plan."""
+    for k, step in enumerate(plan):
+        if isinstance(step, Branch):
+            for j, option in enumerate(step.options):
+                yield (*path, k, j), option
+                yield from options_of(option.plan, (*path, k, j))
+
+
+def put_option(plan: Plan, path: Path, option: Option) -> Plan:
+    """Return the plan with an option at a point; one without condition replaces what follows."""
+
+    def change(steps: Plan, k: int) -> Plan:
+        if not option.when:
+            return (*steps[:k], *option.plan)
+        if k > 0 and isinstance(steps[k - 1], Branch):
+            before = steps[k - 1]
+            assert isinstance(before, Branch)
+            return (*steps[: k - 1], Branch((*before.options, option)), *steps[k:])
+        return (*steps[:k], Branch((option,)), *steps[k:])
+
+    return with_steps(plan, path, change)
+
+
+def with_tail(plan: Plan, path: Path, tail: Plan) -> Plan:
+    """Return the plan with the steps of a list from a path on replaced."""
+    return with_steps(plan, path, lambda steps, k: (*steps[:k], *tail))
+
+
+def change_step(plan: Plan, path: Path, step: Step) -> Plan:
+    """Return the plan with the step at a path replaced."""
+    return with_steps(plan, path, lambda steps, k: (*steps[:k], step, *steps[k + 1 :]))
+
+
+def without_step(plan: Plan, path: Path) -> Plan:
+    """Return the plan without the step at a path."""
+    return with_steps(plan, path, lambda steps, k: (*steps[:k], *steps[k + 1 :]))
+
+
+def replace_option(plan: Plan, path: Path, option: Option) -> Plan:
+    """Return the plan with the option at a path replaced."""
+
+    def change(steps: Plan, k: int) -> Plan:
+        branch = steps[k]
+        assert isinstance(branch, Branch)
+        options = (*branch.options[: path[-1]], option, *branch.options[path[-1] + 1 :])
+        return (*steps[:k], Branch(options), *steps[k + 1 :])
+
+    return with_steps(plan, path[:-1], change)
+
+
+def neutral_option(plan: Plan, path: Path) -> Plan:
+    """Return the plan with an option that is never taken."""
+    never = (TimeCondition(Comparison.LT, -1e12),)
+    option = dict(options_of(plan))[path]
+    return replace_option(plan, path, Option(never, option.plan))
+
+
+def without_option(plan: Plan, path: Path) -> Plan:
+    """Return the plan with the option at a path taken out, and its branch with it if that was the
+    only one.
+    """
+    step = plan[path[0]]
+    assert isinstance(step, Branch)
+    if len(path) == 2:
+        left = step.options[: path[1]] + step.options[path[1] + 1 :]
+        return (*plan[: path[0]], *([Branch(left)] if left else []), *plan[path[0] + 1 :])
+    option = step.options[path[1]]
+    option = replace(option, plan=without_option(option.plan, path[2:]))
+    options = (*step.options[: path[1]], option, *step.options[path[1] + 1 :])
+    return (*plan[: path[0]], Branch(options), *plan[path[0] + 1 :])
+
+
+def without_unused_tracks(model: Model, plan: Plan) -> Plan:
+    """Return the plan without tracking of targets that no path of it places an instrument on."""
+    used = {
+        model.target_ids[int(model.obs_place[m]) - 1]
+        for m in (model.number_of[o] for o in planned_observations(plan))
+        if model.is_place[m]
+    }
+
+    def lean(steps: Plan) -> Plan:
+        kept: list[Step] = []
+        for step in steps:
+            if isinstance(step, TrackStart | TrackStop) and step.target not in used:
+                continue
+            if isinstance(step, Branch):
+                step = Branch(tuple(replace(o, plan=lean(o.plan)) for o in step.options))
+            kept.append(step)
+        return tuple(kept)
+
+    return lean(plan)
