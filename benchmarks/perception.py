@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from benchmarks.perception_faults import KINDS, disturbed
 from benchmarks.perception_report import write_report
+from benchmarks.perception_shape import registration_study
 from benchmarks.perception_worlds import Halt, Sequence, approach
 from benchmarks.tracking_worlds import Array
 from rover_iface.cameras.model import CameraModel
@@ -227,9 +228,10 @@ def fault_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
         points = [point for _, point in sequence.targets][::2]
         for kind in KINDS:
             halts, hit = disturbed(sequence, kind, points[len(points) // 2], 1)
-            found = follow(halts, [h.view() for h in halts], points, options, {})
+            first = max(0, hit.start - 3)
+            found = follow(halts[first:], [h.view() for h in halts[first:]], points, options, {})
             for row in found:
-                row |= {"kind": kind, "hit": row["stop"] in hit}
+                row |= {"kind": kind, "hit": row["stop"] + first in hit}
             rows += found
             for number in {r["target"] for r in found}:
                 runs[kind].append(_run([r for r in found if r["target"] == number]))
@@ -278,7 +280,12 @@ def _auc(wrong: Array, right: Array) -> float | None:
     return float(np.mean((len(right) - less + 0.5 * equal) / len(right)))
 
 
-STUDIES = ("approach", "faults")
+STUDIES = ("approach", "faults", "registration")
+
+
+def say(line: str) -> None:
+    """Print progress at once."""
+    print(line, flush=True)
 
 
 def main() -> None:
@@ -297,13 +304,17 @@ def main() -> None:
     if arguments.results.is_file():
         results = json.loads(arguments.results.read_text())
     work: dict[str, Callable[[], Any]] = {
-        "approach": lambda: approach_study(worlds, arguments.pictures, print),
-        "faults": lambda: fault_study(worlds, arguments.pictures, print),
+        "approach": lambda: approach_study(worlds, arguments.pictures, say),
+        "faults": lambda: fault_study(worlds[:4], arguments.pictures, say),
+        "registration": lambda: registration_study(worlds, arguments.pictures, say),
     }
     for name in arguments.only or STUDIES:
         started = time.process_time()
-        results[name] = work[name]()
-        print(f"{name}: {time.process_time() - started:.0f} CPU s", flush=True)
+        found = work[name]()
+        say(f"{name}: {time.process_time() - started:.0f} CPU s")
+        # another study may have written meanwhile
+        results = json.loads(arguments.results.read_text()) if arguments.results.is_file() else {}
+        results[name] = found
         arguments.results.parent.mkdir(parents=True, exist_ok=True)
         arguments.results.write_text(json.dumps(results, indent=1) + "\n")
     if arguments.out:

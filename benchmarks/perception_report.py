@@ -10,7 +10,11 @@ from typing import Any
 
 def write_report(results: dict[str, Any], docs: Path) -> None:
     """Replace the generated sections of the page."""
-    fill(docs / "tracking.md", results, {"approach": _approach, "coverage": _coverage, "faults": _faults})
+    fill(
+        docs / "tracking.md",
+        results,
+        {"approach": _approach, "coverage": _coverage, "faults": _faults, "registration": _registration},
+    )
 
 
 def fill(page: Path, results: dict[str, Any], makers: dict[str, Callable[[dict[str, Any]], str]]) -> None:
@@ -80,3 +84,29 @@ def _faults(results: dict[str, Any]) -> str:
         f"updates late: {found['late_alarms']}. At stops where nothing was wrong "
         f"{found['false_alarms_percent']:.2f} % of the answers were false alarms.\n"
     )
+
+
+def _registration(results: dict[str, Any]) -> str:
+    found = results["registration"]
+    pairs = list(found["shipped"])
+    rows = []
+    for engine, by in found.items():
+        for pair in pairs:
+            e = by[pair]
+            kept = "-"
+            if e["accepted_median_cm"] is not None:
+                kept = " / ".join(f"{e[f'accepted_{q}_cm']:.2f}" for q in ("median", "p95", "max"))
+            share = f"{e['accepted_percent']:.0f}" if engine in ("shipped", "published") else "all, untold"
+            rows.append(
+                [
+                    engine,
+                    pair,
+                    str(e["trials"]),
+                    f"{e['within_1_percent']:.0f}",
+                    share,
+                    kept,
+                    f"{e['cpu_s']:.2f}",
+                ]
+            )
+    head = ["engine", "surfaces", "trials", "within 1 cm, %", "accepted, %", "accepted: error cm", "CPU s"]
+    return table(head, rows)

@@ -1,0 +1,110 @@
+"""Registration of stereo surfaces from bad starts: the shipped engine, the published one, and plain ICP."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.perception_worlds import Shot, approach
+from benchmarks.tracking_worlds import Array
+from rover_iface.frames import Transform
+from rover_iface.vision.shape import ShapeOptions, Surface, register, surface_of
+from rover_iface.vision.sift_motion import small_rotation
+from rover_iface.vision.tracker import StereoView
+
+PAIRS = {
+    "navcam 2.0 m to navcam 1.5 m": (-4, -1),
+    "navcam 3.2 m to hazcam": (-8, None),
+    "navcam 1.5 m to hazcam": (-1, None),
+}
+
+
+def true_view(left: Shot, right: Shot) -> StereoView:
+    """Return a pair with the cameras as they really stood."""
+    return StereoView(left.unit, right.unit, left.true, right.true)
+
+
+def wrong_start(point: Array, rng: np.random.Generator, shift_m: float, turn_rad: float) -> Transform:
+    """Return a motion about a point, in a random direction."""
+    axis, shift = rng.normal(size=3), rng.normal(size=3) * (1.0, 1.0, 0.5)
+    turn = small_rotation(turn_rad * axis / np.linalg.norm(axis))
+    return Transform(turn, point - turn @ point + shift_m * shift / np.linalg.norm(shift))
+
+
+def plain_icp(kind: str) -> Callable[[Surface, Surface, Transform, Array], Transform]:
+    """Return small-gicp's own `align` from the start as it is: what a user of a library runs."""
+
+    def run(model: Surface, scene: Surface, start: Transform, point: Array) -> Transform:
+        import small_gicp
+
+        source, target = model.near(point, 0.75).points, scene.near(point, 1.5).points
+        pose = np.eye(4)
+        pose[:3, :3] = start.rotation
+        pose[:3, 3] = start.translation + start.rotation @ point - point
+        result = small_gicp.align(
+            target - point,
+            source - point,
+            pose,
+            registration_type=kind,
+            downsampling_resolution=0.02,
+            max_correspondence_distance=0.3,
+            max_iterations=60,
+            num_threads=1,
+        )
+        u, _, vt = np.linalg.svd(np.asarray(result.T_target_source)[:3, :3])
+        turn = u @ vt
+        return Transform(turn, np.asarray(result.T_target_source)[:3, 3] - turn @ point + point)
+
+    return run
+
+
+def registration_study(worlds: list[int], folder: Path, say: Callable[[str], None]) -> dict[str, Any]:
+    """Return errors at the target, CPU time and flags, from starts half a rock and 10 degrees off."""
+    rows: dict[str, dict[str, list[tuple[float, float, bool]]]] = {
+        engine: {pair: [] for pair in PAIRS}
+        for engine in ("shipped", "published", "point-to-point ICP", "point-to-plane ICP", "GICP alone")
+    }
+    peers = {"point-to-point ICP": "ICP", "point-to-plane ICP": "PLANE_ICP", "GICP alone": "GICP"}
+    options = {"shipped": ShapeOptions(), "published": ShapeOptions(engine="nelder-mead")}
+    for seed in worlds:
+        sequence = approach(seed, folder)
+        surfaces = {
+            n: surface_of(true_view(sequence.halts[n].left, sequence.halts[n].right), nearest_m=0.8)
+            for n in (-8, -4, -1)
+        }
+        hazcam = surface_of(true_view(*sequence.hazcam), nearest_m=0.3)
+        rng = np.random.default_rng([seed, 0x5A9E])
+        for pair, (a, b) in PAIRS.items():
+            scene = hazcam if b is None else surfaces[b]
+            for _, point in sequence.targets[::3]:
+                start = wrong_start(point, rng, 0.5 * sequence.rock.diameter, np.radians(10.0))
+                for engine, by in rows.items():
+                    began = time.process_time()
+                    if engine in options:
+                        found = register(surfaces[a], scene, start, point, options[engine])
+                        motion, accepted = found.scene_from_model, found.accepted
+                    else:
+                        motion, accepted = plain_icp(peers[engine])(surfaces[a], scene, start, point), True
+                    error = float(np.linalg.norm(motion.apply(point) - point))
+                    by[pair].append((error, time.process_time() - began, accepted))
+        say(f"  registration, world {seed}")
+    return {engine: {pair: _summary(found) for pair, found in by.items()} for engine, by in rows.items()}
+
+
+def _summary(rows: list[tuple[float, float, bool]]) -> dict[str, float | None]:
+    errors = 100.0 * np.array([r[0] for r in rows])
+    taken = np.array([r[2] for r in rows])
+    kept = errors[taken]
+    return {
+        "trials": len(rows),
+        "within_1_percent": 100.0 * float(np.mean(errors <= 1.0)),
+        "accepted_percent": 100.0 * float(taken.mean()),
+        "accepted_median_cm": float(np.median(kept)) if len(kept) else None,
+        "accepted_p95_cm": float(np.percentile(kept, 95)) if len(kept) else None,
+        "accepted_max_cm": float(kept.max()) if len(kept) else None,
+        "cpu_s": float(np.median([r[1] for r in rows])),
+    }
