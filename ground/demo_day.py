@@ -60,9 +60,10 @@ def run_day(
     seed: int,
     out: Path,
     time_limit_s: float = 30.0,
+    rover: str = "abstract",
     report: Report | None = None,
 ) -> Day:
-    """Run a whole day and write every artefact into `out`.
+    """Run a whole day and write every artefact into `out`; `rover` names the simulated rover of the dry run.
 
     Raises
     ------
@@ -82,6 +83,7 @@ def run_day(
     from rover_iface.terrain import generate_terrain, load_terrain
 
     _check_folder(out)
+    make_rover = find_rover(rover)
     clock = _Stages(report or (lambda _stage, _share: None))
     with clock.stage("terrain"):
         terrain = generate_terrain(seed) if terrain_folder is None else load_terrain(terrain_folder)
@@ -117,7 +119,7 @@ def run_day(
         (out / "plan.crl").write_text(crl_text, encoding="utf-8")
     fault = loss_to_inject(prepared.problem, tree)
     with clock.stage("dry run on the simulated rover") as tell:
-        rover = find_rover("abstract")(
+        simulated = make_rover(
             prepared.problem,
             out=out,
             seed=seed,
@@ -127,10 +129,10 @@ def run_day(
         )
         flight = fly(
             crl_text,
-            rover,
+            simulated,
             out,
             run_id="demo",
-            about={"rover": "abstract", "seed": seed, "faults": [] if fault is None else [fault]},
+            about={"rover": rover, "seed": seed, "faults": [] if fault is None else [fault]},
             on_sample=lambda sample: tell(min(1.0, sample.t_s / mission.limits.time_s)),
             sync=False,
         )

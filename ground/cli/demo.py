@@ -18,6 +18,7 @@ def demo(
     terrain: Path | None = typer.Option(None, help="Folder of a terrain; one is generated when absent."),
     seed: int = typer.Option(1, min=0, help="Chooses terrain, targets and what the rover meets."),
     out: Path = typer.Option(Path("outcrop-demo"), help="Folder for the artefacts."),
+    rover: str = typer.Option("abstract", help="Simulated rover that flies the plan, or one of your own."),
     time_limit: float = typer.Option(30.0, min=0.1, help="Seconds the planner may take."),
 ) -> None:
     """Run a whole day: terrain, targets, plan, dry run with a lost track, products. Needs no server."""
@@ -41,7 +42,7 @@ def demo(
                     tasks[stage] = bars.add_task(stage, total=1.0)
                 bars.update(tasks[stage], completed=share)
 
-            day = run_day(terrain, seed=seed, out=out, time_limit_s=time_limit, report=report)
+            day = run_day(terrain, seed=seed, out=out, time_limit_s=time_limit, rover=rover, report=report)
     except (GroundError, PlannerError, RoverError, ExecutiveError) as err:
         fail(str(err))
     except OSError as err:

@@ -29,6 +29,7 @@ def generate(
     crater: Annotated[bool, typer.Option(help="with a crater")] = True,
     outcrop: Annotated[bool, typer.Option(help="with an outcrop of slabs")] = True,
     ripples: Annotated[bool, typer.Option(help="with sand ripples")] = True,
+    tracks: Annotated[bool, typer.Option(help="with the tracks of an earlier drive to the start")] = False,
 ) -> None:
     """Generate a terrain from a seed."""
     from rover_iface.errors import TerrainError
@@ -44,6 +45,7 @@ def generate(
                 crater=crater,
                 outcrop=outcrop,
                 ripples=ripples,
+                tracks=tracks,
             )
         )
         write_terrain(made, out)

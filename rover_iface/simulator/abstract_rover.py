@@ -6,12 +6,12 @@ on this rover must earn what the planner's own evaluation earns. Its rules, thos
 - a leg takes its drawn time plus the overhead for each target tracked when it starts; when it ends, each
   tracked target is lost iff its number is below its chance; driving to where the rover stands takes nothing;
 - `navigate` with `require_tracked` fails before leaving if the target needs its track and has lost it;
-- `trackstart` works at the start place only, for a target that has a contact observation and is not tracked;
+- `trackstart` works at the start place only, for a target with an observation that needs it and no track yet;
 - an observation fails at once, without time or energy, if the rover is not at its place, it was made before,
-  one that must precede it was not made, or it is a contact observation whose target is not tracked;
+  one that must precede it was not made, or it needs its target tracked and the target is not;
 - otherwise it takes its drawn time and energy and is then *made*, whether or not its success coin showed a
   usable product; the action succeeds iff the coin did (result `made` tells the two kinds of failure apart);
-- a target whose contact observations are all made is tracked no longer.
+- a target whose observations that need the track are all made is tracked no longer.
 
 Durations are rounded to whole milliseconds, the half to even, each on its own. Energy used is the sum of the
 drawn energies in the order of the actions plus `hotel_w` times the clock in seconds.
@@ -191,8 +191,8 @@ class AbstractRover(RoutineRover):
         if place is not None and place in self._tracked:
             self._track(place, TrackState.LOST, confidence)
 
-    def _is_contact(self, place: int) -> bool:
-        return any(o.contact for o in self.model.observations if o.place == place)
+    def _needs_track(self, place: int) -> bool:
+        return any(o.needs_track for o in self.model.observations if o.place == place)
 
     # ---- actions
 
@@ -240,7 +240,7 @@ class AbstractRover(RoutineRover):
             return Outcome(False, f"unknown target {target}")
         if self.place != 0:
             return Outcome(False, "not at the start")
-        if not self._is_contact(place):
+        if not self._needs_track(place):
             return Outcome(False, "target needs no track")
         if place in self._tracked:
             return Outcome(False, "already tracked")
@@ -269,7 +269,7 @@ class AbstractRover(RoutineRover):
             return Outcome(False, f"unknown target {target}")
         if (
             command.parameters.get("require_tracked") is True
-            and self._is_contact(to)
+            and self._needs_track(to)
             and to not in self._tracked
         ):
             return Outcome(False, f"target {target} is not tracked")
@@ -383,17 +383,17 @@ class AbstractRover(RoutineRover):
             return Outcome(False, f"not at the observation point of {target}", {"made": False})
         if k in self._made:
             return Outcome(False, f"observation {observation.id} was made before", {"made": False})
-        if contact and observation.place not in self._tracked:
+        if observation.needs_track and observation.place not in self._tracked:
             return Outcome(False, f"target {target} is not tracked", {"made": False})
         if any(other not in self._made for other in observation.before):
             return Outcome(False, f"observation {observation.id} must wait for another", {"made": False})
         energy = float(self.future.obs_energy_j[k])
         yield Step(milliseconds(float(self.future.obs_time_s[k])), energy)
         self._made.add(k)
-        if contact and all(
+        if observation.needs_track and all(
             j in self._made
             for j, o in enumerate(self.model.observations)
-            if o.contact and o.place == observation.place
+            if o.needs_track and o.place == observation.place
         ):
             self._track(observation.place, TrackState.IDLE, 0.0)
         success = bool(self.future.obs_success_u[k] < observation.p_success) and not self.camera_failed

@@ -31,6 +31,7 @@ class ModelObservation:
     id: str
     place: int
     contact: bool
+    needs_track: bool
     instrument: str
     p_success: float
     time_s: tuple[float, float]
@@ -206,6 +207,7 @@ def _read(document: Mapping[str, Any], *, legacy: bool) -> AbstractModel:
             id=name,
             place=place,
             contact=entry["kind"] == "place",
+            needs_track=entry["kind"] == "place" or entry.get("tracked") is True,
             instrument=str(entry.get("instrument", "")),
             p_success=float(entry.get("p_success", 1.0)),
             time_s=_amount(entry["observe"]["time_s"]),

@@ -46,6 +46,7 @@ from rover_iface.terrain.terrain import Terrain
 from rover_iface.vision.ncc import NccTracker
 from rover_iface.vision.template import NccOptions
 from rover_iface.vision.tracker import StereoView, TrackUpdate
+from rover_iface.vision.tracker import TrackState as TrackerState
 
 Array = NDArray[np.floating]
 
@@ -546,12 +547,11 @@ class SubframeRover(RoutineRover):
             update = self.tracker.start(name, point, view)
         except (CameraError, TrackerError, RenderError) as err:
             return Outcome(False, str(err), {"energy_j": energy})
-        column, row = (round(float(v)) for v in update.pixel)
-        truth = left.truth.point_site[row, column]
-        if not np.isfinite(truth).all():
+        truth = self._surface_near(left, update)
+        if truth is None:
             self.tracker.clear(name)
             return Outcome(False, f"target {name} is not on the ground", {"energy_j": energy})
-        self._followed[name] = _Followed(target, np.asarray(truth, dtype=float), update)
+        self._followed[name] = _Followed(target, truth, update)
         self._tell(self._followed[name], update)
         return Outcome(
             True,
@@ -561,6 +561,21 @@ class SubframeRover(RoutineRover):
                 "energy_j": energy,
             },
         )
+
+    def _surface_near(self, frame: Frame, update: TrackUpdate, reach_px: int = 4) -> Array | None:
+        """Return the surface point that a new track stands for: seen near its pixel, nearest to its position.
+
+        On a crest the pixel itself, off by the mast's error, may see the ground behind.
+        """
+        column, row = (round(float(v)) for v in update.pixel)
+        rows = slice(max(0, row - reach_px), row + reach_px + 1)
+        columns = slice(max(0, column - reach_px), column + reach_px + 1)
+        points = frame.truth.point_site[rows, columns].reshape(-1, 3)
+        points = points[np.isfinite(points).all(axis=1)]
+        if not len(points):
+            return None
+        away = np.linalg.norm(points - self.true_from_believed.apply(update.position), axis=1)
+        return np.asarray(points[int(np.argmin(away))], dtype=float)
 
     def _track_stop(self, command: Command) -> Action:
         yield from ()
@@ -584,8 +599,8 @@ class SubframeRover(RoutineRover):
         name = followed.target.id
         try:
             view, _, _ = self._view(self.tracker.predicted(name))
-        except (CameraError, TrackerError, RenderError):
-            return self._blind_update(followed)
+        except (CameraError, TrackerError, RenderError) as err:
+            return self._unseen(followed, str(err))
         if followed.gone or self.camera_failed:
             noise = self.rng.random(view.left.shape).astype(np.float32)
             view = replace(view, left=noise)
@@ -594,22 +609,16 @@ class SubframeRover(RoutineRover):
             view = replace(view, left=np.clip(view.left * shade, 0, 1))
         return self.tracker.update(name, view)
 
-    def _blind_update(self, followed: _Followed) -> TrackUpdate:
-        """Count a stop at which the target could not be looked at as a miss."""
-        name = followed.target.id
-        size = SUBFRAME_PX
-        nothing = np.full((size, size), 0.5, dtype=np.float32)
-        camera = self.rig.camera("navcam_left").transformed(self.chassis.believed.site_from_rover)
-        other = self.rig.camera("navcam_right").transformed(self.chassis.believed.site_from_rover)
-        view = StereoView(
-            nothing,
-            nothing,
-            camera.window(0, 0, size, size),
-            other.window(0, 0, size, size),
-            self.t_s,
-            self.chassis.travelled_m,
-        )
-        return self.tracker.update(name, view)
+    def _unseen(self, followed: _Followed, why: str) -> TrackUpdate:
+        """Return the last answer, less sure: the mast cannot look there now, which is no miss of the tracker.
+
+        After three such stops in a row the target counts as lost, until it is seen again.
+        """
+        confidence = 0.8 * followed.update.confidence
+        state = followed.update.state
+        if state is TrackerState.TRACKED and confidence < 0.5:
+            state = TrackerState.LOST
+        return replace(followed.update, state=state, confidence=confidence, reasons=(why,))
 
     def _tell(self, followed: _Followed, update: TrackUpdate) -> None:
         """Put an answer of the tracker into telemetry and history."""

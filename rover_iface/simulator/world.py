@@ -160,7 +160,8 @@ def load_world(source: World | Mapping[str, Any] | Path | str) -> World:
         source = _read_json(path, "world")
     form = source.get("format")
     if form in _PROBLEMS:
-        return World(str(source.get("name", "")), folder, load_profile("k9"), problem=source)
+        start = _pose(source.get("start"), "start") or Pose(0.0, 0.0)
+        return World(str(source.get("name", "")), folder, load_profile("k9"), problem=source, start=start)
     if form != FORMAT:
         raise WorldError(f'world: "format" is {form!r}; "{FORMAT}" or a planning problem is needed')
     unknown = set(source) - _MEMBERS
@@ -174,13 +175,14 @@ def load_world(source: World | Mapping[str, Any] | Path | str) -> World:
     if isinstance(future, str):
         future = _read_json(folder / future, "future")
     faults = source.get("faults", ())
+    start = source.get("start", None if problem is None else problem.get("start"))
     return World(
         name=str(source.get("name", folder.name)),
         folder=folder,
         profile=load_profile(folder / profile if profile.endswith(".toml") else profile),
         terrain=None if source.get("terrain") is None else str(source["terrain"]),
         seed=int(_number(source, "seed", 0)),
-        start=_pose(source.get("start"), "start") or Pose(0.0, 0.0),
+        start=_pose(start, "start") or Pose(0.0, 0.0),
         targets=tuple(_target(item) for item in source.get("targets", ())),
         problem=problem,
         future=future,

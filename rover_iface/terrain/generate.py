@@ -22,10 +22,15 @@ from rover_iface.terrain.terrain import Terrain
 Array = NDArray[np.floating]
 
 
+GAUGE_M, RUT_M, RUT_DEPTH_M = 0.73, 0.12, 0.015
+"""Ruts: distance between the two, width and depth; those of the K9 and MER class."""
+
+
 @dataclass(frozen=True, slots=True)
 class Recipe:
     """What to generate. Lengths in metres; `rock_cover` is the share of ground under rocks, `relief_m` twice
     the deviation of heights that 128 m of such ground have, `rough` a factor on the bumps below half a metre.
+    `tracks` are the ruts of an earlier drive that ended at the start.
     """
 
     seed: int = 0
@@ -40,6 +45,7 @@ class Recipe:
     crater: bool = True
     outcrop: bool = True
     ripples: bool = True
+    tracks: bool = False
     clear_start_m: float = 1.6
     ortho: bool = True
     name: str = ""
@@ -174,6 +180,7 @@ class _Site:
         self.ripple_xy = _polar(start + 4.2 + float(place.uniform(-0.2, 0.2)), 0.85 * inner)
         self.ripple_angle = float(place.uniform(0, math.pi))
         self.ripple_radius = 0.45 * inner
+        self.track_angle = float(place.uniform(0, 2 * math.pi))
         self.level = 0.0
         self.level = float(self.ground(np.zeros(1), np.zeros(1))[0, 0])
 
@@ -208,6 +215,21 @@ class _Site:
         bowl = -depth + (depth + rim) * _smooth_step(r**1.5)
         shape: Array = np.where(r < 1, bowl, rim * np.exp(-((r - 1) ** 2) / 0.16))
         return shape
+
+    def ruts(self, xs: Array, ys: Array) -> Array:
+        """Return how deep wheels have pressed the ground, 0..1: two ruts on a winding way to the origin."""
+        c, s = math.cos(self.track_angle), math.sin(self.track_angle)
+        u = c * xs[None, :] + s * ys[:, None]
+        bend = 1.4 * (np.cos(u / 5.0) - 1.0)
+        lean = -0.28 * np.sin(u / 5.0)
+        aside = (c * ys[:, None] - s * xs[None, :] - bend) / np.sqrt(1 + lean**2)
+        rut = _smooth_step((RUT_M / 2 + 0.03 - np.abs(np.abs(aside) - GAUGE_M / 2)) / 0.05)
+        cleats = 0.85 + 0.15 * np.sin(2 * math.pi * u / 0.09)
+        went = _smooth_step((0.4 - u) / 0.2)
+        mask = rut * cleats * went
+        if self.recipe.outcrop:
+            mask = mask * (1 - self._outcrop_mask(xs, ys))
+        return np.asarray(mask, dtype=float)
 
     def _layers(self, xs: Array, ys: Array) -> Array:
         """Return ledges: beds that step down across the dip, with ragged edges."""
@@ -255,6 +277,8 @@ class _Site:
             h = h + mask * 0.045 * self._ripple(xs, ys)
         if recipe.crater:
             h = h + self._crater(xs, ys)
+        if recipe.tracks:
+            h = h - RUT_DEPTH_M * self.ruts(xs, ys)
         return h - self.level
 
     # ---- rocks
@@ -294,6 +318,9 @@ class _Site:
             x, y = self.ripple_xy
             sandy = np.exp(-(np.hypot(table[:, 0] - x, table[:, 1] - y) ** 2) / (self.ripple_radius**2))
             keep &= rng.random(len(table)) > 0.9 * sandy
+        if recipe.tracks:
+            # Nobody drove over rocks that a wheel does not climb.
+            keep &= ~self._in_ruts(table)
         if recipe.crater:
             x, y = self.crater_xy
             bowl = np.hypot(table[:, 0] - x, table[:, 1] - y) < 0.7 * self.crater_radius
@@ -319,6 +346,14 @@ class _Site:
             )
             for k, ((x, y, d), z, n, s) in enumerate(zip(table, foot, numbers, seeds, strict=True))
         )
+
+    def _in_ruts(self, table: Array) -> NDArray[np.bool_]:
+        """Return which rocks (x, y, diameter) [n, 3] lie on the way of the earlier drive."""
+        c, s = math.cos(self.track_angle), math.sin(self.track_angle)
+        u = c * table[:, 0] + s * table[:, 1]
+        aside = c * table[:, 1] - s * table[:, 0] - 1.4 * (np.cos(u / 5.0) - 1.0)
+        blocked: NDArray[np.bool_] = (u < 1.0) & (np.abs(aside) < GAUGE_M / 2 + 0.15 + table[:, 2] / 2)
+        return blocked & (table[:, 2] > 0.1)
 
     def foot_heights(self, x: Array, y: Array) -> Array:
         """Return ground heights at scattered points, from a raster of the whole site."""

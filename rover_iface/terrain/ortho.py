@@ -73,6 +73,9 @@ def paint(site: _Site, rocks: list[Rock], extent_m: float, pixel_m: float) -> ND
         buried = np.clip(_smooth_step(0.25 - 0.9 * site.detail.at(axis, axis) + 0.25 * tone), 0, 0.85)
         open_ = slabs * (1 - buried) * _smooth_step((crack - 0.012) / 0.045)
         colour = colour * (1 - open_[..., None]) + plate * open_[..., None]
+    if site.recipe.tracks:
+        # Pressed soil is smooth and darker: the bright dust is gone.
+        colour = _blend(colour, _SAND * 0.82, 0.7 * site.ruts(axis, axis))
     pebble = np.clip(stones * 1.4, 0, 0.8)
     colour = _blend(colour, _ROCK * 0.92, pebble)
     if rocks:

@@ -11,7 +11,7 @@ import typer
 from PIL import Image
 from typer.testing import CliRunner
 
-from ground.cli import sim
+from ground.cli import sim, sim_drive
 from rover_iface.cameras.panorama import load_panorama
 from rover_iface.terrain import Recipe, generate_terrain, write_terrain
 
@@ -29,6 +29,7 @@ def terrain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(*arguments: str) -> tuple[int, str]:
     app = typer.Typer()
     sim.register(app)
+    sim_drive.register(app)
     result = CliRunner().invoke(app, ["sim", *arguments])
     return result.exit_code, result.output
 
@@ -67,6 +68,25 @@ def test_panorama_can_be_picked_from(terrain: Path, tmp_path: Path) -> None:
     match = panorama.wedges[0].pick((500.0, 600.0))
     assert np.trace(match.covariance) > 0
     assert (folder / "mosaic.png").is_file()
+
+
+def test_drive_tells_how_it_ended_and_draws_the_way(terrain: Path, tmp_path: Path) -> None:
+    out = tmp_path / "drive.png"
+    code, said = run("drive", "--terrain", str(terrain), "--seed", "2", "--out", str(out), "--", "4", "-1")
+    assert code == 0, said
+    assert "arrived after" in said
+    assert "from the goal, least clearance" in said
+    with Image.open(out) as image:
+        pixels = np.asarray(image)
+    assert pixels.shape[0] == 600
+    assert (np.abs(pixels.astype(int) - (90, 200, 255)).max(axis=-1) < 3).sum() > 100  # the way driven
+
+
+def test_a_drive_off_the_terrain_is_refused(terrain: Path) -> None:
+    code, said = run("drive", "--terrain", str(terrain), "--", "400", "0")
+    assert code == 2
+    assert "goal" in said
+    assert "400" in said
 
 
 def test_track_tells_each_stop(terrain: Path, tmp_path: Path) -> None:

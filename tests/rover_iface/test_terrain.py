@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -334,6 +335,30 @@ def test_a_dem_without_georeference_is_refused(tmp_path: Path) -> None:
         load_terrain(path)
     with pytest.raises(TerrainFormatError, match="has no georeference"):
         load_terrain(tmp_path)
+
+
+def test_tracks_lead_to_the_start_and_nowhere_else() -> None:
+    recipe = Recipe(seed=5, size_m=24.0, inner_m=20.0, crater=False, ripples=False, outcrop=False)
+    plain, driven = (generate_terrain(recipe=replace(recipe, tracks=t)) for t in (False, True))
+    fine, rutted = plain.layers[0], driven.layers[0]
+    assert fine.ground is not None
+    assert rutted.ground is not None
+    sunk = fine.ground - rutted.ground
+    assert 0.010 < sunk.max() <= 0.017
+    rows, columns = np.nonzero(sunk > 0.008)
+    x, y = fine.west + columns * fine.spacing, fine.south + rows * fine.spacing
+    # A section across the way, 2 m before the start, meets two ruts a wheelbase apart.
+    away = np.hypot(x, y)
+    section = np.abs(away - 2.0) < 0.06
+    spread = np.ptp(np.column_stack((x[section], y[section])), axis=0)
+    assert np.hypot(*spread) == pytest.approx(0.73 + 0.12, abs=0.1)
+    # The half of the site that lies ahead of the start is untouched.
+    ahead = np.array([x.mean(), y.mean()])
+    assert (-(x * ahead[0] + y * ahead[1]) / np.hypot(*ahead)).max() < 1.2
+    # No rock stands in the way of the wheels, and the image shows them darker than the soil.
+    assert len(driven.rocks) < len(plain.rocks)
+    before, after = (t.orthos[0].colour(x, y).mean() for t in (plain, driven))
+    assert after < before - 5
 
 
 def test_a_dem_in_degrees_or_feet_or_oblong_or_turned_is_refused(tmp_path: Path) -> None:
