@@ -402,6 +402,7 @@ def _observation(profile: RoverProfile, request: DayRequest) -> dict[str, Any]:
         },
         "must_do": request.must_do,
         "data_mbit": instrument.volume_mb * 8.0,
+        "tracked": request.tracked and instrument.kind != "contact",
         "refs": {"request": request.id},
     }
     if request.window_s is not None:

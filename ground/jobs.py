@@ -198,7 +198,10 @@ def _ours(session: Session, claim: Claim) -> JobRow | None:
 
 
 def settle(repo: Repository, kind: JobKind, claim: Claim, result: dict[str, Any]) -> bool:
-    """Write a result if the claim still holds; return whether it did."""
+    """Write a result if the claim still holds; return whether it did.
+
+    Work that was asked to stop may still have a result; then its member `stopped` says in words what it is.
+    """
     with repo.database.write() as session:
         row = _ours(session, claim)
         if row is None:
@@ -206,7 +209,7 @@ def settle(repo: Repository, kind: JobKind, claim: Claim, result: dict[str, Any]
             return False
         row.result_url = kind.settle(repo, session, row, result)
         row.progress = 1.0
-        _end(row, "succeeded", "done")
+        _end(row, "succeeded", result.get("stopped") or "done")
         return True
 
 
@@ -333,7 +336,9 @@ class _Running:
 class Worker:
     """Claims jobs and sees them through, each slot with an executor of its own that can be replaced."""
 
-    GRACE_S = 5.0
+    GRACE_S = 15.0
+    """For work that was asked to stop, to hand in what it has."""
+
     LOOK_S = 0.5
 
     def __init__(self, repo: Repository, kinds: Mapping[str, JobKind], *, slots: int | None = None) -> None:

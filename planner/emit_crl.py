@@ -286,7 +286,7 @@ class _Emitter:
         """Return the node of an observation and the id of its task; None if it can never be made."""
         what = self.observations[observation]
         checks = [past.standing_at(what.target), negated(past.done(observation))]
-        if what.kind is Kind.PLACE:
+        if what.needs_track:
             checks.append(_tracked(what.target) if what.target in past.started else FALSE)
         checks += [past.done(first) for first in self.after.get(observation, [])]
         guard = _both(*checks)
@@ -375,7 +375,7 @@ class _Emitter:
         self, observation: ObservationId, target: TargetId, skip: bool, path: Path, past: _Past
     ) -> tuple[Node, _Past]:
         what = self.observations[observation]
-        drive = self.drive(target, what.kind is Kind.PLACE, False, path, past)
+        drive = self.drive(target, what.needs_track, False, path, past)
         arrived = replace(past, drives=(_Drive(drive.id, target, False),))
         made = self.observe(observation, False, path, arrived)
         nodes: list[Node] = [drive] if made is None else [drive, made[0]]
@@ -385,7 +385,7 @@ class _Emitter:
             metadata=self.metadata(path),
             node_list=tuple(nodes),
         )
-        refused = not self.certain_drive(target, what.kind is Kind.PLACE, past)
+        refused = not self.certain_drive(target, what.needs_track, past)
         drives = (*past.drives, _Drive(drive.id, target, True)) if skip and refused else arrived.drives
         observed = past.observed if made is None else (*past.observed, (observation, made[1]))
         return block, replace(past, drives=drives, observed=observed)

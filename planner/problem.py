@@ -62,8 +62,8 @@ class Observation:
 
     `utility` is earned with `p_success` when the observation ends within the budgets; it may start only at
     times in `window_s` (inclusive). Where `must_do`, a plan without it is no plan. `data_mbit` counts
-    against the budget of downlink volume. `refs` travels untouched into the plan's metadata (request id and
-    the like).
+    against the budget of downlink volume. An image with `tracked` needs its target tracked like a placement.
+    `refs` travels untouched into the plan's metadata (request id and the like).
     """
 
     id: ObservationId
@@ -77,7 +77,13 @@ class Observation:
     window_s: tuple[float, float] | None = None
     must_do: bool = False
     data_mbit: float = 0.0
+    tracked: bool = False
     refs: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def needs_track(self) -> bool:
+        """Whether it can be made only while its target is tracked."""
+        return self.tracked or self.kind is Kind.PLACE
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +103,7 @@ class Target:
     @property
     def tracked_kind(self) -> bool:
         """Whether some observation of the target needs it tracked."""
-        return any(o.kind is Kind.PLACE for o in self.observations)
+        return any(o.needs_track for o in self.observations)
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,7 +305,8 @@ def _window(reader: _Reader) -> tuple[float, float] | None:
 
 
 _OBSERVATION = (
-    "id", "instrument", "kind", "utility", "p_success", "observe", "window_s", "must_do", "data_mbit", "refs",
+    "id", "instrument", "kind", "tracked", "utility", "p_success", "observe", "window_s", "must_do",
+    "data_mbit", "refs",
 )  # fmt: skip
 
 
@@ -320,6 +327,7 @@ def _observation(reader: _Reader, target: str, oid: str, legacy: bool) -> Observ
         window_s=_window(reader),
         must_do=False if legacy else reader.truth("must_do"),
         data_mbit=0.0 if legacy else reader.number("data_mbit", 0.0, at_least=0.0),
+        tracked=False if legacy else reader.truth("tracked"),
         refs={} if legacy else reader.refs(),
     )
 
@@ -601,6 +609,8 @@ def _observation_dict(o: Observation, legacy: bool) -> dict[str, Any]:
             d["must_do"] = True
         if o.data_mbit:
             d["data_mbit"] = o.data_mbit
+        if o.tracked:
+            d["tracked"] = True
         if o.refs:
             d["refs"] = dict(o.refs)
     return d

@@ -167,6 +167,8 @@ def settle(_repo: Repository, session: Session, job: m.JobRow, result: dict[str,
             "summary",
         )
     }
+    if result.get("stopped"):
+        columns["notes"] = " ".join(filter(None, (plan.notes, result["stopped"])))
     columns |= {"state": v.PlanState.COMPUTED.value, "problem_id": problem.id, "network_id": network.id}
     update(session, SYSTEM_ACTOR, KINDS["plan"], plan, columns, action="compute")
     planned = set(result["planned_request_ids"])

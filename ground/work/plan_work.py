@@ -16,9 +16,13 @@ if TYPE_CHECKING:
     from planner.problem import Problem
     from planner.solve import PlanResult
 
+STOPPED = "The search was stopped; this is the best plan it had found."
+
 
 def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
     """Return plan tree, CRL, summary and everything else a plan's row holds.
+
+    Asked to stop, it returns the best plan so far, with a note that says so, if there is one.
 
     Raises
     ------
@@ -66,7 +70,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         )
     except PlannerError as err:
         raise JobFailedError(str(err)) from err
-    if stopped:
+    if stopped and result.status is not PlanStatus.PLANNED:
         raise WorkStoppedError
     if result.status in {PlanStatus.INFEASIBLE, PlanStatus.TIMEOUT}:
         reason = "; ".join(result.reasons) or result.status.value
@@ -85,6 +89,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     check = result.check
     return {
         "status": result.status.value,
+        "stopped": STOPPED if stopped else "",
         "problem": document,
         "problem_sha256": problem.digest(),
         "tree": plan_tree_to_dict(result.tree, problem),
@@ -101,6 +106,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         "branches": result.branches,
         "summary": {
             **summary_of(problem, result, digest(crl)),
+            "stopped": stopped,
             **({"what_if": payload["what_if"]} if "what_if" in payload else {}),
         },
         "geometry": network_geometry(day),

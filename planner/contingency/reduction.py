@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.contingency.policy import LiveSets, TooLargeError
 from planner.evaluate.model import Model
-from planner.problem import Kind, ObservationId, Problem, TargetId
+from planner.problem import ObservationId, Problem, TargetId
 
 MAX_LIVE_SETS = 13_000
 MAX_TRACKED = 11
@@ -159,7 +159,7 @@ def mean_route_of(problem: Problem, share: float, *, seed: int = 1) -> tuple[Obs
     experiments = []
     observations = problem.observations
     for o in observations:
-        sure = kept.get(o.target, 0.8) if o.kind is Kind.PLACE else 1.0
+        sure = kept.get(o.target, 0.8) if o.needs_track else 1.0
         opens, closes = o.window_s if o.window_s is not None else (0.0, math.inf)
         duration = math.ceil(o.time_s.mean)
         experiments.append(

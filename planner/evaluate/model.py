@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.plan_tree import Plan, ways
-from planner.problem import START, Amount, Kind, ObservationId, Problem, TargetId
+from planner.problem import START, Amount, ObservationId, Problem, TargetId
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -56,7 +56,7 @@ class Model:
     obs_place: Ints  # (m,)
     utility: Floats  # (m,)
     p_success: Floats  # (m,)
-    is_place: Truths  # (m,) instrument placed: needs the track
+    is_place: Truths  # (m,) needs its target tracked: instrument placed, or a tracked image
     window: Floats  # (m, 2)
     predecessors: Ints  # (m,) bits of observations that must be done before
     trackable: Truths  # (n + 1,)
@@ -101,7 +101,7 @@ class Model:
             obs_place[k] = place[o.target]
             if narrow:
                 target_bits[obs_place[k]] |= 1 << k
-                if o.kind is Kind.PLACE:
+                if o.needs_track:
                     place_bits[obs_place[k]] |= 1 << k
         if narrow:
             for first, second in problem.precedence:
@@ -126,7 +126,7 @@ class Model:
             obs_place=obs_place,
             utility=np.array([o.utility for o in observations], float),
             p_success=np.array([o.p_success for o in observations], float),
-            is_place=np.array([o.kind is Kind.PLACE for o in observations], bool),
+            is_place=np.array([o.needs_track for o in observations], bool),
             window=window,
             predecessors=predecessors,
             trackable=np.array([False, *(t.tracked_kind for t in targets)], bool),

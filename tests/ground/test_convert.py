@@ -66,6 +66,24 @@ def test_requests_travel_through_the_problem_by_their_ids() -> None:
         assert observation.refs["request"] == observation.id
 
 
+def test_a_remote_observation_that_asks_for_its_track_is_planned_with_it() -> None:
+    day = _mission()
+    requests = [
+        DayRequest("R1", "T1", "scicam", 5.0, tracked=True),
+        DayRequest("R2", "T2", "scicam", 5.0, tracked=False),
+        DayRequest("R3", "T3", "mi", 5.0, tracked=True),
+    ]
+    prepared = prepare_day(_terrain(), _profile(), day.limits, day.targets, requests)
+    found = {o.id: o for o in problem_from_dict(prepared.problem).observations}
+    assert {name: (o.kind.value, o.needs_track) for name, o in found.items()} == {
+        "R1": ("image", True),
+        "R2": ("image", False),
+        "R3": ("place", True),
+    }
+    lost = [leg["p_lose"] for leg in prepared.problem["legs"]]
+    assert any("T1" in table for table in lost)
+
+
 def test_routes_keep_out_of_keep_outs() -> None:
     from shapely.geometry import LineString, Polygon
 

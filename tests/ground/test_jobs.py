@@ -243,6 +243,16 @@ def test_running_work_stops_when_asked(repo: Repository, worker: Worker) -> None
     assert SETTLED == []
 
 
+def test_what_stopped_work_still_has_is_kept(repo: Repository, worker: Worker) -> None:
+    worker.GRACE_S = 20.0  # type: ignore[misc]
+    job = queue(repo, "keep")
+    wait_for(repo, job, "running")
+    cancel_job(repo, PLANNER, job)
+    row = wait_for(repo, job, "cancelled", "failed", "succeeded")
+    assert (row.state, row.message) == ("succeeded", "the best so far")
+    assert [(job, {"answer": 41, "stopped": "the best so far"})] == SETTLED
+
+
 def test_work_that_does_not_listen_is_ended_at_its_time_limit(repo: Repository, worker: Worker) -> None:
     job = queue(repo, "hang", time_limit_s=0.5)
     row = wait_for(repo, job, "cancelled", "failed", "succeeded")

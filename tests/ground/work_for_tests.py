@@ -36,6 +36,10 @@ def count(
                 if stop():
                     raise WorkStoppedError
                 time.sleep(0.01)
+        case "keep":
+            while not stop():
+                time.sleep(0.01)
+            return {"answer": 41, "stopped": "the best so far"}
         case "hang":
             time.sleep(60.0)
     return {"answer": 42}

@@ -12,6 +12,8 @@ from executive.crl import canonical_text, parse
 from executive.crl.nodes import Block, Branch, Task, walk_plan
 from executive.crl.validate import check
 from planner.emit_crl import emit
+from planner.evaluate.model import Model
+from planner.evaluate.monte_carlo import simulate
 from planner.plan_tree import (
     Branch as TreeBranch,
 )
@@ -23,6 +25,7 @@ from planner.plan_tree import (
     Observe,
     OnFail,
     Option,
+    Plan,
     PlanTree,
     TimeCondition,
     TrackedCondition,
@@ -99,6 +102,33 @@ TREES = {
 def test_the_executive_earns_what_the_evaluator_says(name: str) -> None:
     problem = _problem(time_s=5600.0)
     assert compare(problem_to_dict(problem), PlanTree("example", TREES[name]), FUTURES, seed=11) == []
+
+
+def test_a_tracked_image_is_taken_while_its_target_is_tracked_only() -> None:
+    problem = example(
+        observations=[
+            [observation("A", "image", tracked=True), observation("D", "image")],
+            [observation("B", "image")],
+            [observation("C", "place")],
+        ],
+        loss=0.35,
+    )
+    plan: Plan = (
+        TrackStart("T1"),
+        Navigate("T2", False, OnFail.SKIP),
+        Observe("B", "T2", OnFail.SKIP),
+        Navigate("T1", False, OnFail.SKIP),
+        Observe("A", "T1", OnFail.SKIP),
+        Observe("D", "T1", OnFail.SKIP),
+        Navigate("T3", False, OnFail.SKIP),
+        Observe("C", "T3", OnFail.SKIP),
+    )
+    assert compare(problem_to_dict(problem), PlanTree("example", plan), FUTURES, seed=13) == []
+    text = canonical_text(emit(problem, PlanTree("example", plan)))
+    assert text.count(":trackerstate T1") == 1
+    with_track = simulate(Model.of(problem), plan, 20_000, seed=1).utility.mean()
+    without = simulate(Model.of(problem), plan[1:], 20_000, seed=1).utility.mean()
+    assert 0.35 * 5.0 < with_track - without < 0.65 * 5.0
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,7 @@ BAD: list[tuple[tuple[Any, ...], Any, str]] = [
     ),
     (("targets", 0, "observations", 0, "observe", "time_s", "sd"), -1, r'"sd" is -1'),
     (("targets", 0, "observations", 0, "must_do"), 1, r'"must_do" must be true or false'),
+    (("targets", 0, "observations", 0, "tracked"), "yes", r'"tracked" must be true or false, found "yes"'),
     (("targets",), {}, r'"targets" must be an array'),
     (("legs", 0, "time_s", "mean"), 0, r'leg start -> T1: "time_s": "mean" is 0; it must be more than 0'),
     (("legs", 0, "to"), "T9", r'leg start -> T9: "to" names no target'),
@@ -119,7 +120,7 @@ def test_the_published_schema_accepts_what_the_writer_writes() -> None:
         observations=[
             [observation("A", "place", must_do=True, window_s=[0, 900]), observation("B", data_mbit=3.0)],
             [observation("C", refs={"request": "r1"})],
-            [observation("D", instrument="mi")],
+            [observation("D", instrument="mi", tracked=True)],
         ],
         precedence=[["A", "B"]],
         max_overrun_probability=0.05,
