@@ -8,12 +8,12 @@ database or a network.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executive.journal import FileJournal
+from executive.journal import FileJournal, Sink, line_of, record_of
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -27,6 +27,7 @@ from executive.ports import (
     Update,
 )
 from executive.session import RunOutcome, Session
+from ground.errors import StateError
 
 FORMAT = "run/1"
 
@@ -153,11 +154,13 @@ def fly(
     on_trace: Callable[[TraceRecord], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
     sync: bool = True,
+    repeats: Sequence[Any] = (),
 ) -> Flight:
     """Run a plan to its end on the rover's virtual clock and return the run; its folder is `folder`.
 
     A stop that is asked for becomes an operator's abort: the run ends as a real one would. `about` goes into
-    `run.json` as it is (rover, seed, faults, plan).
+    `run.json` as it is (rover, seed, faults, plan). `repeats` holds the records of a journal that this run
+    has to repeat before it goes on.
 
     Raises
     ------
@@ -165,12 +168,15 @@ def fly(
         If the plan is rejected.
     JournalError
         If the journal cannot be written, or the folder holds one already.
+    StateError
+        If the run does something else than `repeats` says.
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "plan.crl").write_text(crl_text, encoding="utf-8")
     recorder = Recorder(rover, on_sample)
     listeners = () if on_trace is None else (on_trace,)
-    journal = FileJournal.create(folder / "journal.jsonl", sync=sync)
+    file = FileJournal.create(folder / "journal.jsonl", sync=sync)
+    journal: Sink = _Repeating(file, repeats) if repeats else file
     try:
         session = Session(crl_text, recorder, run_id=run_id, journal=journal, listeners=listeners)
         session.start()
@@ -201,6 +207,27 @@ def fly(
     _write_lines(folder / "products.jsonl", map(_product, outcome.products))
     (folder / "run.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     return Flight(folder, outcome, tuple(recorder.samples), document)
+
+
+class _Repeating:
+    """A journal that begins with the records of another: the first that differs stops the run."""
+
+    def __init__(self, journal: FileJournal, wanted: Sequence[Any]) -> None:
+        self._journal, self._wanted, self._number = journal, wanted, 0
+
+    def append(self, records: Sequence[Any], *, durable: bool) -> None:
+        for record in records:
+            number = self._number
+            if number < len(self._wanted) and record_of(line_of(number, record)) != self._wanted[number]:
+                raise StateError(
+                    f"the rover does not repeat record {number} of the interrupted journal; one that lived "
+                    "on is taken up by the live executive, not by --resume"
+                )
+            self._number += 1
+        self._journal.append(records, durable=durable)
+
+    def close(self) -> None:
+        self._journal.close()
 
 
 def _product(product: Product) -> dict[str, Any]:

@@ -57,6 +57,9 @@ def register(app: typer.Typer) -> None:
         trust: Path = typer.Option(..., help="public key that packages must be signed with"),
         out: Path = typer.Option(..., help="new folder for the run"),
         seed: int | None = typer.Option(None, min=0, help="seed of a simulated rover"),
+        resume: bool = typer.Option(
+            False, "--resume", help="go on with a run in --out whose process died (simulated rovers)"
+        ),
     ) -> None:
         """Execute a package on a rover. Needs no server, database or network.
 
@@ -64,12 +67,12 @@ def register(app: typer.Typer) -> None:
         """
         from executive.errors import ExecutiveError
         from ground.errors import GroundError
-        from ground.uplink.execute import execute_package
+        from ground.uplink.execute import Place, execute_package
         from rover_iface.errors import RoverError
 
         try:
             checked, flight = execute_package(
-                package, rover=rover, world=world, trust=trust, out=out, seed=seed
+                package, Place(rover, world, trust, seed), out, resume=resume
             )
         except GroundError as err:
             fail(err.message)

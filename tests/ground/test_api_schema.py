@@ -28,35 +28,37 @@ from ground.services.create_request import create_request
 from ground.services.create_target import create_target
 from ground.services.people import ensure_profiles
 from rover_iface import terrain
-from tests.ground.conftest import PLANNER, settings_for, yard
+from tests.ground.conftest import PLANNER, PostgresServer, settings_for, yard
 
 OPERATIONS = [
-    (method.upper(), path)
-    for path, methods in build_api().openapi()["paths"].items()
-    for method in methods
-    if not path.endswith("/events")  # streams have tests of their own
+    (method.upper(), path) for path, methods in build_api().openapi()["paths"].items() for method in methods
 ]
 CHECKS = [not_a_server_error, status_code_conformance, content_type_conformance, response_schema_conformance]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", params=["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
 def schema(
-    sqlite_template: Path, terrain_folder: Path, tmp_path_factory: pytest.TempPathFactory
+    request: pytest.FixtureRequest, terrain_folder: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Any]:
     folder = tmp_path_factory.mktemp("fuzz")
-    shutil.copyfile(sqlite_template, folder / "outcrop.db")
-    repo = open_repository(settings_for(folder))
+    address = ""
+    if request.param == "sqlite":
+        shutil.copyfile(request.getfixturevalue("sqlite_template"), folder / "outcrop.db")
+    else:
+        server: PostgresServer = request.getfixturevalue("postgres")
+        address = server.clone()
+    repo = open_repository(settings_for(folder, address))
     ensure_profiles(repo)
     mission = yard(repo, terrain_folder)
     target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
-    request = create_request(
+    asked = create_request(
         repo, PLANNER, mission.id, target_id=target.id, instrument=Instrument.SCIENCE_CAMERA, value=3.0
     )
     keep_out = create_keep_out(repo, PLANNER, mission.id, polygon_m=[(1, 1), (2, 1), (2, 2)])
     known = {
         "mission_id": mission.id,
         "target_id": target.id,
-        "observation_request_id": request.id,
+        "observation_request_id": asked.id,
         "keep_out_id": keep_out.id,
     }
     app = build_app(repo, with_worker=False)
@@ -68,8 +70,11 @@ def schema(
         patch.setattr(terrain, "generate_terrain", lambda *_seed_and_size, **_options: small())
         yield schemathesis.openapi.from_asgi("/api/v1/openapi.json", app), known
     repo.database.dispose()
+    if address:
+        server.drop(address)
 
 
+@pytest.mark.parametrize("schema", ["sqlite"], indirect=True)
 @pytest.mark.parametrize(("method", "path"), OPERATIONS, ids=lambda value: value)
 def test_every_answer_is_as_the_document_says(schema: Any, method: str, path: str) -> None:
     probe(schema, method, path, examples=3)
@@ -97,7 +102,9 @@ def probe(schema: Any, method: str, path: str, *, examples: int) -> None:
     @given(case=operation.as_strategy(), real=booleans(), free=booleans())
     def ask(case: schemathesis.Case, real: bool, free: bool) -> None:
         for name in case.path_parameters or {}:
-            if real and name in known:
+            if (
+                real and name in known and not path.endswith("/events")
+            ):  # a stream of what is there has no end
                 case.path_parameters[name] = known[name]
         if free and method in {"PATCH", "DELETE"}:
             case.headers = {**(case.headers or {}), "If-Match": "*"}

@@ -13,7 +13,7 @@ import pytest
 from ground.errors import AlreadyExecutedError, ArchiveError
 from ground.gdr.history import verify_chains
 from ground.gdr.values import Mission
-from ground.uplink.execute import execute_package
+from ground.uplink.execute import Place, execute_package
 from ground.uplink.keys import PUBLIC, make_keys
 from tests.ground.conftest import Api
 from tests.ground.test_missions_api import problem, upload
@@ -126,11 +126,11 @@ def test_a_day_goes_from_targets_to_products_and_back(api: Api, mission: Mission
         json.dumps({"format": "world/1", "name": "yard", "terrain": ground, "problem": document})
     )
     trust = api.repo.data_dir / "keys" / PUBLIC
-    place = {"rover": "abstract", "world": world, "trust": trust}
-    _, flight = execute_package(tmp_path / "package.zip", **place, out=tmp_path / "run", seed=4)
+    place = Place("abstract", world, trust, seed=4)
+    _, flight = execute_package(tmp_path / "package.zip", place, tmp_path / "run")
     assert flight.outcome.utility == run["utility"]
     with pytest.raises(AlreadyExecutedError, match="was executed before"):
-        execute_package(tmp_path / "package.zip", **place, out=tmp_path / "again")
+        execute_package(tmp_path / "package.zip", place, tmp_path / "again")
 
     # Downlink
     out = io.BytesIO()

@@ -137,7 +137,7 @@ def hold_writes(repo: Repository, acknowledged: dict[str, set[str]]) -> None:
         comments = list(
             session.execute(select(CommentRow.id, CommentRow.subject_kind, CommentRow.subject_id))
         )
-        uploads = dict(session.execute(select(UploadRow.id, UploadRow.sha256)).all())  # type: ignore[arg-type]
+        uploads = dict(session.execute(select(UploadRow.id, UploadRow.sha256)).all())
         jobs = set(session.scalars(select(JobRow.id)))
     assert acknowledged["comment"] <= {c.id for c in comments}
     assert acknowledged["job"] <= jobs
@@ -159,7 +159,7 @@ def take_in_again(repo: Repository) -> int:
 
 def hold_runs(repo: Repository, acknowledged: set[str], folders: int) -> None:
     with repo.database.read() as session:
-        runs = dict(session.execute(select(RunRow.id, RunRow.package_sha256)).all())  # type: ignore[arg-type]
+        runs = dict(session.execute(select(RunRow.id, RunRow.package_sha256)).all())
         packages = set(session.scalars(select(PackageRow.sha256)))
         products = list(session.execute(select(ProductRow.run_id, ProductRow.sha256, ProductRow.request_id)))
     assert acknowledged <= set(runs)

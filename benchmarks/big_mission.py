@@ -1,0 +1,206 @@
+"""What a page of a large mission costs: 300 targets, 2,000 requests, 10,000 data products.
+
+    python benchmarks/big_mission.py [--database URL] [--rounds 5]
+
+A server process of its own answers over loopback; for each page the CPU of that process and the time on the
+clock, best and median of the rounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import httpx
+from sqlalchemy import insert, select
+
+from benchmarks.api import ROOT, cpu_s, free_port
+from ground.gdr import models as m
+from ground.gdr.ids import new_id
+from ground.gdr.migrate import migrate
+from ground.gdr.repository import Repository, open_repository
+from ground.gdr.values import Role
+from ground.services.actor import Actor
+from ground.services.create_mission import GeneratedTerrain, create_mission
+from ground.services.create_sol import create_sol
+from ground.services.people import ensure_profiles
+from ground.settings import load_settings
+
+TARGETS, REQUESTS, PRODUCTS = 300, 2000, 10_000
+
+
+def fill(repo: Repository) -> str:
+    """Write the rows of the mission and return its id."""
+    who = Actor("Planner", Role.PLANNER)
+    mission = create_mission(repo, who, name="Large", source=GeneratedTerrain(1, 48.0, 0.05))
+    sol = create_sol(repo, who, mission.id)
+    common = {"author": "Planner", "mission_id": mission.id, "revision": 1}
+    targets = [
+        {
+            **common,
+            "id": new_id("tgt"),
+            "name": f"T{i}",
+            "east_m": 0.01 * i,
+            "north_m": -0.01 * i,
+            "up_m": 0.1,
+            "normal": [0.071, 0.030, 0.997],
+            "slope_rad": 0.1,
+            "covariance_m2": [[1.5e-4, 0.0, 0.0], [0.0, 1.5e-4, 0.0], [0.0, 0.0, 1.2e-4]],
+        }
+        for i in range(TARGETS)
+    ]
+    requests = [
+        {
+            **common,
+            "id": new_id("req"),
+            "target_id": targets[i % TARGETS]["id"],
+            "instrument": "microscopic_imager",
+            "value": 1.0 + i % 7,
+            "tracked": True,
+            "window_s": [3600.0, 7200.0],
+            "after": [],
+            "state": "open",
+            "observation_point": {
+                "pose": {"east_m": 0.01 * i, "north_m": 1.0, "heading_rad": 0.5},
+                "reachable": True,
+                "manual": False,
+                "reason": "",
+            },
+        }
+        for i in range(REQUESTS)
+    ]
+    plan = m.PlanRow(
+        id=new_id("pln"),
+        sol_id=sol.id,
+        number=1,
+        name="P",
+        state="executed",
+        strategy="optimal",
+        max_branches=1,
+        time_limit_s=1.0,
+        seed=1,
+        job_id="",
+        inputs_sha256="",
+        terrain_sha256="",
+        dictionary="",
+        rover_profile="k9",
+        findings=[],
+        request_ids=[],
+        planned_request_ids=[],
+        left_out={},
+        author="Planner",
+        mission_id=mission.id,
+    )
+    run = m.RunRow(
+        id=new_id("run"),
+        plan_id=plan.id,
+        kind="execution",
+        rover="abstract",
+        seed=1,
+        faults=[],
+        state="succeeded",
+        options_taken=[],
+        achieved_request_ids=[],
+        crl_sha256="",
+        author="Planner",
+        mission_id=mission.id,
+    )
+    products = [
+        {
+            **common,
+            "id": new_id("prd"),
+            "run_id": run.id,
+            "plan_id": plan.id,
+            "task_id": f"image-{i}",
+            "request_id": requests[i % REQUESTS]["id"],
+            "target_id": targets[i % TARGETS]["id"],
+            "kind": "image",
+            "instrument": "microscopic_imager",
+            "media": "image/png",
+            "file_name": f"{i:05d}.png",
+            "size_bytes": 12345,
+            "sha256": f"{i:064x}",
+            "t_s": float(i),
+            "label": {"kind": "image", "task": f"image-{i}", "pose": [1.0, 2.0, 0.3], "t_s": float(i)},
+        }
+        for i in range(PRODUCTS)
+    ]
+    with repo.database.write() as session:
+        session.execute(insert(m.TargetRow), targets)
+        session.execute(insert(m.ObservationRequestRow), requests)
+        session.add_all([plan])
+        session.flush()
+        session.add(run)
+        session.flush()
+        session.execute(insert(m.ProductRow), products)
+    return mission.id
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--database", default="", help="SQLAlchemy address; default a fresh SQLite file")
+    parser.add_argument("--rounds", type=int, default=5)
+    given = parser.parse_args()
+    port = free_port()
+    with tempfile.TemporaryDirectory(prefix="outcrop-large-") as folder:
+        repo = open_repository(load_settings(data_dir=Path(folder), database_url=given.database))
+        migrate(repo.database)
+        ensure_profiles(repo)
+        with repo.database.read() as session:
+            if session.scalars(select(m.MissionRow.id).limit(1)).first() is not None:
+                raise SystemExit("the database is not empty")
+        mission = fill(repo)
+        repo.database.dispose()
+        environment = {
+            **os.environ,
+            "OUTCROP_DATA_DIR": folder,
+            "OUTCROP_DATABASE_URL": given.database,
+            "OUTCROP_LOG_LEVEL": "error",
+            "OUTCROP_SERVE_WORKER": "false",
+        }
+        command = [sys.executable, "-m", "ground.cli", "serve", "--port", str(port)]
+        service = subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.DEVNULL)
+        try:
+            with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60.0) as client:
+                while True:
+                    try:
+                        if client.get("/healthz").status_code == 200:
+                            break
+                    except httpx.TransportError:
+                        time.sleep(0.1)
+                for collection, limit in (
+                    ("targets", 100),
+                    ("targets", 300),
+                    ("observation-requests", 100),
+                    ("observation-requests", 1000),
+                    ("products", 100),
+                    ("products", 1000),
+                ):
+                    url = f"/api/v1/missions/{mission}/{collection}?limit={limit}"
+                    client.get(url)
+                    cpu, wall = [], []
+                    for _ in range(given.rounds):
+                        before, began = cpu_s(service.pid), time.perf_counter()
+                        answer = client.get(url)
+                        wall.append(1000 * (time.perf_counter() - began))
+                        cpu.append(1000 * (cpu_s(service.pid) - before))
+                        if len(answer.json()["items"]) != limit:
+                            raise SystemExit(f"{url}: {answer.text[:200]}")
+                    print(
+                        f"{collection:20} {limit:5}  cpu {statistics.median(cpu):5.0f} ms  clock best "
+                        f"{min(wall):5.0f}, median {statistics.median(wall):5.0f} ms  "
+                        f"{len(answer.content) / 1024:.0f} KiB"
+                    )
+        finally:
+            service.terminate()
+            service.wait(timeout=20)
+
+
+if __name__ == "__main__":
+    main()

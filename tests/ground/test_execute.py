@@ -1,0 +1,144 @@
+"""An execution whose process died goes on, and comes to the end it would have had."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive.crl import digest, parse
+from ground.errors import AlreadyExecutedError, InvalidInputError, StateError
+from ground.flight import Sample
+from ground.uplink.execute import LEDGER, Place, execute_package
+from ground.uplink.keys import PUBLIC, load_private, make_keys
+from ground.uplink.package import write_package
+from rover_iface.commands import COMMANDS
+from tests.rover_iface.worlds import small_problem
+
+PLAN = """(plan :id day :node (block :id all :node-list (
+  (task :id go :action navigate :parameters (target = "T1") :continue-on-failure t)
+  (task :id look :action image :parameters (target = "T1" instrument = "scicam")
+    :metadata (observation = "T1-img") :continue-on-failure t)
+  (task :id on :action navigate :parameters (target = "T2") :continue-on-failure t)
+  (task :id rest :action wait :parameters (duration_s = 60)))))"""
+
+
+class Killed(BaseException):
+    """The process is gone."""
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> tuple[Path, Place]:
+    """Give a signed package and the place it is for."""
+    make_keys(tmp_path / "keys")
+    plan = parse(PLAN)
+    manifest = {
+        "mission": "M",
+        "plan": "P",
+        "sequence": 3,
+        "crl_sha256": digest(plan),
+        "dictionary": {"name": COMMANDS.name, "version": COMMANDS.version},
+    }
+    content = write_package(manifest, PLAN, {}, load_private(tmp_path / "keys"))
+    (tmp_path / "package.zip").write_bytes(content)
+    world = tmp_path / "world"
+    world.mkdir()
+    document = {"format": "world/1", "name": "small", "problem": small_problem()}
+    (world / "world.json").write_text(json.dumps(document))
+    return tmp_path / "package.zip", Place("abstract", world, tmp_path / "keys" / PUBLIC, seed=5)
+
+
+def die_at(number: int) -> Any:
+    count = iter(range(1, 10**6))
+
+    def die(_sample: Sample) -> None:
+        if next(count) == number:
+            raise Killed
+
+    return die
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return what a run left, but for what says that it was interrupted."""
+    document = json.loads((folder / "run.json").read_text())
+    document.pop("resumed_after_records", None)
+    files = {
+        name: (folder / name).read_bytes() for name in ("journal.jsonl", "trace.jsonl", "telemetry.jsonl")
+    }
+    return {**files, "run.json": json.dumps(document, sort_keys=True).encode()}
+
+
+@pytest.mark.parametrize("sample", [1, 2, 4])
+def test_an_interrupted_execution_goes_on_to_the_end_it_would_have_had(
+    sample: int, site: tuple[Path, Place], tmp_path: Path
+) -> None:
+    package, place = site
+    _, whole = execute_package(package, place, tmp_path / "whole")
+    assert len(whole.samples) > 4
+    (place.world / LEDGER).unlink()
+    out = tmp_path / "run"
+    with pytest.raises(Killed):
+        execute_package(package, place, out, on_sample=die_at(sample))
+    with pytest.raises(AlreadyExecutedError, match="was executed before"):
+        execute_package(package, place, tmp_path / "other")
+    with pytest.raises(Killed):  # and dies again
+        execute_package(package, place, out, resume=True, on_sample=die_at(sample + 1))
+    _, resumed = execute_package(package, place, out, resume=True)
+    assert contents(out) == contents(tmp_path / "whole")
+    assert resumed.document["resumed_after_records"] > 0
+    assert (out / "interrupted" / "1" / "journal.jsonl").is_file()
+    assert len((place.world / LEDGER).read_text().splitlines()) == 1
+    with pytest.raises(InvalidInputError, match="nothing to resume"):
+        execute_package(package, place, out, resume=True)
+
+
+def test_a_torn_last_line_of_the_journal_is_made_good(site: tuple[Path, Place], tmp_path: Path) -> None:
+    package, place = site
+    out = tmp_path / "run"
+    with pytest.raises(Killed):
+        execute_package(package, place, out, on_sample=die_at(3))
+    journal = out / "journal.jsonl"
+    os.truncate(journal, journal.stat().st_size - 5)
+    _, resumed = execute_package(package, place, out, resume=True)
+    assert resumed.outcome.outcome is not None
+
+
+def test_what_cannot_be_resumed_says_why(site: tuple[Path, Place], tmp_path: Path) -> None:
+    package, place = site
+    out = tmp_path / "run"
+    with pytest.raises(InvalidInputError, match="was not begun here"):
+        execute_package(package, place, out, resume=True)
+    with pytest.raises(Killed):
+        execute_package(package, place, out, on_sample=die_at(3))
+    with pytest.raises(InvalidInputError, match="the seed 5; it cannot go on"):
+        execute_package(package, Place("abstract", place.world, place.trust, 6), out, resume=True)
+    ledger = place.world / LEDGER
+    ledger.write_text(ledger.read_text().replace('"seed": 5', '"seed": 6'))
+    with pytest.raises(StateError, match="does not repeat record"):
+        execute_package(package, Place("abstract", place.world, place.trust), out, resume=True)
+
+
+def test_the_command_goes_on_after_sigkill(site: tuple[Path, Place], tmp_path: Path) -> None:
+    package, place = site
+    out = tmp_path / "run"
+    kill = (
+        "import os, signal, sys; from pathlib import Path; "
+        "from ground.uplink.execute import Place, execute_package; "
+        "p, w, t, o = map(Path, sys.argv[1:]); n = iter(range(9)); "
+        "die = lambda s: os.kill(os.getpid(), signal.SIGKILL) if next(n) == 3 else None; "
+        "execute_package(p, Place('abstract', w, t, 5), o, on_sample=die)"
+    )
+    died = subprocess.run([sys.executable, "-c", kill, package, place.world, place.trust, out], check=False)
+    assert died.returncode == -signal.SIGKILL
+    command = [sys.executable, "-m", "ground.cli", "execute", package, "--world", place.world]
+    given = [*command, "--trust", place.trust, "--out", out, "--resume"]
+    done = subprocess.run(given, capture_output=True, text=True, check=False)
+    assert done.returncode in {0, 1}, done.stderr
+    assert "package 3 of M" in done.stdout
+    assert json.loads((out / "run.json").read_text())["resumed_after_records"] > 0
