@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 TILT_RAD = -0.26
 OVERLAP = 0.1
 SIGHT_M = 100.0
-VERSION = 2
+VERSION = 3
 """Part of the name of a stored tile: another way of rendering is another name."""
 
 _rendering = threading.Lock()
@@ -55,11 +55,17 @@ class _Place:
     count: int
 
     def model(self, index: int) -> CameraModel:
-        """Return the camera of a tile, site frame."""
-        from rover_iface.frames import wrap_angle
-
-        pan = wrap_angle(math.pi - math.tau * (index + 0.5) / self.count)
-        return self.rig.camera(self.camera, pan, TILT_RAD).transformed(self.stands.site_from_rover)
+        """Return the camera of a tile, site frame: the mast makes up for the slope the rover stands on."""
+        heading = self.stands.heading + math.pi - math.tau * (index + 0.5) / self.count
+        level = math.cos(TILT_RAD)
+        site_from_rover = self.stands.site_from_rover
+        ahead, left, up = site_from_rover.rotation.T @ (
+            level * math.cos(heading),
+            level * math.sin(heading),
+            math.sin(TILT_RAD),
+        )
+        pan, tilt = math.atan2(left, ahead), math.asin(max(-1.0, min(1.0, up)))
+        return self.rig.camera(self.camera, pan, tilt).transformed(site_from_rover)
 
     def left_azimuth(self, index: int) -> float:
         """Return the azimuth (clockwise from north) of a tile's left edge, 0 to 2 pi."""
@@ -200,20 +206,20 @@ def _shape(place: _Place) -> _Shape:
     """Return the size of the tiles: all of each is inside its camera's frame, as fine as the camera sees."""
     import numpy as np
 
-    model = place.rig.mounted(place.camera).model
-    head = model.transformed(place.rig.rover_from_mast(0.0, TILT_RAD))
-    across = np.linspace(0.0, model.width - 1.0, 65)
     span = math.tau / place.count
-    limits = []
-    for line, worst in ((0.0, np.min), (model.height - 1.0, np.max)):
-        rays = head.back_project(np.stack([across, np.full_like(across, line)], axis=-1))[1]
-        inside = np.abs(np.arctan2(rays[:, 1], rays[:, 0])) <= span / 2
-        limits.append(float(worst(np.arcsin(np.clip(rays[inside, 2], -1.0, 1.0)))))
-    width = max(16, round(span * model.hs))
+    tops: list[float] = []
+    bottoms: list[float] = []
+    for index in range(place.count):
+        model = place.model(index)
+        across = np.linspace(0.0, model.width - 1.0, 65)
+        for line, limits, worst in ((0.0, tops, np.min), (model.height - 1.0, bottoms, np.max)):
+            rays = model.back_project(np.stack([across, np.full_like(across, line)], axis=-1))[1]
+            turned = np.arctan2(rays[:, 0], rays[:, 1]) - place.left_azimuth(index) - span / 2
+            inside = np.abs(np.remainder(turned + math.pi, math.tau) - math.pi) <= span / 2
+            limits.append(float(worst(np.arcsin(np.clip(rays[inside, 2], -1.0, 1.0)))))
+    top, bottom = min(tops), max(bottoms)
+    width = max(16, round(span * place.rig.mounted(place.camera).model.hs))
     step = span / width
-    # The rover may stand tilted: what its attitude takes off above and below is left out too.
-    tilt = place.stands.tilt
-    top, bottom = limits[0] - tilt, limits[1] + tilt
     return _Shape(width, max(16, int((top - bottom) / step)), top, step)
 
 

@@ -133,7 +133,9 @@ class AppState {
     if (error instanceof ProblemError && error.status === 412) {
       this.toast("bad", `${what}: somebody was faster`, "The latest version is shown now. Look at it and do it again.");
     } else if (error instanceof ProblemError) {
-      const fields = Object.entries(error.fields).map(([field, text]) => (field === "" ? text : `${field}: ${text}`));
+      const fields = Object.entries(error.fields)
+        .filter(([, text]) => text !== error.message)
+        .map(([field, text]) => (field === "" ? text : `${field}: ${text}`));
       this.toast("bad", `${what} was refused`, [error.message, ...fields].join(". "));
     } else {
       this.toast("bad", `${what} failed`, error instanceof Error ? error.message : String(error));

@@ -68,7 +68,10 @@ export class StandState {
     if (request === null || pose === null) return;
     const old = request.observation_point?.pose ?? null;
     const same = old !== null && Math.hypot(old.east_m - pose.east_m, old.north_m - pose.north_m) < 1e-3 && Math.abs(old.heading_rad - pose.heading_rad) < 1e-3;
-    if (!same) {
+    if (!same && this.check?.reachable === false && this.asking === false) {
+      // The server has said so already.
+      app.toast("bad", `The observation point of ${request.target_name} stays where it was`, this.check.reason);
+    } else if (!same) {
       await app.attempt(`The observation point of ${request.target_name}`, () =>
         calls.changeRequest(request, { observation_pose: rounded(pose) }),
       );
