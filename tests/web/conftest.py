@@ -10,6 +10,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -52,17 +54,53 @@ def _address(server: subprocess.Popen[str]) -> str:
     raise AssertionError("the server did not start:\n" + "".join(printed))
 
 
-@pytest.fixture(scope="session")
-def built_ui() -> Path:
-    """The built UI; made where it is missing or old."""
+def build_ui() -> Path:
+    """Return the folder of the built UI; it is made where it is missing or old."""
     subprocess.run([sys.executable, str(ROOT / "scripts" / "build_web.py")], check=True)
     return ROOT / "web" / "dist"
 
 
 @pytest.fixture(scope="session")
-def server(tmp_path_factory: pytest.TempPathFactory, built_ui: Path) -> Iterator[str]:
-    """Address of a server on a fresh database with the demo mission."""
-    data = tmp_path_factory.mktemp("data")
+def built_ui() -> Path:
+    """The built UI."""
+    return build_ui()
+
+
+@dataclass(frozen=True)
+class Server:
+    """A running server: its address, and its data folder for commands that work beside it."""
+
+    address: str
+    data: Path
+
+    def __str__(self) -> str:
+        return self.address
+
+    def outcrop(self, *arguments: str) -> str:
+        """Run the command `outcrop` on the server's data; return what it printed."""
+        command, environment = _outcrop(self.data)
+        done = subprocess.run(
+            [*command, *arguments],
+            env=environment,
+            cwd=self.data,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"outcrop {' '.join(arguments)}: {done.stdout}{done.stderr}"
+        return done.stdout
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory: pytest.TempPathFactory, built_ui: Path) -> Iterator[Server]:
+    """A server on a fresh database with the demo mission."""
+    with run_server(tmp_path_factory.mktemp("data")) as running:
+        yield running
+
+
+@contextmanager
+def run_server(data: Path) -> Iterator[Server]:
+    """Give a server on a fresh database with the demo mission; its data are gone afterwards."""
     command, environment = _outcrop(data)
     for arguments in (["migrate"], ["mission", "load-demo"], ["keys", "new"]):
         subprocess.run(
@@ -84,7 +122,7 @@ def server(tmp_path_factory: pytest.TempPathFactory, built_ui: Path) -> Iterator
             while not _answers(address):
                 assert process.poll() is None, log.read_text()[-2000:]
                 assert time.monotonic() < end, "the server does not answer"
-            yield address
+            yield Server(address, data)
         finally:
             process.terminate()
             try:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from tests.web.conftest import CHROMIUM, FLAGS, ROOT
+from tests.web.conftest import CHROMIUM, FLAGS, ROOT, Server
 
 SHOTS = ROOT / "docs" / "img"
 WAIT_MS = int(os.environ.get("OUTCROP_BROWSER_WAIT_MS", "90000"))
@@ -31,7 +33,7 @@ def chromium() -> Iterator[Browser]:
 
 @contextmanager
 def open_page(
-    browser: Browser, server: str, query: str = "?quality=test", scheme: str = "dark"
+    browser: Browser, server: Server | str, query: str = "?quality=test", scheme: str = "dark"
 ) -> Iterator[Page]:
     """Open the list of missions; an error in the page's console fails the test."""
     context = browser.new_context(viewport={"width": 1440, "height": 900}, color_scheme=scheme)  # type: ignore[arg-type]
@@ -88,6 +90,28 @@ def pixel(page: Page, east_m: float, north_m: float) -> tuple[float, float]:
         box["x"] + box["width"] / 2 + (east_m - east) / resolution,
         box["y"] + box["height"] / 2 - (north_m - north) / resolution,
     )
+
+
+def colours(page: Page, test_id: str) -> int:
+    """Return how many colours the pixels of an element have: one or two would be a blank picture."""
+    from PIL import Image
+
+    picture = Image.open(io.BytesIO(page.get_by_test_id(test_id).screenshot())).convert("RGB")
+    return len(picture.getcolors(maxcolors=1 << 24) or [])
+
+
+def open_scene(page: Page) -> None:
+    """Go to the 3D view and wait for its first frame."""
+    page.get_by_role("button", name="3D").click()
+    page.wait_for_function("() => document.querySelector('[data-testid=scene]')?.dataset.ready === 'true'")
+    page.wait_for_function("() => Number(document.querySelector('[data-testid=scene]').dataset.drawn) > 0")
+
+
+def field_of(page: Page, server: Server, path: str) -> Any:
+    """Return what the API says of a resource, asked as the person at work."""
+    answer = page.request.get(f"{server.address}/api/v1{path}")
+    assert answer.ok, answer.text()
+    return answer.json()
 
 
 def shot(page: Page, name: str) -> None:

@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.web.conftest import ROOT
-from tests.web.page import chromium, open_demo, open_page, pixel, shot
+from tests.web.conftest import ROOT, Server
+from tests.web.page import chromium, colours, open_demo, open_page, open_scene, pixel, shot
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 
 
-def _colours(page: Page, test_id: str) -> int:
-    """Return how many colours the pixels of an element have: one or two would be a blank picture."""
-    from PIL import Image
-
-    picture = Image.open(io.BytesIO(page.get_by_test_id(test_id).screenshot())).convert("RGB")
-    return len(picture.getcolors(maxcolors=1 << 24) or [])
-
-
-def _open_scene(page: Page) -> None:
-    page.get_by_role("button", name="3D").click()
-    page.wait_for_function("() => document.querySelector('[data-testid=scene]')?.dataset.ready === 'true'")
-    page.wait_for_function("() => Number(document.querySelector('[data-testid=scene]').dataset.drawn) > 0")
-
-
-def test_the_marker_of_a_target_picked_in_3d_lies_under_the_click(server: str) -> None:
+def test_the_marker_of_a_target_picked_in_3d_lies_under_the_click(server: Server) -> None:
     with chromium() as browser, open_page(browser, server) as page:
         open_demo(page)
-        _open_scene(page)
+        open_scene(page)
         page.wait_for_timeout(1500)
-        assert _colours(page, "scene") > 500, "WebGL has drawn nothing"
+        assert colours(page, "scene") > 500, "WebGL has drawn nothing"
         shot(page, "scene")
         before = page.get_by_test_id("target-row").count()
         box = page.get_by_test_id("scene").bounding_box()
@@ -54,17 +39,17 @@ def test_the_marker_of_a_target_picked_in_3d_lies_under_the_click(server: str) -
         assert abs(py - y) <= 1.0
 
 
-def test_a_page_at_rest_draws_nothing(server: str) -> None:
+def test_a_page_at_rest_draws_nothing(server: Server) -> None:
     with chromium() as browser, open_page(browser, server) as page:
         open_demo(page)
-        _open_scene(page)
+        open_scene(page)
         page.wait_for_timeout(3000)
         drawn = page.get_by_test_id("scene").get_attribute("data-drawn")
         page.wait_for_timeout(1500)
         assert page.get_by_test_id("scene").get_attribute("data-drawn") == drawn
 
 
-def test_without_webgl_the_map_does_it_all(server: str) -> None:
+def test_without_webgl_the_map_does_it_all(server: Server) -> None:
     with chromium() as browser, open_page(browser, server, "?webgl=off") as page:
         open_demo(page)
         page.get_by_role("button", name="3D").click()
@@ -77,7 +62,7 @@ def test_without_webgl_the_map_does_it_all(server: str) -> None:
         expect(page.get_by_test_id("target-row")).to_have_count(before + 1)
 
 
-def test_two_people_see_each_other_and_a_stale_edit_is_refused_with_both_versions(server: str) -> None:
+def test_two_people_see_each_other_and_a_stale_edit_is_refused_with_both_versions(server: Server) -> None:
     with chromium() as browser, open_page(browser, server) as one, open_page(browser, server) as other:
         open_demo(one)
         open_demo(other)
@@ -103,7 +88,7 @@ def test_two_people_see_each_other_and_a_stale_edit_is_refused_with_both_version
         expect(one.locator("article .request").first).to_contain_text("value 7.0")
 
 
-def test_what_is_deleted_comes_back_with_one_key_also_after_a_reload(server: str) -> None:
+def test_what_is_deleted_comes_back_with_one_key_also_after_a_reload(server: Server) -> None:
     with chromium() as browser, open_page(browser, server) as page:
         open_demo(page)
         rows = page.get_by_test_id("target-row")
@@ -121,7 +106,7 @@ def test_what_is_deleted_comes_back_with_one_key_also_after_a_reload(server: str
         expect(rows).to_have_count(before)
 
 
-def test_keys_are_shown_and_an_address_brings_back_the_selection(server: str) -> None:
+def test_keys_are_shown_and_an_address_brings_back_the_selection(server: Server) -> None:
     with chromium() as browser, open_page(browser, server) as page:
         open_demo(page)
         page.keyboard.press("?")
@@ -136,8 +121,85 @@ def test_keys_are_shown_and_an_address_brings_back_the_selection(server: str) ->
         expect(page.get_by_label("Name of the target")).to_have_value("Humphrey")
 
 
+def _plan_and_run_twice(page: Page) -> None:
+    """Have two plans and a run to look at; what an earlier test left is enough."""
+    select = page.get_by_test_id("plan-select")
+    for number in (1, 2):
+        if select.count() and select.locator("option").count() > number:
+            continue
+        if page.get_by_role("button", name="Settings").count():
+            page.get_by_role("button", name="Settings").click()
+        page.get_by_label("Time limit, s").fill("3")
+        page.get_by_test_id("plan").click()
+        expect(page.get_by_test_id("plan-state")).to_have_text("computed")
+    if not page.get_by_role("tab", name=re.compile(r"^Products [1-9]")).count():
+        page.get_by_test_id("dry-run").click()
+        expect(page.get_by_test_id("run-outcome")).to_be_visible()
+
+
+def test_a_live_run_is_held_stepped_and_aborted_from_the_page(server: Server) -> None:
+    with chromium() as browser, open_page(browser, server) as page:
+        open_demo(page)
+        page.get_by_role("tab", name="Plan", exact=True).click()
+        _plan_and_run_twice(page)
+        page.get_by_role("tab", name="Run", exact=True).click()
+        page.get_by_test_id("pace").select_option("300")
+        page.get_by_test_id("start-run").click()
+        live = page.get_by_test_id("live-run")
+        expect(live).to_be_visible()
+        clock = page.get_by_label("Moment of the run")
+        page.wait_for_function(
+            "() => Number(document.querySelector('[aria-label=\"Moment of the run\"]').value) > 20"
+        )
+        page.keyboard.press(" ")
+        expect(live).to_have_attribute("data-held", "true")
+        page.wait_for_timeout(700)
+        held = float(clock.input_value())
+        page.wait_for_timeout(1500)
+        assert float(clock.input_value()) == held, "plan time goes on while the run is held"
+        records = page.locator(".trace li").count()
+        page.keyboard.press("]")
+        expect(page.locator(".trace li")).not_to_have_count(records)
+        shot(page, "live")
+        clock.fill("0")
+        expect(page.get_by_role("button", name="Go live")).to_be_visible()
+        page.get_by_role("button", name="Go live").click()
+        page.get_by_test_id("abort-run").click()
+        expect(page.get_by_test_id("run-outcome")).to_have_text("aborted")
+        expect(page.locator(".trace li").first).to_be_visible()
+
+
+SHIFTS = """
+window.outcropShift = 0;
+window.outcropShifted = [];
+new PerformanceObserver((list) => {
+    for (const entry of list.getEntries()) {
+        if (entry.hadRecentInput) continue;
+        window.outcropShift += entry.value;
+        for (const source of entry.sources) {
+            window.outcropShifted.push(source.node?.className || source.node?.nodeName);
+        }
+    }
+}).observe({ type: 'layout-shift', buffered: true });
+"""
+
+
+def test_nothing_moves_while_the_page_loads(server: Server) -> None:
+    with chromium() as browser, open_page(browser, server) as page:
+        open_demo(page)
+        address = page.url
+        page.add_init_script(SHIFTS)
+        for there in (f"{server}/?quality=test", f"{address}&tab=run", f"{address}&view=scene"):
+            page.goto("about:blank")
+            page.goto(there)
+            page.wait_for_load_state("networkidle")
+            page.wait_for_timeout(1000)
+            moved = page.evaluate("() => [window.outcropShift, window.outcropShifted]")
+            assert moved[0] < 0.01, f"{there}: {moved}"
+
+
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_nobody_is_shut_out_of_the_page(server: str, scheme: str) -> None:
+def test_nobody_is_shut_out_of_the_page(server: Server, scheme: str) -> None:
     with chromium() as browser, open_page(browser, server, scheme=scheme) as page:
         views = []
 
@@ -157,9 +219,28 @@ def test_nobody_is_shut_out_of_the_page(server: str, scheme: str) -> None:
         page.get_by_test_id("target-row").filter(has_text="Bonneville").click()
         page.get_by_role("button", name="Edit request").first.click()
         look("target")
+        page.get_by_role("tab", name="Plan", exact=True).click()
+        _plan_and_run_twice(page)
         for tab in ("Plan", "Run", "CRL", "Review"):
             page.get_by_role("tab", name=tab, exact=True).click()
+            expect(page.get_by_role("tab", name=tab, exact=True)).to_have_attribute("aria-selected", "true")
             look(tab)
+        page.keyboard.press("w")
+        expect(page.get_by_test_id("what-if-answer")).to_have_attribute("data-ms", re.compile(r"\d+"))
+        look("what-if")
+        page.keyboard.press("d")
+        expect(page.get_by_test_id("paired")).to_contain_text("Beats the other with")
+        look("compare")
+        shot(page, f"compare-{scheme}")
+        page.keyboard.press("Escape")
+        page.get_by_role("button", name="3D").click()
+        expect(page.get_by_test_id("scene")).to_be_visible()
+        look("3D")
+        page.get_by_role("button", name="2D").click()
+        page.get_by_role("tab", name=re.compile("^Products")).click()
+        page.get_by_test_id("product-row").first.click()
+        expect(page.get_by_test_id("product-sheet")).to_be_visible()
+        look("product")
         page.get_by_role("tab", name=re.compile("^Keep-outs")).click()
         look("keep-outs")
         page.get_by_role("tab", name=re.compile("^Targets")).click()

@@ -387,6 +387,11 @@ export class MissionState {
     return `${request.target_name} · ${request.instrument === "microscopic_imager" ? "MI" : "image"}`;
   }
 
+  /** A text of the server with names in the place of ids of targets and requests. */
+  named(text: string): string {
+    return text.replace(/\b(req|tgt)-[a-z0-9]+/g, (id) => (id.startsWith("req-") ? this.requestName(id) : this.targetName(id)));
+  }
+
   /** Take back one's own last act, or do it again. */
   async undo(): Promise<void> {
     await this.turn("Undo", calls.undo);

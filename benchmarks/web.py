@@ -1,0 +1,309 @@
+"""How fast the browser's page is: sizes, first map, first 3D frame, what-if, panning of a large timeline.
+
+Run `python -m benchmarks.web` (needs Debian's chromium); `--write` puts the table into `docs/browser.md`.
+Wall times depend on what else the machine does, so the time that the page's main thread was on a processor
+stands beside them, and a fixed loop as yardstick.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import os
+import re
+import statistics
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
+
+from tests.web.conftest import CHROMIUM, FLAGS, Server, build_ui, run_server
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "browser.md"
+BEGIN, END = "<!-- benchmarks.web -->", "<!-- /benchmarks.web -->"
+REPEATS = 5
+ACTIVITIES, BRANCHES = 300, 50
+PAN_S = 4.0
+EXTRA_TARGETS = ((2.5, -6.0), (-2.0, 5.5))
+
+WATCH = """
+(() => {
+  const seen = {};
+  window.outcropSeen = seen;
+  const look = () => {
+    const map = document.querySelector('[data-testid=map]');
+    const scene = document.querySelector('[data-testid=scene]');
+    if (map?.dataset.terrain && !seen.map) seen.map = performance.now();
+    if (Number(scene?.dataset.drawn) > 0 && !seen.scene) seen.scene = performance.now();
+    requestAnimationFrame(look);
+  };
+  requestAnimationFrame(look);
+})();
+"""
+LOOP = """() => {
+  const began = performance.now();
+  let x = 1;
+  for (let k = 0; k < 3e7; k += 1) x = (x * 1103515245 + 12345) % 2147483648;
+  return performance.now() - began + 0 * x;
+}"""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One line of the table; `wall` and `cpu` as text."""
+
+    what: str
+    wall: str
+    cpu: str
+    bar: str
+
+
+@contextmanager
+def _page(browser: Browser) -> Iterator[tuple[Page, CDPSession]]:
+    context = browser.new_context(viewport={"width": 1440, "height": 900})
+    page = context.new_page()
+    page.set_default_timeout(180_000)
+    page.add_init_script(WATCH)
+    session = context.new_cdp_session(page)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})
+    try:
+        yield page, session
+    finally:
+        context.close()
+
+
+def _busy(session: CDPSession) -> float:
+    """Return the seconds that tasks kept the main thread, by its own clock (processor time)."""
+    metrics = {m["name"]: m["value"] for m in session.send("Performance.getMetrics")["metrics"]}
+    return float(metrics["TaskDuration"])
+
+
+def _median(measure: Callable[[], tuple[float, float]]) -> tuple[float, float]:
+    found = [measure() for _ in range(REPEATS)]
+    return statistics.median(w for w, _ in found), statistics.median(c for _, c in found)
+
+
+def _first(browser: Browser, address: str, what: str) -> tuple[float, float]:
+    with _page(browser) as (page, session):
+        page.goto(address)
+        page.wait_for_function(f"() => window.outcropSeen.{what}")
+        return float(page.evaluate(f"() => window.outcropSeen.{what}")) / 1000, _busy(session)
+
+
+def large_tree(requests: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a plan tree with 300 activities on the mainline and 50 branches of plausible times."""
+    counter = iter(range(10**6))
+
+    def observe(t: float, p: float) -> dict[str, Any]:
+        request = requests[next(counter) % len(requests)]
+        times = [t * f for f in (0.85, 0.95, 1.0, 1.06, 1.2)]
+        return {
+            "op": "visit",
+            "target": request["target_id"],
+            "observation": request["id"],
+            "on_fail": "skip",
+            "p_reached": p,
+            "quantiles": {
+                "p": [0.05, 0.25, 0.5, 0.75, 0.95],
+                "time_s": times,
+                "energy_j": [60.0 * x for x in times],
+            },
+        }
+
+    per_branch = (ACTIVITIES - 100) // BRANCHES
+    plan: list[dict[str, Any]] = []
+    for k in range(100):
+        t = 120.0 * (k + 1)
+        plan.append(observe(t, 1.0))
+        if k % 2 == 1:
+            option = {
+                "id": f"option-{k // 2 + 1}",
+                "when": [{"var": "time_s", "ge": t}],
+                "p_taken": 0.3,
+                "gain": 0.5,
+                "utility_table": [],
+                "plan": [observe(t + 90.0 * (j + 1), 0.3) for j in range(per_branch)],
+            }
+            plan.append({"op": "branch", "options": [option]})
+    return {"format": "plan-tree/2", "plan": plan}
+
+
+def _pan(browser: Browser, address: str, tree: dict[str, Any]) -> tuple[float, float]:
+    """Return frames a second while the timeline is dragged, and processor milliseconds a frame."""
+    with _page(browser) as (page, session):
+        page.route("**/api/v1/plans/*/tree", lambda route: route.fulfill(json=tree))
+        page.goto(address)
+        page.wait_for_function("() => window.outcropSeen.map")
+        page.get_by_test_id("dock").wait_for()
+        page.wait_for_timeout(1500)
+        before = _busy(session)
+        frames = page.evaluate(
+            """async ([seconds]) => {
+                const canvas = document.querySelector('[data-testid=dock]');
+                const box = canvas.getBoundingClientRect();
+                const send = (type, x, y) => canvas.dispatchEvent(new PointerEvent(type, {
+                    pointerId: 1, button: 0, bubbles: true, clientX: box.left + x, clientY: box.top + y }));
+                canvas.setPointerCapture = () => {};
+                canvas.dispatchEvent(new WheelEvent('wheel', { deltaY: -700, ctrlKey: true, bubbles: true,
+                    clientX: box.left + 500, clientY: box.top + 80, cancelable: true }));
+                send('pointerdown', 600, 100);
+                const began = performance.now();
+                let frames = 0;
+                while (performance.now() - began < 1000 * seconds) {
+                    const phase = frames / 20;
+                    send('pointermove', 600 + 300 * Math.sin(phase), 100 - 60 * (1 - Math.cos(phase / 3)));
+                    await new Promise(requestAnimationFrame);
+                    frames += 1;
+                }
+                send('pointerup', 600, 100);
+                return frames;
+            }""",
+            [PAN_S],
+        )
+        return frames / PAN_S, 1000.0 * (_busy(session) - before) / frames
+
+
+def _what_if(page: Page, plan: str, budget_s: float) -> tuple[float, float]:
+    """Return the median round trip of what-if as the page asks, and what the server needed of it."""
+    factors = [0.8, 0.9, 1.1, 0.7, 1.2, 0.85, 1.05]
+    found = [
+        page.evaluate(
+            """async ([url, body]) => {
+                const began = performance.now();
+                const headers = { 'content-type': 'application/json', 'x-outcrop-person': 'Planner' };
+                const answer = await fetch(url, { method: 'POST', headers, body: JSON.stringify(body) });
+                const value = await answer.json();
+                return [answer.status, performance.now() - began, value.elapsed_s];
+            }""",
+            [f"/api/v1/plans/{plan}/what-if", {"time_budget_s": factor * budget_s}],
+        )
+        for factor in [1.0, *factors]
+    ]
+    assert all(status == 200 for status, *_ in found), found
+    warm = found[1:]
+    return statistics.median(w / 1000 for _, w, _ in warm), statistics.median(e for *_, e in warm)
+
+
+def _twelve_targets(page: Page, server: Server) -> tuple[str, str, float, list[dict[str, Any]]]:
+    """Return mission and plan of the demo with two more targets, its time budget, its requests."""
+    api = f"{server.address}/api/v1"
+    headers = {"X-Outcrop-Person": "Planner"}
+
+    def get(path: str) -> Any:
+        return page.request.get(f"{api}{path}", headers=headers, timeout=120_000).json()
+
+    def post(path: str, body: dict[str, Any]) -> Any:
+        answer = page.request.post(f"{api}{path}", data=body, headers=headers, timeout=180_000)
+        assert answer.ok, answer.text()
+        return answer.json()
+
+    mission = get("/missions")["items"][0]["id"]
+    for k, (east, north) in enumerate(EXTRA_TARGETS):
+        target = post(f"/missions/{mission}/targets", {"name": f"X{k}", "east_m": east, "north_m": north})
+        post(
+            f"/missions/{mission}/observation-requests",
+            {"target_id": target["id"], "instrument": "microscopic_imager", "value": 9.0},
+        )
+    assert len(get(f"/missions/{mission}/targets")["items"]) == 12
+    job = post(f"/missions/{mission}/plans", {"time_limit_s": 20.0, "iterations": 4})
+    while job["state"] in {"queued", "running"}:
+        page.wait_for_timeout(300)
+        job = get(f"/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job
+    plan = job["subject_id"]
+    problem = get(f"/problems/{get(f'/plans/{plan}')['problem_id']}")
+    requests = get(f"/missions/{mission}/observation-requests")["items"]
+    return mission, plan, float(problem["document"]["budget"]["time_s"]), requests
+
+
+def _sizes() -> tuple[int, int]:
+    """Return gzip bytes of the first load, and of what the 3D view loads later."""
+    dist = ROOT / "web" / "dist"
+    index = (dist / "index.html").read_text()
+    first = re.findall(r'(?:src|href)="/([^"]+\.(?:js|css))"', index)
+
+    def size(path: Path) -> int:
+        return len(gzip.compress(path.read_bytes()))
+
+    scene = [p for p in (dist / "assets").glob("*.js") if p.name.startswith(("SceneView", "three", "scene"))]
+    return sum(size(dist / name) for name in first) + len(gzip.compress(index.encode())), sum(
+        map(size, scene)
+    )
+
+
+def measure() -> list[Figure]:
+    """Return every figure of the table."""
+    build_ui()
+    first, scene = _sizes()
+    figures = [
+        Figure("first load, gzip", f"{first / 1000:.0f} kB", "", "350 kB"),
+        Figure("3D view, loaded when it is opened, gzip", f"{scene / 1000:.0f} kB", "", ""),
+    ]
+    with (
+        tempfile.TemporaryDirectory(prefix="outcrop-web-") as folder,
+        run_server(Path(folder)) as server,
+        sync_playwright() as playwright,
+    ):
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        with _page(browser) as (page, _):
+            page.goto(f"{server.address}/?quality=test")
+            yardstick = statistics.median(float(page.evaluate(LOOP)) for _ in range(REPEATS))
+            mission, plan, budget_s, requests = _twelve_targets(page, server)
+            what_if = _what_if(page, plan, budget_s)
+        there = f"{server.address}/?quality=test#/m/{mission}?plan={plan}"
+        shown = _median(lambda: _first(browser, there, "map"))
+        drawn = _median(lambda: _first(browser, f"{there}&view=scene", "scene"))
+        fps, per_frame = _median(lambda: _pan(browser, there, large_tree(requests)))
+        browser.close()
+    figures += [
+        Figure(
+            "first map, from the address to the drawn site", f"{shown[0]:.2f} s", f"{shown[1]:.2f} s", "1 s"
+        ),
+        Figure("first 3D frame, likewise, software GL", f"{drawn[0]:.2f} s", f"{drawn[1]:.2f} s", "2 s"),
+        Figure("what-if, 12 targets, round trip", f"{what_if[0]:.2f} s", f"server {what_if[1]:.2f} s", "1 s"),
+        Figure(
+            f"timeline of {ACTIVITIES} activities and {BRANCHES} branches, dragged",
+            f"{fps:.0f} frames/s",
+            f"{per_frame:.1f} ms a frame",
+            "20 frames/s",
+        ),
+        Figure("yardstick: 30 million steps of a loop", f"{yardstick:.0f} ms", "", ""),
+    ]
+    return figures
+
+
+def table(figures: list[Figure]) -> str:
+    """Return the table as Markdown."""
+    load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
+    rows = [f"| {f.what} | {f.wall} | {f.cpu} | {f.bar} |" for f in figures]
+    return "\n".join(
+        [
+            "| what | measured | processor of the main thread | wanted at most (timeline: at least) |",
+            "|---|---|---|---|",
+            *rows,
+            "",
+            f"Medians of {REPEATS} by `python -m benchmarks.web --write`; {os.cpu_count()} cores, load {load}",
+        ]
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", action="store_true", help="put the table into docs/browser.md")
+    arguments = parser.parse_args()
+    text = table(measure())
+    print(text)
+    if arguments.write:
+        page = PAGE.read_text(encoding="utf-8")
+        head, rest = page.split(BEGIN)
+        tail = rest.split(END)[1]
+        PAGE.write_text(f"{head}{BEGIN}\n\n{text}\n\n{END}{tail}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
