@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from executive.crl.dictionary import ValueType
@@ -53,6 +54,38 @@ def test_k9_placement_takes_what_the_paper_prints() -> None:
     """Seed 003: `ipplaceinstrument` 504 s, spread 120 s."""
     time = load_profile("k9").instrument("mi").time_s
     assert (time.mean, time.sd) == (504.0, 120.0)
+
+
+# Kim et al. 2009, Table IV: updates of the tracker, of visual odometry, of hazard avoidance, turn in degrees,
+# metres driven, minutes it took. Turns went in steps of ten degrees with 10 cm back and forth.
+CHECKOUT_3 = [
+    (2, 0, 0, 0.0, 0.0, 2.0),
+    (7, 0, 0, 70.0, 1.4, 10.0),
+    (10, 0, 0, 0.0, 3.0, 11.0),
+    (0, 0, 1, 0.0, 0.0, 5.0),
+    (4, 6, 0, 0.0, 2.1, 15.0),
+    (4, 0, 4, 0.0, 1.4, 23.0),
+]
+
+
+def test_the_mer_profile_takes_as_long_as_the_flight_checkout_of_table_iv() -> None:
+    profile = load_profile("mer")
+    names = ("track_update", "visodom_update", "navigator_step")
+    costs = [profile.activity(name).time_s() for name in names]
+    assert 30 <= costs[0].mean <= 60
+    assert 90 <= costs[1].mean <= 120
+    assert costs[2].mean == 300
+    rng = np.random.default_rng(0)
+    totals = np.zeros(2000)
+    for *counts, turn_deg, metres, _ in CHECKOUT_3:
+        for cost, count in zip(costs, counts, strict=True):
+            totals += rng.normal(cost.mean, cost.sd, (2000, int(count))).sum(axis=1)
+        turns = turn_deg / 10.0
+        totals += turns * profile.activity("turn").fixed_s
+        totals += np.radians(turn_deg) / profile.mobility.turn_rate_rad_s
+        totals += metres / profile.mobility.speed_m_s
+    assert sum(row[-1] for row in CHECKOUT_3) == 66.0
+    assert np.median(totals) / 60.0 == pytest.approx(66.0, rel=0.1)
 
 
 def broken(tmp_path: Path, old: str, new: str) -> Path:
