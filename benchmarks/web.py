@@ -287,7 +287,7 @@ def table(figures: list[Figure]) -> str:
             "|---|---|---|---|",
             *rows,
             "",
-            f"Medians of {REPEATS} by `python -m benchmarks.web --write`; {os.cpu_count()} cores, load {load}",
+            f"Medians of {REPEATS}, `python -m benchmarks.web --write`; {os.cpu_count()} cores, load {load}",
         ]
     )
 

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from ground.uplink.keys import PUBLIC
 from tests.web.conftest import Server
 from tests.web.page import WAIT_MS, chromium, colours, field_of, open_page, open_scene, pixel, shot
 
@@ -97,7 +98,7 @@ def _execute(server: Server, package: Path, problem: dict[str, Any], terrain: st
         json.dumps({"format": "world/1", "name": "site", "terrain": str(ground), "problem": problem})
     )
     run = folder / "run"
-    trust = next((server.data / "keys").glob("*public*"))
+    trust = server.data / "keys" / PUBLIC
     server.outcrop("execute", str(package), "--world", str(world), "--trust", str(trust), "--out", str(run))
     return run
 

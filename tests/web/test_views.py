@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.web.page import chromium, open_demo, open_page, pixel, shot
-from tests.web.test_page import _colours, _open_scene
+from tests.web.conftest import Server
+from tests.web.page import chromium, colours, open_demo, open_page, open_scene, pixel, shot
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
@@ -23,7 +23,7 @@ NO_WEBGL = "?webgl=off"
 """The map and the panorama need no graphics card: what is asked of them is asked without one."""
 
 
-def ask(server: str, path: str, body: dict[str, Any] | None = None) -> Any:
+def ask(server: Server, path: str, body: dict[str, Any] | None = None) -> Any:
     """Ask the API as the planner."""
     request = Request(
         f"{server}/api/v1{path}",
@@ -34,7 +34,7 @@ def ask(server: str, path: str, body: dict[str, Any] | None = None) -> Any:
         return json.load(answer)
 
 
-def demo(server: str) -> str:
+def demo(server: Server) -> str:
     missions = ask(server, "/missions")["items"]
     return str(next(mission["id"] for mission in missions if mission["name"] == "Demo"))
 
@@ -44,7 +44,7 @@ def choose(page: Page, name: str) -> None:
     expect(page.get_by_label("Name of the target")).to_have_value(name)
 
 
-def test_the_map_has_a_scale_and_its_layers_and_shows_where_the_rover_may_be(server: str) -> None:
+def test_the_map_has_a_scale_and_its_layers_and_shows_where_the_rover_may_be(server: Server) -> None:
     mission = demo(server)
     if not ask(server, f"/missions/{mission}/plans")["items"]:
         ask(server, f"/missions/{mission}/plans", {"time_limit_s": 3.0, "iterations": 2})
@@ -57,12 +57,12 @@ def test_the_map_has_a_scale_and_its_layers_and_shows_where_the_rover_may_be(ser
         assert box is not None
         assert abs(box["width"] - 4 - metres / resolution) < 2.0, "as long as it says"
         page.get_by_role("button", name="Layers").click()
-        bare = _colours(page, "map")
+        bare = colours(page, "map")
         page.get_by_label("Contours").check()
         page.get_by_label("Over the ground").select_option("coverage")
         expect(page.get_by_label("Coverage colours")).to_contain_text("hidden")
         page.wait_for_timeout(800)
-        assert _colours(page, "map") > bare
+        assert colours(page, "map") > bare
         page.get_by_label("Over the ground").select_option("slope")
         expect(page.get_by_label(re.compile("Slope colours"))).to_contain_text("≤ 25°")
         page.get_by_label("Where the rover may be").check()
@@ -79,7 +79,7 @@ def test_the_map_has_a_scale_and_its_layers_and_shows_where_the_rover_may_be(ser
         page.get_by_label("Over the ground").select_option("none")
 
 
-def test_a_place_to_stand_is_dragged_and_a_bad_one_refused_with_the_reason(server: str) -> None:
+def test_a_place_to_stand_is_dragged_and_a_bad_one_refused_with_the_reason(server: Server) -> None:
     with chromium() as browser, open_page(browser, server, NO_WEBGL) as page:
         open_demo(page)
         choose(page, "Clovis")
@@ -112,7 +112,7 @@ def test_a_place_to_stand_is_dragged_and_a_bad_one_refused_with_the_reason(serve
         expect(request).not_to_contain_text("set by hand")
 
 
-def test_target_and_default_observation_come_from_the_panorama_in_three_clicks(server: str) -> None:
+def test_target_and_default_observation_come_from_the_panorama_in_three_clicks(server: Server) -> None:
     with chromium() as browser, open_page(browser, server, NO_WEBGL) as page:
         open_demo(page)
         before = page.get_by_test_id("target-row").count()
@@ -126,7 +126,7 @@ def test_target_and_default_observation_come_from_the_panorama_in_three_clicks(s
         )
         box = view.bounding_box()
         assert box is not None
-        assert _colours(page, "panorama") > 100, "nothing was rendered"
+        assert colours(page, "panorama") > 100, "nothing was rendered"
         page.get_by_role("button", name="Add target (T)").click()
         page.mouse.click(box["x"] + 0.55 * box["width"], box["y"] + 0.6 * box["height"])
         page.get_by_test_id("save-request").click()
@@ -142,7 +142,7 @@ def test_target_and_default_observation_come_from_the_panorama_in_three_clicks(s
     assert source.startswith("panorama navcam_left az ")
 
 
-def test_targets_and_keep_outs_are_made_with_the_keyboard_alone(server: str) -> None:
+def test_targets_and_keep_outs_are_made_with_the_keyboard_alone(server: Server) -> None:
     with chromium() as browser, open_page(browser, server, NO_WEBGL) as page:
         open_demo(page)
         rows = page.get_by_test_id("target-row")
@@ -170,7 +170,7 @@ def test_targets_and_keep_outs_are_made_with_the_keyboard_alone(server: str) -> 
         page.keyboard.press("Control+z")
 
 
-def test_a_terrain_is_uploaded_in_the_page_and_a_broken_one_named(server: str, tmp_path: Path) -> None:
+def test_a_terrain_is_uploaded_in_the_page_and_a_broken_one_named(server: Server, tmp_path: Path) -> None:
     from rover_iface.terrain import HeightLayer, Ortho, Terrain, write_terrain
 
     count, spacing = 120, 0.2
@@ -191,7 +191,7 @@ def test_a_terrain_is_uploaded_in_the_page_and_a_broken_one_named(server: str, t
     with chromium() as browser:
         refused = browser.new_context()
         page = refused.new_page()
-        page.goto(server)
+        page.goto(server.address)
         page.get_by_role("button", name="New mission").first.click()
         page.get_by_label("Name").fill("Broken")
         page.get_by_label("A terrain of your own").check()
@@ -220,11 +220,11 @@ def test_a_terrain_is_uploaded_in_the_page_and_a_broken_one_named(server: str, t
             expect(good.get_by_test_id("target-row")).to_have_count(1)
 
 
-def test_the_scene_shows_overlays_measures_and_looks_through_the_rovers_cameras(server: str) -> None:
+def test_the_scene_shows_overlays_measures_and_looks_through_the_rovers_cameras(server: Server) -> None:
     with chromium() as browser, open_page(browser, server) as page:
         open_demo(page)
         choose(page, "Adirondack")
-        _open_scene(page)
+        open_scene(page)
         scene = page.get_by_test_id("scene")
         box = scene.bounding_box()
         assert box is not None
@@ -248,7 +248,7 @@ def test_the_scene_shows_overlays_measures_and_looks_through_the_rovers_cameras(
         page.get_by_role("button", name="As the rover's mast camera sees it").click()
         expect(scene).to_have_attribute("data-camera", "navcam_left")
         page.wait_for_timeout(1500)
-        assert _colours(page, "scene") > 300, "WebGL has drawn nothing"
+        assert colours(page, "scene") > 300, "WebGL has drawn nothing"
         shot(page, "camera")
         before = page.get_by_test_id("target-row").count()
         x, y = box["x"] + 0.6 * box["width"], box["y"] + 0.62 * box["height"]
@@ -264,6 +264,6 @@ def test_the_scene_shows_overlays_measures_and_looks_through_the_rovers_cameras(
         page.get_by_label("Camera", exact=True).select_option("hazcam_left")
         expect(scene).to_have_attribute("data-camera", "hazcam_left")
         page.wait_for_timeout(1500)
-        assert _colours(page, "scene") > 300, "the lens shows nothing"
+        assert colours(page, "scene") > 300, "the lens shows nothing"
         page.get_by_role("button", name="Back to the free view").click()
         expect(scene).to_have_attribute("data-camera", "")
