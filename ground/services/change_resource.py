@@ -11,7 +11,6 @@ from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError, NameTakenError
 from ground.gdr import models as m
-from ground.gdr import values as v
 from ground.gdr.repository import Repository
 from ground.services.actor import Actor
 from ground.services.checks import (
@@ -20,11 +19,10 @@ from ground.services.checks import (
     require_polygon,
     require_profile,
     require_window,
-    target_columns,
 )
 from ground.services.edit import open_for_change, update
-from ground.services.kinds import observation_point_of
-from ground.services.place_rover import place_rover
+from ground.services.kinds import KINDS
+from ground.services.prepare_change import Prepared, prepare_change, set_by_hand
 
 
 def change_resource(
@@ -46,16 +44,37 @@ def change_resource(
     StaleRevisionError
         If somebody else changed it in between.
     """
-    with repo.database.write() as session:
-        kind, row = open_for_change(session, actor, kind_name, resource_id, revision)
-        wrong = set(changes) - kind.fields
-        if wrong:
-            raise InvalidInputError(f"{kind.title} has nothing to set called {sorted(wrong)[0]!r}")
-        columns = _columns(repo, session, kind_name, row, dict(changes))
-        update(session, actor, kind, row, columns, reason=reason)
-        if kind_name == "target" and {"east_m", "north_m"} & set(changes):
-            _move_requests(repo, session, actor, row)
-        return kind.show(session, [row])[0]
+    wrong = set(changes) - KINDS[kind_name].fields
+    while True:
+        prepared = prepare_change(repo, actor, kind_name, resource_id, {} if wrong else changes)
+        with repo.database.write() as session:
+            kind, row = open_for_change(session, actor, kind_name, resource_id, revision)
+            if wrong:
+                raise InvalidInputError(f"{kind.title} has nothing to set called {sorted(wrong)[0]!r}")
+            requests = _requests_to_move(session, prepared, row)
+            if row.revision != prepared.revision or requests is None:
+                continue  # somebody was faster: what the terrain said was said of something else
+            columns = _columns(repo, session, kind_name, row, dict(changes))
+            columns |= prepared.columns
+            if kind_name == "observation_request" and prepared.points:
+                columns["observation_point"] = prepared.points[
+                    (row.id, columns.get("instrument", row.instrument))
+                ]
+            update(session, actor, kind, row, columns, reason=reason)
+            for request in requests:
+                point = prepared.points[(request.id, request.instrument)]
+                moved = {"observation_point": point}
+                update(session, actor, KINDS["observation_request"], request, moved)
+            return kind.show(session, [row])[0]
+
+
+def _requests_to_move(session: Session, prepared: Prepared, row: Any) -> list[Any] | None:
+    """Return the requests that move with a target; None if others than those prepared for are there now."""
+    if not isinstance(row, m.TargetRow) or not prepared.columns:
+        return []
+    query = select(m.ObservationRequestRow).where(m.ObservationRequestRow.target_id == row.id)
+    found = [r for r in session.scalars(query.with_for_update()) if not set_by_hand(r)]
+    return found if all((r.id, r.instrument) in prepared.points for r in found) else None
 
 
 def _columns(
@@ -69,9 +88,6 @@ def _columns(
         case "target":
             if "name" in given and given["name"] != row.name:
                 free_name(session, row.mission_id, given["name"])
-            if {"east_m", "north_m"} & set(given):
-                east, north = given.get("east_m", row.east_m), given.get("north_m", row.north_m)
-                columns |= target_columns(repo, session, row.mission_id, east, north)
         case "observation_request":
             if "window_s" in given:
                 require_window(given["window_s"])
@@ -83,17 +99,7 @@ def _columns(
                     "or carried",
                     pointer="/state",
                 )
-            pose = columns.pop("observation_pose", None)
-            if "observation_pose" in given or "instrument" in given:
-                instrument = v.Instrument(given.get("instrument", row.instrument))
-                target = session.get_one(m.TargetRow, row.target_id)
-                old = observation_point_of(row.observation_point)
-                if "observation_pose" not in given and old is not None and old.manual:
-                    manual = old.pose
-                else:
-                    manual = None if pose is None else v.Pose(**pose)
-                point = place_rover(repo, session, target, instrument, manual)
-                columns["observation_point"] = None if point is None else asdict(point)
+            columns.pop("observation_pose", None)
         case "keep_out":
             if "polygon_m" in given:
                 require_polygon(repo, session, row.mission_id, given["polygon_m"])
@@ -107,21 +113,6 @@ def _columns(
         case _:
             pass
     return columns
-
-
-def _move_requests(repo: Repository, session: Session, actor: Actor, target: m.TargetRow) -> None:
-    """Find the observation points anew when a target has moved."""
-    from ground.services.kinds import KINDS
-
-    for request in session.scalars(
-        select(m.ObservationRequestRow).where(m.ObservationRequestRow.target_id == target.id)
-    ):
-        old = observation_point_of(request.observation_point)
-        if old is not None and old.manual:
-            continue
-        point = place_rover(repo, session, target, v.Instrument(request.instrument))
-        document = None if point is None else asdict(point)
-        update(session, actor, KINDS["observation_request"], request, {"observation_point": document})
 
 
 def _plain(value: Any) -> Any:

@@ -136,7 +136,15 @@ def test_the_command_goes_on_after_sigkill(site: tuple[Path, Place], tmp_path: P
     )
     died = subprocess.run([sys.executable, "-c", kill, package, place.world, place.trust, out], check=False)
     assert died.returncode == -signal.SIGKILL
-    command = [sys.executable, "-m", "ground.cli", "execute", package, "--world", place.world]
+    command: list[str | Path] = [
+        sys.executable,
+        "-m",
+        "ground.cli",
+        "execute",
+        package,
+        "--world",
+        place.world,
+    ]
     given = [*command, "--trust", place.trust, "--out", out, "--resume"]
     done = subprocess.run(given, capture_output=True, text=True, check=False)
     assert done.returncode in {0, 1}, done.stderr
