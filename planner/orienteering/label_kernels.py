@@ -1,11 +1,13 @@
 """Compiled loops of the exact engine: the table of optimistic completions and the expansion of labels.
 
 Shapes: G groups of experiments (a site, or part of a crowded one), X experiments sorted by group, S states
-(group, subset of its experiments done), K time buckets, J energy buckets. Times and energies are int64.
+(group, subset of its experiments done), K time buckets, M lanes. A lane is a price on energy: within it,
+energy is paid for instead of limited, and the least bound of all lanes counts. Times and energies: int64.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numba
@@ -18,141 +20,150 @@ NEVER = -(2**29)  # value of a state from which the end cannot be reached; far b
 
 
 @numba.njit(cache=True, nogil=True)
-def _raise_to(here: Array, there: Array, worth: int) -> None:
-    """Raise `here` to `there` + worth where that is more; two slices of one length vectorise."""
-    for j in range(len(here)):
-        here[j] = max(here[j], here.dtype.type(there[j] + worth))
+def lay_moves(
+    road_s: Array,
+    road_j: Array,
+    first: Array,
+    duration: Array,
+    energy: Array,
+    opens: Array,
+    latest: Array,
+    e_budget: int,
+    step: int,
+    price: Array,
+    slack: int,
+) -> tuple[Array, Array, Array, Array]:
+    """Return every move from a group to the end of an experiment, the same for every time.
+
+    Shapes: (G, X) buckets of time it takes; (G, X) last bucket in which it can begin, -1 for never; (X,)
+    first bucket in which an experiment can be over; (G, X, M) what its energy costs. Rounding is optimistic.
+    """
+    groups, count, lanes = len(road_s), len(duration), len(price)
+    ahead = np.zeros((groups, count), np.int64)
+    last = np.full((groups, count), -1, np.int64)
+    soonest = np.zeros(count, np.int64)
+    paid = np.zeros((groups, count, lanes), np.int64)
+    for h in range(groups):
+        for x in range(first[h], first[h + 1]):
+            soonest[x] = (opens[x] + duration[x]) // step
+            for g in range(groups):
+                road, cost = 0, energy[x]
+                if g != h:
+                    road, cost = road_s[g, h], road_j[g, h] + energy[x]
+                latest_start = latest[x] - duration[x] - road
+                if road < 0 or latest_start < 0 or cost > e_budget or opens[x] + duration[x] > latest[x]:
+                    continue
+                ahead[g, x] = (road + duration[x]) // step
+                last[g, x] = latest_start // step
+                for m in range(lanes):
+                    paid[g, x, m] = math.floor(cost * price[m]) - slack
+    return ahead, last, soonest, paid
+
+
+@numba.njit(cache=True, nogil=True)
+def _raise_to(here: Array, at: int, there: Array, start: int, worth: Array, row: int, count: int) -> None:
+    """Raise `count` cells of `here` to those of `there` plus those of `worth` where that is more.
+
+    Flat arrays and unsigned indices: without the test for negative ones the loop is vectorised.
+    """
+    a, b, c = np.uintp(at), np.uintp(start), np.uintp(row)
+    for m in range(np.uintp(count)):
+        here[a + m] = max(here[a + m], here.dtype.type(there[b + m] + worth[c + m]))
 
 
 @numba.njit(cache=True, nogil=True)
 def fill_table(
     table: Array,
-    road_s: Array,
-    road_j: Array,
+    worth: Array,
+    ahead: Array,
+    last: Array,
+    soonest: Array,
     first: Array,
     base: Array,
-    gain: Array,
-    duration: Array,
-    energy: Array,
-    opens: Array,
-    latest: Array,
-    open_end: bool,
     end_s: Array,
-    end_j: Array,
-    begin: int,
+    end_paid: Array,
     step: int,
     budget: int,
-    e_step: int,
-    e_budget: int,
 ) -> None:
-    """Fill `table` (S, K, J) backwards in time with the most that can still be gained.
+    """Fill `table` (S, K, M) backwards in time with the most that can still be gained.
 
-    Bucket k stands for every time from `begin + k * step` on, bucket j for every energy use from
-    `j * e_step` on; each move starts at the bucket's lower end and its result is rounded down again, so an
-    entry is never below the truth. Experiments done at the present group are remembered, others are not.
+    Bucket k stands for every time from `k * step` on; each move starts at the bucket's lower end and its
+    result is rounded down again, so an entry is never below the truth. Experiments done at the present group
+    are remembered, others are not. `worth` (G, X, M) is gain less energy paid for, `end_s` (G,) the time to
+    the end, negative for no way, and `end_paid` (G, M) the energy paid for it.
     """
     groups = len(base)
-    buckets = table.shape[1]
-    width = table.shape[2]
-    away = np.empty(width, table.dtype)
+    buckets, lanes = table.shape[1:]
+    count_all = len(soonest)
+    cells = table.reshape(-1)
+    worths = worth.reshape(-1)
+    away = np.empty(lanes, table.dtype)
     for k in range(buckets - 1, -1, -1):
-        now = begin + k * step
         for g in range(groups):
-            for j in range(width):
-                away[j] = 0
-            if not open_end:
-                reach = 0
-                if end_s[g] >= 0 and now + end_s[g] <= budget and end_j[g] <= e_budget:
-                    reach = min(width, (e_budget - end_j[g]) // e_step + 1)
-                for j in range(reach, width):
-                    away[j] = NEVER
+            if end_s[g] >= 0 and k * step + end_s[g] <= budget:
+                for m in range(lanes):
+                    away[m] = -end_paid[g, m]
+            else:
+                away[:] = NEVER
             for h in range(groups):
-                road = road_s[g, h]
-                if h == g or road < 0 or now + road > budget:
+                if h == g:
                     continue
                 for x in range(first[h], first[h + 1]):
-                    done = max(now + road, opens[x]) + duration[x]
-                    if done > latest[x]:
+                    if k > last[g, x]:
                         continue
-                    cost = road_j[g, h] + energy[x]
-                    if cost > e_budget:
-                        continue
-                    shift = cost // e_step
-                    reach = min((e_budget - cost) // e_step + 1, width - shift)
-                    row = table[base[h] + (1 << (x - first[h])), (done - begin) // step]
-                    _raise_to(away[:reach], row[shift : shift + reach], gain[x])
+                    row = (base[h] + (1 << (x - first[h]))) * buckets + max(k + ahead[g, x], soonest[x])
+                    _raise_to(away, 0, cells, row * lanes, worths, (g * count_all + x) * lanes, lanes)
             count = first[g + 1] - first[g]
             for mask in range((1 << count) - 1, -1, -1):
-                here = table[base[g] + mask, k]
-                for j in range(width):
-                    here[j] = away[j]
+                here = ((base[g] + mask) * buckets + k) * lanes
+                cells[here : here + lanes] = away
                 for b in range(count):
-                    if mask >> b & 1:
-                        continue
                     x = first[g] + b
-                    done = max(now, opens[x]) + duration[x]
-                    if done > latest[x] or energy[x] > e_budget:
+                    if mask >> b & 1 or k > last[g, x]:
                         continue
-                    shift = energy[x] // e_step
-                    reach = min((e_budget - energy[x]) // e_step + 1, width - shift)
-                    row = table[base[g] + (mask | 1 << b), (done - begin) // step]
-                    _raise_to(here[:reach], row[shift : shift + reach], gain[x])
+                    row = (base[g] + (mask | 1 << b)) * buckets + max(k + ahead[g, x], soonest[x])
+                    _raise_to(cells, here, cells, row * lanes, worths, (g * count_all + x) * lanes, lanes)
 
 
 @numba.njit(cache=True, nogil=True)
 def trace_table(
     table: Array,
-    road_s: Array,
-    road_j: Array,
+    worth: Array,
+    ahead: Array,
+    last: Array,
+    soonest: Array,
     first: Array,
     base: Array,
-    gain: Array,
-    duration: Array,
+    road_j: Array,
     energy: Array,
-    opens: Array,
-    latest: Array,
-    begin: int,
-    step: int,
-    budget: int,
-    e_step: int,
-    e_budget: int,
     group: int,
     mask: int,
     k: int,
-    j: int,
-) -> Array:
-    """Return how often a best walk of the table's relaxation does each experiment, shape (X,)."""
+    m: int,
+) -> tuple[Array, int]:
+    """Return how often a best walk of lane m does each experiment, shape (X,), and the energy it uses."""
     counts = np.zeros(first[-1], np.int64)
+    used = 0
     while True:
-        value = table[base[group] + mask, k, j]
-        now = begin + k * step
+        value = table[base[group] + mask, k, m]
         found = False
         for h in range(len(base)):
-            if h == group:
-                road, fuel = 0, 0
-            else:
-                road, fuel = road_s[group, h], road_j[group, h]
-            if road < 0:
-                continue
             for x in range(first[h], first[h + 1]):
                 bit = 1 << (x - first[h])
-                if h == group and mask & bit:
-                    continue
-                done = max(now + road, opens[x]) + duration[x]
-                cost = fuel + energy[x]
-                if done > latest[x] or now + road > budget or j * e_step + cost > e_budget:
+                if (h == group and mask & bit) or k > last[group, x]:
                     continue
                 onward = mask | bit if h == group else bit
-                kk, jj = (done - begin) // step, j + cost // e_step
-                if table[base[h] + onward, kk, jj] + gain[x] == value:
+                kk = max(k + ahead[group, x], soonest[x])
+                if table[base[h] + onward, kk, m] + worth[group, x, m] == value:
                     counts[x] += 1
-                    group, mask, k, j = h, onward, kk, jj
+                    used += energy[x] + (0 if h == group else road_j[group, h])
+                    group, mask, k = h, onward, kk
                     found = True
                     break
             if found:
                 break
         if not found:
-            return counts
+            return counts, used
 
 
 @numba.njit(cache=True, nogil=True)
@@ -191,11 +202,11 @@ def expand(
     open_end: bool,
     end_s: Array,
     end_j: Array,
-    begin: int,
     step: int,
     budget: int,
-    e_step: int,
     e_budget: int,
+    price: Array,
+    slack: int,
     amounts: Array,
     capacity: Array,
     offset: int,
@@ -210,7 +221,7 @@ def expand(
     """
     size = len(new_place)
     cells = len(heads)
-    words = sets.shape[1]
+    words, lanes = sets.shape[1], len(price)
     heads[:] = -1
     made, best, best_at = 0, incumbent, -1
     row = np.empty(words, np.uint64)
@@ -252,9 +263,12 @@ def expand(
                 if not open_end and (end_s[h] < 0 or done + end_s[h] > budget or burnt + end_j[h] > e_budget):
                     continue
                 gained = worth[i] + gain[x]
-                limit = (
-                    offset + gained + table[base[h] + (inside | bit), (done - begin) // step, burnt // e_step]
-                )
+                state, k, left = base[h] + (inside | bit), done // step, e_budget - burnt
+                limit = NEVER
+                for m in range(lanes):
+                    most = table[state, k, m] + math.ceil(left * price[m])
+                    limit = most if m == 0 else min(limit, most)
+                limit += offset + gained + slack
                 if limit // scale <= best and prize[i] + value[x] <= best:
                     continue
                 ready = True
