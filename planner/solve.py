@@ -58,7 +58,7 @@ PRICE = 0.1
 
 SEARCH_S = 6.5
 SEARCH_S_PER_TARGET = 6.0
-"""Processor seconds for the search: of a problem of up to 8 targets, and for each one more."""
+"""Processor seconds for the search: with up to 8 targets and 6 branches, and for each target more."""
 
 
 class PlanStatus(StrEnum):
@@ -381,7 +381,8 @@ class _Work:
             main_lines=1 if quick else 4,
             tolerance=1e-3 if quick else 2e-4,
         )
-        until = time.thread_time() + SEARCH_S + SEARCH_S_PER_TARGET * max(0, model.n - 8)
+        more = max(1.0, self.max_branches / DEFAULT_BRANCHES)
+        until = time.thread_time() + SEARCH_S * more + SEARCH_S_PER_TARGET * max(0, model.n - 8)
         return plan_optimal(
             policy,
             grid,

@@ -1,0 +1,222 @@
+"""The kernel that carries plans out: in futures hashed as they are met, or in those of a table of draws."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit, uint64
+
+from planner.evaluate.hashing import mix, normal, uniform
+from planner.evaluate.model import Floats, Model
+from planner.evaluate.program import Program
+
+
+@njit(nogil=True, cache=True)
+def roll(
+    program: Any,
+    amounts: Any,
+    model: Any,
+    how: Any,
+    first: Any,
+    count: Any,
+    drawn: Any,
+    leg_t: Any,
+    leg_g: Any,
+    leg_u: Any,
+    obs_t: Any,
+    obs_g: Any,
+    obs_u: Any,
+    utility: Any,
+    time_used: Any,
+    energy_used: Any,
+    over: Any,
+    visits: Any,
+    visited: Any,
+) -> Any:
+    """Fill utility, time, energy and overrun of `count` futures, and the rows that they went through.
+
+    Times are in ticks, of which `per_s` make a second: whole milliseconds where `drawn`, so sums are exact.
+    Where `drawn`, future f takes its amounts and uniforms from row f of the tables, and the success coin is
+    tossed; else they are hashes of (seed, `first` + f, action), and an observation earns its mean, `worth`.
+    `visits` counts passages per row, `visited` marks rows per future; either may be empty.
+
+    No fast mathematics: in tables of draws every comparison must fall as the executive's does.
+    """
+    op, arg, value, go, fail, entry = program
+    per_s, t_max, e_max, hotel, penalty, track_t, track_e, track_leg, window = amounts
+    (
+        n, leg_ln, has_leg, loss, obs_ln, obs_place, worth, p_success, is_place, predecessors, trackable,
+        place_bits, target_bits, diminishing,
+    ) = model  # fmt: skip
+    seed, day_sd, keep, p_recover = how
+    n1 = n + 1
+    day_sigma = math.sqrt(math.log1p(day_sd * day_sd))
+    fresh = math.sqrt(max(0.0, 1.0 - keep * keep))
+    counting, marking = visits.shape[0] > 0, visited.shape[0] > 0
+    for f in range(count):
+        key = mix(uint64(seed) * uint64(0xD1342543DE82EF95) + uint64(first + f) + uint64(0x2545F4914F6CDD1D))
+        key = mix(key ^ uint64(0x9E3779B97F4A7C15))
+        t = 0.0
+        g = 0.0
+        u = 0.0
+        ended_over = False
+        loc = 0
+        tracked = 0
+        ever = 0
+        ntrk = 0
+        done = 0
+        pc = entry
+        last_z = 0.0
+        factor = 1.0
+        if day_sigma > 0.0:
+            factor = math.exp(day_sigma * normal(key, 1) - 0.5 * day_sigma * day_sigma)
+        while True:
+            o = op[pc]
+            if counting:
+                visits[pc] += 1
+            if marking:
+                visited[f, pc] = True
+            if o == 0:
+                break
+            i = arg[pc]
+            if o == 3:
+                if loc != i:
+                    if not has_leg[loc, i]:
+                        pc = fail[pc]
+                        continue
+                    base = 16 + (loc * n1 + i) * (n1 + 2)
+                    if drawn:
+                        t += leg_t[f, loc, i] + track_leg * ntrk
+                        g += leg_g[f, loc, i]
+                    else:
+                        z = normal(key, base)
+                        if keep > 0.0:
+                            z = keep * last_z + fresh * z
+                            last_z = z
+                        t += factor * math.exp(leg_ln[loc, i, 0] + leg_ln[loc, i, 1] * z) + track_leg * ntrk
+                        g += math.exp(leg_ln[loc, i, 2] + leg_ln[loc, i, 3] * normal(key, base + 1))
+                    if t > t_max or g + hotel * (t / per_s) > e_max:
+                        ended_over = True
+                        break
+                    if tracked != 0 or (p_recover > 0.0 and ever != 0):
+                        for k in range(1, n1):
+                            if (tracked >> k) & 1:
+                                p = loss[loc, i, k]
+                                if p > 0.0:
+                                    chance = leg_u[f, loc, i, k] if drawn else uniform(key, base + 1 + k)
+                                    if chance < p:
+                                        tracked &= ~(1 << k)
+                                        ntrk -= 1
+                            elif (
+                                p_recover > 0.0 and (ever >> k) & 1 and uniform(key, base + 1 + k) < p_recover
+                            ):
+                                tracked |= 1 << k
+                                ntrk += 1
+                    loc = i
+                pc = go[pc]
+            elif o == 4:
+                place = obs_place[i]
+                if (
+                    loc != place
+                    or (done >> i) & 1
+                    or t > window[i, 1]
+                    or (is_place[i] and not (tracked >> place) & 1)
+                    or (predecessors[i] & ~done) != 0
+                ):
+                    pc = fail[pc]
+                    continue
+                if t < window[i, 0]:
+                    t = window[i, 0]
+                if drawn:
+                    t += obs_t[f, i]
+                    g += obs_g[f, i]
+                else:
+                    base = 16 + n1 * n1 * (n1 + 2) + 2 * i
+                    t += factor * math.exp(obs_ln[i, 0] + obs_ln[i, 1] * normal(key, base))
+                    g += math.exp(obs_ln[i, 2] + obs_ln[i, 3] * normal(key, base + 1))
+                if t > t_max or g + hotel * (t / per_s) > e_max:
+                    ended_over = True
+                    break
+                if not drawn or obs_u[f, i] < p_success[i]:
+                    w = worth[i]
+                    if diminishing[place] != 1.0:
+                        before = done & target_bits[place]
+                        while before != 0:
+                            w *= diminishing[place]
+                            before &= before - 1
+                    u += w
+                done |= 1 << i
+                if is_place[i] and (place_bits[place] & ~done) == 0 and (tracked >> place) & 1:
+                    tracked &= ~(1 << place)
+                    ntrk -= 1
+                    ever &= ~(1 << place)
+                pc = go[pc]
+            elif o == 5:
+                pc = go[pc] if (not trackable[i]) or (tracked >> i) & 1 else fail[pc]
+            elif o == 6:
+                pc = go[pc] if t / per_s >= value[pc] else fail[pc]
+            elif o == 7:
+                pc = go[pc] if g + hotel * (t / per_s) >= value[pc] else fail[pc]
+            elif o == 8:
+                pc = go[pc] if (tracked >> i) & 1 else fail[pc]
+            elif o == 9:
+                pc = go[pc] if (done >> i) & 1 else fail[pc]
+            elif o == 1:
+                if loc != 0 or not trackable[i] or (tracked >> i) & 1:
+                    pc = fail[pc]
+                    continue
+                t += track_t
+                g += track_e
+                if t > t_max or g + hotel * (t / per_s) > e_max:
+                    ended_over = True
+                    break
+                tracked |= 1 << i
+                ever |= 1 << i
+                ntrk += 1
+                pc = go[pc]
+            else:
+                if (tracked >> i) & 1:
+                    tracked &= ~(1 << i)
+                    ntrk -= 1
+                ever &= ~(1 << i)
+                pc = go[pc]
+        utility[f] = u - penalty if ended_over else u
+        time_used[f] = t / per_s
+        energy_used[f] = g + hotel * (t / per_s)
+        over[f] = ended_over
+
+
+# ------------------------------------------------------------------------------------- its arguments
+
+
+def flat_program(program: Program) -> tuple[Any, ...]:
+    """Return a program as the kernel takes it."""
+    return program.op, program.arg, program.value, program.go, program.fail, program.entry
+
+
+def flat_costs(model: Model, *, per_s: int = 0) -> tuple[float, ...]:
+    """Return hotel load, cost of an overrun, and time and energy of a start of tracking.
+
+    The time is in whole ticks if there are some `per_s`, else in seconds.
+    """
+    track_t = float(round(model.track_t_s * per_s)) if per_s else model.track_t_s
+    return model.hotel_w, model.penalty, track_t, model.track_e_j
+
+
+def flat_model(model: Model, worth: Floats) -> tuple[Any, ...]:
+    """Return a model as the kernel takes it; `worth` is what an observation earns, shape (m,)."""
+    return (
+        model.n, model.leg_ln, model.has_leg, model.loss, model.obs_ln, model.obs_place, worth,
+        model.p_success, model.is_place, model.predecessors, model.trackable, model.place_bits,
+        model.target_bits, model.diminishing,
+    )  # fmt: skip
+
+
+def no_table() -> tuple[Floats, ...]:
+    """Return the tables of draws of a run without: leg times, energies and losses, and the observations'."""
+    return (
+        np.zeros((0, 0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0, 0, 0)),
+        np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)),
+    )  # fmt: skip
