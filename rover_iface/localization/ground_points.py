@@ -92,7 +92,7 @@ class DirectionRaster:
 def direction_raster(
     seen: GroundPoints, *, step: float = CELL_RAD, farthest_m: float = 40.0
 ) -> DirectionRaster:
-    """Return the points on a raster of directions; where several fall into a cell their disparities are meant.
+    """Return the points on a raster of directions; several in one cell count by their mean disparity.
 
     The seam of a full circle lies in its widest gap.
     """

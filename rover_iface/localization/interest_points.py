@@ -1,8 +1,8 @@
 """Förstner points of a stereo pair, matched by correlation and checked for consistent parallax.
 
 Förstner and Gülch 1987: corners and circular spots are where the gradient's normal matrix has a large smaller
-eigenvalue (weight w = det / trace) and is round (q = 4 det / trace^2). Li et al. 2007, section II.A match them
-by cross-correlation and drop those whose parallax does not fit that of their neighbours.
+eigenvalue (weight w = det / trace) and is round (q = 4 det / trace^2). Li et al. 2007, section II.A match
+them by cross-correlation and drop those whose parallax does not fit that of their neighbours.
 """
 
 from __future__ import annotations

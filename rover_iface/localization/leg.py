@@ -79,7 +79,7 @@ class FaultLimits:
             raise LocalizationError(f"a leg needs at least 3 pairs, found a limit of {self.least_matches}")
         if not 0 < self.largest_false_probability < 1:
             raise LocalizationError(
-                f"largest false-match probability is {self.largest_false_probability}; it lies between 0 and 1"
+                f"largest false-match probability is {self.largest_false_probability}; it must lie in (0, 1)"
             )
 
 

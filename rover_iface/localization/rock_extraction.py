@@ -37,8 +37,9 @@ class ExtractionOptions:
         (published: 70 cm and 2 m).
     disparity_px
         Standard deviation of a disparity; what hangs together differs by at most 4 of them.
-    ground_reach_m
-        How far the ground is smoothed, coarse to fine; what is a rise at one reach is looked at again.
+    ground_reach_m, rise_allowance
+        How far the ground is smoothed, coarse to fine; what is a rise at one reach is looked at again, and
+        how many deviations a face is given before it counts as one at each.
     widest_m, least_steepness
         Wider than this, or lower than this share of its width, is a rise of the ground and no rock.
     steepest_rise
@@ -49,7 +50,7 @@ class ExtractionOptions:
     """
 
     farthest_m: float = 26.0
-    least_height_m: float = 0.10
+    least_height_m: float = 0.12
     least_cells: int = 10
     near_m: float = 6.0
     near_side_m: float = 0.7
@@ -59,13 +60,14 @@ class ExtractionOptions:
     widest_m: float = 3.0
     least_steepness: float = 0.3
     steepest_rise: float = 1.3
+    rise_allowance: tuple[float, ...] = (1.0, 0.5, 0.5)
     significant_height_m: float = 0.15
 
     def __post_init__(self) -> None:
         if self.least_cells < FEWEST_POINTS - 4 or not self.least_height_m > 0 or not self.disparity_px > 0:
             raise LocalizationError(
-                f"rocks of {self.least_cells} cells, {self.least_height_m} m, {self.disparity_px} px; at least "
-                f"{FEWEST_POINTS - 4} cells and positive height and disparity error are needed"
+                f"rocks of {self.least_cells} cells, {self.least_height_m} m, {self.disparity_px} px; at least"
+                f" {FEWEST_POINTS - 4} cells and positive height and disparity error are needed"
             )
 
 
@@ -209,14 +211,14 @@ def extract_rocks(
     rocks: list[SeenRock] = []
     taken = np.zeros(smooth.size, dtype=bool)
     # a rock on a rise is lost in it until the ground is followed more closely
-    for reach in options.ground_reach_m:
+    for reach, allowance in zip(options.ground_reach_m, options.rise_allowance, strict=True):
         ground = fit_ground(points[valid], side=min(1.0, 0.7 * reach), reach_m=reach)
         over = np.full(smooth.shape, np.nan)
         over[valid] = points[valid][:, 2] - ground.at(points[valid][:, :2])
         for patch in _patches(over, smooth * seen.range_factor, options):
             if taken[patch].any():
                 continue
-            rock = _rock(patch, raster, points, over, ground, seen.range_factor, options, models)
+            rock = _rock(patch, raster, points, over, ground, seen.range_factor, options, allowance, models)
             if rock is not None:
                 rocks.append(rock)
                 taken[patch] = True
@@ -292,6 +294,7 @@ def _rock(
     ground: Ground,
     range_factor: float,
     options: ExtractionOptions,
+    allowance: float,
     models: bool,
 ) -> SeenRock | None:
     columns = over.shape[1]
@@ -321,7 +324,7 @@ def _rock(
     width = float((far - near + raster.step) * distance)
     if not 0.05 < width < options.widest_m or height < options.least_steepness * width:
         return None
-    if _is_rise(cells, raster.eye, range_factor, options):
+    if _is_rise(cells, raster.eye, range_factor, options, allowance):
         return None
     middle = 0.5 * (near + far)
     sight = np.array([math.cos(middle), math.sin(middle), 0.0])
@@ -357,7 +360,9 @@ def _rock(
     )
 
 
-def _is_rise(cells: Array, eye: Array, range_factor: float, options: ExtractionOptions) -> bool:
+def _is_rise(
+    cells: Array, eye: Array, range_factor: float, options: ExtractionOptions, allowance: float
+) -> bool:
     """Return whether a face surely recedes: the slope of range over height, one deviation off."""
     away = np.hypot(*(cells - eye)[:, :2].T)
     z = cells[:, 2] - cells[:, 2].mean()
@@ -365,7 +370,7 @@ def _is_rise(cells: Array, eye: Array, range_factor: float, options: ExtractionO
     slope = float(z @ (away - away.mean())) / (spread + 1e-4)
     sigma = float(np.median(away)) ** 2 / range_factor * options.disparity_px
     # neighbouring cells err together: six count as one
-    return slope - sigma / math.sqrt(spread / 6.0 + 1e-9) > options.steepest_rise
+    return slope - allowance * sigma / math.sqrt(spread / 6.0 + 1e-9) > options.steepest_rise
 
 
 def _plane(

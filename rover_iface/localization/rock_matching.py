@@ -1,4 +1,4 @@
-"""Which rock of one stop is which of another, seen from the other side, and where the stops lie to each other.
+"""Which rock of one stop is which of another, seen from the other side, and how the stops lie.
 
 The pose of one stop in the other's frame is taken as unknown within a prior, in shift and in heading. Every
 pose is scored by the log likelihood ratio of the rocks seen: each rock of the second stop is either one of
@@ -91,19 +91,19 @@ class MatchingOptions:
     least_pair
         A pair is kept when it is right with this probability.
     sharpness
-        What a log likelihood ratio counts, 0..1; below 1 because rocks do not lie independently of each other.
+        What a log likelihood ratio counts, 0..1; below 1, as rocks do not lie independently.
     """
 
     farthest_m: float = 24.0
     detected: float = 0.4
     log_height_sigma: float = 0.27
     log_width_sigma: float = 0.43
-    shift_step_m: float = 0.25
-    turn_step_rad: float = math.radians(0.8)
+    shift_step_m: float = 0.35
+    turn_step_rad: float = math.radians(1.1)
     reach_sigma: float = 3.0
     least_pair: float = 0.93
     sharpness: float = 0.7
-    modes: int = 20
+    modes: int = 12
     most_rocks: int = 30
     bias_px: float = 0.1
     range_factor: float = 235.4
@@ -325,7 +325,7 @@ class _Mode:
 def _terms(
     pose: Array, z: float | None, a: _Rocks, b: _Rocks, gain: Array, clutter: Array, options: MatchingOptions
 ) -> tuple[Array, Array, Array, Array]:
-    """Return association odds [n, m], offsets [n, m, 3], inverse covariances [n, m, 3, 3], distances [n, m]."""
+    """Return association odds, offsets [.., 3], inverse covariances [.., 3, 3] and distances, all [n, m]."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     moved = b.xyz @ turn.T + np.array([pose[0], pose[1], 0.0 if z is None else z])

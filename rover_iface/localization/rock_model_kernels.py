@@ -19,7 +19,7 @@ def heights(family, p, x, y, edge, out):  # type: ignore[no-untyped-def]
     root = math.sqrt(edge)
     for i in range(len(x)):
         dx, dy = x[i] - p[0], y[i] - p[1]
-        if family == HEMISPHEROID or family == ELLIPSOID:
+        if family in (HEMISPHEROID, ELLIPSOID):
             if family == HEMISPHEROID:
                 q = 1.0 - (dx * dx + dy * dy) / (p[2] * p[2])
             else:
