@@ -28,6 +28,7 @@ LOOK_S = 0.05
 """How long a wish of the operator may wait while the run is held."""
 PROGRESS_S = 5.0
 """Plan seconds between two reports of the pose while driving."""
+MAX_LABEL_BYTES = 64 * 1024
 
 
 def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> dict[str, Any]:
@@ -251,7 +252,7 @@ def _store_product(folder: Path, store: FileStore, row: Mapping[str, Any]) -> di
             f"{folder.name}: the product {relative} is not what its record says (SHA-256 differs)"
         )
     stored = store.put_file(file)
-    label = dict(row["label"])
+    label = {**_whole_label(file, row["sha256"]), **row["label"]}
     return {
         "label": {**label, "kind": row["kind"], "task": row["task"], "t_s": row["t_s"]},
         "file_name": relative.name,
@@ -259,6 +260,20 @@ def _store_product(folder: Path, store: FileStore, row: Mapping[str, Any]) -> di
         "size_bytes": stored.size_bytes,
         "media": mimetypes.guess_type(relative.name)[0] or "application/octet-stream",
     }
+
+
+def _whole_label(file: Path, sha256: str) -> dict[str, Any]:
+    """Return the label a rover left beside a product: with the camera model and the pose, which the journal's
+    flat label has no room for. A file of another form, or of another product, counts for nothing.
+    """
+    beside = file.with_name(f"{file.name}.json")
+    if beside.is_symlink() or not beside.is_file() or beside.stat().st_size > MAX_LABEL_BYTES:
+        return {}
+    try:
+        label = json.loads(beside.read_bytes())
+    except ValueError:
+        return {}
+    return label if isinstance(label, dict) and label.get("sha256") == sha256 else {}
 
 
 def live_lines_of(path: Path, wanted: str) -> list[dict[str, Any]]:
