@@ -213,7 +213,7 @@ def _why(changed: Problem, changes: Changes, outcome: Outcome, lost: list[str]) 
         words.append(
             f"{counted(len(given_up), 'request')} left out: the rest is worth more within the budgets"
         )
-    # A tenth of an hour or of 100 kJ that is worth less than a thousandth of the plan is no limit.
+    # An hour or 100 kJ that is worth less than a hundredth of the plan is no limit.
     scale = 1e-2 * max(1.0, outcome.found)
     if outcome.per_hour > scale:
         words.append(f"time limits the plan: an hour more is worth {outcome.per_hour:.2f}")
@@ -221,6 +221,8 @@ def _why(changed: Problem, changes: Changes, outcome: Outcome, lost: list[str]) 
         words.append(f"energy limits the plan: 100 kJ more are worth {outcome.per_100_kj:.2f}")
     if outcome.overrun > 0.05:
         words.append(f"{outcome.overrun:.0%} of the futures end over a budget")
+    if not changes.as_dict():
+        return words
     if abs(outcome.change) <= 2.0 * outcome.change_error:
         words.append("the change makes no difference that these futures show")
     elif outcome.replanning > 2.0 * outcome.replanning_error and outcome.replanning > scale:

@@ -245,9 +245,10 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         for name in names:
             page.get_by_test_id("target-row").filter(has_text=name).click()
             expect(page.get_by_label("Name of the target")).to_have_value(name)
-            if page.get_by_test_id("target-products").count() == 0:
+            products = page.get_by_test_id("target-products").get_by_test_id("product")
+            if products.count() == 0:
                 continue
-            page.get_by_test_id("target-products").get_by_test_id("product").first.click()
+            products.first.click()
             expect(page.get_by_test_id("product-sheet")).to_be_visible()
             picture = page.get_by_test_id("product-image")
             expect(picture).to_be_visible()
