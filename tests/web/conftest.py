@@ -33,6 +33,8 @@ START_S = 120.0
 def _outcrop(data: Path) -> tuple[list[str], dict[str, str]]:
     environment = dict(os.environ, OUTCROP_DATA_DIR=str(data), PYTHONUNBUFFERED="1")
     environment.pop("OUTCROP_DATABASE_URL", None)
+    # The server works in its data folder: what it imports is this checkout, whatever else is installed.
+    environment["PYTHONPATH"] = str(ROOT)
     return [sys.executable, "-m", "ground.cli"], environment
 
 
