@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.statistics import measure, stretch
 from rover_iface.terrain.generate import generate_terrain
+from rover_iface.terrain.rocks import Rock
 
 IMAGERY = Path(__file__).resolve().parents[1].parent / "shared/data/imagery"
 REAL = {
@@ -61,15 +63,28 @@ def main() -> None:
     rig = CameraRig(load_cameras("mer"), (0.5, 0.1, 1.3))
     pose = Pose(0.0, 0.0, terrain.height_at(0.0, 0.0), 0.4)
     sun = Sun.from_angles(math.radians(100.0), math.radians(40.0))
-    for name, tilt, corner in (
-        ("rendered, to 14 m", -0.25, (480, 300)),
-        ("rendered, 2 to 5 m", -0.6, (560, 560)),
-    ):
+    for name, tilt in (("rendered, to 14 m", -0.25), ("rendered, 2 to 5 m", -0.6)):
         frame = renderer.render(rig.camera("navcam_left", 0.3, tilt), pose, sun)
         seen = (frame.truth.object_index >= 0) & (frame.truth.range_m < 14.0)
         _print(name, frame.unit, seen)
-        part = frame.unit[corner[0] : corner[0] + 400, corner[1] : corner[1] + 400]
-        crops.append(stretch(part).astype(np.uint8))
+        if name == "rendered, to 14 m":
+            crops.append(stretch(frame.unit[480:880, 300:700]).astype(np.uint8))
+    heading = 0.4 + 0.3
+    behind = Sun.from_angles(math.radians(240.0), math.radians(45.0))
+    for metres in (1.6, 2.4, 3.2):
+        x, y = (0.5 + metres) * math.cos(heading), (0.5 + metres) * math.sin(heading)
+        rock = Rock("BIG", x, y, terrain.height_at(x, y), diameter=1.2, height=0.9, burial=0.25, seed=7)
+        rocky = replace(terrain, rocks=(*terrain.rocks, rock))
+        near = Renderer(scene_from_terrain(rocky, (0.0, 0.0), radius_m=8.0, seed=1))
+        frame = near.render(rig.camera("navcam_left", 0.3, -math.atan2(0.9, metres)), pose, behind)
+        index = next(k for k, name in enumerate(frame.truth.ids) if name.startswith("BIG"))
+        on_rock = frame.truth.object_index == index
+        _print(f"rendered rock, {metres:.1f} m", frame.unit, on_rock & frame.truth.lit)
+        if metres == 2.4:
+            rows, columns = np.nonzero(on_rock)
+            top = min(max(0, int(rows.mean()) - 200), 624)
+            left = min(max(0, int(columns.mean()) - 200), 624)
+            crops.append(stretch(frame.unit[top : top + 400, left : left + 400]).astype(np.uint8))
     if out is not None and len(crops) == 4:
         from PIL import Image
 

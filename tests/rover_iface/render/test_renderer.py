@@ -181,11 +181,8 @@ def test_a_rendered_rock_has_the_texture_of_the_flight_frames() -> None:
     )
     rock = frame.truth.object_index == frame.truth.ids.index("BIG")
     found = measure(frame.unit, rock & frame.truth.lit)
-    for name in ("spectrum_slope", "rms_contrast", "half_width_px", "second_peak"):
-        low, high = RANGES[name]
+    for name, (low, high) in RANGES.items():
         assert low <= getattr(found, name) <= high, (name, found)
-    # bedrock as near as this: the flight frame of bedrock has 0.075 by the same measure
-    assert 0.05 <= found.high_energy <= RANGES["high_energy"][1]
 
 
 def test_the_statistics_of_a_flight_frame_lie_in_the_published_ranges() -> None:

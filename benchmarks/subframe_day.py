@@ -1,0 +1,192 @@
+"""A day with five tracked targets, planned, emitted as CRL, flown by the executive on the `subframe` rover.
+
+    .venv/bin/python benchmarks/subframe_day.py --seed 1 --out /tmp/day [--docs docs]
+
+Every stage is timed, in wall and in CPU seconds; the bar is 120 s on two cores from terrain to products. The
+rover's world has rocks that the map has not and softer soil. For the same day with ten targets and a planner
+that chooses among them: `outcrop demo --rover subframe`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from executive.crl import canonical_text
+from ground.convert import DayRequest, DayTarget, prepare_day, stand_for
+from ground.demo_mission import DemoMission, demo_mission, target_at
+from ground.flight import fly
+from planner.emit_crl import emit
+from planner.problem import problem_from_dict
+from planner.solve import solve
+from rover_iface.errors import PlacementError
+from rover_iface.mobility import settled_pose
+from rover_iface.navigation.kernels import cast_ranges
+from rover_iface.navigation.sensor import GroundRaster, StereoSensor
+from rover_iface.profile import RoverProfile, load_profile
+from rover_iface.simulator.subframe_rover import make_rover
+from rover_iface.terrain import Terrain, generate_terrain
+
+BEGIN, END = "<!-- begin:day -->", "<!-- end:day -->"
+TARGETS = 5
+WORLD_ERROR = {"unmapped_rocks_per_m2": 0.01, "softer": 1.2}
+
+
+def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
+    """Return what the day came to; the run's folder is `out`."""
+    spent: dict[str, tuple[float, float]] = {}
+
+    @contextmanager
+    def stage(name: str) -> Iterator[None]:
+        wall, cpu = time.perf_counter(), time.process_time()
+        yield
+        spent[name] = (time.perf_counter() - wall, time.process_time() - cpu)
+
+    with stage("terrain"):
+        terrain = generate_terrain(seed)
+    profile = load_profile("k9")
+    with stage("targets, observation points, paths"):
+        mission = demo_mission(terrain, profile, seed=seed)
+        chosen = visible_targets(terrain, profile, mission, targets)
+        requests = tuple(
+            DayRequest(f"R{k + 1}", t.id, "mi", 20.0, tracked=True) for k, t in enumerate(chosen)
+        )
+        limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0)
+        day = prepare_day(terrain, profile, limits, chosen, requests, mission.keep_outs)
+    with stage("plan and CRL"):
+        problem = problem_from_dict(day.problem)
+        plan = solve(problem, max_branches=0, time_limit_s=20.0, seed=seed)
+        crl = canonical_text(emit(problem, plan.tree, plan_id="day"))
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "plan.crl").write_text(crl, encoding="utf-8")
+    world = {
+        "format": "world/1",
+        "name": mission.name,
+        "problem": day.problem,
+        "map_error": WORLD_ERROR,
+        "battery_j": 4_000_000,
+    }
+    with stage("world of the rover: unmapped rocks, scene"):
+        rover = make_rover(world, terrain=terrain, seed=seed, out=out)
+        triangles = rover.renderer.scene.triangle_count
+    with stage("the day under the executive"):
+        flight = fly(crl, rover, out, run_id="day", about={"rover": "subframe", "seed": seed}, sync=False)
+    true = [pose for _, pose, _ in rover.odometry]
+    rows = [json.loads(line) for line in (out / "products.jsonl").read_text("utf-8").splitlines()]
+    ends = Counter(row[2] for row in flight_ends(out) if str(row[1]).startswith("observe-"))
+    return {
+        "seed": seed,
+        "targets": len(chosen),
+        "outcome": flight.outcome.outcome,
+        "hours": (flight.outcome.end_s or 0.0) / 3600,
+        "driven_m": sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(true)),
+        "updates": len(rover.history),
+        "placed": ends["SUCCEEDED"],
+        "tracked_error_m": [r.error_m for r in rover.history if r.state == "tracked"],
+        "lost": sorted({r.target for r in rover.history if r.state == "failed"}),
+        "images": sum(row["path"].endswith(".png") for row in rows),
+        "images_of_requests": sum(row["path"].endswith(".png") and "request" in row["label"] for row in rows),
+        "products": len(rows),
+        "triangles": triangles,
+        "stages": spent,
+    }
+
+
+def flight_ends(out: Path) -> list[list[Any]]:
+    """Return `[t_s, node, outcome]` of every node that ended."""
+    records = (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines())
+    return [[r[0], r[2], r[3]] for r in records if r[1] == "end"]
+
+
+def visible_targets(
+    terrain: Terrain, profile: RoverProfile, mission: DemoMission, count: int
+) -> tuple[DayTarget, ...]:
+    """Return targets as a person picks them in the first panorama: on faces of rocks seen from the start.
+
+    Of rocks 4 to 10 m away whose face the arm reaches from somewhere, and 2.5 m apart.
+    """
+    stand = mission.limits.start
+    start = settled_pose(terrain, profile, stand.east_m, stand.north_m, stand.heading_rad)
+    ground = GroundRaster.of(terrain, 20.0)
+    eye = start.site_from_rover.apply(StereoSensor(profile).eye)
+    rocks = [r for r in terrain.rocks_near(start.x, start.y, 10.0) if 0.25 <= r.diameter <= 0.8]
+    chosen: list[DayTarget] = []
+    for rock in sorted(rocks, key=lambda r: -r.height):
+        if math.hypot(rock.x - start.x, rock.y - start.y) < 4.0:
+            continue
+        if any(math.hypot(rock.x - t.point_site[0], rock.y - t.point_site[1]) < 2.5 for t in chosen):
+            continue
+        way = np.array([rock.x, rock.y, rock.z + 0.5 * rock.height]) - eye
+        way /= np.linalg.norm(way)
+        away = cast_ranges(ground.heights, ground.west, ground.south, ground.spacing, eye, way[None], 15.0)
+        point = eye + float(away[0]) * way
+        if not math.hypot(rock.x - point[0], rock.y - point[1]) < 0.5 * rock.diameter:
+            continue
+        target = target_at(terrain, f"T{len(chosen) + 1}", rock.id, float(point[0]), float(point[1]))
+        try:
+            if not stand_for(terrain, profile, stand, target, "mi", keep_outs=mission.keep_outs, count=1):
+                continue
+        except PlacementError:
+            continue
+        chosen.append(target)
+        if len(chosen) == count:
+            return tuple(chosen)
+    raise SystemExit(f"only {len(chosen)} of {count} targets are in sight of the start; try another --seed")
+
+
+def table(result: dict[str, Any]) -> str:
+    """Return the day as a Markdown table."""
+    rows = [
+        (f"{result['targets']} tracked targets, seed {result['seed']}", "wall s", "CPU s"),
+        ("---", "---", "---"),
+        *((name, f"{wall:.1f}", f"{cpu:.1f}") for name, (wall, cpu) in result["stages"].items()),
+        (
+            "**all**",
+            f"**{sum(w for w, _ in result['stages'].values()):.0f}**",
+            f"**{sum(c for _, c in result['stages'].values()):.0f}**",
+        ),
+    ]
+    text = "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    errors = sorted(result["tracked_error_m"])
+    middle, worst = (100 * errors[len(errors) // 2], 100 * errors[-1]) if errors else (math.nan, math.nan)
+    return (
+        f"{text}\n\nDriven {result['driven_m']:.1f} m in {result['hours']:.2f} h of plan time, "
+        f"{result['updates']} updates of trackers ({middle:.1f} cm off in the median, {worst:.0f} cm at worst, "
+        "of targets far away), "
+        f"{result['placed']} of {result['targets']} placements made, lost for good: "
+        f"{', '.join(result['lost']) or 'none'}; {result['products']} products, {result['images']} of them "
+        f"images, {result['images_of_requests']} of those tied to their observation request."
+    )
+
+
+def main() -> None:
+    """Fly the day, print the table, and with --docs put it into docs/simulator.md."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--targets", type=int, default=TARGETS)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--docs", type=Path)
+    arguments = parser.parse_args()
+    text = table(fly_day(arguments.seed, arguments.out, arguments.targets))
+    print(text)
+    if arguments.docs is not None:
+        page = arguments.docs / "simulator.md"
+        before, rest = page.read_text(encoding="utf-8").split(BEGIN)
+        page.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
