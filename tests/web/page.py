@@ -42,7 +42,12 @@ def open_page(
     expect.set_options(timeout=WAIT_MS)
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
-    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.on(
+        "console",
+        lambda message: (
+            errors.append(f"{message.text} {message.location}") if message.type == "error" else None
+        ),
+    )
     page.goto(f"{server}/{query}")
     try:
         try:
@@ -52,7 +57,7 @@ def open_page(
                 page.screenshot(path=Path(folder) / "failure.png")
                 print("console:", errors)
             raise
-        assert errors == []
+        assert errors == [], errors
     finally:
         context.close()
 
