@@ -162,8 +162,8 @@ def table(result: dict[str, Any]) -> str:
     middle, worst = (100 * errors[len(errors) // 2], 100 * errors[-1]) if errors else (math.nan, math.nan)
     return (
         f"{text}\n\nDriven {result['driven_m']:.1f} m in {result['hours']:.2f} h of plan time, "
-        f"{result['updates']} updates of trackers ({middle:.1f} cm off in the median, {worst:.0f} cm at worst, "
-        "of targets far away), "
+        f"{result['updates']} updates of trackers ({middle:.1f} cm off in the median, {worst:.0f} cm at most "
+        "for targets far away), "
         f"{result['placed']} of {result['targets']} placements made, lost for good: "
         f"{', '.join(result['lost']) or 'none'}; {result['products']} products, {result['images']} of them "
         f"images, {result['images_of_requests']} of those tied to their observation request."

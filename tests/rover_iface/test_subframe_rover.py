@@ -113,6 +113,22 @@ def test_a_sudden_change_of_light_is_not_taken_for_the_target(world: Path) -> No
         assert record.state != "tracked" or record.error_m < 0.05
 
 
+def test_a_target_behind_the_mast_is_no_miss_but_grows_doubtful(world: Path) -> None:
+    rover = make_rover(world, seed=4)
+    assert do(rover, "trackstart", target="T1").success
+    x, y = rover.targets["T1"].point[:2]
+    do(rover, "turn", heading=math.atan2(-y, -x))
+    away = math.hypot(x, y)
+    do(rover, "navigate", x=-2.6 * x / away, y=-2.6 * y / away, mode="track")
+    unseen = [r for r in rover.history if any("the limit is 3.050" in why for why in r.reasons)]
+    assert unseen
+    assert not any(r.state == "failed" for r in rover.history)
+    for before, after in zip(rover.history, rover.history[1:], strict=False):
+        if after in unseen:
+            assert after.confidence == pytest.approx(0.8 * before.confidence)
+            assert after.state == ("tracked" if after.confidence >= 0.5 else "lost")
+
+
 def test_faults_of_the_body_and_the_camera(world: Path) -> None:
     stuck = make_rover(world, seed=1, faults=[Fault(FaultKind.STUCK_WHEEL, at_s=0)])
     assert do(stuck, "navigate", x=2.0, y=0.0, mode="blind").reason == "wheel stuck"
