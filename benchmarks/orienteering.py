@@ -1,8 +1,14 @@
 """Goal selection side by side: this product, PyVRP, OR-Tools routing and CP-SAT on the same files in one run.
 
-    .venv/bin/python benchmarks/orienteering.py --set ../shared/benchmarks/orienteering --out docs
+    .venv/bin/python benchmarks/orienteering.py --subset --limits 0.1 1 --seeds 1 2 3
+    .venv/bin/python benchmarks/orienteering.py --report
 
-Solvers are interleaved file by file; each has its limit of wall seconds from the matrix in memory to the
+Rows are kept in `results/orienteering.jsonl` and what is there is not run again, so a run can be broken off
+and taken up; `--report` makes the tables and the plot of what is there. With `--clock cpu` all limits
+are seconds of CPU time of the process instead of wall seconds, for all solvers alike: on a busy machine only
+that is a comparison.
+
+Solvers are interleaved file by file; each has its limit from the matrix in memory to the
 checked route; imports and compiled kernels are warm. The product's own checker values every route, whatever
 the solver claims. PyVRP has its better setting (prizes times budget + 1, unit distance cost 1), CP-SAT
 `linearization_level` 2 and two workers, above 200 nodes 15 neighbours; OR-Tools routing has disjunction
@@ -13,13 +19,16 @@ optimum, or a proof below the best known value, ends the run with an error.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
 import json
 import os
 import platform
 import statistics
+import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +36,35 @@ from typing import Any
 from planner.errors import RoutingError
 from planner.orienteering import RoutingProblem, read_routing_file, route_value, solve, warm_up
 from planner.orienteering.cp_sat import solve_cp_sat
+
+ON_CPU = "cpu" in sys.argv
+if ON_CPU:  # every limit that reads this clock then counts CPU seconds, also that of PyVRP (imported later)
+    time.perf_counter = time.process_time
+
+SUBSET = {
+    "rover05w-s1",
+    "rover10w-s1",
+    "rover10o-s1",
+    "rover20w-s1",
+    "rover20o-s1",
+    "rover30w-s2",
+    "rover30o-s1",
+    "rover50w-s1",
+    "rover50o-s1",
+    "c101",
+    "r101",
+    "r104",
+    "r105",
+    "rc101",
+    "pr01",
+    "berlin52-gen3-50",
+    "kroA100-gen3-50",
+    "pr136-gen3-50",
+    "gr202-gen3-50",
+    "lin318-gen1-50",
+    "att532-gen3-50",
+}
+ROWS = Path(__file__).parent / "results" / "orienteering.jsonl"
 
 Answer = tuple[tuple[int, ...], bool, int | None]
 Solver = Callable[[RoutingProblem, float, int], Answer]
@@ -38,10 +76,45 @@ def ours(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
     return found.route, found.proven, found.upper
 
 
+@contextlib.contextmanager
+def _stop_on_cpu(limit_s: float) -> Iterator[None]:
+    """Stop any CP-SAT search begun inside once the process has used so much more CPU time."""
+    if not ON_CPU:
+        yield
+        return
+    from ortools.sat.python import cp_model
+
+    deadline = time.process_time() + limit_s
+    running: list[cp_model.CpSolver] = []
+    finished = threading.Event()
+    solve_model = cp_model.CpSolver.solve
+
+    def watched(solver: cp_model.CpSolver, *args: Any, **kwargs: Any) -> Any:
+        running.append(solver)
+        return solve_model(solver, *args, **kwargs)
+
+    def watch() -> None:
+        while not finished.wait(0.005):
+            if time.process_time() >= deadline and running:
+                running[0].stop_search()
+
+    cp_model.CpSolver.solve = watched
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        finished.set()
+        watcher.join()
+        cp_model.CpSolver.solve = solve_model
+
+
 def cp_sat(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
     """Return what CP-SAT finds with two workers."""
     near = 15 if len(problem.experiments) > 200 else None
-    found = solve_cp_sat(problem, time_limit_s=limit_s, seed=seed, threads=2, neighbours=near)
+    with _stop_on_cpu(limit_s):
+        wall = 1000.0 * limit_s if ON_CPU else limit_s
+        found = solve_cp_sat(problem, time_limit_s=wall, seed=seed, threads=2, neighbours=near)
     return found.route, found.proven, found.upper
 
 
@@ -142,7 +215,12 @@ def routing(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
     settings = pywrapcp.DefaultRoutingSearchParameters()
     settings.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.PARALLEL_CHEAPEST_INSERTION
     settings.local_search_metaheuristic = routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
-    settings.time_limit.FromMilliseconds(max(1, int(1000 * (limit_s - (time.perf_counter() - begin)))))
+    if ON_CPU:
+        deadline = begin + limit_s
+        model.AddSearchMonitor(model.solver().CustomLimit(lambda: time.process_time() >= deadline))
+        settings.time_limit.FromMilliseconds(int(1_000_000 * limit_s))
+    else:
+        settings.time_limit.FromMilliseconds(max(1, int(1000 * (limit_s - (time.perf_counter() - begin)))))
     found = model.SolveWithParameters(settings)
     if found is None:
         return (), False, None
@@ -164,14 +242,21 @@ def fits(solver: str, problem: RoutingProblem) -> bool:
     return problem.energy_budget is None and not problem.precedence and problem.end_site is not None
 
 
+def _stored() -> list[dict[str, Any]]:
+    if not ROWS.exists():
+        return []
+    return [json.loads(line) for line in ROWS.read_text(encoding="utf-8").splitlines()]
+
+
 def run_file(
     file: str, problem: RoutingProblem, known: dict[str, str], limit_s: float, seed: int
 ) -> list[dict[str, Any]]:
     """Return one row a solver."""
     rows = []
     best = float(known["best_known"])
+    have = {(r["file"], r["solver"], r["limit_s"], r["seed"]) for r in _stored()}
     for name, solver in SOLVERS.items():
-        if not fits(name, problem):
+        if not fits(name, problem) or (file, name, limit_s, seed) in have:
             continue
         wall, cpu = time.perf_counter(), time.process_time()
         route, proven, upper = solver(problem, limit_s, seed)
@@ -198,8 +283,12 @@ def run_file(
                 "upper": upper,
                 "wall_s": wall,
                 "cpu_s": cpu,
+                "clock": "cpu" if ON_CPU else "wall",
             }
         )
+        ROWS.parent.mkdir(exist_ok=True)
+        with ROWS.open("a", encoding="utf-8") as out:
+            out.write(json.dumps(rows[-1]) + "\n")
         print(
             f"{file:36s} {limit_s:5g} s {name:17s} {value!s:>6} gap {gap:6.2f} "
             f"{'proof' if proven else '':5s} "
@@ -224,8 +313,8 @@ def family(file: str) -> str:
 def summary(rows: list[dict[str, Any]]) -> str:
     """Return the table of all groups, limits and solvers as Markdown."""
     lines = [
-        "| files | limit | solver | n | mean gap % | median | max | within 1 % | proven | median wall s "
-        "| p95 wall s | median CPU s |",
+        "| files | limit | solver | n | mean gap % | median | max | within 1 % | proven | median CPU s "
+        "| p95 CPU s | PAR2 to proof, s |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     keys = sorted({(family(r["file"]), r["limit_s"]) for r in rows}, key=lambda k: (k[0][:5], len(k[0]), k))
@@ -238,16 +327,58 @@ def summary(rows: list[dict[str, Any]]) -> str:
             ]
             if not mine:
                 continue
+            mine = _medians(mine)
             gaps = [r["gap"] for r in mine]
-            walls = sorted(r["wall_s"] for r in mine)
-            p95 = walls[min(len(walls) - 1, int(0.95 * len(walls)))]
+            cpus = sorted(r["cpu_s"] for r in mine)
+            p95 = cpus[min(len(cpus) - 1, int(0.95 * len(cpus)))]
             lines.append(
                 f"| {group} | {limit:g} s | {solver} | {len(mine)} | {statistics.mean(gaps):.2f} | "
                 f"{statistics.median(gaps):.2f} | {max(gaps):.2f} | {sum(g <= 1 for g in gaps)} | "
-                f"{sum(r['proven'] for r in mine)} | {statistics.median(walls):.3f} | {p95:.3f} | "
-                f"{statistics.median(r['cpu_s'] for r in mine):.3f} |"
+                f"{sum(r['proven'] for r in mine)} | {statistics.median(cpus):.3f} | {p95:.3f} | "
+                f"{statistics.mean(2 * r['limit_s'] if not r['proven'] else r['cpu_s'] for r in mine):.3f} |"
             )
     return "\n".join(lines)
+
+
+def proofs(folder: Path) -> str:
+    """Return the table of CPU times to proof over all rover files, no time limit, one thread."""
+    from planner.orienteering.exact import ExactSolver
+
+    times: dict[int, list[float]] = {}
+    with (folder / "best_known.csv").open() as lines:
+        best = {row["file"]: int(float(row["best_known"])) for row in csv.DictReader(lines)}
+    for path in sorted((folder / "rover").glob("*.json")):
+        problem = read_routing_file(path).problem
+        runs = []
+        for _ in range(3):
+            began = time.process_time()
+            found = ExactSolver(problem).solve()
+            runs.append(time.process_time() - began)
+            if not found.proven or found.value != best[f"rover/{path.name}"]:
+                raise SystemExit(f"{path.name}: {found.value} is not the proven optimum")
+        times.setdefault(int(path.name[5:7]), []).append(statistics.median(runs))
+    lines_out = ["| sites | files | median CPU s | largest |", "|---|---|---|---|"]
+    for sites, all_runs in sorted(times.items()):
+        lines_out.append(
+            f"| {sites} | {len(all_runs)} | {statistics.median(all_runs):.3f} | {max(all_runs):.3f} |"
+        )
+    return "\n".join(lines_out)
+
+
+def _medians(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one row a file: medians over seeds, proven when every seed was."""
+    files: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        files.setdefault(row["file"], []).append(row)
+    return [
+        {
+            **same[0],
+            "gap": statistics.median(r["gap"] for r in same),
+            "cpu_s": statistics.median(r["cpu_s"] for r in same),
+            "proven": all(r["proven"] for r in same),
+        }
+        for same in files.values()
+    ]
 
 
 def replans(folder: Path) -> str:
@@ -334,6 +465,9 @@ def main() -> None:
     parser.add_argument("--folders", nargs="+", default=["rover", "optw", "oplib"])
     parser.add_argument("--limits", nargs="+", type=float, default=[1.0])
     parser.add_argument("--seeds", nargs="+", type=int, default=[1])
+    parser.add_argument("--subset", action="store_true", help="21 files of all kinds instead of all")
+    parser.add_argument("--clock", choices=["wall", "cpu"], default="wall")
+    parser.add_argument("--report", action="store_true", help="tables and plot of the stored rows, proofs")
     parser.add_argument("--only", default="", help="part of a file name")
     parser.add_argument("--out", type=Path, default=Path("docs"))
     args = parser.parse_args()
@@ -341,23 +475,20 @@ def main() -> None:
         best = {row["file"]: row for row in csv.DictReader(lines)}
     warm_up()
     tiny = next(p for f, p in _problems(args.set, best, ["optw"], "") if f.endswith("r101.txt"))
-    for solver in SOLVERS.values():
+    for solver in [] if args.report else SOLVERS.values():
         solver(tiny, 0.2, 0)
-    rows: list[dict[str, Any]] = []
-    for file, problem in _problems(args.set, best, args.folders, args.only):
+    for seed in [] if args.report else args.seeds:
         for limit in args.limits:
-            for seed in args.seeds:
-                rows += run_file(file, problem, best[file], limit, seed)
-    again = replans(args.set) if "rover" in args.folders and not args.only else ""
-    head = (
-        f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the end of the run"
-    )
-    print(head, summary(rows), again, sep="\n\n")
-    results = Path(__file__).parent / "results" / "orienteering.json"
-    results.parent.mkdir(exist_ok=True)
-    results.write_text(json.dumps({"machine": head, "replans": again, "rows": rows}, indent=1) + "\n")
-    (args.out / "img").mkdir(parents=True, exist_ok=True)
-    plot(rows, args.out / "img" / "orienteering.png")
+            for file, problem in _problems(args.set, best, args.folders, args.only):
+                if not args.subset or Path(file).stem in SUBSET:
+                    run_file(file, problem, best[file], limit, seed)
+    rows = _stored()
+    print(summary(rows))
+    if args.report:
+        print(proofs(args.set), replans(args.set), sep="\n\n")
+        print(f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+        (args.out / "img").mkdir(parents=True, exist_ok=True)
+        plot(rows, args.out / "img" / "orienteering.png")
 
 
 def _problems(

@@ -26,6 +26,10 @@ ENGINE = "survey"
 Array = npt.NDArray[Any]
 
 _STARTS = 12
+_RATE = 40_000  # steps a second that are reckoned with
+_CHUNKS = 150  # pieces into which the steps are cut
+_HEAT = 3.0  # first temperature in mean prizes
+_COLDEST = 0.01  # last temperature as a share of the first
 
 
 def is_survey(p: RoutingProblem) -> bool:
@@ -83,9 +87,10 @@ def solve_survey(
                 usable, size=min(len(usable), 0 if s == 0 else int(rng.integers(1, 4))), replace=False
             )
             pool.append((0, s, _first_route(d, budget, seeds.astype(np.int64), n)))
-        chunk = max(50, 200_000 // n) if n <= 1500 else 150
+        planned = iterations if iterations is not None else min(_RATE * time_limit_s, 1e9)
+        chunk = int(min(20_000.0, max(50.0, planned / _CHUNKS)))
         limit = math.inf if iterations is None else float(iterations)
-        temperature = max(1.0, float(prize[usable].mean())) * 0.6
+        temperature = max(1.0, float(prize[usable].mean())) * _HEAT
         stage, stop = 0, False
         while not stop:
             fresh = []
@@ -97,9 +102,8 @@ def solve_survey(
                     fresh.append((value, s, route))
                     continue
                 steps = int(min(chunk, limit - done))
-                heat = temperature * max(0.03, 1.0 - share)
-                if iterations is not None:
-                    heat = temperature * max(0.03, 1.0 - done / limit)
+                cooled = share if iterations is None else done / limit
+                heat = temperature * _COLDEST ** min(1.0, cooled)
                 top, top_value, last = search(
                     d, prize, near, budget, route, steps, heat, int(rng.integers(1, 2**62)), usable
                 )
