@@ -24,7 +24,7 @@ from rover_iface.localization.bundle_adjustment import (
     small_motion,
 )
 from rover_iface.localization.leg import localise_leg
-from rover_iface.localization.rock_extraction import SeenRock
+from rover_iface.localization.traverse import covariance_among
 from rover_iface.localization.visual_odometry import (
     OdometryOptions,
     Step,
@@ -39,8 +39,7 @@ WHEEL_SHARE = 0.05
 PIVOT = (0.3, 0.0, 1.35)
 SUN_SIGMA = math.radians(1.0)
 TILT_SIGMA = math.radians(0.3)
-VO_SCALE = 0.01
-BIAS_PX = 0.1
+VO_SCALE = 0.005
 
 
 # ---- steps on features
@@ -138,7 +137,7 @@ class TiedLeg:
 
 
 def tied_leg(record: LegRecord) -> TiedLeg:
-    """Return the rock pairs that the matching finds on a leg with wheel odometry and headings to 5 degrees."""
+    """Return the rock pairs found on a leg with wheel odometry and headings to 5 degrees."""
     prior = wheel_prior(record, np.random.default_rng([record.seed, 0x71E]))
     result = localise_leg(record.ends[0].rocks, record.ends[1].rocks, prior)
     shift = record.eyes[1] - record.eyes[0]
@@ -151,19 +150,9 @@ def tied_leg(record: LegRecord) -> TiedLeg:
         right += bool(bodies)
         for end, index in ((0, pair.first), (1, pair.second)):
             rock = record.ends[end].rocks[index]
-            spread = _with_bias(rock, len(pairs))
+            spread = covariance_among(rock, len(pairs))
             ends[end].append((turn @ rock.position, turn @ spread @ turn.T))
     return TiedLeg(turn @ shift, *ends, result.accepted, right)
-
-
-def _with_bias(rock: SeenRock, count: int) -> Array:
-    """Return the covariance of a rock for use with others of its stop, whose ranges share a bias.
-
-    A bias common to n rocks does not average out; n times its variance on each leaves it in their mean.
-    """
-    sight = rock.position / np.linalg.norm(rock.position)
-    bias = BIAS_PX * rock.range_m**2 / 235.4
-    return np.asarray(rock.covariance + count * bias**2 * np.outer(sight, sight))
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +214,8 @@ def kilometre(
         walked = _walked(motion, errors[rng.integers(len(errors), size=count)], 1.0 + scale)
         spread = chained([(_part(motion, count), claimed)] * count)[1]
         along = motion.inverse().rotate(motion.translation)
-        spread[3:, 3:] += VO_SCALE**2 * np.outer(along, along)
+        # the scale is one for the whole run: on n legs its variance counts n times, or it would average out
+        spread[3:, 3:] += (length_m / level) * VO_SCALE**2 * np.outer(along, along)
         odometry.append(odometry[-1] * walked)
         chain.append((walked, spread))
         total, covariance = chained(chain)

@@ -1,4 +1,4 @@
-"""Legs of the localisation studies: generated terrain, a stop at each end, what stereo sees, and the truth."""
+"""Legs of the localisation studies: generated terrain, a stop at each end, what stereo sees, the truth."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 
 A thin layer over GTSAM. Poses are `site_from_rover`; a small motion of a pose is (turn, shift), six numbers
 in the axes of the rover at that pose, radians and metres; covariances [6, 6] are of that. `solve` adjusts all
-at once (Levenberg-Marquardt), `update` takes up what was added since the last call (iSAM2). Stereo enters through
-linearised cameras (`StereoRig`); a rock enters as what a camera looking at it would have measured, with the
-rock's own covariance, so that the long tail of its range is kept.
+at once (Levenberg-Marquardt), `update` takes up what was added since the last call (iSAM2). Stereo enters
+through linearised cameras (`StereoRig`); a rock enters as what a camera looking at it would have measured,
+with the rock's own covariance, so that the long tail of its range is kept.
 """
 
 from __future__ import annotations
@@ -113,6 +113,7 @@ class BundleAdjustment:
     _fresh_values: Any = field(init=False)
     _pose_keys: dict[Hashable, int] = field(init=False, default_factory=dict)
     _point_keys: dict[Hashable, int] = field(init=False, default_factory=dict)
+    _measured: set[int] = field(init=False, default_factory=set)
     _residuals: int = field(init=False, default=0)
     _isam: Any = field(init=False, default=None)
 
@@ -132,11 +133,12 @@ class BundleAdjustment:
 
         if key in self._pose_keys:
             raise LocalizationError(f"pose {key!r} is there already")
+        spread = None if covariance is None else _covariance(covariance, 6, f"pose {key!r}")
         number = gtsam.symbol("x", len(self._pose_keys))
         self._pose_keys[key] = number
         self._insert(number, _pose3(guess))
-        if covariance is not None:
-            noise = gtsam.noiseModel.Gaussian.Covariance(_covariance(covariance, 6, f"pose {key!r}"))
+        if spread is not None:
+            noise = gtsam.noiseModel.Gaussian.Covariance(spread)
             self._add(gtsam.PriorFactorPose3(number, _pose3(guess), noise), 6)
 
     def add_point(self, key: Hashable, guess: npt.ArrayLike) -> None:
@@ -294,6 +296,7 @@ class BundleAdjustment:
 
     def _add(self, factor: Any, residuals: int) -> None:
         self._fresh.add(factor)
+        self._measured.update(int(key) for key in list(factor.keys()))
         self._residuals += residuals
 
     def _take_up(self) -> None:
@@ -301,6 +304,10 @@ class BundleAdjustment:
 
         if not self._pose_keys:
             raise LocalizationError("a traverse without poses cannot be adjusted")
+        for what, keys in (("pose", self._pose_keys), ("point", self._point_keys)):
+            for key, number in keys.items():
+                if number not in self._measured:
+                    raise LocalizationError(f"{what} {key!r} was never measured")
         self._graph.push_back(self._fresh)
         self._values.insert(self._fresh_values)
         self._fresh, self._fresh_values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -368,7 +375,7 @@ def adjoint(transform: Transform) -> Array:
 
 
 def chained(steps: list[tuple[Transform, Array]]) -> tuple[Transform, Array]:
-    """Return the motion over several steps (old_from_new, covariance in the axes of new) and its covariance."""
+    """Return the motion over several steps (old_from_new, covariance in the axes of new) with its own."""
     total, covariance = Transform.identity(), np.zeros((6, 6))
     for step, spread in steps:
         back = adjoint(step.inverse())

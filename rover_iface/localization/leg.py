@@ -68,7 +68,7 @@ class FaultLimits:
     least_significant: int = 4
     significant_height_m: float = 0.15
     least_matches: int = 4
-    largest_false_probability: float = 0.01
+    largest_false_probability: float = 0.05
     chi2_tail: float = 1e-4
     largest_sigma_m: float = 0.5
     largest_sigma_rad: float = math.radians(1.5)

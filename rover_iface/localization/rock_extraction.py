@@ -66,8 +66,8 @@ class ExtractionOptions:
     def __post_init__(self) -> None:
         if self.least_cells < FEWEST_POINTS - 4 or not self.least_height_m > 0 or not self.disparity_px > 0:
             raise LocalizationError(
-                f"rocks of {self.least_cells} cells, {self.least_height_m} m, {self.disparity_px} px; at least"
-                f" {FEWEST_POINTS - 4} cells and positive height and disparity error are needed"
+                f"rocks of {self.least_cells} cells, {self.least_height_m} m, {self.disparity_px} px; "
+                f"at least {FEWEST_POINTS - 4} cells and positive height and disparity error are needed"
             )
 
 

@@ -89,7 +89,7 @@ class MatchingOptions:
     reach_sigma
         How far the raster reaches, in deviations of the prior.
     least_pair
-        A pair is kept when it is right with this probability.
+        A pair is kept when, the pose being right, it is right with this probability.
     sharpness
         What a log likelihood ratio counts, 0..1; below 1, as rocks do not lie independently.
     """
@@ -102,7 +102,7 @@ class MatchingOptions:
     turn_step_rad: float = math.radians(1.1)
     reach_sigma: float = 3.0
     least_pair: float = 0.93
-    sharpness: float = 0.7
+    sharpness: float = 0.85
     modes: int = 12
     most_rocks: int = 30
     bias_px: float = 0.1
@@ -404,9 +404,9 @@ def _result(
     pairs = []
     for i, j in zip(rows, columns, strict=True):
         # a rock of the first stop that two of the second want is certain of neither
-        probability = float(top.posterior[i, j] / max(1.0, row_total[i])) * share
-        if probability >= options.least_pair:
-            pairs.append((probability, int(i), int(j)))
+        given_pose = float(top.posterior[i, j] / max(1.0, row_total[i]))
+        if given_pose >= options.least_pair:
+            pairs.append((given_pose * share, int(i), int(j)))
     pairs.sort(reverse=True)
     pose, z, covariance, chi2 = _fit(pairs, top, a, b, prior, options)
     return RockMatch(

@@ -2,8 +2,8 @@
 
 The features and their robust motion are those of the feature tracker (`rover_iface.vision.sift`); here the
 pictures of two stops are taken in the rover's own frame, wheel odometry predicts where features will be, and
-the motion comes with a covariance. A step without enough features falls back on the wheels, with a covariance that
-allows for slip.
+the motion comes with a covariance. A step without enough features falls back on the wheels, with a covariance
+that allows for slip.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class OdometryOptions:
     inflate
         Factor on the feature covariance; features of one picture do not err independently.
     features, ratio, row_px, gate_px, draws, inlier_px, sigma_px
-        As of the feature tracker (`rover_iface.vision.sift`); the gate is round where the wheels have a feature.
+        As of the feature tracker (`rover_iface.vision.sift`); gated round where the wheels have them.
     """
 
     least: int = 15

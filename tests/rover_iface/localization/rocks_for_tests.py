@@ -26,7 +26,7 @@ def seen_rock(position, height, width, *, sigma_along=0.15, sigma_across=0.05):
 
 
 def two_ends(seed, *, common=10, alone=6, length=26.0, heading=0.03, noise=1.0):
-    """Rocks of both ends of a leg along x, the truth (x, y, z, heading), and which pairs are the same rock."""
+    """Rocks of both ends of a leg along x, the truth (x, y, z, heading), and which pairs are one rock."""
     rng = np.random.default_rng(seed)
     truth = np.array([length, 0.4, 0.1, heading])
     c, s = math.cos(heading), math.sin(heading)

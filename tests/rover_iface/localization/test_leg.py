@@ -73,7 +73,7 @@ def test_too_few_matches(good, count, fires):
 
 
 def test_ambiguous_fires_where_another_pose_fits_as_well():
-    # rocks of one size in an even grid, of which the second stop sees the middle: it fits one place on as well
+    # rocks of one size in an even grid, of which the second stop sees the middle: it fits one on as well
     row = [(x, y, -1.5) for x in np.arange(7.0, 20.0, 2.0) for y in (-4.0, -2.0, 0.0, 2.0, 4.0)]
     middle = [(x, y, z) for x, y, z in row if 9.5 < x < 16.5 and abs(y) < 3.0]
     truth = np.array([26.0, 0.0, 0.0, 0.0])

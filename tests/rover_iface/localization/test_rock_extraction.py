@@ -1,4 +1,4 @@
-"""Rock extraction from clouds: half rounds on a plane seen at a slant, ground rises, edges of what is seen."""
+"""Rock extraction from clouds: half rounds on a plane seen at a slant, rises, what cannot be used."""
 
 from __future__ import annotations
 
