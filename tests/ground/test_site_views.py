@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import math
+from pathlib import Path
 
+import httpx
 import numpy as np
 import pytest
 from PIL import Image
@@ -20,8 +22,8 @@ from tests.ground.test_missions_api import TARGET, problem
 
 
 @pytest.fixture
-def site(sqlite_api: Api, terrain_folder: object) -> Mission:
-    return yard(sqlite_api.repo, terrain_folder)  # type: ignore[arg-type]
+def site(sqlite_api: Api, terrain_folder: Path) -> Mission:
+    return yard(sqlite_api.repo, terrain_folder)
 
 
 def test_the_rover_is_told_as_its_profile_and_cameras_say(sqlite_api: Api, site: Mission) -> None:
@@ -122,7 +124,7 @@ def test_a_place_to_stand_is_weighed_and_a_bad_one_refused_with_the_reason(
     away = sqlite_api.get(f"{url}/stand?east_m=3.2&north_m=1.0&heading_rad=3.0")
     assert not away["reachable"]
 
-    def put(pose: dict[str, float], revision: int) -> object:
+    def put(pose: dict[str, float], revision: int) -> httpx.Response:
         headers = {"If-Match": f'"{revision}"'}
         return sqlite_api("PATCH", url, {"observation_pose": pose}, headers=headers)
 
@@ -130,7 +132,7 @@ def test_a_place_to_stand_is_weighed_and_a_bad_one_refused_with_the_reason(
     assert refused["errors"][0]["pointer"] == "/observation_pose"
     assert "the arm reaches 0.79 m" in refused["detail"]
     pose = {"east_m": 3.2, "north_m": 1.0, "heading_rad": 0.0}
-    assert put(pose, 1).json()["observation_point"] == {  # type: ignore[attr-defined]
+    assert put(pose, 1).json()["observation_point"] == {
         "pose": pose,
         "reachable": True,
         "manual": True,
