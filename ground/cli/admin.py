@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from ground.cli.failure import fail
+from ground.cli.resources import group_of
 
 
 def register(app: typer.Typer) -> None:
@@ -73,8 +74,7 @@ def register(app: typer.Typer) -> None:
         if report.without_file:
             raise typer.Exit(1)
 
-    person = typer.Typer(help="People and their roles.", no_args_is_help=True)
-    app.add_typer(person, name="person")
+    person = group_of(app, "person", "People and their roles.")
 
     @person.command("add")
     def add_person(

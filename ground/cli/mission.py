@@ -7,11 +7,11 @@ from pathlib import Path
 import typer
 
 from ground.cli.failure import fail
+from ground.cli.resources import group_of
 
 
 def register(app: typer.Typer) -> None:
-    group = typer.Typer(help="Missions.", no_args_is_help=True)
-    app.add_typer(group, name="mission")
+    group = group_of(app, "mission", "Missions.")
 
     @group.command("load-demo")
     def load_demo_command(

@@ -37,13 +37,17 @@ def connected(server: str, person: str | None) -> Iterator[Client]:
             fail(str(err))
 
 
-def _group(app: typer.Typer, name: str, about: str) -> typer.Typer:
+def group_of(app: typer.Typer, name: str, about: str) -> typer.Typer:
+    """Return the group of commands with a name; it is made if there is none."""
+    for known in app.registered_groups:
+        if known.name == name and known.typer_instance is not None:
+            return known.typer_instance
     group = typer.Typer(help=about, no_args_is_help=True)
     app.add_typer(group, name=name)
     return group
 
 
-def _follow(client: Client, job: Job) -> Job:
+def follow(client: Client, job: Job) -> Job:
     """Print the job's progress on stderr and return it when it is over; end the program if it failed."""
     from ground.gdr.values import JobState
 
@@ -65,8 +69,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _missions(app: typer.Typer) -> None:
-    group = next(g.typer_instance for g in app.registered_groups if g.name == "mission")
-    assert group is not None
+    group = group_of(app, "mission", "Missions.")
 
     @group.command("list")
     def list_missions(server: str = SERVER, person: str | None = PERSON) -> None:
@@ -114,7 +117,7 @@ def _missions(app: typer.Typer) -> None:
 
 
 def _targets(app: typer.Typer) -> None:
-    group = _group(app, "target", "Targets.")
+    group = group_of(app, "target", "Targets.")
 
     @group.command("add")
     def add(
@@ -151,7 +154,7 @@ def _targets(app: typer.Typer) -> None:
 
 
 def _requests(app: typer.Typer) -> None:
-    group = _group(app, "request", "Observation requests.")
+    group = group_of(app, "request", "Observation requests.")
 
     @group.command("add")
     def add(
@@ -192,7 +195,7 @@ def _requests(app: typer.Typer) -> None:
 
 
 def _keep_outs(app: typer.Typer) -> None:
-    group = _group(app, "keep-out", "Keep-outs.")
+    group = group_of(app, "keep-out", "Keep-outs.")
 
     @group.command("add")
     def add(
@@ -247,7 +250,7 @@ def _work(app: typer.Typer) -> None:
                 "seed": seed,
                 "strategy": strategy,
             }
-            job = _follow(client, client.plan(mission, **order))
+            job = follow(client, client.plan(mission, **order))
             plan = client.get(Plan, job.subject_id)
             typer.echo(
                 f"{plan.id}  {plan.status}  expected utility {plan.expected_utility or 0.0:.2f}, at most "
@@ -269,7 +272,7 @@ def _work(app: typer.Typer) -> None:
         from ground.gdr.values import Run
 
         with connected(server, person) as client:
-            job = _follow(client, client.run(mission, plan, rover=rover, seed=seed))
+            job = follow(client, client.run(mission, plan, rover=rover, seed=seed))
             run = client.get(Run, job.subject_id)
             typer.echo(
                 f"{run.id}  {run.outcome}  utility {run.utility:g}  {run.duration_s or 0.0:.0f} s  "
@@ -278,7 +281,7 @@ def _work(app: typer.Typer) -> None:
 
 
 def _products(app: typer.Typer) -> None:
-    group = _group(app, "product", "Data products.")
+    group = group_of(app, "product", "Data products.")
 
     @group.command("list")
     def list_products(
