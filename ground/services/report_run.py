@@ -6,13 +6,14 @@ import base64
 import html
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select
 
 from ground.errors import StateError
+from ground.failure_modes import failure_modes
 from ground.figures import draw_day
 from ground.gdr import models as m
 from ground.gdr import values as v
@@ -33,7 +34,8 @@ img{max-width:100%}.tree{overflow-x:auto;border:1px solid #ccd5da}"""
 def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
     """Return the report of a run that is over as one HTML document that loads nothing.
 
-    Map with what was planned and driven, plan tree, odds, each request with what came back, failures.
+    Map with what was planned and driven, plan tree, odds, each request with what came back, what is most
+    likely to go wrong with the plan, and what failed in this run.
 
     Raises
     ------
@@ -87,6 +89,9 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
         _table(
             ("target", "instrument", "value", "in the plan", "came back"), _rows(plan, requests, products)
         ),
+        "<h2>Top failure modes</h2>",
+        _table(("what may go wrong", "chance", "value at stake", "expected loss"), _modes(tree, problem))
+        or "<p>None known.</p>",
         "<h2>What failed</h2>",
         _table(("time, s", "task", "end"), _failures(trace)) or "<p>Nothing.</p>",
     ]
@@ -145,6 +150,13 @@ def _rows(
     if orphans:
         rows.append(("no request", "", "", "", ", ".join(orphans)))
     return rows
+
+
+def _modes(tree: Mapping[str, Any], problem: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    return [
+        (mode.what, f"{mode.chance:.1%}", f"{mode.at_stake:g}", f"{mode.expected_loss:.2f}")
+        for mode in failure_modes(tree, problem, target_names(problem))
+    ]
 
 
 def _failures(trace: v.Trace) -> list[tuple[Any, ...]]:

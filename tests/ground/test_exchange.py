@@ -203,7 +203,14 @@ def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(wo
     page.feed(answer.text)
     assert [link[:22] for link in page.loads] == ["data:image/png;base64,"]
     assert "script" not in page.tags
-    for word in ("<script>x</script>", "SUCCEEDED", "Near", "Far", *(p["file_name"] for p in known)):
+    for word in (
+        "<script>x</script>",
+        "SUCCEEDED",
+        "Top failure modes",
+        "Near",
+        "Far",
+        *(p["file_name"] for p in known),
+    ):
         assert word in page.text
 
 

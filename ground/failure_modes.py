@@ -1,0 +1,110 @@
+"""What is most likely to go wrong with a plan, and what it would cost: from plan tree and problem. Pure."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class FailureMode:
+    """One way to lose something; `chance` over all futures, `at_stake` the value that hangs on it."""
+
+    what: str
+    chance: float
+    at_stake: float
+
+    @property
+    def expected_loss(self) -> float:
+        return self.chance * self.at_stake
+
+
+@dataclass
+class _Walk:
+    """What is collected along the tree. Names of targets are those of people."""
+
+    legs: Mapping[tuple[str, str], Mapping[str, float]]
+    observations: Mapping[str, tuple[str, Mapping[str, Any]]]
+    names: Mapping[str, str]
+    lost: dict[tuple[str, str, str], float] = field(default_factory=lambda: defaultdict(float))
+    spoilt: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    attempted: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    def steps(
+        self, steps: Sequence[Mapping[str, Any]], place: str, tracked: frozenset[str], chance: float
+    ) -> None:
+        for step in steps:
+            reached = float(step.get("p_reached", chance))
+            match step["op"]:
+                case "track_start":
+                    tracked |= {step["target"]}
+                case "track_stop":
+                    tracked -= {step["target"]}
+                case "navigate":
+                    place = self.drive(place, step["to"], tracked, reached)
+                case "observe":
+                    self.observe(step["observation"], reached)
+                case "visit":
+                    place = self.drive(place, step["target"], tracked, reached)
+                    for name, (target, _) in self.observations.items():
+                        if target == step["target"]:
+                            self.observe(name, reached)
+                case "branch":
+                    for option in step["options"]:
+                        gone = {w["target"] for w in option["when"] if w["var"] == "tracked" and not w["is"]}
+                        taken = float(option.get("p_taken", 0.0))
+                        self.steps(option["plan"], place, tracked - gone, taken)
+                case _:
+                    pass
+
+    def drive(self, place: str, to: str, tracked: frozenset[str], chance: float) -> str:
+        for target, p_lose in self.legs.get((place, to), {}).items():
+            if target in tracked:
+                self.lost[(target, place, to)] += chance * p_lose
+        return to
+
+    def observe(self, name: str, chance: float) -> None:
+        if name in self.observations:
+            self.attempted[name] += chance
+            self.spoilt[name] += chance * (1.0 - float(self.observations[name][1].get("p_success", 1.0)))
+
+
+def failure_modes(
+    tree: Mapping[str, Any], problem: Mapping[str, Any], names: Mapping[str, str], *, most: int = 10
+) -> list[FailureMode]:
+    """Return the ways to lose value, the largest expected loss first.
+
+    A track lost on a leg puts the observations of its target at stake; an observation may bring nothing
+    usable (its success probability); and one that the plan holds may not be come to.
+    """
+    legs = {(leg["from"], leg["to"]): leg.get("p_lose", {}) for leg in problem.get("legs", ())}
+    observations = {
+        o["id"]: (t["id"], o) for t in problem.get("targets", ()) for o in t.get("observations", ())
+    }
+    walk = _Walk(legs, observations, names)
+    walk.steps(tree.get("plan", ()), "start", frozenset(), 1.0)
+
+    def worth(name: str) -> float:
+        return float(observations[name][1].get("utility", 0.0))
+
+    def said(target: str) -> str:
+        return names.get(target, target)
+
+    def called(name: str) -> str:
+        target, observation = observations[name]
+        return f"{observation.get('instrument', observation.get('kind', 'observation'))} of {said(target)}"
+
+    found = []
+    for (target, place, to), chance in walk.lost.items():
+        stake = sum(worth(n) for n in walk.attempted if observations[n][0] == target)
+        where = f"between {said(place)} and {said(to)}"
+        found.append(FailureMode(f"the track of {said(target)} is lost {where}", min(chance, 1.0), stake))
+    for name, chance in walk.spoilt.items():
+        found.append(FailureMode(f"the {called(name)} brings nothing usable", min(chance, 1.0), worth(name)))
+    for name, chance in walk.attempted.items():
+        missed = max(0.0, 1.0 - chance)
+        found.append(FailureMode(f"the {called(name)} is not come to", missed, worth(name)))
+    likely = [mode for mode in found if mode.expected_loss > 1e-9]
+    return sorted(likely, key=lambda mode: (-mode.expected_loss, mode.what))[:most]

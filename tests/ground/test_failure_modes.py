@@ -1,0 +1,58 @@
+"""What may go wrong with a plan, by its expected loss."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ground.failure_modes import failure_modes
+from tests.rover_iface.worlds import small_problem
+
+NAMES = {"T1": "Rock", "T2": "Slab"}
+
+
+def tree() -> dict[str, Any]:
+    rest = [{"op": "navigate", "to": "T2"}, {"op": "observe", "observation": "T2-mi"}]
+    return {
+        "plan": [
+            {"op": "track_start", "target": "T1"},
+            {"op": "track_start", "target": "T2"},
+            {"op": "navigate", "to": "T1", "p_reached": 1.0},
+            {"op": "observe", "observation": "T1-mi", "p_reached": 0.95},
+            {
+                "op": "branch",
+                "options": [
+                    {
+                        "when": [{"var": "tracked", "target": "T2", "is": True}],
+                        "p_taken": 0.6,
+                        "plan": [{**step, "p_reached": 0.6} for step in rest],
+                    },
+                    {
+                        "when": [{"var": "tracked", "target": "T2", "is": False}],
+                        "p_taken": 0.4,
+                        "plan": rest[:1],
+                    },
+                ],
+            },
+        ]
+    }
+
+
+def test_losses_are_told_with_chance_and_stake_the_dearest_first() -> None:
+    found = failure_modes(tree(), small_problem(), NAMES)
+    told = {mode.what: mode for mode in found}
+    # by hand, from the chances of the problem: T2 lost on the first leg 0.3, on the second 0.6 * 0.1
+    first = told["the track of Slab is lost between start and Rock"]
+    assert (first.chance, first.at_stake) == (pytest.approx(0.3), pytest.approx(5.0))
+    assert told["the track of Slab is lost between Rock and Slab"].chance == pytest.approx(0.06)
+    assert told["the mi of Slab is not come to"].chance == pytest.approx(0.4)
+    assert told["the mi of Rock brings nothing usable"].chance == pytest.approx(0.95 * 0.1)
+    losses = [mode.expected_loss for mode in found]
+    assert losses == sorted(losses, reverse=True)
+    assert found[0].what == "the mi of Slab is not come to"
+
+
+def test_an_empty_plan_cannot_fail_and_the_list_is_cut() -> None:
+    assert failure_modes({"plan": []}, small_problem(), NAMES) == []
+    assert len(failure_modes(tree(), small_problem(), NAMES, most=2)) == 2
