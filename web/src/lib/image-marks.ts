@@ -1,6 +1,6 @@
 /** Where targets stand in a picture that came back: by the camera model of its label, with their error ellipses. */
 
-import { cameraOf, ellipseInImage, project, vector } from "./camera";
+import { cameraOf, ellipseInImage } from "./camera";
 
 export interface Placed {
   id: string;
@@ -26,8 +26,6 @@ export interface ImageMarks {
   width: number;
   height: number;
   marks: ImageMark[];
-  /** Where the rover took the target to be when it aimed the camera. */
-  aimed: [number, number] | null;
 }
 
 /** Half axes of the ellipse x' M^-1 x = 1 of a symmetric matrix [xx, xy, yy], and the turn of the longer one. */
@@ -53,7 +51,5 @@ export function marksIn(label: Record<string, unknown>, targets: readonly Placed
     if (seen === null || !inside(...seen.center)) continue;
     marks.push({ id: target.id, name: target.name, x: seen.center[0], y: seen.center[1], ...axesOf(seen.matrix), own: target.id === own });
   }
-  const point = label.point_m;
-  const aim = Array.isArray(point) && point.every((v) => typeof v === "number") ? project(camera, vector(point)) : null;
-  return { width: camera.width, height: camera.height, marks, aimed: aim !== null && inside(...aim) ? aim : null };
+  return { width: camera.width, height: camera.height, marks };
 }

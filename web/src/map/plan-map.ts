@@ -339,7 +339,7 @@ export class PlanMap {
       feature.setStyle((_feature, resolution) => {
         const geometry = feature.getGeometry() as LineString;
         // Numbers only where the drive is long enough to carry one.
-        if (loss <= 0.005 || faint || geometry.getLength() / resolution < 60) return line;
+        if (loss <= 0.005 || !own || geometry.getLength() / resolution < 60) return line;
         const middle = new Style({
           geometry: new PointGeometry(geometry.getCoordinateAt(0.5)),
           text: words(loss < 0.01 ? "<1 %" : `${Math.round(100 * loss)} %`, "#ffe0c8"),
