@@ -133,12 +133,25 @@ def surface_from_cloud(cloud: Cloud, step: int, *, jump: float = 0.03) -> Surfac
     return Surface(cloud.points, triangles.astype(np.int32), cloud.camera.C, noise)
 
 
+def dense_cloud(view: StereoView, *, nearest_m: float, step: int) -> Cloud:
+    """Return the dense cloud of a pair, also of subframes that were cut round the same thing.
+
+    Block matching leaves the columns unmatched that the largest disparity would move out of the frame. If the
+    right subframe was cut further to the left, what they show is there: the pair is padded on that side.
+    """
+    left, right = view.left_camera, view.right_camera
+    if right.hc - left.hc < 8.0:
+        return dense_stereo(view.left, view.right, left, right, nearest_m=nearest_m, step=step)
+    baseline = float(np.linalg.norm(right.C - left.C))
+    pad = -(-math.ceil(left.hs * baseline / nearest_m) // 16) * 16
+    images = [np.pad(image, ((0, 0), (pad, 0))) for image in (view.left, view.right)]
+    cameras = [c.window(-pad, 0, c.width + pad, c.height) for c in (left, right)]
+    return dense_stereo(images[0], images[1], cameras[0], cameras[1], nearest_m=nearest_m, step=step)
+
+
 def surface_of(view: StereoView, *, nearest_m: float = 0.4, step: int = 2) -> Surface:
     """Return the surface that a stereo pair sees."""
-    cloud = dense_stereo(
-        view.left, view.right, view.left_camera, view.right_camera, nearest_m=nearest_m, step=step
-    )
-    return surface_from_cloud(cloud, step)
+    return surface_from_cloud(dense_cloud(view, nearest_m=nearest_m, step=step), step)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ line of sight.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -332,8 +332,30 @@ class SiftTracker:
         chain.view = view
         fresh = self.find(view)
         chain.motion = self.motion(chain.features, fresh, view, seed=chain.stops, driven_m=chain.coasted_m)
+        if chain.motion is not None and chain.motion.doubtful and not self._confirmed(chain, view):
+            chain.motion = None
         if chain.motion is not None:
-            chain.features, chain.valid_view, chain.coasted_m = fresh, view, 0.0
+            # a stop that shows little moves the features it has: they may be needed for the next
+            poor = self.shipped and chain.motion.inliers < self.options.half_count
+            chain.features = chain.features.moved(chain.motion.new_from_old) if poor else fresh
+            chain.valid_view, chain.coasted_m = view, 0.0
+
+    def _confirmed(self, chain: _Chain, view: StereoView) -> bool:
+        """Return whether a doubtful motion leads at least one target to where it is seen again."""
+        motion = chain.motion
+        assert motion is not None
+        for track in self._targets.values():
+            if track.chain is not chain or track.anchor is None or track.state is TrackState.FAILED:
+                continue
+            anchor = replace(
+                track.anchor, normal=np.asarray(motion.new_from_old.rotate(track.anchor.normal)), scores={}
+            )
+            _move_key(anchor, motion)
+            self.looks.take(view, *motion.at(track.position, track.covariance), anchor)
+            gate = self.options.anchor.gate_sigma
+            if anchor.scores["look_sigma"] < gate and abs(anchor.scores["range_sigma"]) < gate:
+                return True
+        return False
 
     def _coast(self, target: str, track: _Target, view: StereoView) -> TrackUpdate:
         """Answer by dead reckoning, covariance widened by what that may be off since the last valid stop."""

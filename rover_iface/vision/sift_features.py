@@ -6,13 +6,14 @@ new feature where the pose estimate puts the old one. A rival outside the gate c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import triangulate
+from rover_iface.frames import Transform
 from rover_iface.vision.tracker import Image, StereoView
 
 Descriptors = npt.NDArray[np.float32]
@@ -43,6 +44,12 @@ class Features:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def moved(self, motion: Transform) -> Features:
+        """Return the features with their points in another frame."""
+        points = np.asarray(motion.apply(self.points), dtype=np.float64)
+        covariance = np.asarray(motion.covariance(self.unit_covariance), dtype=np.float64)
+        return replace(self, points=points, unit_covariance=covariance)
 
 
 def none() -> Features:

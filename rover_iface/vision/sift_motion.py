@@ -24,6 +24,8 @@ from rover_iface.vision.sift_features import Features
 from rover_iface.vision.tracker import StereoView
 
 Mask = npt.NDArray[np.bool_]
+LEAST_SHARE = 0.35
+"""Share of the matches below which a consensus may be that of a thing that moves by itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,8 @@ class Motion:
         (n, 3) and (n, 2): those that agree, now, and where the left image shows them.
     residual_px
         Root mean square of what they disagree by, pixels.
+    doubtful
+        Whether dead reckoning would have to be off by more than it can well be, or most matches disagree.
     """
 
     new_from_old: Transform
@@ -52,6 +56,7 @@ class Motion:
     points: Array
     pixels: Array
     residual_px: float
+    doubtful: bool = False
 
     def at(self, position: Array, covariance: Array) -> tuple[Array, Array]:
         """Return a point and its covariance (3, 3) after the motion."""
@@ -147,6 +152,7 @@ def find_motion(
         now,
         seen[best, :2],
         math.sqrt(variance),
+        bool(np.median(np.linalg.norm(now - p[best], axis=1)) > limit_m or best.mean() < LEAST_SHARE),
     )
 
 

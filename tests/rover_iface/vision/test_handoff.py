@@ -1,0 +1,138 @@
+"""Hand-off between cameras on one rendered stop: the methods, the cascade, and when it refuses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from rover_iface.errors import TrackerError
+from rover_iface.frames import Pose, Transform
+from rover_iface.simulator.render.renderer import Frame
+from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
+from rover_iface.vision.handoff_cascade import cascade, mast_error
+from rover_iface.vision.sift_motion import small_rotation
+from rover_iface.vision.tracker import StereoView
+from tests.rover_iface.render.scenes import PIVOT, SUN, picture, rig, rock_renderer
+
+POSE = Pose(-1.75, 0.0, 0.0)
+TILT = math.radians(0.8)
+
+
+def _pair(left: Frame, right: Frame) -> StereoView:
+    return StereoView(left.unit, right.unit, left.camera, right.camera)
+
+
+@lru_cache(maxsize=1)
+def world() -> tuple[Side, Side, Frame, np.ndarray]:
+    """Return near navcams, hazcams, the left navcam's frame and the true target."""
+    left = picture(POSE, half=200, seed=5)
+    right = picture(POSE, "navcam_right", half=200, exposure=left.exposure, seed=6)
+    cameras = rig()
+    haz = []
+    for n, name in enumerate(("hazcam_left", "hazcam_right")):
+        exposure = haz[0].exposure if haz else None
+        haz.append(
+            rock_renderer().render(
+                cameras.camera(name),
+                POSE,
+                SUN,
+                sensor=cameras.mounted(name).sensor,
+                exposure=exposure,
+                seed=7 + n,
+            )
+        )
+    target = np.asarray(left.truth.point_site[270, 180])
+    return Side(_pair(left, right), 0.8), Side(_pair(haz[0], haz[1]), 0.3), left, target
+
+
+def given(tilt: float = TILT) -> tuple[Handoff, np.ndarray]:
+    near, haz, left, target = world()
+    pivot = np.asarray(POSE.site_from_rover.apply(np.array(PIVOT)))
+    turn = small_rotation(tilt * left.camera.horizontal)
+    wrong = Transform(turn, pivot - turn @ pivot)
+    pixel = np.array([180.0, 270.0])
+    return Handoff(haz, near.moved(wrong), pixel, near.moved(wrong), pixel), np.asarray(
+        haz.view.left_camera.project(target)
+    )
+
+
+def test_every_method_is_near_the_truth_with_a_well_known_mast() -> None:
+    setting, true = given(0.0)
+    for name in METHODS:
+        found = hand_off(name, "near", setting)
+        assert found is not None, name
+        limit = 12.0 if name == "registration" else 4.0
+        assert np.hypot(*(found.pixel - true)) < limit, name
+
+
+def test_a_wrong_mast_misleads_kinematics_but_not_the_cascade() -> None:
+    setting, true = given()
+    blind = hand_off("pure kinematic", "near", setting)
+    assert blind is not None
+    assert np.hypot(*(blind.pixel - true)) > 4.0
+    answer = cascade(setting, "near")
+    assert answer.accepted, answer.reasons
+    assert np.hypot(*(answer.pixel - true)) < 1.0
+    assert answer.error_px < 1.5
+    _, _, left, target = world()
+    assert np.linalg.norm(answer.position - target) < 0.02
+    pivot = POSE.site_from_rover.apply(np.array(PIVOT))
+    side, _ = setting.source("near")
+    found = mast_error(side, setting.hazcam, answer, pivot, left.camera.horizontal, (0.0, 0.0, 1.0))
+    assert found is not None
+    assert math.degrees(abs(found.tilt_rad + TILT)) < 0.1
+    assert abs(found.disparity_px) < 1.0
+
+
+def test_the_cascade_refuses_what_the_hazcams_do_not_show() -> None:
+    setting, _ = given()
+    haz = setting.hazcam.view
+    rng = np.random.default_rng(0)
+    noise = rng.uniform(0.2, 0.8, haz.left.shape).astype(np.float32)
+    blind = replace(setting, hazcam=Side(replace(haz, left=noise, right=noise), 0.3))
+    answer = cascade(blind, "near")
+    assert not answer.accepted
+    assert np.isnan(answer.pixel).all()
+    assert "agree" in answer.reasons[0]
+
+
+def test_the_cascade_refuses_a_target_that_has_been_covered() -> None:
+    setting, true = given()
+    haz = setting.hazcam.view
+    left, right = haz.left.copy(), haz.right.copy()
+    x, y = (round(float(v)) for v in true)
+    patch = np.random.default_rng(3).uniform(0.2, 0.6, (31, 31)).astype(np.float32)
+    left[y - 15 : y + 16, x - 15 : x + 16] = patch
+    covered = replace(setting, hazcam=Side(replace(haz, left=left, right=right), 0.3))
+    answer = cascade(covered, "near")
+    assert not answer.accepted
+    assert answer.reasons
+
+
+def test_a_pancam_window_is_found_in_the_navcam() -> None:
+    pose = Pose(-4.5, 0.0, 0.0)
+    navcam = picture(pose, half=150, seed=2)
+    cameras = rig()
+    pan, tilt = cameras.point_at(np.array([4.5, 0.0, 0.4]), "pancam_left")
+    camera = cameras.camera("pancam_left", pan, tilt)
+    pancam = rock_renderer().render(camera, pose, SUN, window=(392, 264, 240, 240), seed=3)
+    pixel = np.array([120.0, 120.0])
+    point = np.asarray(pancam.truth.point_site[120, 120])
+    true = navcam.camera.project(point)
+    believed = point + 0.02 * (point - pancam.camera.C) + np.array([0.0, 0.03, 0.0])
+    found = scaled_window(pancam.unit, pancam.camera, pixel, navcam.unit, navcam.camera, believed)
+    assert found is not None
+    assert found.score > 0.7
+    assert np.hypot(*(found.pixel - true)) < 0.5
+
+
+def test_misuse_is_refused() -> None:
+    setting, _ = given()
+    with pytest.raises(TrackerError, match='no hand-off "magic"'):
+        hand_off("magic", "near", setting)
+    with pytest.raises(TrackerError, match="not given"):
+        hand_off("pure kinematic", "far", replace(setting, far=None))
