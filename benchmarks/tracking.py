@@ -392,7 +392,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", choices=STUDIES, action="append")
-    parser.add_argument("--worlds", type=int, default=10)
+    parser.add_argument("--worlds", type=int, default=12)
     parser.add_argument("--targets", type=int, default=24)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--results", type=Path, default=Path("benchmarks/results/tracking.json"))
