@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
 
 from pydantic import Field, ValidationError, field_validator
@@ -127,6 +128,10 @@ def load_settings(**given: object) -> Settings:
     if settings.executor is ExecutorKind.DISTRIBUTED and not settings.dask_scheduler:
         raise SettingsError(
             "OUTCROP_DASK_SCHEDULER='': the distributed executor needs the scheduler's address"
+        )
+    if settings.executor is ExecutorKind.DISTRIBUTED and find_spec("distributed") is None:
+        raise SettingsError(
+            "OUTCROP_EXECUTOR='distributed': the package distributed is not installed (extra `cluster`)"
         )
     if settings.auth is Authentication.PROFILES and not settings.is_loopback:
         raise SettingsError(

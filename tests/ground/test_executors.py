@@ -1,0 +1,45 @@
+"""Jobs are done elsewhere: by a worker of its own on the same database, or on a cluster."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ground.gdr.models import JobRow
+from ground.gdr.repository import Repository
+from ground.gdr.values import Mission
+from ground.services.build_path_network import build_path_network
+from ground.settings import SettingsError, load_settings
+from tests.ground.conftest import PLANNER
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_a_worker_of_its_own_does_the_jobs_of_the_same_database(repo: Repository, mission: Mission) -> None:
+    job = build_path_network(repo, PLANNER, mission.id, sol_id=None)
+    environment = {
+        **os.environ,
+        "OUTCROP_DATA_DIR": str(repo.data_dir),
+        "OUTCROP_DATABASE_URL": repo.database.url.render_as_string(hide_password=False),
+        "OUTCROP_EXECUTOR": "inline",
+    }
+    command = [sys.executable, "-m", "ground.cli", "worker", "--once"]
+    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with repo.database.read() as session:
+        row = session.get_one(JobRow, job.id)
+        assert (row.state, row.attempt) == ("succeeded", 1)
+        assert row.worker
+        assert not row.worker.endswith(f":{os.getpid()}")
+
+
+def test_a_cluster_without_its_package_is_refused_at_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ground.settings.find_spec", lambda _name: None)
+    with pytest.raises(SettingsError, match="extra `cluster`"):
+        load_settings(data_dir=tmp_path, executor="distributed", dask_scheduler="tcp://127.0.0.1:1")
