@@ -304,7 +304,7 @@ def family(file: str) -> str:
     if folder == "rover":
         return f"rover, {int(name[5:7])} sites"
     return {
-        "oplib": "OPLib, 52-1084 nodes",
+        "oplib": "OPLib surveys",
         "optw": "time windows, 48-100 nodes",
         "classic": "classic, 21-66 nodes",
     }[folder]

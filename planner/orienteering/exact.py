@@ -29,6 +29,7 @@ ENGINE = "exact"
 
 _RECENTRE = (2, 5, 9, 14, 20)  # rounds after which the prices of energy are set round the best of them
 _LOOKS = (4, 12)  # rounds after which a narrow pass looks for a better route
+_BRANCH_ROUNDS = 8  # multiplier rounds for a branch that the shared table does not settle
 _WIDTHS = (30, 150, 1500, 15_000, 150_000, 1_500_000)
 
 
@@ -73,14 +74,40 @@ class ExactSolver:
 
     # ------------------------------------------------------------------ table
 
-    def _fill(self, *, fine: bool) -> None:
+    def _buckets(self, *, fine: bool) -> int:
         opt = self._options
         cells, buckets = (opt.cells, opt.buckets) if fine else (opt.coarse_cells, opt.coarse_buckets)
         lanes = len(self._relaxed.price)
         if lanes == 1:  # without energy, all cells are for time
             buckets *= 2
-        self._relaxed.fill(min(buckets, cells // (self._layout.states * lanes)))
+        return min(buckets, cells // (self._layout.states * lanes))
+
+    def _fill(self, *, fine: bool) -> None:
+        self._relaxed.fill(self._buckets(fine=fine))
         self._fine = fine
+
+    def _sharpened(self, root: Root, incumbent: int) -> Relaxation:
+        """Return a relaxation whose multipliers and prices were moved for a branch, with a fine table."""
+        relaxed = self._relaxed.twin()
+        _, lane = self._relaxed.completion(root)
+        best_bound, best = math.inf, relaxed.multipliers
+        for r in range(_BRANCH_ROUNDS):
+            if r in (0, 3):
+                relaxed.recentre(lane)
+            relaxed.fill(self._buckets(fine=False), root.time)
+            value, lane = relaxed.completion(root)
+            if value <= NEVER // 2:
+                break
+            bound = (relaxed.offset + value + relaxed.start(root)) / relaxed.scale
+            if bound < best_bound:
+                best_bound, best = bound, relaxed.multipliers
+            length = 0.5 * max(bound - max(incumbent, 0), 0.5)
+            step = _step(self._layout, relaxed.multipliers, relaxed.walk(root, lane), length)
+            if step is not None:
+                relaxed.set(step)
+        relaxed.set(best)
+        relaxed.fill(self._buckets(fine=True), root.time)
+        return relaxed
 
     def prepare(self, seconds: float = math.inf) -> None:
         """Build the table: multipliers on coarse tables first, then the fine one when the search needs it.
@@ -95,7 +122,7 @@ class ExactSolver:
         root = lay.root(self._problem)
         best_bound, best = math.inf, now
         self._fill(fine=False)
-        incumbent, route, _ = self._pass(root, 30, -1, started + seconds)
+        incumbent, route, _ = self._pass(relaxed, root, 30, -1, started + seconds)
         pace, quiet, lane = 1.0, 0, 0
         for r in range(self._options.rounds):
             if r:
@@ -107,7 +134,7 @@ class ExactSolver:
             if value <= NEVER // 2:
                 break
             if r in _LOOKS:
-                better, found, _ = self._pass(root, 150, incumbent, started + seconds)
+                better, found, _ = self._pass(relaxed, root, 150, incumbent, started + seconds)
                 if better > incumbent:
                     incumbent, route = better, found
             bound = (relaxed.offset + value + relaxed.start(root)) / relaxed.scale
@@ -180,14 +207,18 @@ class ExactSolver:
             bound = (self._relaxed.offset + left + self._relaxed.start(root)) // self._relaxed.scale
             upper = max(best, bound)
             budget = math.inf if iterations is None else made_before + iterations
+            relaxed = self._relaxed
             for width in _WIDTHS:
                 if upper <= best:
                     proven = True
                     break
-                if not self._fine and width > 1500:
-                    self._fill(fine=True)
+                if width > 1500 and relaxed is self._relaxed:
+                    if problem is not None:
+                        relaxed = self._sharpened(root, best)
+                    elif not self._fine:
+                        self._fill(fine=True)
                 value, found, dropped = self._pass(
-                    root, min(width, self._options.labels), best, deadline, budget
+                    relaxed, root, min(width, self._options.labels), best, deadline, budget
                 )
                 if value > best:
                     best, route = value, found
@@ -234,7 +265,13 @@ class ExactSolver:
         )
 
     def _pass(
-        self, root: Root, width: int, incumbent: int, deadline: float, budget: float = math.inf
+        self,
+        relaxed: Relaxation,
+        root: Root,
+        width: int,
+        incumbent: int,
+        deadline: float,
+        budget: float = math.inf,
     ) -> tuple[int, tuple[int, ...], int]:
         """Return best value, its route (ranks) and the largest bound among labels dropped for width or time.
 
@@ -249,7 +286,7 @@ class ExactSolver:
             np.array([root.group]),
             np.array([root.time]),
             np.array([root.fuel]),
-            np.array([self._relaxed.start(root)]),
+            np.array([relaxed.start(root)]),
             np.array([0]),
             np.array([2**60]),
         )
@@ -259,7 +296,7 @@ class ExactSolver:
         while level.count:
             room = min(self._options.labels, max(4096, 24 * level.count))
             while True:
-                fresh, what, parent, best_now, at = self._expand(level, room, best)
+                fresh, what, parent, best_now, at = self._expand(relaxed, level, room, best)
                 if fresh is not None or room >= self._options.labels:
                     break
                 room = min(self._options.labels, room * 4)
@@ -267,15 +304,15 @@ class ExactSolver:
                 return (
                     best,
                     self._follow(trail, best_level, best_at),
-                    max(dropped, int(level.bound.max()) // self._relaxed.scale),
+                    max(dropped, int(level.bound.max()) // relaxed.scale),
                 )
             self.iterations += fresh.count
             if at >= 0:
                 best, best_level, best_at = best_now, len(trail), at
-            alive = np.nonzero(fresh.bound // self._relaxed.scale > best)[0]
+            alive = np.nonzero(fresh.bound // relaxed.scale > best)[0]
             if alive.size > width:
                 rank = np.lexsort((fresh.fuel[alive], fresh.time[alive], -fresh.bound[alive]))
-                dropped = max(dropped, int(fresh.bound[alive[rank[width]]]) // self._relaxed.scale)
+                dropped = max(dropped, int(fresh.bound[alive[rank[width]]]) // relaxed.scale)
                 alive = np.sort(alive[rank[:width]])
             if at >= 0 and at not in alive:
                 trail.append((np.append(parent[alive], parent[at]), np.append(what[alive], what[at])))
@@ -286,7 +323,7 @@ class ExactSolver:
                     best_at = int(np.searchsorted(alive, at))
             level = fresh.taken(alive)
             if level.count and (time.perf_counter() > deadline or self.iterations >= budget):
-                dropped = max(dropped, int(level.bound.max()) // self._relaxed.scale)
+                dropped = max(dropped, int(level.bound.max()) // relaxed.scale)
                 break
         return best, self._follow(trail, best_level, best_at), dropped
 
@@ -301,9 +338,9 @@ class ExactSolver:
         return tuple(route[::-1])
 
     def _expand(
-        self, level: _Level, room: int, incumbent: int
+        self, relaxed: Relaxation, level: _Level, room: int, incumbent: int
     ) -> tuple[_Level | None, IntArray, IntArray, int, int]:
-        lay, relaxed = self._layout, self._relaxed
+        lay = self._layout
         fresh = _Level.empty(room, lay.words)
         parent = np.empty(room, dtype=np.int64)
         what = np.empty(room, dtype=np.int64)

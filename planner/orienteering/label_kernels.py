@@ -84,13 +84,15 @@ def fill_table(
     end_paid: Array,
     step: int,
     budget: int,
+    since: int,
 ) -> None:
     """Fill `table` (S, K, M) backwards in time with the most that can still be gained.
 
     Bucket k stands for every time from `k * step` on; each move starts at the bucket's lower end and its
     result is rounded down again, so an entry is never below the truth. Experiments done at the present group
-    are remembered, others are not. `worth` (G, X, M) is gain less energy paid for, `end_s` (G,) the time to
-    the end, negative for no way, and `end_paid` (G, M) the energy paid for it.
+    are remembered, others are not. Buckets before `since` are left as they are. `worth` (G, X, M) is gain
+    less energy paid for, `end_s` (G,) the time to the end, negative for no way, and `end_paid` (G, M) the
+    energy paid for it.
     """
     groups = len(base)
     buckets, lanes = table.shape[1:]
@@ -98,7 +100,7 @@ def fill_table(
     cells = table.reshape(-1)
     worths = worth.reshape(-1)
     away = np.empty(lanes, table.dtype)
-    for k in range(buckets - 1, -1, -1):
+    for k in range(buckets - 1, since - 1, -1):
         for g in range(groups):
             if end_s[g] >= 0 and k * step + end_s[g] <= budget:
                 for m in range(lanes):

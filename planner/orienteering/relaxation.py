@@ -61,12 +61,13 @@ class Relaxation:
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
+        self.multipliers = Multipliers.none(layout)
         self.scale = max(1, min(64, 2**24 // max(1, int(layout.worth.max()) * 64)))
         self.price = self._prices()
         self.slack = 1 if layout.e_budget >= _EXACT else 0
         self.table: npt.NDArray[np.signedinteger] = np.empty((0, 0, 0), dtype=np.int32)
         self.step = 0
-        self.set(Multipliers.none(layout))
+        self.set(self.multipliers)
 
     def _prices(self) -> Floats:
         lay = self.layout
@@ -83,8 +84,16 @@ class Relaxation:
             self.price = _short(np.concatenate([[0.0], self.price[lane] * _AROUND]))
             self.step = 0
 
+    def twin(self) -> Relaxation:
+        """Return a relaxation with the same multipliers and prices, and a table of its own."""
+        twin = Relaxation(self.layout)
+        twin.price = self.price
+        twin.set(self.multipliers)
+        return twin
+
     def set(self, multipliers: Multipliers) -> None:
         """Take other multipliers; the table is out of date until `fill`."""
+        self.multipliers = multipliers
         lay = self.layout
         lam = np.rint(multipliers.once * self.scale).astype(np.int64)
         mu = np.rint(multipliers.order * self.scale).astype(np.int64)
@@ -101,8 +110,8 @@ class Relaxation:
         self.gain: IntArray = gain
         self.once: IntArray = lam
 
-    def fill(self, buckets: int) -> None:
-        """Make the table with at least about so many time buckets."""
+    def fill(self, buckets: int, since: int = 0) -> None:
+        """Make the table with at least about so many time buckets, good for roots from `since` on."""
         lay = self.layout
         budget = lay.problem.time_budget
         step = max(1, min(math.ceil(max(1, budget) / max(16, buckets)), lay.shortest_move))
@@ -142,6 +151,7 @@ class Relaxation:
             self._end_paid.astype(kind),
             step,
             budget,
+            min(since, budget) // step,
         )
 
     def completion(self, root: Root) -> tuple[int, int]:
