@@ -237,7 +237,6 @@ def test_the_scene_shows_overlays_measures_and_looks_through_the_rovers_cameras(
         page.get_by_label("Over the ground").select_option("slope")
         page.get_by_label("Camera frusta").check()
         page.wait_for_timeout(1500)
-        shot(page, "scene-slope")
         page.get_by_label("Over the ground").select_option("none")
         page.get_by_label("Camera frusta").uncheck()
         page.get_by_role("button", name="Layers").click()
