@@ -8,6 +8,7 @@ and what hides what is plain (`DirectionRaster`).
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -183,7 +184,9 @@ def read_points(
                 first = path.read_text().split("\n", 1)[0]
                 header = 1 if any(c.isalpha() and c not in "eE" for c in first) else 0
                 separator = "," if "," in first else None
-                points = np.loadtxt(path, delimiter=separator, skiprows=header, ndmin=2)[:, :3]
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", UserWarning)  # an empty file is told of below
+                    points = np.loadtxt(path, delimiter=separator, skiprows=header, ndmin=2)[:, :3]
             case ".ply":
                 import trimesh
 

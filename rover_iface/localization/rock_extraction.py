@@ -19,7 +19,7 @@ from rover_iface.localization.ground_points import DirectionRaster, GroundPoints
 from rover_iface.localization.rock_models import FEWEST_POINTS, RockModel, best_rock_model
 
 Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+Cells = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class SeenRock:
     range_m: float
     surface: Array
     model: RockModel | None
-    cells: Array
+    cells: Cells
 
     @property
     def radius_m(self) -> float:
@@ -236,7 +236,7 @@ def _smoothed(inverse: Array) -> Array:
     return np.where(np.isfinite(inverse) & (known >= 3), middle, np.nan)
 
 
-def _patches(over: Array, disparity: Array, options: ExtractionOptions) -> list[Array]:
+def _patches(over: Array, disparity: Array, options: ExtractionOptions) -> list[Cells]:
     """Return flat cell indices of each patch above ground that hangs together in disparity."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -257,14 +257,14 @@ def _patches(over: Array, disparity: Array, options: ExtractionOptions) -> list[
     ends = np.concatenate(pairs, axis=1)
     graph = coo_matrix((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(number.size, number.size))
     label = connected_components(graph, directed=False)[1]
-    inside = np.flatnonzero(high.ravel())
+    inside = np.flatnonzero(high.ravel()).astype(np.int64)
     order = inside[np.argsort(label[inside], kind="stable")]
     cuts = np.flatnonzero(np.diff(label[order])) + 1
     patches = [part for part in np.split(order, cuts) if len(part) >= options.least_cells]
     return [piece for part in patches for piece in _split(part, over, options)]
 
 
-def _split(part: Array, over: Array, options: ExtractionOptions) -> list[Array]:
+def _split(part: Cells, over: Array, options: ExtractionOptions) -> list[Cells]:
     """Return a patch cut where its outline sinks below 60 % of the lower of two peaks."""
     columns = part % over.shape[1]
     left = int(columns.min())
@@ -287,7 +287,7 @@ def _split(part: Array, over: Array, options: ExtractionOptions) -> list[Array]:
 
 
 def _rock(
-    patch: Array,
+    patch: Cells,
     raster: DirectionRaster,
     points: Array,
     over: Array,

@@ -319,30 +319,51 @@ class _Mode:
     z: float
     weight: float
     posterior: Array
-    far: Array
+
+
+NEAR_M = 4.0
+"""Rocks farther apart than this after the move are not weighed as one: over five deviations of any pair."""
+
+
+@dataclass(slots=True)
+class _Terms:
+    """Possible pairs under a pose: rock i of the first stop and j of the second.
+
+    `odds` [p] of being one rock, `offset` [p, 3], `inverse` covariances [p, 3, 3].
+    """
+
+    i: npt.NDArray[np.int64]
+    j: npt.NDArray[np.int64]
+    odds: Array
+    offset: Array
+    inverse: Array
 
 
 def _terms(
     pose: Array, z: float | None, a: _Rocks, b: _Rocks, gain: Array, clutter: Array, options: MatchingOptions
-) -> tuple[Array, Array, Array, Array]:
-    """Return association odds, offsets [.., 3], inverse covariances [.., 3, 3] and distances, all [n, m]."""
+) -> _Terms:
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     moved = b.xyz @ turn.T + np.array([pose[0], pose[1], 0.0 if z is None else z])
-    offset = a.xyz[:, None] - moved[None]
-    cov = a.cov[:, None] + (turn @ b.cov @ turn.T)[None]
+    apart = np.hypot(
+        a.xyz[:, None, 0] - moved[None, :, 0],
+        a.xyz[:, None, 1] - moved[None, :, 1],
+    )
+    i, j = np.nonzero(apart < NEAR_M)
+    offset = a.xyz[i] - moved[j]
+    cov = a.cov[i] + (turn @ b.cov @ turn.T)[j]
     if z is None:
         inverse = np.zeros_like(cov)
-        inverse[..., :2, :2] = np.linalg.inv(cov[..., :2, :2])
-        logdet = np.log(np.linalg.det(cov[..., :2, :2])) + 2 * math.log(2 * math.pi)
+        inverse[:, :2, :2] = np.linalg.inv(cov[:, :2, :2])
+        logdet = np.log(np.linalg.det(cov[:, :2, :2])) + 2 * math.log(2 * math.pi)
     else:
         inverse = np.linalg.inv(cov)
         logdet = np.log(np.linalg.det(cov)) + 3 * math.log(2 * math.pi)
         logdet = logdet - math.log(2 * math.pi * 0.25**2)  # against heights that spread by chance
-    far = np.einsum("nmi,nmij,nmj->nm", offset, inverse, offset)
-    odds = options.detected * np.exp(np.clip(gain - clutter[:, None] - 0.5 * logdet - 0.5 * far, -60, 60))
-    odds[far > 25.0] = 0.0
-    return odds, offset, inverse, far
+    far = np.einsum("pi,pij,pj->p", offset, inverse, offset)
+    level = gain[i, j] - clutter[i] - 0.5 * logdet - 0.5 * far
+    odds = np.where(far > 25.0, 0.0, options.detected * np.exp(np.clip(level, -60, 60)))
+    return _Terms(i, j, odds, offset, inverse)
 
 
 def _refine(
@@ -353,33 +374,38 @@ def _refine(
     start = np.array([prior.x_m, prior.y_m, prior.heading_rad])
     held = np.diag([prior.sigma_m**-2, prior.sigma_m**-2, prior.sigma_heading_rad**-2])
     normal = held.copy()
+    count = len(b.index)
     for turn in range(10):
-        odds, offset, inverse, _ = _terms(pose, z, a, b, gain, clutter, options)
-        posterior = odds / (1.0 - options.detected + odds.sum(axis=0))[None]
+        pairs = _terms(pose, z, a, b, gain, clutter, options)
+        total = 1.0 - options.detected + np.bincount(pairs.j, weights=pairs.odds, minlength=count)
+        posterior = pairs.odds / total[pairs.j]
         if turn == 1 and posterior.sum() > 0.5:
-            z = _weighted_median(offset[..., 2].ravel(), posterior.ravel())
+            z = _weighted_median(pairs.offset[:, 2], posterior)
             continue
         c, s = math.cos(pose[2]), math.sin(pose[2])
         x, y = c * b.xyz[:, 0] - s * b.xyz[:, 1], s * b.xyz[:, 0] + c * b.xyz[:, 1]
-        jac = np.zeros((len(b.index), 3, 3))
+        jac = np.zeros((len(pairs.j), 3, 3))
         jac[:, 0, 0] = jac[:, 1, 1] = 1.0
-        jac[:, 0, 2], jac[:, 1, 2] = -y, x
-        info = posterior[..., None, None] * inverse
-        normal = held + np.einsum("mki,nmkl,mlj->ij", jac, info, jac)
-        right = held @ (start - pose) + np.einsum("mki,nmkl,nml->i", jac, info, offset)
+        jac[:, 0, 2], jac[:, 1, 2] = -y[pairs.j], x[pairs.j]
+        info = posterior[:, None, None] * pairs.inverse
+        weighted = np.swapaxes(jac, 1, 2) @ info
+        normal = held + (weighted @ jac).sum(axis=0)
+        right = held @ (start - pose) + (weighted @ pairs.offset[:, :, None]).sum(axis=0)[:, 0]
         step = np.linalg.solve(normal, right)
         pose = pose + step
         if z is not None:
-            wz = info[..., 2, 2]
-            z += float((wz * offset[..., 2]).sum() / (wz.sum() + prior.sigma_z_m**-2))
+            wz = info[:, 2, 2]
+            z += float((wz * pairs.offset[:, 2]).sum() / (wz.sum() + prior.sigma_z_m**-2))
         if turn > 2 and np.abs(step).max() < 1e-4:
             break
-    odds, _, _, far = _terms(pose, z, a, b, gain, clutter, options)
-    total = 1.0 - options.detected + odds.sum(axis=0)
+    pairs = _terms(pose, z, a, b, gain, clutter, options)
+    total = 1.0 - options.detected + np.bincount(pairs.j, weights=pairs.odds, minlength=count)
     away = pose - start
     weight = options.sharpness * float(np.log(total).sum()) - 0.5 * float(away @ held @ away)
     weight -= 0.5 * float(np.linalg.slogdet(normal)[1])
-    return _Mode(pose, prior.z_m if z is None else z, weight, odds / total[None], far)
+    posterior = np.zeros((len(a.index), count))
+    posterior[pairs.i, pairs.j] = pairs.odds / total[pairs.j]
+    return _Mode(pose, prior.z_m if z is None else z, weight, posterior)
 
 
 def _weighted_median(values: Array, weights: Array) -> float:

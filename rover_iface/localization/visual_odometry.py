@@ -163,7 +163,7 @@ def _moved(features: Features, transform: Transform) -> Features:
     turn = transform.rotation
     return replace(
         features,
-        points=transform.apply(features.points),
+        points=np.asarray(transform.apply(features.points), dtype=np.float64),
         unit_covariance=turn @ features.unit_covariance @ turn.T,
     )
 
