@@ -16,8 +16,9 @@ from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.evaluate.propagate import Evaluator, State
+from planner.plan_edits import fitted
 from planner.plan_tree import Path, Plan, PlanTree, TrackStart, planned_observations
-from planner.problem import Observation, ObservationId, Problem, TargetId
+from planner.problem import Observation, ObservationId, Problem
 from planner.solve import PlanResult, solve
 from planner.threads import one_blas_thread
 
@@ -345,57 +346,6 @@ def replan(
         warm=(fitted(problem, before.tree.plan),),
         quick=True,
     )
-
-
-def fitted(problem: Problem, plan: Plan) -> Plan:
-    """Return a plan without the targets and observations that a problem does not have."""
-    from planner.plan_tree import (
-        Branch,
-        DoneCondition,
-        Navigate,
-        Observe,
-        Step,
-        TrackedCondition,
-        TrackStop,
-        Visit,
-    )
-
-    targets: set[TargetId] = {t.id for t in problem.targets}
-    observations = {o.id for o in problem.observations}
-
-    def known(step: Step) -> bool:
-        match step:
-            case TrackStart(target=target) | TrackStop(target=target):
-                return target in targets
-            case Navigate(to=to):
-                return to in targets
-            case Observe(observation=observation) | Visit(observation=observation):
-                return observation in observations
-            case _:
-                return True
-
-    def lean(steps: Plan) -> Plan:
-        kept: list[Step] = []
-        for step in steps:
-            if not known(step):
-                continue
-            if isinstance(step, Branch):
-                options = tuple(
-                    dataclasses.replace(o, plan=lean(o.plan))
-                    for o in step.options
-                    if all(
-                        (not isinstance(c, TrackedCondition) or c.target in targets)
-                        and (not isinstance(c, DoneCondition) or c.observation in observations)
-                        for c in o.when
-                    )
-                )
-                if options:
-                    kept.append(Branch(options))
-                continue
-            kept.append(step)
-        return tuple(kept)
-
-    return lean(plan)
 
 
 def value_of(problem: Problem, plan: Plan) -> float:

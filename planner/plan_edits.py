@@ -9,15 +9,21 @@ from planner.evaluate.model import Model
 from planner.plan_tree import (
     Branch,
     Comparison,
+    DoneCondition,
+    Navigate,
+    Observe,
     Option,
     Path,
     Plan,
     Step,
     TimeCondition,
+    TrackedCondition,
     TrackStart,
     TrackStop,
+    Visit,
     planned_observations,
 )
+from planner.problem import Problem, TargetId
 
 
 def steps_at(plan: Plan, path: Path) -> Plan:
@@ -138,6 +144,46 @@ def without_unused_tracks(model: Model, plan: Plan) -> Plan:
                 continue
             if isinstance(step, Branch):
                 step = Branch(tuple(replace(o, plan=lean(o.plan)) for o in step.options))
+            kept.append(step)
+        return tuple(kept)
+
+    return lean(plan)
+
+
+def fitted(problem: Problem, plan: Plan) -> Plan:
+    """Return a plan without the targets and observations that a problem does not have."""
+    targets: set[TargetId] = {t.id for t in problem.targets}
+    observations = {o.id for o in problem.observations}
+
+    def known(step: Step) -> bool:
+        match step:
+            case TrackStart(target=target) | TrackStop(target=target):
+                return target in targets
+            case Navigate(to=to):
+                return to in targets
+            case Observe(observation=observation) | Visit(observation=observation):
+                return observation in observations
+            case _:
+                return True
+
+    def lean(steps: Plan) -> Plan:
+        kept: list[Step] = []
+        for step in steps:
+            if not known(step):
+                continue
+            if isinstance(step, Branch):
+                options = tuple(
+                    replace(o, plan=lean(o.plan))
+                    for o in step.options
+                    if all(
+                        (not isinstance(c, TrackedCondition) or c.target in targets)
+                        and (not isinstance(c, DoneCondition) or c.observation in observations)
+                        for c in o.when
+                    )
+                )
+                if options:
+                    kept.append(Branch(options))
+                continue
             kept.append(step)
         return tuple(kept)
 

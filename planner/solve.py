@@ -25,6 +25,7 @@ from planner.evaluate.monte_carlo import Estimate, simulate
 from planner.evaluate.notes import annotate
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, Evaluator
+from planner.plan_edits import fitted, without_option
 from planner.plan_tree import (
     Observe,
     OnFail,
@@ -55,6 +56,9 @@ QUICK_PLANS = 2
 
 PRICE = 0.1
 """First price of an overrun under a chance constraint, as a share of all utility."""
+
+QUICK_SEARCH_S = 0.3
+"""Processor seconds for a quick search, the table of the policy not counted."""
 
 SEARCH_S = 6.5
 SEARCH_S_PER_TARGET = 6.0
@@ -195,8 +199,6 @@ def solve(
 
 def _drop_rare(model: Model, plan: Plan, least: float) -> Plan:
     """Return the plan without options taken in a smaller share of the futures than `least`."""
-    from planner.plan_edits import without_option
-
     while True:
         grid = Grid(model, *SEARCH_GRID)
         tree = annotate(model, grid, PlanTree("", plan))
@@ -381,8 +383,9 @@ class _Work:
             main_lines=1 if quick else 4,
             tolerance=1e-3 if quick else 2e-4,
         )
-        more = max(1.0, self.max_branches / DEFAULT_BRANCHES)
-        until = time.thread_time() + SEARCH_S * more + SEARCH_S_PER_TARGET * max(0, model.n - 8)
+        allowed_s = SEARCH_S * max(1.0, self.max_branches / DEFAULT_BRANCHES)
+        allowed_s += SEARCH_S_PER_TARGET * max(0, model.n - 8)
+        until = time.thread_time() + (QUICK_SEARCH_S if quick else allowed_s)
         return plan_optimal(
             policy,
             grid,
@@ -391,7 +394,7 @@ class _Work:
                 self.clock.stop(0.6) or (not self.clock.deterministic and time.thread_time() > until)
             ),
             report=self.told,
-            extra=(*self.warm, *early),
+            extra=(*(fitted(model.problem, plan) for plan in self.warm), *early),
         )
 
     def choose(self, model: Model, curve: Curve) -> tuple[Plan, Estimate | None, list[float]]:
@@ -409,8 +412,8 @@ class _Work:
         check: Estimate | None = None
         values: list[float] = []
         for most, (_, candidate) in enumerate(curve):
-            if 0 < most < len(curve) - 1 and self.clock.cancelled():
-                values.append(best_value)  # whoever stopped the search waits for the best plan alone
+            if 0 < most < len(curve) - 1 and (self.quick or self.clock.cancelled()):
+                values.append(best_value)  # who is in a hurry waits for the best plan alone
                 continue
             plan = candidate
             if self.least_taken > 0.0 and count_branches(plan):
@@ -451,6 +454,12 @@ class _Work:
             return ("the problem has no observation",)
         if all(o.utility <= 0.0 for o in problem.observations):
             return ("no observation is worth anything",)
+        past = [(o.window_s[1], o.id) for o in problem.observations if o.window_s and o.window_s[1] < 0.0]
+        if len(past) == len(problem.observations):
+            closed_s, last = max(past)
+            return (
+                f"every window is in the past: the last, of {last}, closed {-closed_s:g} s before the plan",
+            )
         budget = problem.budget
         if budget.time_s <= 0.0 or budget.usable_energy_j <= 0.0:
             return (f"the budget of {budget.time_s:g} s and {budget.usable_energy_j:g} J is too small",)

@@ -380,9 +380,9 @@ class _Grower:
         found.sort(key=lambda item: (-item[0], item[1]))
         return [_Plan(self.tails, without_step(plan.plan, path)) for _, path in found[:KEPT_TRACKS]]
 
-    def refit(self, plan: _Plan) -> _Plan:
-        """Return the plan with every option fitted anew: its condition, and its plan if it holds no
-        branch.
+    def refit(self, plan: _Plan, *, plans: bool = True) -> _Plan:
+        """Return the plan with every option fitted anew: its condition, and with `plans` its plan if that
+        holds no branch.
         """
         for path in [p for p, _ in options_of(plan.plan)]:
             if self.over():
@@ -403,7 +403,11 @@ class _Grower:
             )
             point = _Point((*path[:-2], path[-2] + 1), row, kept, regret)
             choices = [option.plan]
-            if not count_branches(option.plan) and regret > 2.0 * self.limits.tolerance * abs(plan.value):
+            if (
+                plans
+                and not count_branches(option.plan)
+                and regret > 2.0 * self.limits.tolerance * abs(plan.value)
+            ):
                 choices += [c for c in self.candidates(without, point, going_on) if c != option.plan]
             best_gain, best_new = 0.0, option
             for steps in choices:
@@ -575,10 +579,19 @@ def plan_optimal(
                 if k == limits.max_branches:
                     report(plan.plan, plan.value)
 
-    unbranched, paths = _main_lines(grower, limits, report)
-    first = [_Plan(grower.tails, plan) for plan in (*extra, *unbranched[: limits.main_lines + 4])]
     lines = []
-    for line in first:
+    for plan in extra:
+        line = _Plan(grower.tails, plan)
+        note(line)
+        if line.branches and not grower.over():  # an earlier solution: its conditions are of another problem
+            line = grower.refit(line, plans=False)
+            note(line)
+            line = grower.pruned(grower.settled(line))
+        lines.append(grower.reflag(line))
+        note(lines[-1])
+    unbranched, paths = _main_lines(grower, limits, report)
+    for plan in unbranched[: limits.main_lines + 4]:
+        line = _Plan(grower.tails, plan)
         note(line)
         lines.append(grower.reflag(line))
         note(lines[-1])

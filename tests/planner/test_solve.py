@@ -48,6 +48,21 @@ def test_the_same_seed_and_iterations_give_the_same_plan() -> None:
     assert solve(problem, seed=3, **QUICK).tree == solve(problem, seed=3, **QUICK).tree
 
 
+def test_a_cancelled_search_hands_in_the_best_plan_so_far() -> None:
+    told: list[Progress] = []
+    result = solve(
+        _instance("dev-reserve-4"),
+        time_limit_s=600.0,
+        report=told.append,
+        should_stop=lambda: len([p for p in told if p.plan]) >= 6,
+    )
+    assert result.status is PlanStatus.PLANNED
+    best = max(p.value or 0.0 for p in told if p.phase == "branching")
+    assert result.expected_utility >= 0.99 * best
+    assert result.upper < 1.1 * result.expected_utility
+    assert result.lower <= result.expected_utility
+
+
 def test_a_cancelled_search_still_answers() -> None:
     result = solve(_instance("dev-reserve-5"), time_limit_s=60.0, should_stop=lambda: True)
     assert result.status in (PlanStatus.PLANNED, PlanStatus.EMPTY, PlanStatus.TIMEOUT)
@@ -76,6 +91,11 @@ EMPTY: list[tuple[str, dict[str, Any], str]] = [
     ("no time", {"time_s": 0.0}, "the budget of 0 s and 600000 J is too small"),
     ("no energy", {"energy_j": 0.0}, "the budget of 6000 s and 0 J is too small"),
     ("too small", {"time_s": 60.0}, "the budget of 60 s and 600000 J is too small"),
+    (
+        "past",
+        {"observations": [[observation("A", window_s=[-500.0, -100.0])]], "places": [(4.0, 0.0)]},
+        "every window is in the past: the last, of A, closed 100 s before the plan",
+    ),
 ]
 
 
@@ -163,6 +183,26 @@ def test_two_hundred_identical_targets_still_give_a_plan() -> None:
     result = solve(problem_from_dict(document), time_limit_s=60.0, max_branches=2)
     assert result.status is PlanStatus.PLANNED
     assert 5.0 < result.expected_utility <= result.upper
+
+
+def test_a_large_problem_is_planned_again_though_other_targets_are_chosen() -> None:
+    places = [(3.0 + (k % 6), -4.0 + 1.6 * (k // 6)) for k in range(18)]
+    rows = [[observation(f"O{k + 1}", utility=1.0 + (k % 5))] for k in range(18)]
+    problem = example(places=places, observations=rows, time_s=9000.0)
+    before = solve(problem, max_branches=0, iterations=5)
+    worth = {f"O{k + 1}": 1.0 + ((k + 2) % 5) for k in range(18)}
+    changed = dataclasses.replace(
+        problem,
+        targets=tuple(
+            dataclasses.replace(
+                t, observations=tuple(dataclasses.replace(o, utility=worth[o.id]) for o in t.observations)
+            )
+            for t in problem.targets
+        ),
+    )
+    again = replan(changed, before, time_limit_s=60.0, max_branches=0)
+    assert again.status is PlanStatus.PLANNED
+    assert again.expected_utility <= again.upper
 
 
 def test_a_plan_is_compared_explained_and_made_again() -> None:
