@@ -296,6 +296,26 @@ class InlineExecutor(Executor):
         return future
 
 
+class ClusterExecutor(Executor):
+    """Does the work on a Dask cluster, over a connection of its own that ends with it.
+
+    Dask's own executor takes no `cancel_futures`: without waiting it always cancels what is not done.
+    """
+
+    def __init__(self, address: str) -> None:
+        from distributed import Client
+
+        self._client = Client(address)
+        self._inner: Executor = self._client.get_executor(pure=False)
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        return self._inner.submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._inner.shutdown(wait=wait and not cancel_futures)
+        self._client.close()
+
+
 def _quiet() -> None:
     """Leave Ctrl-C to the server: it hands its jobs back itself."""
     import signal
@@ -309,10 +329,7 @@ def make_executor(settings: Settings) -> Executor:
         case ExecutorKind.INLINE:
             return InlineExecutor()
         case ExecutorKind.DISTRIBUTED:
-            from distributed import Client
-
-            executor: Executor = Client(settings.dask_scheduler).get_executor(pure=False)
-            return executor
+            return ClusterExecutor(settings.dask_scheduler)
         case ExecutorKind.PROCESS:
             import multiprocessing
             from concurrent.futures import ProcessPoolExecutor

@@ -45,6 +45,10 @@ def day(api: Api, mission: Mission) -> Api:
     return api
 
 
+def journals(repo: Repository) -> dict[str, bytes]:
+    return {path.parent.name: path.read_bytes() for path in repo.data_dir.glob("runs/*/journal.jsonl")}
+
+
 def other_repository(tmp_path: Path) -> Repository:
     from ground.gdr.migrate import migrate
 
@@ -60,6 +64,7 @@ def test_a_backup_of_any_database_restores_into_a_fresh_one(day: Api, tmp_path: 
     restore(fresh, tmp_path / "backup.tar")
     assert contents(fresh) == contents(day.repo)
     assert check_files(fresh).without_file == []
+    assert journals(fresh) == journals(day.repo) != {}
     with fresh.database.read() as session:
         assert verify_chains(session)[1] == []
     with pytest.raises(ConflictError, match="not empty"):

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from ground.gdr.models import JobRow
 from ground.gdr.repository import Repository
 from ground.gdr.values import Mission
+from ground.jobs import InlineExecutor, Worker
 from ground.services.build_path_network import build_path_network
-from ground.settings import SettingsError, load_settings
-from tests.ground.conftest import PLANNER
+from ground.settings import ExecutorKind, SettingsError, load_settings
+from tests.ground.conftest import PLANNER, yard
+from tests.ground.killed import KINDS, queue_job
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -43,3 +48,39 @@ def test_a_cluster_without_its_package_is_refused_at_start(
     monkeypatch.setattr("ground.settings.find_spec", lambda _name: None)
     with pytest.raises(SettingsError, match="extra `cluster`"):
         load_settings(data_dir=tmp_path, executor="distributed", dask_scheduler="tcp://127.0.0.1:1")
+
+
+class DaskLike:
+    """Dask's client and executor as far as a worker meets them: `shutdown` knows no `cancel_futures`."""
+
+    closed = 0
+
+    def __init__(self, _address: str) -> None:
+        self._inner = InlineExecutor()
+
+    def get_executor(self, *, pure: bool) -> DaskLike:
+        assert not pure
+        return self
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
+        return self._inner.submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True) -> None:
+        assert not wait
+
+    def close(self) -> None:
+        DaskLike.closed += 1
+
+
+def test_a_worker_on_a_cluster_ends_its_connection(
+    sqlite_repo: Repository, terrain_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=DaskLike))
+    mission = yard(sqlite_repo, terrain_folder)
+    job = queue_job(sqlite_repo, mission.id)
+    there = {"executor": ExecutorKind.DISTRIBUTED, "dask_scheduler": "tcp://127.0.0.1:1"}
+    repo = dataclasses.replace(sqlite_repo, settings=sqlite_repo.settings.model_copy(update=there))
+    assert Worker(repo, KINDS, slots=1).run_until_idle() == 1
+    with repo.database.read() as session:
+        assert session.get_one(JobRow, job).state == "succeeded"
+    assert DaskLike.closed == 1
