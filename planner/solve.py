@@ -14,6 +14,7 @@ import numpy as np
 from planner.contingency.bounds import upper_bound
 from planner.contingency.branching import Search, SearchLimits, plan_optimal
 from planner.contingency.chance import keeps_to, plans_within
+from planner.contingency.long_routes import best_long_route
 from planner.contingency.pico2005 import plan_pico2005
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import Reduction, reduce_problem, several
@@ -31,6 +32,7 @@ from planner.plan_tree import (
     OnFail,
     Plan,
     PlanTree,
+    TrackStart,
     Visit,
     count_branches,
     with_ids,
@@ -50,6 +52,9 @@ COARSE_GRID = (33, 21)
 QUICK_GRID = (25, 15)
 MANY_LIVE_SETS = 5_000
 NOTES_GRID = (61, 37)
+MAX_NOTED_TRACKS = 9
+"""With more targets tracked, distributions at the steps have too many states to be noted."""
+
 BOUND_S = 4.0
 QUICK_PLANS = 2
 """Cuts of the mean route that the search begins with."""
@@ -233,6 +238,8 @@ class _Work:
         self.best_value = 0.0
         self.first_plan_s = 0.0
         self.prices: list[float] = [0.0]
+        self.evaluator = "grid"
+        self.notes: tuple[str, ...] = ()
 
     def told(self, plan: Plan, value: float) -> None:
         """Take note of a better plan and pass it on."""
@@ -276,10 +283,39 @@ class _Work:
                     f"{allowed:g} to end over a budget"
                 )
                 return self.answer(PlanStatus.INFEASIBLE, (), (reason,), reduction)
+        if not reduction.exact and not must and self.strategy == "optimal" and not self.clock.cancelled():
+            longer = self.long_route(check)
+            if longer is not None:
+                small, plan, check = longer
+                values, search = [check.mean] * (self.max_branches + 1), None
         if not plan:
             status = PlanStatus.TIMEOUT if self.clock.stop() and not self.first_plan_s else PlanStatus.EMPTY
             return self.answer(status, (), self.why_empty(), reduction)
         return self.answer(PlanStatus.PLANNED, plan, (), reduction, small, check, values, search)
+
+    def long_route(self, check: Estimate | None) -> tuple[Model, Plan, Estimate] | None:
+        """Return a plan for more observations than a table holds, if it earns more than what was checked."""
+        found = best_long_route(
+            self.problem,
+            seed=self.seed + 3,
+            should_stop=lambda: self.clock.stop(0.8 if not self.quick else 0.6),
+        )
+        if found is None:
+            return None
+        model = Model.of(found.problem)
+        futures = simulate(model, found.plan, CHECK_FUTURES, seed=self.seed + 1).estimate()
+        allowed = self.problem.max_overrun_probability
+        if futures.mean <= (0.0 if check is None else check.mean):
+            return None
+        if allowed is not None and not keeps_to(model, found.plan, allowed, seed=self.seed + 2):
+            return None
+        self.evaluator = "monte-carlo"
+        self.notes = (
+            f"a route of {model.m} of {len(self.problem.observations)} observations, without branches: more "
+            "than a table of the optimal policy holds",
+        )
+        self.told(found.plan, futures.mean)
+        return model, found.plan, futures
 
     def impossible(self, model: Model) -> tuple[str, ...]:
         """Return why what must be done cannot be; empty if a route on mean values holds it all."""
@@ -493,7 +529,9 @@ class _Work:
             self.report(Progress(0.9, "bounds", self.best_value, None, count_branches(plan), plan))
             upper = self.upper(reduction.whole())
         if model is not None and plan:
-            tree = annotate(model, Grid(model, *NOTES_GRID), tree)
+            many = sum(isinstance(step, TrackStart) for step in plan) > MAX_NOTED_TRACKS
+            grid = None if many else Grid(model, *NOTES_GRID)
+            tree = annotate(model, grid, tree)
         expected = values[-1] if values else 0.0
         lower = max(0.0, check.mean - 2.576 * check.standard_error) if check else 0.0
         result = PlanResult(
@@ -506,10 +544,11 @@ class _Work:
             upper=max(upper, expected),
             optimum_estimate=search.optimum if search is not None and reduction.exact else None,
             curve=tuple(values or ()),
+            evaluator=self.evaluator,
             wall_s=self.clock.elapsed_s(),
             first_plan_s=self.first_plan_s,
             seed=self.seed,
-            reasons=reasons + reduction.notes,
+            reasons=reasons + (self.notes or reduction.notes),
             regret_left=(
                 max(0.0, search.optimum - expected) if search is not None and reduction.exact else None
             ),

@@ -169,6 +169,19 @@ def test_precedence_and_several_observations_of_a_target_are_planned() -> None:
     assert planned_observations(result.tree.plan) == {"A", "B", "C"}
 
 
+def test_a_long_day_makes_more_than_a_table_holds() -> None:
+    places = [(3.0 + 0.2 * (k % 5), 0.2 * (k // 5)) for k in range(16)]
+    rows = [[observation(f"O{k + 1}", utility=3.0)] for k in range(16)]
+    problem = example(places=places, observations=rows, time_s=20_000.0, energy_j=6e6, spread=0.2)
+    result = solve(problem, max_branches=1, iterations=5)
+    made = planned_observations(result.tree.plan)
+    assert len(made) > 12
+    assert f"a route of {len(made)} of 16 observations, without branches" in result.reasons[0]
+    assert result.evaluator == "monte-carlo"
+    assert result.lower <= result.expected_utility <= result.upper
+    assert result.expected_utility > 0.9 * 3.0 * len(made)
+
+
 @pytest.mark.slow
 def test_two_hundred_identical_targets_still_give_a_plan() -> None:
     places = [(4.0 + 0.01 * (k % 20), 0.01 * (k // 20)) for k in range(200)]
