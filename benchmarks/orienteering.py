@@ -418,12 +418,13 @@ def replans(folder: Path) -> str:
 
 
 def plot(rows: list[dict[str, Any]], path: Path) -> None:
-    """Draw the mean gap of each group at its largest limit."""
+    """Draw the mean gap of each group at its largest limit of up to a second."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
+    rows = [r for r in rows if r["limit_s"] <= 1]
     groups = sorted({family(r["file"]) for r in rows}, key=lambda k: (k[:5], len(k), k))
     fig, axes = plt.subplots(figsize=(9, 4.2), layout="constrained")
     for s, solver in enumerate(SOLVERS):
@@ -454,7 +455,7 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
     axes.set_xticks(range(len(groups)), [g.replace(", ", "\n") for g in groups], fontsize=8)
     axes.set_ylabel("mean gap to the best known value, %")
     handles = [plt.Rectangle((0, 0), 1, 1, color=f"C{s}") for s in range(len(SOLVERS))]
-    axes.legend(handles, list(SOLVERS), fontsize=8, ncols=2)
+    fig.legend(handles, list(SOLVERS), fontsize=8, ncols=4, loc="outside upper center")
     fig.savefig(path, dpi=130)
 
 
