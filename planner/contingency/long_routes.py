@@ -1,8 +1,8 @@
 """Plans without branches for problems that no table holds: routes on mean values, thinned out by Monte Carlo.
 
 The table of the optimal policy holds about ten observations; a long day among many targets makes more. A
-route on mean values with less than the whole budgets leaves room for what goes wrong; how much less, and which
-of its observations are better left out, is settled on common random numbers.
+route on mean values with less than the whole budgets leaves room for what goes wrong; how much less, and
+which of its observations are better left out, is settled on common random numbers.
 """
 
 from __future__ import annotations
