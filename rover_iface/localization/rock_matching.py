@@ -91,7 +91,7 @@ class MatchingOptions:
     least_pair
         A pair is kept when, the pose being right, it is right with this probability.
     sharpness
-        What a log likelihood ratio counts, 0..1; below 1, as rocks do not lie independently.
+        What a log likelihood ratio counts; below 1 the verdict is more careful than the model.
     """
 
     farthest_m: float = 24.0
@@ -102,7 +102,7 @@ class MatchingOptions:
     turn_step_rad: float = math.radians(1.1)
     reach_sigma: float = 3.0
     least_pair: float = 0.93
-    sharpness: float = 0.85
+    sharpness: float = 1.0
     modes: int = 12
     most_rocks: int = 30
     bias_px: float = 0.1
