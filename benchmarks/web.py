@@ -26,7 +26,7 @@ from tests.web.conftest import CHROMIUM, FLAGS, Server, build_ui, run_server
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "browser.md"
 BEGIN, END = "<!-- benchmarks.web -->", "<!-- /benchmarks.web -->"
-REPEATS = 5
+REPEATS = 3
 ACTIVITIES, BRANCHES = 300, 50
 PAN_S = 4.0
 EXTRA_TARGETS = ((2.5, -6.0), (-2.0, 5.5))

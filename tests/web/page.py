@@ -41,7 +41,7 @@ def open_page(
     page.set_default_timeout(WAIT_MS)
     expect.set_options(timeout=WAIT_MS)
     errors: list[str] = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("pageerror", lambda error: errors.append(f"{error} {error.stack}"))
     page.on(
         "console",
         lambda message: (

@@ -256,8 +256,8 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
                 "() => document.querySelector('[data-testid=product-image]').naturalWidth > 0"
             )
             seen += 1
+            shot(page, "product")
         assert seen >= 2, "no target has what was asked of it"
-        shot(page, "product")
 
 
 def test_a_plan_that_cannot_be_made_says_why_and_is_not_said_to_be_made(server: Server) -> None:

@@ -115,7 +115,7 @@ export class MissionState {
     if (plan === null || plan.crl_sha256 !== null || job === null || ACTIVE.has(job.state)) return null;
     if (job.state === "cancelled") return "Cancelled before there was a plan.";
     if (job.state === "succeeded") return null;
-    return typeof job.problem?.detail === "string" ? job.problem.detail : job.message || "Planning failed.";
+    return this.reasonOf(job) || "Planning failed.";
   });
   readonly nodes = $derived<CrlNode[]>(this.crl === null ? [] : nodesOf(this.crl));
   readonly nodeById = $derived(new Map(this.nodes.map((node) => [node.id, node])));
@@ -296,8 +296,7 @@ export class MissionState {
     stream.close();
     this.jobStreams.delete(job.id);
     if (job.state === "failed") {
-      const detail = typeof job.problem?.detail === "string" ? job.problem.detail : job.message;
-      app.toast("bad", `${calls.jobTitle(job)} failed`, detail);
+      app.toast("bad", `${calls.jobTitle(job)} failed`, this.reasonOf(job));
     }
     for (const kind of ["path_network", "plan", "run", "product", "observation_request"]) this.soon(kind);
   }
@@ -385,6 +384,13 @@ export class MissionState {
     const request = id === null ? undefined : this.requestById.get(id);
     if (request === undefined) return id ?? "";
     return `${request.target_name} · ${request.instrument === "microscopic_imager" ? "MI" : "image"}`;
+  }
+
+  /** Why a job failed, for people. */
+  private reasonOf(job: Job): string {
+    const detail = typeof job.problem?.detail === "string" ? job.problem.detail : job.message;
+    const text = this.named(detail.replace(/^no plan: /, ""));
+    return text.slice(0, 1).toUpperCase() + text.slice(1);
   }
 
   /** A text of the server with names in the place of ids of targets and requests. */
