@@ -126,10 +126,8 @@ Say = Callable[[str], None]
 
 
 def methods_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
-    """Return Table 1: each published method from near and far, on the same trials as the cascade."""
-    errors: dict[str, dict[str, list[float | None]]] = {
-        name: {"near": [], "far": []} for name in (*METHODS, "cascade")
-    }
+    """Return Table 1: each published method from near and far."""
+    errors: dict[str, dict[str, list[float | None]]] = {name: {"near": [], "far": []} for name in METHODS}
     for seed in worlds:
         world = World(approach(seed, folder), miscalibrated=True)
         for number, (_, point) in enumerate(world.sequence.targets[::2]):
@@ -141,13 +139,9 @@ def methods_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
                     errors[name][which].append(
                         None if found is None else float(np.hypot(*(found.pixel - true)))
                     )
-                answer = cascade(given, which)
-                errors["cascade"][which].append(
-                    float(np.hypot(*(answer.pixel - true))) if answer.accepted else None
-                )
         say(f"  methods, world {seed}")
     return {
-        "trials": len(errors["cascade"]["near"]),
+        "trials": len(errors["pure kinematic"]["near"]),
         "table": {n: {w: _summary(e) for w, e in by.items()} for n, by in errors.items()},
     }
 
@@ -295,7 +289,7 @@ def _methods(results: dict[str, Any]) -> str:
         for which in ("near", "far"):
             e = by[which]
             said = PUBLISHED.get(name)
-            matched = name.startswith("refined") or name == "cascade"
+            matched = name.startswith("refined")
             if e["mean_px"] is None:
                 ours = "-"
             elif matched:

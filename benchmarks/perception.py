@@ -218,8 +218,14 @@ def follow_pixel(halts: list[Halt], views: list[StereoView], point: Array, match
     return float(np.linalg.norm(away - ray * (ray @ away)))
 
 
-def fault_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
-    """Return how the shipped tracker comes through what goes wrong, and what its confidence tells."""
+def fault_study(
+    worlds: list[int], folder: Path, say: Say, keep: Callable[[dict[str, Any]], None]
+) -> dict[str, Any]:
+    """Return how the shipped tracker comes through what goes wrong, and what its confidence tells.
+
+    `keep` gets what is known after each world.
+    """
+    found: dict[str, Any] = {}
     rows: list[dict[str, Any]] = []
     runs: dict[str, list[dict[str, Any]]] = {kind: [] for kind in KINDS}
     options = replace(SiftOptions(), lost_updates=5)
@@ -229,13 +235,22 @@ def fault_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
         for kind in KINDS:
             halts, hit = disturbed(sequence, kind, points[len(points) // 2], 1)
             first = max(0, hit.start - 3)
-            found = follow(halts[first:], [h.view() for h in halts[first:]], points, options, {})
-            for row in found:
+            updates = follow(halts[first:], [h.view() for h in halts[first:]], points, options, {})
+            for row in updates:
                 row |= {"kind": kind, "hit": row["stop"] + first in hit}
-            rows += found
-            for number in {r["target"] for r in found}:
-                runs[kind].append(_run([r for r in found if r["target"] == number]))
+            rows += updates
+            for number in {r["target"] for r in updates}:
+                runs[kind].append(_run([r for r in updates if r["target"] == number]))
         say(f"  faults, world {seed}")
+        found = _faults(worlds[: worlds.index(seed) + 1], rows, runs)
+        keep(found)
+    return found
+
+
+def _faults(
+    worlds: list[int], rows: list[dict[str, Any]], runs: dict[str, list[dict[str, Any]]]
+) -> dict[str, Any]:
+    """Return what rows of updates and their runs come to."""
     wrong = np.array([r["aside_m"] > 0.05 for r in rows])
     confidence = np.array([r["confidence"] for r in rows])
     clean = [r for r in rows if not r["hit"] and r["aside_m"] < 0.05]
@@ -300,25 +315,28 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="docs folder whose tracking page gets the tables")
     arguments = parser.parse_args()
     worlds = list(range(TRAINING, arguments.worlds))
-    results: dict[str, Any] = {}
-    if arguments.results.is_file():
-        results = json.loads(arguments.results.read_text())
+
+    def keep(name: str, found: dict[str, Any]) -> None:
+        # another study may have written meanwhile
+        results = json.loads(arguments.results.read_text()) if arguments.results.is_file() else {}
+        results[name] = found
+        arguments.results.parent.mkdir(parents=True, exist_ok=True)
+        arguments.results.write_text(json.dumps(results, indent=1) + "\n")
+
     work: dict[str, Callable[[], Any]] = {
         "approach": lambda: approach_study(worlds, arguments.pictures, say),
-        "faults": lambda: fault_study(worlds[:4], arguments.pictures, say),
+        "faults": lambda: fault_study(
+            worlds[:4], arguments.pictures, say, lambda found: keep("faults", found)
+        ),
         "registration": lambda: registration_study(worlds, arguments.pictures, say),
     }
     for name in arguments.only or STUDIES:
         started = time.process_time()
         found = work[name]()
         say(f"{name}: {time.process_time() - started:.0f} CPU s")
-        # another study may have written meanwhile
-        results = json.loads(arguments.results.read_text()) if arguments.results.is_file() else {}
-        results[name] = found
-        arguments.results.parent.mkdir(parents=True, exist_ok=True)
-        arguments.results.write_text(json.dumps(results, indent=1) + "\n")
+        keep(name, found)
     if arguments.out:
-        write_report(results, arguments.out)
+        write_report(json.loads(arguments.results.read_text()), arguments.out)
 
 
 if __name__ == "__main__":

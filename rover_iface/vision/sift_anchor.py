@@ -68,7 +68,9 @@ class Looks:
 
     options: AnchorOptions
 
-    def _stereo(self, view: StereoView, pixel: Array, range_m: float, spread: float) -> PointMatch | None:
+    def _stereo(
+        self, view: StereoView, pixel: Array, range_m: float | None, spread: float
+    ) -> PointMatch | None:
         settings = PointStereo(sigma_px=self.options.range_px / math.sqrt(2.0))
         match = point_stereo(
             view.left,
@@ -86,7 +88,7 @@ class Looks:
         self, view: StereoView, pixel: Array, expected_m: float | None
     ) -> tuple[Array, Array, Anchor] | None:
         """Return position, covariance and anchor of the surface under a pixel; None where stereo fails."""
-        match = self._stereo(view, pixel, expected_m or 10.0, 0.9 if expected_m else 2.0)
+        match = self._stereo(view, pixel, expected_m, 0.9)
         if match is None:
             return None
         key = self._template(view, pixel, match.point, match.normal, 0.0)

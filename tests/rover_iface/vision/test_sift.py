@@ -116,6 +116,8 @@ def test_a_designated_pixel_is_ranged_and_its_range_gets_sharper_on_the_way() ->
     assert np.trace(update.covariance) < 0.5 * np.trace(first.covariance)
     now = view(-3.93)
     assert tracker.update("A", now) is tracker.update("A", now)
+    near = SiftTracker().start("B", None, view(-3.0), pixel=(HALF, HALF))
+    assert np.linalg.norm(near.position - frames(-3.0)[0].truth.point_site[HALF, HALF]) < 0.02
 
 
 def test_while_coasting_the_covariance_grows_and_confidence_falls() -> None:
