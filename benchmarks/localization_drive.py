@@ -270,7 +270,7 @@ def _walked(motion: Transform, errors: Array, scale: float) -> Transform:
 # ---- speed
 
 
-def speed(poses: int = 100, points: int = 2600, *, seen: int = 150, seed: int = 0) -> dict[str, float]:
+def speed(poses: int = 100, points: int = 2600, *, seen: int = 180, seed: int = 0) -> dict[str, float]:
     """Return CPU seconds and fit of an adjustment of stereo features along a drive of 0.6 m steps."""
     rng = np.random.default_rng(seed)
     base = 0.2

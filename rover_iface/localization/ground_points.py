@@ -197,4 +197,6 @@ def read_points(
                 )
     except (OSError, ValueError, KeyError, IndexError, AttributeError) as err:
         raise LocalizationError(f"{path}: points cannot be read: {err}") from err
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise LocalizationError(f"{path}: points cannot be read: numbers of shape {points.shape}, not [n, 3]")
     return GroundPoints(points, where, range_factor)
