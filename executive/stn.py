@@ -361,8 +361,8 @@ class TemporalNetwork:
         """Return the longest path to `point` from executed points and from the present, and which it was.
 
         Best first over the points from which `point` can be reached. Two schedules tell how much any path
-        through a point can still give, so that the search ends as soon as nothing better is in sight: the kept
-        one, and the earliest one as it was last made plus the time since then.
+        through a point can still give, so that the search ends as soon as nothing better is in sight: the
+        kept one, and the earliest one as it was last made plus the time since then.
         """
         best = self.now_ms
         moving = False

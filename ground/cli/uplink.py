@@ -71,9 +71,7 @@ def register(app: typer.Typer) -> None:
         from rover_iface.errors import RoverError
 
         try:
-            checked, flight = execute_package(
-                package, Place(rover, world, trust, seed), out, resume=resume
-            )
+            checked, flight = execute_package(package, Place(rover, world, trust, seed), out, resume=resume)
         except GroundError as err:
             fail(err.message)
         except (RoverError, ExecutiveError) as err:

@@ -238,7 +238,8 @@ def what_if(
     from planner.evaluate.model import Model
     from planner.evaluate.monte_carlo import simulate
     from planner.evaluate.program import compile_plan
-    from planner.explain import fitted, sensitivity
+    from planner.explain import sensitivity
+    from planner.plan_edits import fitted
     from planner.plan_tree import count_branches, planned_observations
     from planner.solve import PlanStatus, solve
     from planner.threads import one_blas_thread
