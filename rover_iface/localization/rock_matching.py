@@ -298,7 +298,8 @@ def _modes(table: Array, count: int) -> list[tuple[int, int, int]]:
 
     peaks = np.flatnonzero((maximum_filter(table, size=3, mode="nearest") == table).ravel())
     order = peaks[np.argsort(-table.ravel()[peaks])][:count]
-    return [tuple(int(v) for v in np.unravel_index(k, table.shape)) for k in order]  # type: ignore[misc]
+    places = zip(*np.unravel_index(order, table.shape), strict=True)
+    return [(int(k), int(i), int(j)) for k, i, j in places]
 
 
 def _raster_share(table: Array, best: tuple[int, int, int], options: MatchingOptions) -> float:
