@@ -4032,7 +4032,7 @@ export interface components {
          *     away), `value_found` the best plan found at once for it: a full planning can only be better. `change` is
          *     found less present, `replanning` found less kept. `gained` and `lost` are requests against the present
          *     plan, `reach` the chance of each request to be begun. `per_hour` and `per_100_kj` are what more of a
-         *     budget is worth there; `why` says it in sentences.
+         *     budget would win for that plan; `why` says it in sentences.
          */
         WhatIfAnswer: {
             /** Branches */
