@@ -112,7 +112,6 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         mission = _new_mission(page, server)
         page.goto(f"{server.address}/?quality=test#/m/{mission}")
         page.wait_for_function("() => document.querySelector('[data-testid=map]')?.dataset.terrain")
-        shot(page, "empty")
 
         # Six targets with a request each, three clicks and a value; a keep-out on the way.
         names = [_pick(page, *target) for target in TARGETS]

@@ -231,7 +231,6 @@ def test_nobody_is_shut_out_of_the_page(server: Server, scheme: str) -> None:
         page.keyboard.press("d")
         expect(page.get_by_test_id("paired")).to_contain_text("Beats the other with")
         look("compare")
-        shot(page, f"compare-{scheme}")
         page.keyboard.press("Escape")
         page.get_by_role("button", name="3D").click()
         expect(page.get_by_test_id("scene")).to_be_visible()
@@ -246,5 +245,6 @@ def test_nobody_is_shut_out_of_the_page(server: Server, scheme: str) -> None:
         page.get_by_role("tab", name=re.compile("^Targets")).click()
         page.get_by_role("button", name="Edit in a table").click()
         look("table")
-        shot(page, f"table-{scheme}")
+        if scheme == "light":
+            shot(page, "table-light")
         assert views == [], json.dumps(views, indent=1)
