@@ -187,7 +187,7 @@ new PerformanceObserver((list) => {
 def test_nothing_moves_while_the_page_loads(server: Server) -> None:
     with chromium() as browser, open_page(browser, server) as page:
         open_demo(page)
-        address = page.url
+        address = page.url if "?" in page.url.split("#")[1] else f"{page.url}?sel="
         page.add_init_script(SHIFTS)
         for there in (f"{server}/?quality=test", f"{address}&tab=run", f"{address}&view=scene"):
             page.goto("about:blank")
