@@ -28,12 +28,20 @@ class _Walk:
     legs: Mapping[tuple[str, str], Mapping[str, float]]
     observations: Mapping[str, tuple[str, Mapping[str, Any]]]
     names: Mapping[str, str]
-    lost: dict[tuple[str, str, str], float] = field(default_factory=lambda: defaultdict(float))
+    lost: dict[tuple[str, str, str], list[tuple[float, frozenset[str]]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
+    """Leg and target: the chance of each loss, with the observations that were made before it."""
     spoilt: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     attempted: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def steps(
-        self, steps: Sequence[Mapping[str, Any]], place: str, tracked: frozenset[str], chance: float
+        self,
+        steps: Sequence[Mapping[str, Any]],
+        place: str,
+        tracked: frozenset[str],
+        chance: float,
+        made: frozenset[str] = frozenset(),
     ) -> None:
         for step in steps:
             reached = float(step.get("p_reached", chance))
@@ -43,26 +51,28 @@ class _Walk:
                 case "track_stop":
                     tracked -= {step["target"]}
                 case "navigate":
-                    place = self.drive(place, step["to"], tracked, reached)
+                    place = self.drive(place, step["to"], tracked, reached, made)
                 case "observe":
                     self.observe(step["observation"], reached)
+                    made |= {step["observation"]}
                 case "visit":
-                    place = self.drive(place, step["target"], tracked, reached)
+                    place = self.drive(place, step["target"], tracked, reached, made)
                     for name, (target, _) in self.observations.items():
                         if target == step["target"]:
                             self.observe(name, reached)
+                            made |= {name}
                 case "branch":
                     for option in step["options"]:
                         gone = {w["target"] for w in option["when"] if w["var"] == "tracked" and not w["is"]}
                         taken = float(option.get("p_taken", 0.0))
-                        self.steps(option["plan"], place, tracked - gone, taken)
+                        self.steps(option["plan"], place, tracked - gone, taken, made)
                 case _:
                     pass
 
-    def drive(self, place: str, to: str, tracked: frozenset[str], chance: float) -> str:
+    def drive(self, place: str, to: str, tracked: frozenset[str], chance: float, made: frozenset[str]) -> str:
         for target, p_lose in self.legs.get((place, to), {}).items():
             if target in tracked:
-                self.lost[(target, place, to)] += chance * p_lose
+                self.lost[(target, place, to)].append((chance * p_lose, made))
         return to
 
     def observe(self, name: str, chance: float) -> None:
@@ -76,7 +86,8 @@ def failure_modes(
 ) -> list[FailureMode]:
     """Return the ways to lose value, the largest expected loss first.
 
-    A track lost on a leg puts the observations of its target at stake; an observation may bring nothing
+    A track lost on a leg puts those observations of its target at stake that need it and were not made before
+    (a mean over the ways there, where they differ); an observation may bring nothing
     usable (its success probability); and one that the plan holds may not be come to.
     """
     legs = {(leg["from"], leg["to"]): leg.get("p_lose", {}) for leg in problem.get("legs", ())}
@@ -89,6 +100,10 @@ def failure_modes(
     def worth(name: str) -> float:
         return float(observations[name][1].get("utility", 0.0))
 
+    def needs_track(name: str) -> bool:
+        observation = observations[name][1]
+        return observation.get("kind") == "place" or bool(observation.get("tracked", False))
+
     def said(target: str) -> str:
         return names.get(target, target)
 
@@ -97,10 +112,16 @@ def failure_modes(
         return f"{observation.get('instrument', observation.get('kind', 'observation'))} of {said(target)}"
 
     found = []
-    for (target, place, to), chance in walk.lost.items():
-        stake = sum(worth(n) for n in walk.attempted if observations[n][0] == target)
-        where = f"between {said(place)} and {said(to)}"
-        found.append(FailureMode(f"the track of {said(target)} is lost {where}", min(chance, 1.0), stake))
+    for (target, place, to), losses in walk.lost.items():
+        hanging = [n for n in walk.attempted if observations[n][0] == target and needs_track(n)]
+        chance, loss = 0.0, 0.0
+        for share, made in losses:
+            stake = sum(worth(n) for n in hanging if n not in made)
+            if stake > 0.0:
+                chance, loss = chance + share, loss + share * stake
+        if chance > 0.0:
+            what = f"the track of {said(target)} is lost between {said(place)} and {said(to)}"
+            found.append(FailureMode(what, min(chance, 1.0), loss / chance))
     for name, chance in walk.spoilt.items():
         found.append(FailureMode(f"the {called(name)} brings nothing usable", min(chance, 1.0), worth(name)))
     for name, chance in walk.attempted.items():

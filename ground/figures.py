@@ -67,8 +67,8 @@ def draw_day(
     """Write a PNG of the plan on the terrain's ortho image.
 
     Ribbons are as wide as the chance that they are driven: blue for the mainline, orange for branches. The
-    white line is what the rover drove. `observed` gives the number of products per target, `lost` names the
-    tracks that were lost.
+    white line is what the rover drove. `observed` gives the number of products per target (None before a
+    run), `lost` names the tracks that were lost.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -134,11 +134,13 @@ def draw_day(
     ]
     if driven_m:
         keys.append(Line2D([], [], color="#888888", lw=1.4, ls=(0, (3, 2)), label="driven"))
-    keys.append(Line2D([], [], color="#6fe06f", marker="o", ls="", mec="black", label="observed"))
-    keys.append(
-        Line2D([], [], color="none", marker="o", ls="", mec="#ff5050", mew=2.0, ms=10, label="track lost")
-    )
-    keys.append(Line2D([], [], color="#e8e8e8", marker="o", ls="", mec="black", label="not observed"))
+    if observed is not None:
+        keys.append(Line2D([], [], color="#6fe06f", marker="o", ls="", mec="black", label="observed"))
+        keys.append(
+            Line2D([], [], color="none", marker="o", ls="", mec="#ff5050", mew=2.0, ms=10, label="track lost")
+        )
+    rest = "target (value)" if observed is None else "not observed"
+    keys.append(Line2D([], [], color="#e8e8e8", marker="o", ls="", mec="black", label=rest))
     figure.legend(
         handles=keys, loc="lower center", ncols=len(keys), fontsize=8, frameon=False, handlelength=1.6
     )

@@ -43,6 +43,22 @@ def _review(group: typer.Typer) -> None:
         out.write_bytes(content)
         typer.echo(f"{out}: {len(content)} bytes")
 
+    @group.command("report")
+    def report(
+        plan: str = typer.Argument(...),
+        out: Path = typer.Argument(..., help="HTML file to write"),
+        server: str = SERVER,
+        person: str | None = PERSON,
+    ) -> None:
+        """Write the report of a plan for the uplink meeting as one HTML page. Needs a server."""
+        with connected(server, person) as client:
+            content = client.request("GET", f"/plans/{plan}/report").content
+        try:
+            out.write_bytes(content)
+        except OSError as err:
+            fail(f"{out} cannot be written: {err.strerror}")
+        typer.echo(f"{out}: {len(content)} bytes")
+
     @group.command("summary")
     def summary(plan: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON) -> None:
         """Print the planner's summary. Needs a server."""

@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import base64
-import html
-import tempfile
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy import select
 
 from ground.errors import StateError
-from ground.failure_modes import failure_modes
-from ground.figures import draw_day
 from ground.gdr import models as m
 from ground.gdr import values as v
 from ground.gdr.repository import Repository
-from ground.plan_drawing import boxes, target_names, to_svg
+from ground.plan_drawing import target_names
+from ground.report_page import failure_table, map_picture, number, page, table, tree_drawing
 from ground.services.actor import Actor
 from ground.services.get_resource import find_row
 from ground.services.kinds import KINDS, show_products, show_requests, show_runs
 from ground.services.read_plan import computed_plan
 from ground.services.read_run import read_telemetry, read_trace
 from ground.services.terrains import mission_terrain
-
-STYLE = """body{font:14px/1.45 sans-serif;color:#14202a;max-width:70em;margin:2em auto;padding:0 1em}
-table{border-collapse:collapse}td,th{border-bottom:1px solid #ccd5da;padding:.25em .7em;text-align:left}
-img{max-width:100%}.tree{overflow-x:auto;border:1px solid #ccd5da}"""
 
 
 def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
@@ -65,69 +56,41 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
         if east is not None and north is not None
     ]
     tree = plan.tree or {"plan": []}
-    with tempfile.TemporaryDirectory(prefix="outcrop-report-") as work:
-        picture = Path(work) / "map.png"
-        draw_day(
-            picture,
-            terrain,
-            problem,
-            tree,
-            driven_m=driven,
-            observed=Counter(x.target_id for x in products if x.target_id is not None),
-            lost=lost,
-            keep_outs=keep_outs,
-        )
-        image = base64.b64encode(picture.read_bytes()).decode()
     names = target_names(problem)
-    parts = [
-        _table((), _figures(run, plan, [names.get(t, t) for t in lost])),
-        "<h2>Map</h2>",
-        f'<img alt="map of plan and drive" src="data:image/png;base64,{image}">',
-        "<h2>Plan</h2>",
-        f'<div class="tree">{to_svg(boxes(tree, names))}</div>',
-        "<h2>Requests and what came back</h2>",
-        _table(
-            ("target", "instrument", "value", "in the plan", "came back"), _rows(plan, requests, products)
-        ),
-        "<h2>Top failure modes</h2>",
-        _table(("what may go wrong", "chance", "value at stake", "expected loss"), _modes(tree, problem))
-        or "<p>None known.</p>",
-        "<h2>What failed</h2>",
-        _table(("time, s", "task", "end"), _failures(trace)) or "<p>Nothing.</p>",
-    ]
-    title = f"{mission.name}: plan {plan.number}, run {run.id}"
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f"<title>{_safe(title)}</title><style>{STYLE}</style></head>\n<body><h1>{_safe(title)}</h1>\n"
-        + "\n".join(parts)
-        + "\n</body></html>\n"
+    picture = map_picture(
+        terrain,
+        problem,
+        tree,
+        "map of plan and drive",
+        driven_m=driven,
+        observed=Counter(x.target_id for x in products if x.target_id is not None),
+        lost=lost,
+        keep_outs=keep_outs,
     )
-
-
-def _safe(value: object) -> str:
-    return html.escape(str(value))
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table, or nothing without rows."""
-    lines = ["".join(f"<td>{_safe(cell)}</td>" for cell in row) for row in rows]
-    if not lines:
-        return ""
-    top = "".join(f"<th>{_safe(cell)}</th>" for cell in head)
-    return "<table>" + "".join(f"<tr>{line}</tr>" for line in ([top] if head else []) + lines) + "</table>"
-
-
-def _number(value: float | None, unit: str = "") -> str:
-    return "-" if value is None else f"{value:.1f}{unit}"
+    asked = ("target", "instrument", "value", "in the plan", "came back")
+    parts = [
+        table((), _figures(run, plan, [names.get(t, t) for t in lost])),
+        "<h2>Map</h2>",
+        picture,
+        "<h2>Plan</h2>",
+        tree_drawing(tree, problem),
+        "<h2>Requests and what came back</h2>",
+        table(asked, _rows(plan, requests, products), numbers=(2,)),
+        "<h2>Top failure modes</h2>",
+        failure_table(tree, problem),
+        "<h2>What failed</h2>",
+        table(("time, s", "task", "end"), _failures(trace), numbers=(0,)) or "<p>Nothing.</p>",
+    ]
+    return page(f"{mission.name}: plan {plan.number}, run {run.id}", parts)
 
 
 def _figures(run: v.Run, plan: m.PlanRow, lost: Sequence[str]) -> list[tuple[str, str]]:
-    expected = f"{_number(plan.expected_utility)}, at most {_number(plan.upper)}"
+    expected = f"{number(plan.expected_utility)}, at most {number(plan.upper)}"
     return [
         ("outcome", run.outcome),
-        ("utility", f"{_number(run.utility)} (expected {expected})"),
-        ("duration", _number(run.duration_s, " s")),
-        ("energy used", _number(run.energy_used_j, " J")),
+        ("utility", f"{number(run.utility)} (expected {expected})"),
+        ("duration", number(run.duration_s, " s")),
+        ("energy used", number(run.energy_used_j, " J")),
         ("options taken", ", ".join(run.options_taken) or "none"),
         ("tracks lost", ", ".join(lost) or "none"),
         ("rover", f"{run.rover}, seed {run.seed}"),
@@ -150,13 +113,6 @@ def _rows(
     if orphans:
         rows.append(("no request", "", "", "", ", ".join(orphans)))
     return rows
-
-
-def _modes(tree: Mapping[str, Any], problem: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    return [
-        (mode.what, f"{mode.chance:.1%}", f"{mode.at_stake:g}", f"{mode.expected_loss:.2f}")
-        for mode in failure_modes(tree, problem, target_names(problem))
-    ]
 
 
 def _failures(trace: v.Trace) -> list[tuple[Any, ...]]:

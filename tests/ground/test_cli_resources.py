@@ -87,6 +87,7 @@ COMMANDS = {
     "draw_plan": "exchange draw-plan",
     "export_products": "exchange products",
     "get_run_report": "exchange report",
+    "get_plan_report": "review report",
     "get_plan_tree": "review file",
     "get_plan_crl": "review file",
     "get_plan_summary": "review summary",

@@ -214,6 +214,52 @@ def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(wo
         assert word in page.text
 
 
+def test_a_plan_is_reported_before_its_run(world: tuple[Api, str]) -> None:
+    from ground.gdr.values import Mission
+
+    api, mission = world
+    named = Mission(**api.get(f"/missions/{mission}"))
+    file_requests(api, named)
+    evil = {"name": "<script>x</script>"}
+    api("PATCH", f"/missions/{mission}", evil, headers={"If-Match": "*"})
+    plan = planned(api, named)
+    remark = {"subject_kind": "plan", "subject_id": plan["id"], "text": "mind the <i>ditch</i>"}
+    api.post(f"/missions/{mission}/comments", remark)
+
+    def read() -> Page:
+        answer = api("GET", f"/plans/{plan['id']}/report")
+        assert (answer.status_code, answer.headers["content-type"]) == (200, "text/html; charset=utf-8")
+        assert "default-src 'none'" in answer.headers["content-security-policy"]
+        page = Page()
+        page.feed(answer.text)
+        assert [link[:22] for link in page.loads] == ["data:image/png;base64,"]
+        assert page.tags.isdisjoint({"script", "i"})
+        return page
+
+    text = read().text
+    rules = [rule["rule"] for rule in api.get(f"/plans/{plan['id']}/flight-rules")]
+    for word in ("<script>x</script>", "mind the <i>ditch</i>", "Near", "Far", plan["crl_sha256"], *rules):
+        assert word in text
+    assert "the plan is computed; it has to be verified" in text
+    finished(api, api.post(f"/missions/{mission}/runs", {"plan_id": plan["id"], "seed": 4}, status=202))
+    for rule in api.get(f"/plans/{plan['id']}/flight-rules"):
+        assert rule["holds"] or f"{rule['rule']} does not hold" in text
+        if not rule["holds"]:
+            waiver = {"rule": rule["rule"], "reason": "small yard"}
+            api.post(f"/plans/{plan['id']}/waivers", waiver, status=201, who="Flight Director")
+            assert "waived: small yard" in read().text
+    assert "has approved it yet" in read().text
+    note = {"crl_sha256": plan["crl_sha256"], "note": "read and found good"}
+    api.post(f"/plans/{plan['id']}/approval", note, who="Flight Director")
+    text = read().text
+    assert "Nothing stands against the uplink" in text
+    assert "read and found good" in text
+    api.post(f"/missions/{mission}/targets", {"east_m": -3.0, "north_m": 2.0})
+    text = read().text
+    assert "the mission was edited since the plan was computed" in text
+    assert "Nothing stands against the uplink" not in text
+
+
 def test_the_table_is_plain_csv(world: tuple[Api, str]) -> None:
     api, mission = world
     fill(api, mission)

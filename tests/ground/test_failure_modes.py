@@ -53,6 +53,12 @@ def test_losses_are_told_with_chance_and_stake_the_dearest_first() -> None:
     assert found[0].what == "the mi of Slab is not come to"
 
 
+def test_a_track_that_is_no_longer_needed_is_nothing_to_lose() -> None:
+    told = [mode.what for mode in failure_modes(tree(), small_problem(), NAMES)]
+    assert "the track of Rock is lost between start and Rock" in told
+    assert not [what for what in told if "the track of Rock is lost between Rock" in what]
+
+
 def test_an_empty_plan_cannot_fail_and_the_list_is_cut() -> None:
     assert failure_modes({"plan": []}, small_problem(), NAMES) == []
     assert len(failure_modes(tree(), small_problem(), NAMES, most=2)) == 2

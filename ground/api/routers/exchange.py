@@ -1,4 +1,4 @@
-"""Files in and out: targets and keep-outs, drawings of plans, products and reports of runs."""
+"""Files in and out: targets and keep-outs, drawings of plans, products, reports of plans and runs."""
 
 from __future__ import annotations
 
@@ -75,6 +75,20 @@ async def draw_plan(ask: Asked, plan_id: Id, form: Literal["svg", "dot"] = "svg"
     text = await ask.do(draw_plan, plan_id, form=form)
     media = "image/svg+xml" if form == "svg" else "text/vnd.graphviz"
     return Response(text, media_type=media, headers={"Content-Security-Policy": SEALED})
+
+
+@router.get(
+    "/plans/{plan_id}/report",
+    response_class=Response,
+    responses={**_as("text/html"), **responses(404, 409, 422)},
+)
+async def get_plan_report(ask: Asked, plan_id: Id) -> Response:
+    """Report a plan before its run on one page that loads nothing: map, tree, odds, budgets, rules."""
+    from ground.services.report_plan import report_plan
+
+    text = await ask.do(report_plan, plan_id)
+    headers = {"Content-Security-Policy": SEALED}
+    return Response(text, media_type="text/html; charset=utf-8", headers=headers)
 
 
 @router.get(
