@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+import select
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import orjson
 from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import DisconnectionError
 from sqlalchemy.orm import Session
+
+if TYPE_CHECKING:
+    import psycopg
+    from sqlalchemy.pool import ConnectionPoolEntry
 
 _WRITE = "outcrop_write"
 _SQLITE_ARGUMENTS: dict[str, Any] = {"check_same_thread": False, "timeout": 30.0}
@@ -31,7 +38,8 @@ class Database:
 
     On SQLite every write transaction begins with `BEGIN IMMEDIATE` behind a lock of the process, because
     SQLite's own waiting is unfair and a read lock cannot always grow into a write lock. On PostgreSQL rows
-    that are about to change are locked with `FOR UPDATE` by the callers.
+    that are about to change are locked with `FOR UPDATE` by the callers, and a connection that the server
+    closed while nobody used it is made anew: a restart of the server fails no request that comes after it.
     """
 
     def __init__(self, address: str) -> None:
@@ -51,6 +59,7 @@ class Database:
             _prepare_sqlite(self.engine)
         else:
             self.engine = create_engine(self.url, pool_size=20, max_overflow=60, json_deserializer=_loads)
+            _prepare_postgres(self.engine)
         self.write_engine = self.engine.execution_options(**{_WRITE: True})
         self._plain_engine = self._make_plain_engine()
 
@@ -72,6 +81,8 @@ class Database:
         )
         if self.is_sqlite:
             event.listen(engine, "connect", _on_sqlite_connect)
+        else:
+            _prepare_postgres(engine)
         return engine
 
     @contextmanager
@@ -118,6 +129,39 @@ def _on_sqlite_connect(connection: sqlite3.Connection, _record: Any) -> None:
     cursor.execute("PRAGMA foreign_keys=ON")
     cursor.execute("PRAGMA busy_timeout=30000")
     cursor.close()
+
+
+def _prepare_postgres(engine: Engine) -> None:
+    """Let an engine's pool make anew what the server closed while it lay there.
+
+    An idle connection has nothing to read, one that was closed has: so a look at the socket does what a round
+    trip on every checkout would (`pool_pre_ping`), and only a socket with something to read is asked further.
+    """
+
+    @event.listens_for(engine, "connect")
+    def _on_connect(connection: psycopg.Connection[Any], record: ConnectionPoolEntry) -> None:
+        record.info["readable"] = _look_at(connection.fileno())
+
+    @event.listens_for(engine, "checkout")
+    def _on_checkout(
+        connection: psycopg.Connection[Any], record: ConnectionPoolEntry, _proxy: object
+    ) -> None:
+        if not record.info["readable"]():
+            return
+        try:
+            with connection.transaction():
+                connection.execute("SELECT 1")
+        except connection.OperationalError as err:
+            raise DisconnectionError("the server closed the connection") from err
+
+
+def _look_at(descriptor: int) -> Callable[[], object]:
+    """Return what says whether something, be it the end, waits to be read."""
+    if not hasattr(select, "poll"):  # Windows
+        return lambda: select.select([descriptor], [], [], 0.0)[0]
+    poll = select.poll()
+    poll.register(descriptor, select.POLLIN)
+    return partial(poll.poll, 0)
 
 
 def _prepare_sqlite(engine: Engine) -> None:
