@@ -20,6 +20,7 @@ from executive.ports import (
     CommandId,
     CommandStatus,
     Event,
+    Operator,
     Product,
     Result,
     Rover,
@@ -155,12 +156,13 @@ def fly(
     should_stop: Callable[[], bool] = lambda: False,
     sync: bool = True,
     repeats: Sequence[Any] = (),
+    operator: Sequence[Operator] = (),
 ) -> Flight:
     """Run a plan to its end on the rover's virtual clock and return the run; its folder is `folder`.
 
     A stop that is asked for becomes an operator's abort: the run ends as a real one would. `about` goes into
     `run.json` as it is (rover, seed, faults, plan). `repeats` holds the records of a journal that this run
-    has to repeat before it goes on.
+    has to repeat before it goes on. `operator` holds commands with the times at which the rover hears them.
 
     Raises
     ------
@@ -180,6 +182,8 @@ def fly(
     try:
         session = Session(crl_text, recorder, run_id=run_id, journal=journal, listeners=listeners)
         session.start()
+        for heard in operator:
+            session.inject(heard)
         stopped = False
         while session.step_once():
             if not stopped and should_stop():

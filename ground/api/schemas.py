@@ -340,9 +340,17 @@ class FaultBody(Body):
         return v.Fault(self.kind, self.at_s, self.task, self.target_id, self.amount)
 
 
+class SentBody(Body):
+    """A command that the ground wants to send so many seconds after the plan's start."""
+
+    operation: Literal["abort", "pause", "resume"]
+    sent_s: Seconds
+
+
 class RunCreate(Body):
     """Run a plan's CRL on a simulated rover. With `pace` > 0 so many seconds of the plan pass in one
-    real second."""
+    real second. With `light_time_s`, one way, it is a rehearsal in the passes of the plan's sol: `commands`
+    come late, and the report of the run says when the ground knows what."""
 
     plan_id: Id
     rover: Name = "abstract"
@@ -350,6 +358,8 @@ class RunCreate(Body):
     faults: Annotated[list[FaultBody], Field(max_length=50)] = []
     pace: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e6)] = 0.0
     notes: Text = ""
+    light_time_s: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=36_000.0)] | None = None
+    commands: Annotated[list[SentBody], Field(max_length=50)] = []
 
 
 class RunControlBody(Body):

@@ -265,14 +265,28 @@ def _work(app: typer.Typer) -> None:
         plan: str = typer.Argument(...),
         rover: str = typer.Option("abstract"),
         seed: int = typer.Option(1),
+        light_time: float | None = typer.Option(
+            None, help="rehearsal in the passes of the sol: one-way light time, seconds"
+        ),
+        command: list[str] = typer.Option(
+            [], help="what the operator sends and when: abort@S, pause@S or resume@S; repeatable"
+        ),
         server: str = SERVER,
         person: str | None = PERSON,
     ) -> None:
         """Run a plan on a simulated rover on the server. Needs a server."""
+        from ground.errors import GroundError
         from ground.gdr.values import Run
+        from ground.rehearsal import Sent
 
+        link: dict[str, Any] = {} if light_time is None else {"light_time_s": light_time}
+        try:
+            sent = [Sent.parse(text) for text in command]
+        except GroundError as err:
+            fail(err.message)
+        link["commands"] = [{"operation": c.operation.value, "sent_s": c.sent_s} for c in sent]
         with connected(server, person) as client:
-            job = follow(client, client.run(mission, plan, rover=rover, seed=seed))
+            job = follow(client, client.run(mission, plan, rover=rover, seed=seed, **link))
             run = client.get(Run, job.subject_id)
             typer.echo(
                 f"{run.id}  {run.outcome}  utility {run.utility:g}  {run.duration_s or 0.0:.0f} s  "

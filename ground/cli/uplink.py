@@ -60,6 +60,13 @@ def register(app: typer.Typer) -> None:
         resume: bool = typer.Option(
             False, "--resume", help="go on with a run in --out whose process died (simulated rovers)"
         ),
+        light_time: float | None = typer.Option(None, help="rehearsal: one-way light time, seconds"),
+        passes: Path | None = typer.Option(
+            None, help="rehearsal: JSON of communication passes, or of a sol (`outcrop sol show`)"
+        ),
+        command: list[str] = typer.Option(
+            [], help="rehearsal: what the operator sends and when, abort@S, pause@S or resume@S; repeatable"
+        ),
     ) -> None:
         """Execute a package on a rover. Needs no server, database or network.
 
@@ -67,11 +74,23 @@ def register(app: typer.Typer) -> None:
         """
         from executive.errors import ExecutiveError
         from ground.errors import GroundError
+        from ground.link import Link, read_passes
+        from ground.rehearsal import Sent
         from ground.uplink.execute import Place, execute_package
         from rover_iface.errors import RoverError
 
         try:
-            checked, flight = execute_package(package, Place(rover, world, trust, seed), out, resume=resume)
+            link = None
+            if light_time is not None or passes is not None:
+                link = Link(light_time or 0.0, () if passes is None else read_passes(passes))
+            checked, flight = execute_package(
+                package,
+                Place(rover, world, trust, seed),
+                out,
+                resume=resume,
+                link=link,
+                commands=[Sent.parse(text) for text in command],
+            )
         except GroundError as err:
             fail(err.message)
         except (RoverError, ExecutiveError) as err:

@@ -14,6 +14,8 @@ from ground.gdr import models as m
 from ground.gdr import values as v
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
+from ground.link import Link
+from ground.rehearsal import Sent
 from ground.services.actor import SYSTEM_ACTOR, Action, Actor
 from ground.services.edit import insert, update
 from ground.services.kinds import KINDS, show_jobs
@@ -33,6 +35,10 @@ class RunOrder:
     faults: tuple[v.Fault, ...] = ()
     pace: float = 0.0
     notes: str = ""
+    light_time_s: float | None = None
+    """Makes it a rehearsal with the passes of the plan's sol: `commands` come late, and the run's folder says
+    when the ground knows what."""
+    commands: tuple[Sent, ...] = ()
 
 
 def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) -> v.Job:
@@ -64,6 +70,7 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
         if plan.crl_text is None or plan.crl_sha256 is None or plan.problem_id is None:
             raise StateError(f"plan {plan.number} is not computed ({plan.status or 'its job is not done'})")
         problem = session.get_one(m.ProblemRow, plan.problem_id)
+        link = _link(order.light_time_s, session.get_one(m.SolRow, plan.sol_id))
         run_id, job_id = new_id("run"), new_id("job")
         row = m.RunRow(
             id=run_id,
@@ -100,6 +107,8 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
                 "seed": order.seed,
                 "faults": faults,
                 "pace": order.pace,
+                "link": None if link is None else link.as_dict(),
+                "commands": [{"operation": c.operation.value, "sent_s": c.sent_s} for c in order.commands],
             },
             author=actor.name,
             job_id=job_id,
@@ -107,6 +116,14 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
         value = show_jobs(session, [job])[0]
     jobs.WAKE.set()
     return value
+
+
+def _link(light_time_s: float | None, sol: m.SolRow) -> Link | None:
+    """Return the link of a rehearsal: passes of a sol in order; None without a light time."""
+    if light_time_s is None:
+        return None
+    passes = sorted(sol.passes, key=lambda p: float(p["start_s"]))
+    return Link.from_dict({"light_time_s": light_time_s, "passes": passes})
 
 
 def _fault_documents(faults: tuple[v.Fault, ...]) -> list[dict[str, Any]]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select
@@ -12,7 +14,9 @@ from ground.errors import StateError
 from ground.gdr import models as m
 from ground.gdr import values as v
 from ground.gdr.repository import Repository
+from ground.link import FORMAT
 from ground.plan_drawing import target_names
+from ground.rehearsal import GROUND_VIEW
 from ground.report_page import failure_table, map_picture, number, page, table, tree_drawing
 from ground.services.actor import Actor
 from ground.services.get_resource import find_row
@@ -80,6 +84,7 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
         failure_table(tree, problem),
         "<h2>What failed</h2>",
         table(("time, s", "task", "end"), _failures(trace), numbers=(0,)) or "<p>Nothing.</p>",
+        *_known_on_the_ground(repo.run_dir(run_id) / GROUND_VIEW, trace),
     ]
     return page(f"{mission.name}: plan {plan.number}, run {run.id}", parts)
 
@@ -123,3 +128,48 @@ def _failures(trace: v.Trace) -> list[tuple[Any, ...]]:
         for e in trace.events
         if e.event == "end" and bad & set(e.arguments[1:])
     ]
+
+
+def _known_on_the_ground(path: Path, trace: v.Trace) -> list[str]:
+    """Return the chapter on what the ground knew when, of a rehearsal with a link; else nothing.
+
+    The folder may come from elsewhere: a file of another form counts for nothing.
+    """
+    try:
+        view = json.loads(path.read_text(encoding="utf-8"))
+        return _ground_view(view, trace) if view["format"] == FORMAT else []
+    except (OSError, ValueError, TypeError, LookupError):
+        return []
+
+
+def _ground_view(view: Mapping[str, Any], trace: v.Trace) -> list[str]:
+    passes = ", ".join(f"{p['name']} {p['start_s']:.0f} to {p['end_s']:.0f} s" for p in view["passes"])
+    link = [
+        ("one-way light time", f"{view['light_time_s']:g} s"),
+        ("passes", passes or "contact at all times"),
+        (
+            "end of the run",
+            f"{_seconds(trace.end_s)}, known on the ground at {_seconds(view['end_known_s'])}",
+        ),
+    ]
+    sent = [(c["operation"], _seconds(c["sent_s"]), _seconds(c["heard_s"])) for c in view["commands"]]
+    told = [
+        (e.arguments[0], " ".join(e.arguments[1:]), _seconds(e.t_s), _seconds(known))
+        for e, (_, _, known) in zip(trace.events, view["records"], strict=False)
+        if e.event == "end"
+    ]
+    came = [
+        (p["path"], f"{p['mbit']:.2f} Mbit", _seconds(p["t_s"]), _seconds(p["known_s"]))
+        for p in view["products"]
+    ]
+    return [
+        "<h2>Known on the ground</h2>",
+        table((), link),
+        table(("command", "sent", "heard by the rover"), sent, numbers=(1, 2)),
+        table(("task", "end", "on board at", "known at"), told, numbers=(2, 3)),
+        table(("product", "volume", "made at", "whole at"), came, numbers=(1, 2, 3)),
+    ]
+
+
+def _seconds(value: float | None) -> str:
+    return "never" if value is None else f"{value:,.0f} s"

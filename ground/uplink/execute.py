@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
 from ground.errors import AlreadyExecutedError, ArchiveError, InvalidInputError
 from ground.flight import Flight, Sample, fly
+from ground.link import Link
+from ground.rehearsal import Sent, heard, write_ground_view
 from ground.uplink.keys import load_public
 from ground.uplink.package import Package, read_package
 from rover_iface.registry import find_rover
@@ -41,6 +43,8 @@ def execute_package(
     out: Path,
     *,
     resume: bool = False,
+    link: Link | None = None,
+    commands: Sequence[Sent] = (),
     on_sample: Callable[[Sample], None] | None = None,
 ) -> tuple[Package, Flight]:
     """Return what came of a package; its folder `out` has the form `run/1`.
@@ -49,6 +53,9 @@ def execute_package(
 
     `resume` goes on with a run whose process died. A simulated rover died with it: it is made anew from its
     seed and led through the same commands; its journal has to repeat the interrupted one record by record.
+
+    With a `link` the run is a rehearsal: `commands` reach the rover late and in passes, and `ground.json` in
+    the folder says when each record and product is known on the ground. The executive does not notice.
 
     Raises
     ------
@@ -97,9 +104,20 @@ def execute_package(
     }
     if earlier:
         about["resumed_after_records"] = len(earlier)
-    return checked, fly(
-        checked.crl_text, machine, out, run_id=run_id, about=about, on_sample=on_sample, repeats=earlier
+    reach = heard(link, commands)
+    flight = fly(
+        checked.crl_text,
+        machine,
+        out,
+        run_id=run_id,
+        about=about,
+        on_sample=on_sample,
+        repeats=earlier,
+        operator=[event for _, event in reach if event is not None],
     )
+    if link is not None:
+        write_ground_view(out, link, flight, reach)
+    return checked, flight
 
 
 def _checked(package: Path, trusted: Ed25519PublicKey) -> Package:

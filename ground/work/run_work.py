@@ -12,11 +12,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO, TYPE_CHECKING, Any
 
+from executive.ports import Operation
 from ground.convert import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.flight import Sample, fly
 from ground.gdr.files import FileStore
 from ground.jobs import WorkStoppedError
+from ground.link import Link
+from ground.rehearsal import Sent, heard, write_ground_view
 from rover_iface.registry import find_rover
 
 if TYPE_CHECKING:
@@ -153,6 +156,9 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     folder.mkdir(parents=True)
     budget_s = max(float(payload["problem"]["budget"]["time_s"]), 1.0)
     report(0.0, "the rover wakes")
+    asked: Mapping[str, Any] | None = payload.get("link")  # jobs of before there were links lack it
+    link = None if asked is None else Link.from_dict(asked)
+    reach = heard(link, [Sent(Operation(c["operation"]), c["sent_s"]) for c in payload.get("commands", ())])
     try:
         rover = find_rover(payload["rover"])(
             payload["problem"],
@@ -174,7 +180,10 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
                 on_trace=live.trace,
                 should_stop=live.stopped,
                 sync=False,
+                operator=[event for _, event in reach if event is not None],
             )
+        if link is not None:
+            write_ground_view(folder, link, flight, reach)
     except (RoverError, ExecutiveError, CrlError, InvalidInputError) as err:
         raise JobFailedError(str(err)) from err
     if should_stop():

@@ -214,6 +214,42 @@ def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(wo
         assert word in page.text
 
 
+def test_a_rehearsal_says_when_the_ground_knows_what(world: tuple[Api, str]) -> None:
+    from ground.gdr.values import Mission
+
+    api, mission = world
+    named = Mission(**api.get(f"/missions/{mission}"))
+    file_requests(api, named)
+    plan = planned(api, named)
+    passes = [{"name": "dusk", "start_s": 50_000.0, "end_s": 51_000.0, "data_mbit": 5000.0}]
+    url = f"/sols/{plan['sol_id']}"
+    assert api("PATCH", url, {"passes": passes}, headers={"If-Match": "*"}).status_code == 200
+
+    def report(**link: Any) -> tuple[str, dict[str, Any]]:
+        body = {"plan_id": plan["id"], "seed": 4, **link}
+        job = finished(api, api.post(f"/missions/{mission}/runs", body, status=202))
+        page = Page()
+        page.feed(api("GET", f"/runs/{job['subject_id']}/report").text)
+        run: dict[str, Any] = api.get(f"/runs/{job['subject_id']}")
+        return page.text, run
+
+    text, plain = report()
+    assert "Known on the ground" not in text
+    late = [{"operation": "abort", "sent_s": 10.0}]
+    text, run = report(light_time_s=600, commands=late)
+    assert (run["outcome"], run["utility"]) == (plain["outcome"], plain["utility"])
+    for word in ("Known on the ground", "dusk 50000 to 51000 s", "known on the ground at 50,600 s"):
+        assert word in text
+    assert "abort10 s50,000 s" in text  # sent, and held until it arrives in the pass
+    text, run = report(light_time_s=0, commands=[{"operation": "abort", "sent_s": 50_000.5}])
+    assert run["outcome"] == plain["outcome"]
+    problem(
+        api("POST", f"/missions/{mission}/runs", {"plan_id": plan["id"], "light_time_s": -1}),
+        422,
+        "invalid-input",
+    )
+
+
 def test_a_plan_is_reported_before_its_run(world: tuple[Api, str]) -> None:
     from ground.gdr.values import Mission
 

@@ -42,6 +42,8 @@ async def list_runs(
 )
 async def create_run(ask: Asked, mission_id: Id, body: RunCreate, prefer: Prefer = None) -> Response:
     """Run a plan on a simulated rover: a job, whose subject is the run."""
+    from executive.ports import Operation
+    from ground.rehearsal import Sent
     from ground.services.dry_run import RunOrder, dry_run
 
     order = RunOrder(
@@ -51,6 +53,8 @@ async def create_run(ask: Asked, mission_id: Id, body: RunCreate, prefer: Prefer
         faults=tuple(f.value() for f in body.faults),
         pace=body.pace,
         notes=body.notes,
+        light_time_s=body.light_time_s,
+        commands=tuple(Sent(Operation(c.operation), c.sent_s) for c in body.commands),
     )
     job = await ask.do(dry_run, mission_id, order)
     return await accepted(ask.repo, ask.who, job, prefer)

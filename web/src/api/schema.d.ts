@@ -3431,14 +3431,22 @@ export interface components {
         /**
          * RunCreate
          * @description Run a plan's CRL on a simulated rover. With `pace` > 0 so many seconds of the plan pass in one
-         *     real second.
+         *     real second. With `light_time_s`, one way, it is a rehearsal in the passes of the plan's sol: `commands`
+         *     come late, and the report of the run says when the ground knows what.
          */
         RunCreate: {
+            /**
+             * Commands
+             * @default []
+             */
+            commands?: components["schemas"]["SentBody"][];
             /**
              * Faults
              * @default []
              */
             faults?: components["schemas"]["FaultBody"][];
+            /** Light Time S */
+            light_time_s?: number | null;
             /**
              * Notes
              * @default
@@ -3530,6 +3538,19 @@ export interface components {
             watched: {
                 [key: string]: string[];
             };
+        };
+        /**
+         * SentBody
+         * @description A command that the ground wants to send so many seconds after the plan's start.
+         */
+        SentBody: {
+            /**
+             * Operation
+             * @enum {string}
+             */
+            operation: "abort" | "pause" | "resume";
+            /** Sent S */
+            sent_s: number;
         };
         /**
          * SessionCreate

@@ -1,0 +1,125 @@
+"""What the ground knows when: light time, passes, volume; and commands that come late."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.errors import InvalidInputError
+from ground.link import Link, Pass, read_passes
+from ground.rehearsal import GROUND_VIEW, Sent
+from ground.uplink.execute import Place, execute_package
+from tests.ground.test_execute import site as site
+
+TWO = (Pass("noon", 100.0, 200.0, 50.0), Pass("dusk", 1000.0, 1100.0, 200.0))
+
+
+def test_a_command_is_held_until_it_arrives_in_a_pass() -> None:
+    link = Link(60.0, TWO)
+    assert [link.command_arrives_s(t) for t in (0.0, 40.0, 100.0, 141.0, 1040.0, 1041.0)] == [
+        100.0,
+        100.0,
+        160.0,
+        1000.0,
+        1100.0,
+        None,
+    ]
+    assert Link(60.0).command_arrives_s(5.0) == 65.0
+
+
+def test_a_record_is_known_a_light_time_after_there_is_contact() -> None:
+    link = Link(60.0, TWO)
+    assert [link.record_known_s(t) for t in (0.0, 150.0, 300.0, 1200.0)] == [160.0, 210.0, 1060.0, None]
+
+
+def test_products_share_the_volume_of_the_passes_in_the_order_in_which_they_were_made() -> None:
+    link = Link(60.0, TWO)  # half a megabit a second at noon, two at dusk
+    # by hand: 30 Mbit take 60 s of the first pass; of 40 Mbit 20 go in its rest and 20 take 10 s of the next
+    assert link.products_known_s([(50.0, 40.0), (0.0, 30.0)]) == [1000.0 + 10.0 + 60.0, 160.0 + 60.0]
+    assert link.products_known_s([(0.0, 300.0), (1.0, 1.0)]) == [None, None]
+    assert Link(60.0).products_known_s([(5.0, 1e6)]) == [65.0]
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0, 1200.0), st.floats(0.0, 60.0)), max_size=12),
+    st.floats(0.0, 1300.0),
+)
+def test_nothing_is_known_early_and_no_pass_brings_more_than_it_can(
+    products: list[tuple[float, float]], light_s: float
+) -> None:
+    link = Link(light_s, TWO)
+    known = link.products_known_s(products)
+    for (made_s, _), at in zip(products, known, strict=True):
+        if at is not None:
+            assert link.contact_s(at - light_s - 1e-6) is not None
+            assert at >= made_s + light_s
+    for k, one in enumerate(TWO):
+        until = sum(v for (_, v), at in zip(products, known, strict=True) if at and at - light_s <= one.end_s)
+        assert until <= sum(p.data_mbit for p in TWO[: k + 1]) + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("light_s", "passes", "word"),
+    [
+        (-1.0, (), "light time"),
+        (float("nan"), (), "light time"),
+        (0.0, (Pass("a", 5.0, 5.0, 1.0),), "'a' ends at 5 s"),
+        (0.0, (Pass("a", 5.0, 9.0, -1.0),), "-1 Mbit"),
+        (0.0, (Pass("a", 5.0, 9.0, 1.0), Pass("b", 8.0, 10.0, 1.0)), "before 'a' ends"),
+    ],
+)
+def test_a_link_that_cannot_be_is_refused(light_s: float, passes: tuple[Pass, ...], word: str) -> None:
+    with pytest.raises(InvalidInputError, match=word):
+        Link(light_s, passes)
+
+
+def test_passes_come_from_a_list_or_a_sol(tmp_path: Path) -> None:
+    rows = [{"name": p.name, "start_s": p.start_s, "end_s": p.end_s, "data_mbit": p.data_mbit} for p in TWO]
+    path = tmp_path / "passes.json"
+    for document in (rows, {"number": 1, "passes": rows}):
+        path.write_text(json.dumps(document))
+        assert read_passes(path) == TWO
+    for wrong in ("{", "{}", '[{"start_s": 1}]', "[3]"):
+        path.write_text(wrong)
+        with pytest.raises(InvalidInputError, match="pass"):
+            read_passes(path)
+
+
+@pytest.mark.parametrize("text", ["abort", "abort@", "replace@3", "land@3", "abort@-1", "abort@inf"])
+def test_a_command_that_cannot_be_sent_is_refused(text: str) -> None:
+    with pytest.raises(InvalidInputError, match="abort@SECONDS"):
+        Sent.parse(text)
+
+
+def test_a_rehearsal_runs_the_same_and_is_known_later(site: tuple[Path, Place], tmp_path: Path) -> None:
+    package, place = site
+    _, plain = execute_package(package, place, tmp_path / "plain")
+    (place.world / "executed.jsonl").unlink()
+    passes = (Pass("late", 10_000.0, 10_100.0, 100.0),)
+    link = Link(600.0, passes)
+    _, flight = execute_package(
+        package, place, tmp_path / "run", link=link, commands=[Sent.parse("abort@9e5")]
+    )
+    assert flight.outcome.trace == plain.outcome.trace
+    assert flight.document == plain.document
+    view = json.loads((tmp_path / "run" / GROUND_VIEW).read_text())
+    assert view["end_known_s"] == 10_600.0
+    assert [t for t, _, _ in view["records"]] == [r.t_ms / 1000 for r in flight.outcome.trace]
+    assert {known for _, _, known in view["records"]} == {10_600.0}
+    assert [p["path"] for p in view["products"]] == [p.path for p in flight.outcome.products]
+    assert all(10_600.0 < p["known_s"] <= 10_700.0 for p in view["products"])
+    assert view["commands"] == [{"operation": "abort", "sent_s": 9e5, "heard_s": None}]
+
+
+def test_an_abort_acts_when_the_rover_hears_it(site: tuple[Path, Place], tmp_path: Path) -> None:
+    package, place = site
+    link = Link(3.0, (Pass("soon", 7.5, 100.0, 1.0),))
+    _, flight = execute_package(package, place, tmp_path / "run", link=link, commands=[Sent.parse("abort@1")])
+    view = json.loads((tmp_path / "run" / GROUND_VIEW).read_text())
+    assert view["commands"] == [{"operation": "abort", "sent_s": 1.0, "heard_s": 7.5}]
+    assert flight.outcome.outcome == "ABORTED"
+    assert [r.t_ms for r in flight.outcome.trace if r.event == "abort"] == [7500]
