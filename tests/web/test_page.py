@@ -131,6 +131,7 @@ def _plan_and_run_twice(page: Page) -> None:
             page.get_by_role("button", name="Settings").click()
         page.get_by_label("Time limit, s").fill("3")
         page.get_by_test_id("plan").click()
+        expect(select.locator("option")).to_have_count(number + 1)  # the new one is open, not the one before
         expect(page.get_by_test_id("plan-state")).to_have_text("computed")
     if not page.get_by_role("tab", name=re.compile(r"^Products [1-9]")).count():
         page.get_by_test_id("dry-run").click()
