@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from rover_iface.terrain import Terrain
 
 STYLE = """body{font:14px/1.45 sans-serif;color:#14202a;max-width:70em;margin:2em auto;padding:0 1em}
-table{border-collapse:collapse}td,th{border-bottom:1px solid #ccd5da;padding:.25em .7em;text-align:left;
+table{border-collapse:collapse;margin:0 0 1em}
+td,th{border-bottom:1px solid #ccd5da;padding:.25em .7em;text-align:left;
 vertical-align:top;overflow-wrap:break-word}td.n,th.n{text-align:right;white-space:nowrap}
 img{max-width:100%}.tree{overflow-x:auto;border:1px solid #ccd5da}
 .go,.stop{margin:0 0 1em;border-left:.5em solid #2f8f4e;background:#eef7f0;padding:.5em 1em}

@@ -84,7 +84,7 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
         failure_table(tree, problem),
         "<h2>What failed</h2>",
         table(("time, s", "task", "end"), _failures(trace), numbers=(0,)) or "<p>Nothing.</p>",
-        *_known_on_the_ground(repo.run_dir(run_id) / GROUND_VIEW, trace),
+        *known_on_the_ground(repo.run_dir(run_id) / GROUND_VIEW, trace),
     ]
     return page(f"{mission.name}: plan {plan.number}, run {run.id}", parts)
 
@@ -130,7 +130,7 @@ def _failures(trace: v.Trace) -> list[tuple[Any, ...]]:
     ]
 
 
-def _known_on_the_ground(path: Path, trace: v.Trace) -> list[str]:
+def known_on_the_ground(path: Path, trace: v.Trace) -> list[str]:
     """Return the chapter on what the ground knew when, of a rehearsal with a link; else nothing.
 
     The folder may come from elsewhere: a file of another form counts for nothing.

@@ -8,10 +8,14 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
+from ground.cli.main import app, register_all
 from ground.errors import InvalidInputError
+from ground.gdr.values import Trace
 from ground.link import Link, Pass, read_passes
 from ground.rehearsal import GROUND_VIEW, Sent
+from ground.services.report_run import known_on_the_ground
 from ground.uplink.execute import Place, execute_package
 from tests.ground.test_execute import site as site
 
@@ -123,3 +127,29 @@ def test_an_abort_acts_when_the_rover_hears_it(site: tuple[Path, Place], tmp_pat
     assert view["commands"] == [{"operation": "abort", "sent_s": 1.0, "heard_s": 7.5}]
     assert flight.outcome.outcome == "ABORTED"
     assert [r.t_ms for r in flight.outcome.trace if r.event == "abort"] == [7500]
+
+
+def test_the_command_line_rehearses_and_refuses_in_one_line(site: tuple[Path, Place], tmp_path: Path) -> None:
+    package, place = site
+    passes = tmp_path / "passes.json"
+    passes.write_text('[{"start_s": 7.5, "end_s": 100, "data_mbit": 1}]')
+    words = ["execute", str(package), "--world", str(place.world), "--trust", str(place.trust)]
+    words += ["--out", str(tmp_path / "run"), "--seed", "5", "--light-time", "3"]
+    if not app.registered_groups:
+        register_all()
+    refused = CliRunner().invoke(app, [*words, "--command", "land@1"])
+    assert refused.exit_code == 2
+    assert "'land@1' is no command" in refused.output
+    done = CliRunner().invoke(app, [*words, "--passes", str(passes), "--command", "abort@1"])
+    assert (done.exit_code, "ABORTED after 8 s" in done.output) == (1, True), done.output
+    view = json.loads((tmp_path / "run" / GROUND_VIEW).read_text())
+    assert view["end_known_s"] == 10.5
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "ground-view/1"}', "\xff"])
+def test_a_foreign_view_counts_for_nothing(text: str, tmp_path: Path) -> None:
+    path = tmp_path / GROUND_VIEW
+    path.write_bytes(text.encode("latin-1"))
+    trace = Trace("R", "SUCCEEDED", 1.0, [])
+    assert known_on_the_ground(path, trace) == []
+    assert known_on_the_ground(tmp_path / "none", trace) == []
