@@ -138,13 +138,24 @@ def sites(
         str | None, typer.Option(help="north,east,nadir of a target in the frame of the asked site, metres")
     ] = None,
     history: Annotated[bool, typer.Option(help="every solution of the asked site")] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="write all frames, with their history, as one mission frame file")
+    ] = None,
 ) -> None:
-    """Chain site frames, and carry a target from one site to another."""
+    """Chain site frames, carry a target from one site to another, and write frames out again."""
     from rover_iface.errors import RoverError
-    from rover_iface.localization.site_frames import SITE, SiteFrames, read_frame_file, site
+    from rover_iface.localization.site_frames import (
+        SITE,
+        FrameFile,
+        SiteFrames,
+        print_frame_file,
+        read_frame_file,
+        site,
+    )
 
     try:
-        frames = SiteFrames.of([read_frame_file(path) for path in files])
+        read = [read_frame_file(path) for path in files]
+        frames = SiteFrames.of(read)
         known = [frame.counter[0] for frame in frames.frames if frame.name == SITE]
         if of is None and not known:
             fail(f"{', '.join(map(str, files))}: no site frame in it; give --of")
@@ -162,6 +173,14 @@ def sites(
                 typer.echo(
                     f"  {mark}  {solution.added_utc:%Y-%m-%d %H:%M}  {solution.solution_id}: {offset} m"
                 )
+        if out is not None:
+            missions = list(dict.fromkeys(file.mission for file in read))
+            if len(missions) > 1:
+                fail(f"{out}: frames of {' and '.join(missions)} do not go into one file")
+            records = tuple(record for file in read for record in file.records)
+            merged = FrameFile(read[0].mission, read[0].variant, read[0].counter, frames.priority, records)
+            out.write_text(print_frame_file(merged), encoding="utf-8")
+            typer.echo(f"{out}: {len(frames.frames)} frames, {len(frames.solutions)} solutions")
     except (RoverError, OSError) as err:
         fail(str(err))
 

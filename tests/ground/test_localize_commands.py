@@ -12,7 +12,13 @@ from typer.testing import CliRunner
 from benchmarks.localization_legs import look, make_leg, stereo_points
 from ground.cli.localize import _stops
 from ground.cli.main import app, register_all
-from rover_iface.localization.site_frames import FrameFile, FrameSolution, print_frame_file, site
+from rover_iface.localization.site_frames import (
+    FrameFile,
+    FrameSolution,
+    print_frame_file,
+    read_frame_file,
+    site,
+)
 from tests.rover_iface.localization.test_site_frames import LANDING, START, UPRIGHT
 
 if not any(command.name == "localize" for command in app.registered_commands):
@@ -109,6 +115,23 @@ def test_sites_chain_and_carry_a_target(frame_file):
     assert "in use" in result.output
     result = runner.invoke(app, ["sites", str(frame_file), "--into", "1", "--of", "2", "--target", "1,2,0.5"])
     assert "north 11.000  east 4.000  nadir 0.500 m" in result.output
+
+
+def test_sites_writes_what_it_read_in_one_file(frame_file, tmp_path):
+    more = FrameSolution("adjusted", site(2), site(1), (11.0, 2.0, 0.0), UPRIGHT, START)
+    other = tmp_path / "more.svf"
+    other.write_text(print_frame_file(FrameFile("MER2", "Other", (), ("adjusted", "telemetry"), (more,))))
+    out = tmp_path / "all.svf"
+    result = runner.invoke(app, ["sites", str(other), str(frame_file), "--out", str(out)])
+    assert "2 frames, 3 solutions" in result.output
+    assert "north 21.000  east 3.000" in result.output
+    again = read_frame_file(out)
+    assert again.priority == ("adjusted", "telemetry")
+    assert again.solutions == (more, *read_frame_file(frame_file).solutions)
+    other.write_text(print_frame_file(FrameFile("MER1", "Other", (), ("adjusted",), (more,))))
+    result = runner.invoke(app, ["sites", str(other), str(frame_file), "--out", str(out)])
+    assert result.exit_code == 2
+    assert "frames of MER1 and MER2 do not go into one file" in result.output
 
 
 def test_sites_refuses_what_it_does_not_know(frame_file):
