@@ -1,9 +1,10 @@
 """What a page of a large mission costs: 300 targets, 2,000 requests, 10,000 data products.
 
-    python benchmarks/big_mission.py [--database URL] [--rounds 5]
+    python -m benchmarks.big_mission [--database URL] [--rounds 5] [--browser]
 
 A server process of its own answers over loopback; for each page the CPU of that process and the time on the
-clock, best and median of the rounds.
+clock, best and median of the rounds. With `--browser` also the time until Chromium, from the address on,
+shows the map and all targets in the list.
 """
 
 from __future__ import annotations
@@ -142,10 +143,35 @@ def fill(repo: Repository) -> str:
     return mission.id
 
 
+def open_in_browser(address: str, rounds: int) -> list[float]:
+    """Return the seconds from the address to the drawn map and the whole list, a new context each time."""
+    from playwright.sync_api import sync_playwright
+
+    from benchmarks.web import page_of
+    from tests.web.conftest import CHROMIUM, FLAGS
+
+    found = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        for _ in range(rounds):
+            with page_of(browser) as (page, _session):
+                began = time.perf_counter()
+                page.goto(address)
+                page.wait_for_function(
+                    "(n) => window.outcropSeen.map && "
+                    "document.querySelectorAll('[data-testid=target-row]').length >= n",
+                    arg=TARGETS,
+                )
+                found.append(time.perf_counter() - began)
+        browser.close()
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--database", default="", help="SQLAlchemy address; default a fresh SQLite file")
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--browser", action="store_true", help="also open the mission in Chromium")
     given = parser.parse_args()
     port = free_port()
     with tempfile.TemporaryDirectory(prefix="outcrop-large-") as folder:
@@ -197,6 +223,10 @@ def main() -> None:
                         f"{min(wall):5.0f}, median {statistics.median(wall):5.0f} ms  "
                         f"{len(answer.content) / 1024:.0f} KiB"
                     )
+            if given.browser:
+                page = f"http://127.0.0.1:{port}/?quality=test#/m/{mission}"
+                seconds = open_in_browser(page, given.rounds)
+                print(f"in the browser: best {min(seconds):.2f}, median {statistics.median(seconds):.2f} s")
         finally:
             service.terminate()
             service.wait(timeout=20)

@@ -64,7 +64,8 @@ class Figure:
 
 
 @contextmanager
-def _page(browser: Browser) -> Iterator[tuple[Page, CDPSession]]:
+def page_of(browser: Browser) -> Iterator[tuple[Page, CDPSession]]:
+    """Give a page in a context of its own that notes when the map and the scene are first drawn."""
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     page = context.new_page()
     page.set_default_timeout(180_000)
@@ -89,7 +90,7 @@ def _median(measure: Callable[[], tuple[float, float]]) -> tuple[float, float]:
 
 
 def _first(browser: Browser, address: str, what: str) -> tuple[float, float]:
-    with _page(browser) as (page, session):
+    with page_of(browser) as (page, session):
         page.goto(address)
         page.wait_for_function(f"() => window.outcropSeen.{what}")
         return float(page.evaluate(f"() => window.outcropSeen.{what}")) / 1000, _busy(session)
@@ -135,7 +136,7 @@ def large_tree(requests: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _pan(browser: Browser, address: str, tree: dict[str, Any]) -> tuple[float, float]:
     """Return frames a second while the timeline is dragged, and processor milliseconds a frame."""
-    with _page(browser) as (page, session):
+    with page_of(browser) as (page, session):
         page.route("**/api/v1/plans/*/tree", lambda route: route.fulfill(json=tree))
         page.goto(address)
         page.wait_for_function("() => window.outcropSeen.map")
@@ -250,7 +251,7 @@ def measure() -> list[Figure]:
         sync_playwright() as playwright,
     ):
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        with _page(browser) as (page, _):
+        with page_of(browser) as (page, _):
             page.goto(f"{server.address}/?quality=test")
             yardstick = statistics.median(float(page.evaluate(LOOP)) for _ in range(REPEATS))
             mission, plan, budget_s, requests = _twelve_targets(page, server)
