@@ -116,8 +116,8 @@ class Ask:
     async def one(self, kind: str, identifier: str) -> Response:
         """Answer with one resource and its ETag.
 
-        A row of SQLite by its key is there in about 50 microseconds, half of what a hop to a thread costs, and
-        no writer ever makes a reader wait (write-ahead log): it is read where the request is.
+        A row of SQLite by its key is there in about 50 microseconds, half of what a hop to a thread costs,
+        and no writer ever makes a reader wait (write-ahead log): it is read where the request is.
         """
         if self.repo.database.is_sqlite:
             return answer(get_resource(self.repo, self.who, kind, identifier))
