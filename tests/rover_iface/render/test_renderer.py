@@ -141,21 +141,6 @@ def test_what_cannot_be_rendered_is_refused() -> None:
         Sun((1.0, 1.0, 1.0))
 
 
-def test_rays_are_cast_at_more_than_a_million_a_second() -> None:
-    # the figure in docs is 6 to 8 million on a quiet core; this only catches a fall back to something slow
-    scene = Scene([ground(30.0, 0.1)])
-    camera = pinhole(focal_px=500, width=640, height=480, center=(0, 0, 1.5), forward=(1, 0, -0.3))
-    rays = camera.back_project(np.stack(np.meshgrid(np.arange(640.0), np.arange(480.0)), axis=-1))[1]
-    flat = np.ascontiguousarray(rays.reshape(-1, 3), dtype=np.float32)
-    eyes = np.tile((camera.C - scene.origin).astype(np.float32), (len(flat), 1))
-    best = math.inf
-    for _ in range(3):
-        started = time.process_time()
-        scene.cast_local(eyes, flat)
-        best = min(best, time.process_time() - started)
-    assert len(flat) / best > 1e6
-
-
 @pytest.mark.slow
 def test_rendered_ground_has_the_texture_of_the_flight_frames() -> None:
     terrain = generate_terrain(3, 48.0, inner_m=24.0, rock_cover=0.06, ortho=False)
