@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 from datetime import datetime
 
@@ -21,7 +20,7 @@ from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.simulator.render.statistics import RANGES, measure
 from rover_iface.soltime import SOL_S, SunClock, solar_longitude_deg
 from rover_iface.terrain.generate import generate_terrain
-from tests.rover_iface.render.scenes import LOOK, SUN, ground, picture, rig, rock_renderer
+from tests.rover_iface.render.scenes import LOOK, SUN, picture, rig, rock_renderer
 from tests.shared import shared
 
 POSE = Pose(-5.0, 0.0, 0.0)
