@@ -19,8 +19,9 @@ from ground.services.check_flight_rules import flight_rules, hold_rules
 from ground.services.edit import insert, update
 from ground.services.get_resource import find_row
 from ground.services.inputs_digest import inputs_digest
-from ground.services.kinds import KINDS, show_approvals
+from ground.services.kinds import KINDS
 from ground.services.read_plan import computed_plan
+from ground.services.views import show_approvals
 
 
 def dictionary_digest() -> str:

@@ -16,7 +16,8 @@ from ground.services.actor import SYSTEM_ACTOR, Action, Actor
 from ground.services.day_inputs import choose_sol, day_inputs
 from ground.services.edit import insert, update
 from ground.services.inputs_digest import inputs_digest
-from ground.services.kinds import KINDS, show_jobs
+from ground.services.kinds import KINDS
+from ground.services.views import show_jobs
 
 KIND = "build_path_network"
 

@@ -13,7 +13,8 @@ from ground.gdr.repository import Repository
 from ground.services.actor import SYSTEM_ACTOR, Action, Actor
 from ground.services.edit import update
 from ground.services.get_resource import find_row
-from ground.services.kinds import KINDS, show_jobs
+from ground.services.kinds import KINDS
+from ground.services.views import show_jobs
 
 
 def cancel_job(repo: Repository, actor: Actor, job_id: str) -> v.Job:

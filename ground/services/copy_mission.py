@@ -17,7 +17,8 @@ from ground.gdr.models import utc_now
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.edit import insert
-from ground.services.kinds import KINDS, show_missions
+from ground.services.kinds import KINDS
+from ground.services.views import show_missions
 
 COPIED = ("sol", "target", "observation_request", "keep_out")
 """Kinds that a copy has, in the order in which they refer to each other."""

@@ -10,7 +10,8 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.edit import insert
 from ground.services.get_resource import mission_of
-from ground.services.kinds import KINDS, show_comments
+from ground.services.kinds import KINDS
+from ground.services.views import show_comments
 
 
 def create_comment(

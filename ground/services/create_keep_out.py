@@ -13,7 +13,8 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.checks import require_polygon
 from ground.services.edit import insert
-from ground.services.kinds import KINDS, show_keep_outs
+from ground.services.kinds import KINDS
+from ground.services.views import show_keep_outs
 
 
 def create_keep_out(

@@ -16,8 +16,9 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.checks import require_profile
 from ground.services.edit import insert
-from ground.services.kinds import KINDS, show_missions
+from ground.services.kinds import KINDS
 from ground.services.terrains import store_terrain
+from ground.services.views import show_missions
 
 if TYPE_CHECKING:
     from rover_iface.terrain import Terrain

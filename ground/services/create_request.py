@@ -13,8 +13,9 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.checks import require_after, require_window
 from ground.services.edit import insert
-from ground.services.kinds import KINDS, show_requests
+from ground.services.kinds import KINDS
 from ground.services.place_rover import place_rover
+from ground.services.views import show_requests
 
 
 def create_request(

@@ -16,8 +16,9 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.checks import next_number
 from ground.services.edit import insert
-from ground.services.kinds import KINDS, show_sols
+from ground.services.kinds import KINDS
 from ground.services.terrains import terrain_row
+from ground.services.views import show_sols
 
 DEFAULT_TIME_S = 21_600.0
 DEFAULT_ENERGY_J = 1_500_000.0

@@ -9,7 +9,8 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.checks import free_name, target_columns
 from ground.services.edit import insert
-from ground.services.kinds import KINDS, show_targets
+from ground.services.kinds import KINDS
+from ground.services.views import show_targets
 
 
 def create_target(

@@ -18,8 +18,9 @@ from ground.link import Link
 from ground.rehearsal import Sent
 from ground.services.actor import SYSTEM_ACTOR, Action, Actor
 from ground.services.edit import insert, update
-from ground.services.kinds import KINDS, show_jobs
+from ground.services.kinds import KINDS
 from ground.services.terrains import terrain_row
+from ground.services.views import show_jobs
 
 KIND = "dry_run"
 

@@ -15,8 +15,9 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.checks import free_name, require_polygon, target_columns
 from ground.services.edit import insert
-from ground.services.kinds import KINDS, show_keep_outs, show_targets
+from ground.services.kinds import KINDS
 from ground.services.store_upload import uploaded_file
+from ground.services.views import show_keep_outs, show_targets
 from ground.site_geometry import Shape, read_shapes, refuse, to_csv, to_geojson
 
 MAX_BYTES = 16 * 2**20

@@ -13,7 +13,8 @@ from ground.gdr import models as m
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.get_resource import find_row
-from ground.services.kinds import KINDS, show_products, show_runs
+from ground.services.kinds import KINDS
+from ground.services.views import show_products, show_runs
 
 FORMAT = "products/1"
 STORED = ("id", "task_id", "request_id", "target_id", "kind", "instrument", "media", "size_bytes", "sha256")

@@ -22,8 +22,9 @@ from ground.services.checks import next_number
 from ground.services.day_inputs import choose_sol, day_inputs
 from ground.services.edit import insert, update
 from ground.services.inputs_digest import inputs_digest
-from ground.services.kinds import KINDS, show_jobs
+from ground.services.kinds import KINDS
 from ground.services.terrains import terrain_row
+from ground.services.views import show_jobs
 from ground.work.what_if import Changes
 
 KIND = "generate_plan"

@@ -20,7 +20,8 @@ from ground.services.actor import SYSTEM_ACTOR, Action, Actor
 from ground.services.archives import extract_zip, is_zip
 from ground.services.dry_run import record_run
 from ground.services.edit import insert, update
-from ground.services.kinds import KINDS, show_runs
+from ground.services.kinds import KINDS
+from ground.services.views import show_runs
 from ground.work.run_work import read_run_folder
 
 

@@ -9,7 +9,7 @@ from ground.gdr import values as v
 from ground.gdr.models import ChainRow, EventRow
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
-from ground.services.kinds import Page
+from ground.services.paging import Page
 
 
 def show_event(row: EventRow) -> v.Event:

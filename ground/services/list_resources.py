@@ -11,7 +11,8 @@ from ground.errors import NotFoundError
 from ground.gdr import models as m
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
-from ground.services.kinds import KINDS, Page, decode_cursor, encode_cursor
+from ground.services.kinds import KINDS
+from ground.services.paging import Page, decode_cursor, encode_cursor
 
 
 def list_resources(

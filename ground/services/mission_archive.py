@@ -22,8 +22,8 @@ from ground.gdr.models import Base, ChainRow, EventRow, MissionRow, TerrainRow, 
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.archives import extract_zip
-from ground.services.kinds import show_missions
 from ground.services.read_snapshot import JOURNAL
+from ground.services.views import show_missions
 
 FORMAT = "mission/1"
 TABLES = (

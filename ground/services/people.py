@@ -25,7 +25,8 @@ from ground.gdr.models import ChainRow, CredentialRow, LoginFailureRow, PersonRo
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.edit import insert
-from ground.services.kinds import KINDS, show_people
+from ground.services.kinds import KINDS
+from ground.services.views import show_people
 from ground.settings import Authentication
 
 PROFILES = (

@@ -15,8 +15,9 @@ from ground.gdr.repository import Repository
 from ground.services.actor import Actor
 from ground.services.checks import target_columns
 from ground.services.get_resource import find_row, mission_of
-from ground.services.kinds import KINDS, observation_point_of
+from ground.services.kinds import KINDS
 from ground.services.place_rover import place_rover
+from ground.services.views import observation_point_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from ground.gdr import values as v
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.get_resource import find_row
-from ground.services.kinds import KINDS, show_products
+from ground.services.kinds import KINDS
+from ground.services.views import show_products
 
 
 def read_product(repo: Repository, actor: Actor, product_id: str) -> tuple[v.Product, Path]:

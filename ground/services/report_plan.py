@@ -26,9 +26,9 @@ from ground.services import plan_futures
 from ground.services.actor import Actor
 from ground.services.check_flight_rules import hold_rules
 from ground.services.inputs_digest import inputs_digest
-from ground.services.kinds import show_approvals, show_comments, show_requests
 from ground.services.read_plan import computed_plan
 from ground.services.terrains import mission_terrain
+from ground.services.views import show_approvals, show_comments, show_requests
 
 if TYPE_CHECKING:
     from planner.evaluate.monte_carlo import Futures

@@ -20,10 +20,11 @@ from ground.rehearsal import GROUND_VIEW
 from ground.report_page import failure_table, map_picture, number, page, table, tree_drawing
 from ground.services.actor import Actor
 from ground.services.get_resource import find_row
-from ground.services.kinds import KINDS, show_products, show_requests, show_runs
+from ground.services.kinds import KINDS
 from ground.services.read_plan import computed_plan
 from ground.services.read_run import read_telemetry, read_trace
 from ground.services.terrains import mission_terrain
+from ground.services.views import show_products, show_requests, show_runs
 
 
 def report_run(repo: Repository, actor: Actor, run_id: str) -> str:

@@ -14,7 +14,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.models import UploadRow
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
-from ground.services.kinds import show_uploads
+from ground.services.views import show_uploads
 
 
 class UploadDraft:
