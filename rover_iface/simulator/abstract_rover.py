@@ -42,6 +42,7 @@ from rover_iface.simulator.engine import (
 )
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.model import AbstractModel, Future
+from rover_iface.simulator.products import png
 from rover_iface.simulator.routine import RoutineRover
 from rover_iface.simulator.world import World, load_world
 from rover_iface.telemetry import TrackState
@@ -450,17 +451,7 @@ class AbstractRover(RoutineRover):
 
 @lru_cache(maxsize=64)
 def _blank(size: int) -> bytes:
-    return _png(np.full((size, size, 3), (150, 117, 97), dtype=np.uint8))
-
-
-def _png(pixels: Any) -> bytes:
-    import io
-
-    from PIL import Image
-
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG")
-    return stream.getvalue()
+    return png(np.full((size, size, 3), (150, 117, 97), dtype=np.uint8))
 
 
 def ground_picture(terrain: Terrain | None, x: float, y: float, size_m: float, pixels: int = 160) -> bytes:
@@ -471,5 +462,5 @@ def ground_picture(terrain: Terrain | None, x: float, y: float, size_m: float, p
     for ortho in terrain.orthos:
         west, south, east, north = ortho.bounds
         if x - half >= west and x + half <= east and y - half >= south and y + half <= north:
-            return _png(ortho.crop(x, y, size_m, pixels))
-    return _png(terrain.orthos[-1].crop(x, y, size_m, pixels))
+            return png(ortho.crop(x, y, size_m, pixels))
+    return png(terrain.orthos[-1].crop(x, y, size_m, pixels))

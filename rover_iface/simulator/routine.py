@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from executive.ports import Command
-from rover_iface.profile import Activity, RoverProfile, load_profile
+from rover_iface.profile import Activity, Instrument, RoverProfile, load_profile
 from rover_iface.simulator.engine import Action, Outcome, SimulatedRover, Step, milliseconds, number
 
 
@@ -54,6 +54,13 @@ class RoutineRover(SimulatedRover):
                 spread = math.sqrt(math.log1p(cv * cv))
                 factor[k] = math.exp(spread * float(rng.standard_normal()) - spread**2 / 2)
         return milliseconds(time.mean * factor[0] * scale), energy.mean * factor[1] * scale
+
+    def drawn(self, instrument: Instrument, rng: np.random.Generator) -> tuple[int, float]:
+        """Return a time in ms, log-normal by the instrument's mean and spread, and energy in proportion."""
+        mean_s, sd_s = instrument.time_s.mean, instrument.time_s.sd
+        spread = math.sqrt(math.log1p((sd_s / mean_s) ** 2)) if mean_s > 0 else 0.0
+        factor = math.exp(spread * float(rng.standard_normal()) - spread**2 / 2)
+        return milliseconds(mean_s * factor), instrument.energy_j.mean * factor
 
     def _plain(self, duration_ms: int, energy_j: float) -> Action:
         if duration_ms or energy_j:

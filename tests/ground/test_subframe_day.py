@@ -13,12 +13,13 @@ from planner.emit_crl import emit
 from planner.problem import problem_from_dict
 from planner.solve import solve
 from rover_iface.contract import write_contract_world
-from rover_iface.simulator.subframe_rover import SubframeRover, make_rover
+from rover_iface.simulator.subframe_rover import make_rover
+from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.simulator.world import load_world
 
 
 @pytest.fixture(scope="module")
-def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[SubframeRover, Flight, Path]:
+def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[TerrainRover, Flight, Path]:
     folder = write_contract_world(tmp_path_factory.mktemp("world"))
     document = dict(load_world(folder).problem_document())
     for target in document["targets"]:
@@ -32,18 +33,18 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[SubframeRover, Flight
 
 
 def test_the_executive_flies_the_plan_on_the_subframe_rover(
-    day: tuple[SubframeRover, Flight, Path],
+    day: tuple[TerrainRover, Flight, Path],
 ) -> None:
     rover, flight, out = day
     assert flight.outcome.outcome == "SUCCEEDED"
     ended = [json.loads(line) for line in (out / "trace.jsonl").read_text().splitlines()]
     drives = [r for r in ended if r[1] == "end" and str(r[2]).startswith("navigate-")]
     assert len(drives) == 2
-    assert rover.chassis.travelled_m > 4.0
-    assert {r.target for r in rover.history} == {"T1", "T2"}
+    assert rover.body.chassis.travelled_m > 4.0
+    assert {r.target for r in rover.follower.history} == {"T1", "T2"}
 
 
-def test_each_image_of_an_observation_names_its_request(day: tuple[SubframeRover, Flight, Path]) -> None:
+def test_each_image_of_an_observation_names_its_request(day: tuple[TerrainRover, Flight, Path]) -> None:
     _, _, out = day
     rows = [json.loads(line) for line in (out / "products.jsonl").read_text().splitlines()]
     images = [row for row in rows if row["label"]["kind"] in ("image", "hazcam", "microscopic")]

@@ -99,5 +99,5 @@ def test_the_command_checks_a_rover_and_names_an_unknown_one() -> None:
 
 
 def test_a_subframe_rover_without_terrain_says_what_it_needs() -> None:
-    with pytest.raises(WorldError, match='world "small" has no terrain; a subframe rover needs one'):
+    with pytest.raises(WorldError, match='world "small" has no terrain; a rover on terrain needs one'):
         find_rover("subframe")(small_problem())

@@ -14,7 +14,8 @@ from executive.ports import Acknowledgement, Command, CommandId, Result
 from rover_iface.contract import write_contract_world
 from rover_iface.errors import OutsideTerrainError, WorldError
 from rover_iface.simulator.faults import Fault, FaultKind
-from rover_iface.simulator.subframe_rover import SubframeRover, make_rover
+from rover_iface.simulator.subframe_rover import make_rover
+from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.terrain import load_terrain
 from rover_iface.terrain.strew import strew_rocks
 from tests.rover_iface.worlds import plane
@@ -27,7 +28,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_contract_world(tmp_path_factory.mktemp("world"))
 
 
-def do(rover: SubframeRover, action: str, **parameters: Any) -> Result:
+def do(rover: TerrainRover, action: str, **parameters: Any) -> Result:
     wanted = Command(CommandId("run", f"t{next(COUNT)}", 1), action, parameters)
     rover.send(wanted)
     while True:
@@ -38,7 +39,7 @@ def do(rover: SubframeRover, action: str, **parameters: Any) -> Result:
 
 
 @pytest.fixture(scope="module")
-def day(world: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[SubframeRover, Path, list[Result]]:
+def day(world: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[TerrainRover, Path, list[Result]]:
     """One target tracked, approached and touched."""
     out = tmp_path_factory.mktemp("run")
     rover = make_rover(world, seed=4, out=out)
@@ -53,26 +54,26 @@ def day(world: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Subframe
 
 
 def test_a_target_is_approached_and_touched_within_two_centimetres(
-    day: tuple[SubframeRover, Path, list[Result]],
+    day: tuple[TerrainRover, Path, list[Result]],
 ) -> None:
     _, _, (start, drive, handoff, place, _) = day
     assert start.success, start.reason
     assert drive.success, drive.reason
-    assert drive.values["distance_m"] > 2.0
+    assert float(drive.values["distance_m"]) > 2.0
     assert handoff.success, handoff.reason
     assert place.values["made"] is True
-    assert place.values["placement_error_m"] < 0.02
+    assert float(place.values["placement_error_m"]) < 0.02
 
 
-def test_dead_reckoning_drifts_but_the_track_holds(day: tuple[SubframeRover, Path, list[Result]]) -> None:
+def test_dead_reckoning_drifts_but_the_track_holds(day: tuple[TerrainRover, Path, list[Result]]) -> None:
     rover, _, _ = day
-    _, true, believed = rover.odometry[-1]
+    _, true, believed = rover.body.odometry[-1]
     assert 0.005 < math.hypot(true.x - believed.x, true.y - believed.y) < 0.5
-    assert all(record.error_m < 0.05 for record in rover.history if record.state == "tracked")
-    assert len(rover.history) >= 5
+    assert all(record.error_m < 0.05 for record in rover.follower.history if record.state == "tracked")
+    assert len(rover.follower.history) >= 5
 
 
-def test_products_carry_pose_camera_and_target(day: tuple[SubframeRover, Path, list[Result]]) -> None:
+def test_products_carry_pose_camera_and_target(day: tuple[TerrainRover, Path, list[Result]]) -> None:
     _, out, results = day
     labels = [json.loads(p.read_text()) for p in sorted((out / "products").glob("*.png.json"))]
     kinds = {label["kind"] for label in labels}
@@ -88,7 +89,7 @@ def test_products_carry_pose_camera_and_target(day: tuple[SubframeRover, Path, l
         assert json.loads(table.read_text())
 
 
-def test_the_sun_and_the_battery_are_told(day: tuple[SubframeRover, Path, list[Result]]) -> None:
+def test_the_sun_and_the_battery_are_told(day: tuple[TerrainRover, Path, list[Result]]) -> None:
     rover, _, _ = day
     assert 0 < float(rover.get("sun-elevation") or 0) < math.pi / 2
     assert 0 < rover.battery_j <= rover.profile.power.battery_j
@@ -101,7 +102,7 @@ def test_a_lost_target_is_told_within_two_updates_and_fails_the_drive(world: Pat
     assert not drive.success
     assert drive.reason == "target T1 was lost"
     assert rover.get("trackerstate T1") == "failed"
-    states = [r.state for r in rover.history]
+    states = [r.state for r in rover.follower.history]
     assert states.index("lost") <= 3
 
 
@@ -109,21 +110,21 @@ def test_a_sudden_change_of_light_is_not_taken_for_the_target(world: Path) -> No
     rover = make_rover(world, seed=4, faults=[Fault(FaultKind.SHADOW, at_s=60, target="T1")])
     do(rover, "trackstart", target="T1")
     do(rover, "navigate", target="T1", mode="track")
-    for record in rover.history:
+    for record in rover.follower.history:
         assert record.state != "tracked" or record.error_m < 0.05
 
 
 def test_a_target_behind_the_mast_is_no_miss_but_grows_doubtful(world: Path) -> None:
     rover = make_rover(world, seed=4)
     assert do(rover, "trackstart", target="T1").success
-    x, y = rover.targets["T1"].point[:2]
+    x, y = rover.body.targets["T1"].point[:2]
     do(rover, "turn", heading=math.atan2(-y, -x))
     away = math.hypot(x, y)
     do(rover, "navigate", x=-2.6 * x / away, y=-2.6 * y / away, mode="track")
-    unseen = [r for r in rover.history if any("the limit is 3.050" in why for why in r.reasons)]
+    unseen = [r for r in rover.follower.history if any("the limit is 3.050" in why for why in r.reasons)]
     assert unseen
-    assert not any(r.state == "failed" for r in rover.history)
-    for before, after in zip(rover.history, rover.history[1:], strict=False):
+    assert not any(r.state == "failed" for r in rover.follower.history)
+    for before, after in zip(rover.follower.history, rover.follower.history[1:], strict=False):
         if after in unseen:
             assert after.confidence == pytest.approx(0.8 * before.confidence)
             assert after.state == ("tracked" if after.confidence >= 0.5 else "lost")
@@ -140,7 +141,7 @@ def test_faults_of_the_body_and_the_camera(world: Path) -> None:
     assert drives[0] == pytest.approx(3 * drives[1], rel=0.05)
     slip = make_rover(world, seed=1, faults=[Fault(FaultKind.SLIP_BURST, at_s=0, amount=2.0)])
     do(slip, "navigate", x=2.0, y=0.0, mode="blind")
-    assert slip.chassis.pose.x < 1.4
+    assert slip.body.pose.x < 1.4
 
 
 def test_an_abort_during_a_drive_is_acknowledged(world: Path) -> None:
@@ -160,12 +161,15 @@ def test_the_true_world_has_rocks_the_map_has_not(world: Path) -> None:
     document["map_error"] = {"unmapped_rocks_per_m2": 0.1, "softer": 1.3}
     terrain = load_terrain(world / "terrain")
     rover = make_rover(document, terrain=terrain, seed=2)
-    extra = [rock for rock in rover.terrain.rocks if rock.id.startswith("U")]
+    extra = [rock for rock in rover.body.terrain.rocks if rock.id.startswith("U")]
     assert len(extra) > 10
     assert len(terrain.rocks) == 2
     big = max(extra, key=lambda rock: rock.height)
-    assert float(rover.terrain.height(big.x, big.y)) > float(terrain.height(big.x, big.y)) + 0.5 * big.height
-    for target in rover.targets.values():
+    assert (
+        float(rover.body.terrain.height(big.x, big.y))
+        > float(terrain.height(big.x, big.y)) + 0.5 * big.height
+    )
+    for target in rover.body.targets.values():
         assert all(math.hypot(r.x - target.point[0], r.y - target.point[1]) > 0.6 for r in extra)
 
 

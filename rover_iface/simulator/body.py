@@ -1,0 +1,150 @@
+"""What a rover on terrain stands on and is: the true world, its body in it, and where it believes to be.
+
+Two site frames are kept apart. The *true* one is the terrain's. The *believed* one is where dead reckoning
+puts things; targets, goals and telemetry live in it. Both agree at the start.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+
+from rover_iface.errors import WorldError
+from rover_iface.frames import Pose, Transform
+from rover_iface.navigation.sensor import GroundRaster
+from rover_iface.simulator.chassis import Chassis
+from rover_iface.simulator.render.from_terrain import scene_from_terrain
+from rover_iface.simulator.render.renderer import Renderer, Sun
+from rover_iface.simulator.world import World, WorldTarget
+from rover_iface.soltime import SunClock
+from rover_iface.terrain.strew import add_rocks
+from rover_iface.terrain.terrain import Terrain
+
+
+class Body:
+    """A rover's body in its true world.
+
+    Attributes
+    ----------
+    terrain, map
+        The true ground, and the map of it that the planner had.
+    targets
+        By id, as designated on the map.
+    chassis
+        Drives; holds the true pose and the believed one.
+    rng
+        Of everything that is drawn during the run, one stream.
+    odometry
+        (t_s, true pose, believed pose) whenever the rover has moved.
+
+    Raises
+    ------
+    WorldError
+        If the rover cannot stand at its start.
+    OutsideTerrainError
+        If the start lies outside the terrain.
+    """
+
+    def __init__(self, world: World, terrain: Terrain, *, seed: int = 0) -> None:
+        terrain.require_inside(world.start.x, world.start.y, "start of the rover")
+        self.world = world
+        self.profile = world.profile
+        self.seed = seed
+        self.rng = np.random.default_rng([seed, 0x5B])
+        self.map = terrain
+        self.targets = {t.id: t for t in world_targets(world)}
+        self.terrain = self._true_terrain()
+        self.ground = GroundRaster.of(self.terrain, self._half_width())
+        self.chassis = Chassis(
+            self.ground,
+            self.profile,
+            world.start,
+            soil=world.soil,
+            softer=world.map_error.softer,
+            rng=self.rng,
+        )
+        if math.isnan(self.chassis.pose.z):
+            raise WorldError(
+                f"the rover cannot stand at its start ({world.start.x:.2f}, {world.start.y:.2f})"
+            )
+        self.sun_clock = SunClock.at(world.sun.ls_deg, world.sun.latitude_deg, world.sun.start_lmst_h)
+        self.odometry: list[tuple[float, Pose, Pose]] = []
+
+    @property
+    def pose(self) -> Pose:
+        """Return where the rover truly is."""
+        return self.chassis.pose
+
+    @property
+    def believed(self) -> Pose:
+        """Return where dead reckoning puts the rover."""
+        return self.chassis.believed
+
+    @property
+    def true_from_believed(self) -> Transform:
+        """Return how the believed site frame lies in the true one, by where the rover is in both."""
+        return self.pose.site_from_rover * self.believed.site_from_rover.inverse()
+
+    @cached_property
+    def renderer(self) -> Renderer:
+        """Return the eye of the simulation; made when first needed."""
+        start = self.world.start
+        return Renderer(scene_from_terrain(self.terrain, (start.x, start.y), radius_m=self._half_width()))
+
+    def sun(self, t_s: float) -> Sun:
+        """Return the light at a time of the plan."""
+        return Sun(self.sun_clock.direction(t_s))
+
+    def _true_terrain(self) -> Terrain:
+        """Return the map with the rocks that are not on it."""
+        density = self.world.map_error.unmapped_rocks_per_m2
+        if density <= 0:
+            return self.map
+        rng = np.random.default_rng([self.seed, 0xD1])
+        half = min(self._half_width(), 20.0)
+        count = int(rng.poisson(density * 4 * half * half))
+        table = np.column_stack([rng.uniform(-half, half, (count, 2)), rng.uniform(0.18, 0.45, count)])
+        clear = [(self.world.start.x, self.world.start.y, 1.6)]
+        for target in self.targets.values():
+            clear.append((target.point[0], target.point[1], 0.7))
+            if target.observation_point is not None:
+                clear.append((target.observation_point.x, target.observation_point.y, 1.0))
+        return add_rocks(self.map, table, seed=self.seed, keep_clear=clear, prefix="U")
+
+    def _half_width(self) -> float:
+        """Return how far from the origin the rover may get: its targets and 6 m more, 12 to 40 m."""
+        far = [abs(self.world.start.x), abs(self.world.start.y)]
+        for target in self.targets.values():
+            far += [abs(target.point[0]), abs(target.point[1])]
+        return min(40.0, max(12.0, max(far) + 6.0))
+
+
+def world_targets(world: World) -> list[WorldTarget]:
+    """Return the targets of a world, from its problem where it lists none itself.
+
+    Raises
+    ------
+    WorldError
+        If a target of the problem has no point.
+    """
+    if world.targets:
+        return list(world.targets)
+    from rover_iface.simulator.model import AbstractModel
+
+    if world.problem is None:
+        return []
+    model = AbstractModel.from_problem(world.problem)
+    found = []
+    for k, name in enumerate(model.targets):
+        point = model.points[k]
+        if point is None:
+            raise WorldError(f'target {name} has no "point_m"; a rover on terrain needs it')
+        contact = any(o.contact for o in model.observations if o.place == k + 1)
+        found.append(
+            WorldTarget(
+                name, point, kind="place" if contact else "image", observation_point=model.poses[k + 1]
+            )
+        )
+    return found

@@ -1,0 +1,251 @@
+"""Driving commands of a rover on terrain: `navigate`, stop and go with the navigator, and `turn`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.ports import Command, Value
+from rover_iface.frames import wrap_angle
+from rover_iface.navigation.navigator import Navigator, Way
+from rover_iface.navigation.sensor import StereoSensor
+from rover_iface.simulator.body import Body
+from rover_iface.simulator.engine import Action, Outcome, Step, milliseconds, number
+from rover_iface.simulator.following import TargetFollower
+from rover_iface.simulator.products import odometry_table, png, tracking_table
+from rover_iface.simulator.routine import RoutineRover
+from rover_iface.telemetry import TrackState
+
+Array = NDArray[np.floating]
+
+
+class Sight(Protocol):
+    """What the navigator sees the ground with.
+
+    Attributes
+    ----------
+    eye
+        (3,), from where it looks, rover frame.
+    """
+
+    @property
+    def eye(self) -> Array: ...
+
+    def cost(self, *, around: bool) -> float:
+        """Return how many ordinary looks of four stereo pairs a look is worth in time and energy."""
+
+    def look(self, t_s: float, *, around: bool) -> list[Array]:
+        """Return a cloud (n, 3) per stereo pair, rover frame; `around`: to all sides and near the wheels."""
+
+
+class CastSight:
+    """Ranges cast on the true ground, with the noise of stereo."""
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        self.sensor = StereoSensor(body.profile)
+
+    @property
+    def eye(self) -> Array:
+        """See `Sight`."""
+        return self.sensor.eye
+
+    def cost(self, *, around: bool) -> float:
+        """See `Sight`."""
+        return self.sensor.pairs_around / len(self.sensor.pans) if around else 1.0
+
+    def look(self, t_s: float, *, around: bool) -> list[Array]:
+        """See `Sight`; the light of the time does not matter."""
+        del t_s
+        return self.sensor.look(self.body.ground, self.body.pose, self.body.rng, around=around)
+
+
+class Driving:
+    """Drives a body, and has its targets looked at after each way."""
+
+    def __init__(self, host: RoutineRover, body: Body, sight: Sight, follower: TargetFollower) -> None:
+        self.host = host
+        self.body = body
+        self.sight = sight
+        self.follower = follower
+        self._navigator: Navigator | None = None
+
+    def tell_pose(self) -> None:
+        """Put the believed pose into telemetry, and both poses into the odometry."""
+        self.host.set_pose(self.body.believed)
+        self.host.set("tilt", self.body.pose.tilt)
+        self.body.odometry.append((self.host.t_s, self.body.pose, self.body.believed))
+
+    def turn(self, command: Command) -> Action:
+        """Carry out `turn`."""
+        if "heading" in command.parameters:
+            angle = wrap_angle(number(command, "heading", 0.0) - self.body.believed.heading)
+        else:
+            angle = number(command, "angle", 0.0)
+        before = self.host.drawn_j
+        reason = yield from self._go(Way(angle, 0.0, 0.0))
+        return Outcome(not reason, reason, {"energy_j": self.host.drawn_j - before})
+
+    def navigate(self, command: Command) -> Action:
+        """Carry out `navigate`."""
+        name = str(command.parameters.get("target", ""))
+        if name and name not in self.body.targets:
+            return Outcome(False, f"unknown target {name}")
+        required = command.parameters.get("require_tracked") is True
+        if (
+            required
+            and self.follower.state(name) is not TrackState.TRACKED
+            and self.body.targets[name].kind == "place"
+        ):
+            return Outcome(False, f"target {name} is not tracked")
+        mode = str(command.parameters.get("mode", "track" if self.follower.alive() else "avoid"))
+        begin_j, begin_m = self.host.drawn_j, self.body.chassis.travelled_m
+        goal, heading = self._goal(command, name)
+        self._navigator = None
+        nearest, since, looks = math.inf, 0, 0
+        reason = "too many looks"
+        while looks < 150:
+            goal, heading = self._goal(command, name)
+            here = self.body.believed
+            left = math.hypot(goal[0] - here.x, goal[1] - here.y)
+            tolerance = 0.08 if name else 0.25
+            if left <= tolerance:
+                reason = ""
+                break
+            if left < nearest - 0.05:
+                nearest, since = left, looks
+            elif looks - since >= 6:
+                reason = "" if left <= 0.35 else f"no nearer than {nearest:.2f} m to the goal"
+                break
+            looks += 1
+            way: Way | None
+            if mode == "blind":
+                way = self._straight(goal, left)
+            else:
+                way = yield from self._look_and_choose(goal, name)
+            if way is None:
+                if self._gave_up():
+                    reason = "no safe way"
+                    break
+                way = Way(math.radians(40.0), 0.0, 0.0)
+            trouble = yield from self._go(way)
+            if trouble:
+                reason = trouble
+                break
+            if mode == "track":
+                yield from self.follower.update_all()
+                if required and self.follower.state(name) is TrackState.FAILED:
+                    reason = f"target {name} was lost"
+                    break
+            self.follower.set_ranges()
+            self.host.report()
+        if not reason and heading is not None:
+            angle = wrap_angle(heading - self.body.believed.heading)
+            if abs(angle) > math.radians(3):
+                reason = yield from self._go(Way(angle, 0.0, 0.0))
+                if not reason and mode == "track":
+                    yield from self.follower.update_all()
+        self.follower.set_ranges()
+        self._write_products(command, goal)
+        here = self.body.believed
+        values: dict[str, Value] = {
+            "distance_m": self.body.chassis.travelled_m - begin_m,
+            "energy_j": self.host.drawn_j - begin_j,
+            "error_m": math.hypot(goal[0] - here.x, goal[1] - here.y),
+        }
+        return Outcome(not reason, reason, values)
+
+    def _go(self, way: Way) -> Generator[Step, None, str]:
+        """Drive one way; return why it went wrong, or an empty string."""
+        chassis = self.body.chassis
+        start = chassis.believed
+        chassis.slow_factor = self.host.slow_factor
+        chassis.wheel_stuck = self.host.stuck_from_ms is not None
+        driven = chassis.follow(way)
+        end = chassis.believed
+        yield Step(milliseconds(driven.duration_s), driven.energy_j, ((start.x, start.y), (end.x, end.y)))
+        self.tell_pose()
+        if driven.collision:
+            return f"hazard: {driven.collision}"
+        return "wheel stuck" if driven.stuck else ""
+
+    def _gave_up(self) -> bool:
+        return self._navigator is not None and self._navigator.given_up
+
+    def _straight(self, goal: tuple[float, float], left: float) -> Way:
+        here = self.body.believed
+        turn = wrap_angle(math.atan2(goal[1] - here.y, goal[0] - here.x) - here.heading)
+        return Way(turn if abs(turn) > 0.02 else 0.0, 0.0, min(left, self.body.profile.mobility.step_m))
+
+    def _look_and_choose(self, goal: tuple[float, float], name: str) -> Generator[Step, None, Way | None]:
+        duration, energy = self.host.spread("navigator_step")
+        here = self.body.believed
+        if self._navigator is None:
+            self._navigator = Navigator.fresh(self.body.profile, (here.x, here.y), goal)
+        navigator = self._navigator
+        first = navigator.map.updates == 0
+        looks = self.sight.cost(around=first)
+        navigator.look(self.sight.look(self.host.t_s, around=first), self.sight.eye, here)
+        navigator.step_m = self._step_limit()
+        if name:
+            x, y = self.follower.position(name)[:2]
+            navigator.ignore = (*navigator.on_map(float(x), float(y)), 0.45)
+        yield Step(round(duration * looks), energy * looks)
+        return navigator.choose(navigator.where(here), navigator.on_map(*goal))
+
+    def _step_limit(self) -> float:
+        """Return the longest way the tracker can follow: a share of the nearest tracked target's range."""
+        step = self.body.profile.mobility.step_m
+        here = self.body.believed
+        for followed in self.follower.alive():
+            away = math.hypot(*(followed.update.position[:2] - (here.x, here.y)))
+            step = min(step, max(0.25, 0.2 * away))
+        return step
+
+    def _goal(self, command: Command, name: str) -> tuple[tuple[float, float], float | None]:
+        """Return where to drive in the believed frame, and the heading to end with."""
+        heading = number(command, "heading", math.nan)
+        wanted = None if math.isnan(heading) else heading
+        standoff = number(command, "standoff_m", 0.0)
+        here = self.body.believed
+        if not name:
+            x, y = number(command, "x", here.x), number(command, "y", here.y)
+            away = math.hypot(x - here.x, y - here.y)
+            share = max(0.0, 1.0 - standoff / away) if away > 0 else 0.0
+            return (here.x + share * (x - here.x), here.y + share * (y - here.y)), wanted
+        target = self.body.targets[name]
+        centre = np.array(target.point[:2])
+        now = np.asarray(self.follower.position(name)[:2], dtype=float)
+        stand = target.observation_point
+        if stand is None or standoff > 0:
+            away = math.hypot(now[0] - here.x, now[1] - here.y)
+            reach = standoff if standoff > 0 else 0.9
+            share = max(0.0, 1.0 - reach / away) if away > 0 else 0.0
+            face = math.atan2(now[1] - here.y, now[0] - here.x)
+            return (
+                (here.x + share * (now[0] - here.x), here.y + share * (now[1] - here.y)),
+                face if wanted is None else wanted,
+            )
+        goal = now + (np.array([stand.x, stand.y]) - centre)
+        return (float(goal[0]), float(goal[1])), stand.heading if wanted is None else wanted
+
+    def _write_products(self, command: Command, goal: tuple[float, float]) -> None:
+        """Write the hazard map, the odometry and the tracking history of a drive."""
+        if self.host.out is None:
+            return
+        here = self.body.believed
+        if self._navigator is not None:
+            picture = self._navigator.map.picture(16.0, (here.x, here.y))
+            label = {"frame": "site", "size_m": 16.0, "goal_m": list(goal)}
+            self.host.write_product(command, "hazardmap", png(picture), ".png", label)
+        odometry, history = self.body.odometry, self.follower.history
+        for kind, count, data in (
+            ("odometry", len(odometry), odometry_table(odometry)),
+            ("tracking", len(history), tracking_table(history)),
+        ):
+            if count:
+                self.host.write_product(command, kind, data, ".json", {"frame": "site", "rows": count})

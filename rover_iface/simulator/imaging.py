@@ -1,0 +1,113 @@
+"""Imaging commands of a rover on terrain: `image`, `imagepanorama`, `pointmast`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from executive.ports import Command, Value
+from rover_iface.cameras.model import Array
+from rover_iface.errors import CameraError, RenderError
+from rover_iface.frames import wrap_angle
+from rover_iface.simulator.body import Body
+from rover_iface.simulator.engine import Action, Outcome, Step, number
+from rover_iface.simulator.following import TargetFollower
+from rover_iface.simulator.mast_cameras import MastCameras
+from rover_iface.simulator.products import camera_label, png
+from rover_iface.simulator.routine import RoutineRover
+
+IMAGE_PX = 400
+
+
+class Imaging:
+    """Takes pictures for science. Targets are looked at where they are believed to be."""
+
+    def __init__(
+        self, host: RoutineRover, body: Body, cameras: MastCameras, follower: TargetFollower
+    ) -> None:
+        self.host = host
+        self.body = body
+        self.cameras = cameras
+        self.follower = follower
+
+    def image(self, command: Command) -> Action:
+        """Carry out `image`."""
+        if self.host.camera_failed:
+            return Outcome(False, "camera failed", {"made": False})
+        name = str(command.parameters.get("target", ""))
+        if name and name not in self.body.targets:
+            return Outcome(False, f"unknown target {name}", {"made": False})
+        instrument = str(command.parameters.get("instrument", ""))
+        profile = self.body.profile
+        figures = profile.instruments.get(instrument)
+        if figures is None:
+            figures = next(i for i in profile.instruments.values() if i.kind == "remote")
+        camera = figures.camera or profile.cameras.science
+        duration, energy = self.host.drawn(figures, self.body.rng)
+        yield Step(duration, energy)
+        point = self.follower.position(name) if name else self._far_point(command)
+        values: dict[str, Value] = {"made": True, "energy_j": energy}
+        try:
+            shot = self.cameras.picture(np.asarray(point, dtype=float), camera, self.host.t_s, IMAGE_PX)
+        except (CameraError, RenderError) as err:
+            return Outcome(False, str(err), {"made": False, "energy_j": energy})
+        label = {
+            "instrument": instrument or camera,
+            "camera": camera,
+            "camera_model": camera_label(shot.frame.camera),
+            "pan_rad": shot.pan_rad,
+            "tilt_rad": shot.tilt_rad,
+            "point_m": [float(v) for v in point],
+        }
+        if name:
+            label["target"] = name
+        values["products"] = float(
+            self.host.write_product(command, "image", png(shot.frame.image8), ".png", label)
+        )
+        return Outcome(True, values=values)
+
+    def _far_point(self, command: Command) -> Array:
+        """Return a point (3,) 20 m away in the direction of a command, believed site frame."""
+        azimuth, elevation = number(command, "azimuth", 0.0), number(command, "elevation", 0.0)
+        mast = self.body.profile.mast
+        eye = self.body.believed.site_from_rover.apply(
+            np.array([mast.base_m[0], mast.base_m[1], mast.height_m])
+        )
+        level = math.cos(elevation)
+        way = np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
+        return np.asarray(eye + 20.0 * way)
+
+    def panorama(self, command: Command) -> Action:
+        """Carry out `imagepanorama`."""
+        if self.host.camera_failed:
+            return Outcome(False, "camera failed")
+        duration, energy = self.host.spread("imagepanorama")
+        yield Step(duration, energy)
+        count = 0
+        if self.host.out is not None:
+            strip = self.cameras.strip(
+                number(command, "from_azimuth", math.pi),
+                number(command, "to_azimuth", -math.pi),
+                self.host.t_s,
+            )
+            label = {"camera": self.body.profile.cameras.navigation}
+            count = int(self.host.write_product(command, "panorama", png(strip), ".png", label))
+        return Outcome(True, values={"products": float(count), "energy_j": energy})
+
+    def point_mast(self, command: Command) -> Action:
+        """Carry out `pointmast`."""
+        duration, energy = self.host.spread("pointmast")
+        yield Step(duration, energy)
+        name = str(command.parameters.get("target", ""))
+        if name:
+            if name not in self.body.targets:
+                return Outcome(False, f"unknown target {name}")
+            try:
+                pan, tilt = self.cameras.point_at(self.follower.position(name))
+            except CameraError as err:
+                return Outcome(False, str(err))
+        else:
+            pan = wrap_angle(number(command, "azimuth", 0.0) - self.body.believed.heading)
+            tilt = number(command, "elevation", 0.0)
+        return Outcome(True, values={"pan": float(pan), "tilt": float(tilt)})
