@@ -413,15 +413,7 @@ class SimulatedRover:
             "task": command.id.task,
             "attempt": command.id.attempt,
             "action": command.action,
-            "pose": {
-                "frame": "site",
-                "east_m": self.pose.x,
-                "north_m": self.pose.y,
-                "up_m": self.pose.z,
-                "heading_rad": self.pose.heading,
-                "pitch_rad": self.pose.pitch,
-                "roll_rad": self.pose.roll,
-            },
+            "pose": {"frame": "site", **pose_label(self.pose)},
             **label,
         }
         for name_, value in command.metadata.items():
@@ -444,6 +436,18 @@ class SimulatedRover:
             )
         )
         return True
+
+
+def pose_label(pose: Pose) -> dict[str, float]:
+    """Return a pose as a product's label has it."""
+    return {
+        "east_m": pose.x,
+        "north_m": pose.y,
+        "up_m": pose.z,
+        "heading_rad": pose.heading,
+        "pitch_rad": pose.pitch,
+        "roll_rad": pose.roll,
+    }
 
 
 def check_command(command: Command) -> str:

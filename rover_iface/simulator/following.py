@@ -58,6 +58,7 @@ class TargetFollower:
         self.tracker = tracker
         self.history: list[TrackRecord] = []
         self.followed: dict[str, Followed] = {}
+        self._forgotten: dict[str, Followed] = {}
         for name in body.targets:
             host.set(f"trackerstate {name}", TrackState.IDLE.value)
             host.set(f"trackerconfidence {name}", 0.0)
@@ -78,9 +79,14 @@ class TargetFollower:
         return [f for f in self.followed.values() if self.state(f.target.id) is not TrackState.FAILED]
 
     def position(self, name: str) -> Array:
-        """Return where a target is believed to be (3,): where it is tracked, or where the map has it."""
-        followed = self.followed.get(name)
-        return np.array(self.body.targets[name].point) if followed is None else followed.update.position
+        """Return where a target is believed to be (3,): as it was last tracked, or the map's place."""
+        known = self.followed.get(name) or self._forgotten.get(name)
+        return np.array(self.body.targets[name].point) if known is None else known.update.position
+
+    def truth(self, name: str) -> Array:
+        """Return the surface point (3,) of the true site that a target stands for."""
+        known = self.followed.get(name) or self._forgotten.get(name)
+        return np.array(self.body.targets[name].point) if known is None else known.truth
 
     def error_m(self, name: str) -> float:
         """Return how far the tracked position of a target is from the surface point it stands for."""
@@ -112,7 +118,7 @@ class TargetFollower:
         duration, energy = self.host.spread("trackstart")
         yield Step(duration, energy)
         target = self.body.targets[name]
-        point = np.array(target.point)
+        point = self.position(name)
         try:
             sighting = self.eyes.stereo(point, self.host.t_s)
             update = self.tracker.start(name, point, sighting.view)
@@ -156,7 +162,9 @@ class TargetFollower:
 
     def forget(self, name: str) -> None:
         """Follow a target no longer."""
-        if self.followed.pop(name, None) is not None:
+        known = self.followed.pop(name, None)
+        if known is not None:
+            self._forgotten[name] = known
             self.tracker.clear(name)
             self.host.set(f"trackerstate {name}", TrackState.IDLE.value)
             self.host.set(f"trackerconfidence {name}", 0.0)

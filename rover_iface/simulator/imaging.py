@@ -14,7 +14,7 @@ from rover_iface.simulator.body import Body
 from rover_iface.simulator.engine import Action, Outcome, Step, number
 from rover_iface.simulator.following import TargetFollower
 from rover_iface.simulator.mast_cameras import MastCameras
-from rover_iface.simulator.products import camera_label, png
+from rover_iface.simulator.products import picture_label, png
 from rover_iface.simulator.routine import RoutineRover
 
 IMAGE_PX = 400
@@ -52,13 +52,11 @@ class Imaging:
             shot = self.cameras.picture(np.asarray(point, dtype=float), camera, self.host.t_s, IMAGE_PX)
         except (CameraError, RenderError) as err:
             return Outcome(False, str(err), {"made": False, "energy_j": energy})
+        truth = self.follower.truth(name) if name else None
         label = {
             "instrument": instrument or camera,
             "camera": camera,
-            "camera_model": camera_label(shot.frame.camera),
-            "pan_rad": shot.pan_rad,
-            "tilt_rad": shot.tilt_rad,
-            "point_m": [float(v) for v in point],
+            **picture_label(shot.camera, point, self.body, shot.frame.camera, truth),
         }
         if name:
             label["target"] = name

@@ -26,11 +26,10 @@ RIGHT_MARGIN_PX = 60
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A picture with the mast angles that were commanded for it."""
+    """A picture, and the camera the rover takes it to be from: of the same pixels, believed site frame."""
 
     frame: Frame
-    pan_rad: float
-    tilt_rad: float
+    camera: CameraModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +118,13 @@ class MastCameras:
         """
         pan, tilt = self.point_at(point_believed, camera)
         jitter = self._jitter()
-        true = self.body.pose.site_from_rover
-        model = self.rig.camera(camera, pan + float(jitter[0]), tilt + float(jitter[1])).transformed(true)
-        window = _window(np.array([model.width / 2, model.height / 2]), size_px, size_px, model)
-        return Shot(self._render(camera, model, t_s, window=window), pan, tilt)
+        believed, true = self.body.believed.site_from_rover, self.body.pose.site_from_rover
+        told = self.rig.camera(camera, pan, tilt).transformed(believed)
+        actual = self.rig.camera(camera, pan + float(jitter[0]), tilt + float(jitter[1])).transformed(true)
+        window = _window(np.array([told.width / 2, told.height / 2]), size_px, size_px, told)
+        return Shot(self._render(camera, actual, t_s, window=window), told.window(*window))
 
-    def body_picture(self, camera: str, t_s: float, most_px: int = 700) -> Frame:
+    def body_picture(self, camera: str, t_s: float, most_px: int = 700) -> Shot:
         """Return the frame of a camera fixed to the body; halved where it is wider or higher than `most_px`.
 
         Raises
@@ -132,12 +132,13 @@ class MastCameras:
         RenderError
             If the camera is below the ground.
         """
-        model = self.rig.camera(camera).transformed(self.body.pose.site_from_rover)
+        model = self.rig.camera(camera)
         if max(model.width, model.height) > most_px:
             model = model.scaled(0.5)
-        return self.body.renderer.render(
-            model, None, self.body.sun(t_s), sensor=self.rig.mounted(camera).sensor
+        frame = self.body.renderer.render(
+            model, self.body.pose, self.body.sun(t_s), sensor=self.rig.mounted(camera).sensor
         )
+        return Shot(frame, model.transformed(self.body.believed.site_from_rover))
 
     def strip(self, left_rad: float, right_rad: float, t_s: float) -> NDArray[np.uint8]:
         """Return pictures side by side, from one azimuth to the other, clockwise; a fourth of full

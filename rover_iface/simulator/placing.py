@@ -16,8 +16,8 @@ from rover_iface.placement.base_placement import check_observation_point
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.engine import Action, Outcome, Step, milliseconds, number
 from rover_iface.simulator.following import Followed, TargetFollower
-from rover_iface.simulator.mast_cameras import MastCameras
-from rover_iface.simulator.products import camera_label, png
+from rover_iface.simulator.mast_cameras import MastCameras, Shot
+from rover_iface.simulator.products import picture_label, png
 from rover_iface.simulator.routine import RoutineRover
 from rover_iface.vision.tracker import TrackUpdate
 
@@ -187,12 +187,23 @@ class Placing:
         if self.host.out is None:
             return 0
         count = 0
-        label: dict[str, Any] = {"target": name, "instrument": instrument, "placement_error_m": error}
+        label: dict[str, Any] = {"target": name, "instrument": instrument}
+        believed_from_true = self.body.true_from_believed.inverse()
+        truth = self.follower.truth(name)
+
+        def write(kind: str, shot: Shot, point: Array, **more: str) -> int:
+            seen = picture_label(shot.camera, point, self.body, shot.frame.camera, truth)
+            seen["simulation_truth"]["placement_error_m"] = error
+            return int(
+                self.host.write_product(
+                    command, kind, png(shot.frame.image8), ".png", {**label, **more, **seen}
+                )
+            )
+
         hazard = self.body.profile.cameras.hazard
         try:
-            frame = self.cameras.body_picture(hazard, self.host.t_s)
-            seen = {**label, "camera": hazard, "camera_model": camera_label(frame.camera)}
-            count += self.host.write_product(command, "hazcam", png(frame.image8), ".png", seen)
+            shot = self.cameras.body_picture(hazard, self.host.t_s)
+            count += write("hazcam", shot, self.follower.position(name), camera=hazard)
         except RenderError:
             pass
         close = close_up(contact.point, contact.normal)
@@ -200,12 +211,8 @@ class Placing:
             frame = self.body.renderer.render(close, None, self.body.sun(self.host.t_s), samples=2)
         except RenderError:
             return count
-        shown = {
-            **label,
-            "camera_model": camera_label(close),
-            "point_m": [float(v) for v in contact.point],
-        }
-        return count + self.host.write_product(command, "microscopic", png(frame.image8), ".png", shown)
+        shot = Shot(frame, close.transformed(believed_from_true))
+        return count + write("microscopic", shot, believed_from_true.apply(contact.point))
 
 
 def close_up(point: Array, normal: Array, distance_m: float = 0.11, field_m: float = 0.05) -> CameraModel:

@@ -7,10 +7,15 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import numpy.typing as npt
+
 from rover_iface.frames import Pose
+from rover_iface.simulator.engine import pose_label
 
 if TYPE_CHECKING:
     from rover_iface.cameras.model import CameraModel
+    from rover_iface.simulator.body import Body
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +42,32 @@ def png(pixels: Any) -> bytes:
     return stream.getvalue()
 
 
-def camera_label(camera: CameraModel) -> dict[str, Any]:
-    """Return a camera model as plain values for a product's label; vectors in the true site frame."""
-    label: dict[str, Any] = {"kind": camera.kind.value, "width": camera.width, "height": camera.height}
-    for letter in camera.kind.value:
-        label[letter] = [float(v) for v in getattr(camera, letter)]
-    return label
+def picture_label(
+    camera: CameraModel,
+    point: npt.ArrayLike | None,
+    body: Body,
+    true_camera: CameraModel,
+    true_point: npt.ArrayLike | None,
+) -> dict[str, Any]:
+    """Return the part of a picture's label that says what it looks at.
+
+    `camera_model` and `point_m` are in the believed site frame, as all of a real label: the camera of the
+    picture itself (subframe and scale taken in) on the pose of dead reckoning with the mast angles as read,
+    and the point (3,) it was taken of. What only a simulation knows stands under `simulation_truth`, in the
+    true site frame.
+    """
+    from rover_iface.cameras.panorama import camera_document
+
+    label: dict[str, Any] = {"camera_model": camera_document(camera)}
+    truth: dict[str, Any] = {
+        "frame": "true site",
+        "camera_model": camera_document(true_camera),
+        "pose": pose_label(body.pose),
+    }
+    for part, value in ((label, point), (truth, true_point)):
+        if value is not None:
+            part["point_m"] = [float(v) for v in np.asarray(value, dtype=float)]
+    return {**label, "simulation_truth": truth}
 
 
 def odometry_table(odometry: Iterable[tuple[float, Pose, Pose]]) -> bytes:
