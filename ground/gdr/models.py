@@ -107,6 +107,8 @@ class MissionRow(Row):
     terrain_id: Mapped[str] = mapped_column(ForeignKey("terrains.id"))
     copied_from: Mapped[str | None] = mapped_column(String(40))
     rover_profile: Mapped[str] = mapped_column(String(80))
+    anchor_frame_id: Mapped[str | None] = mapped_column(String(40))
+    """The site whose frame, east-north-up, is the one of terrain, targets and keep-outs."""
 
 
 class SolRow(Row):
@@ -142,6 +144,9 @@ class TargetRow(Row):
     slope_rad: Mapped[float]
     covariance_m2: Mapped[list[Any]]
     source_image: Mapped[str] = mapped_column(String(200), default="")
+    frame_id: Mapped[str | None] = mapped_column(String(40), index=True)
+    in_frame: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    """What was seen from the frame, in its own axes; the columns above follow from it."""
 
 
 class ObservationRequestRow(Row):
@@ -169,6 +174,105 @@ class KeepOutRow(Row):
     name: Mapped[str] = mapped_column(String(80))
     notes: Mapped[str] = mapped_column(Text, default="")
     polygon_m: Mapped[list[Any]]
+    frame_id: Mapped[str | None] = mapped_column(String(40), index=True)
+    in_frame: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    sigma_m: Mapped[float] = mapped_column(default=0.0, server_default="0")
+    """Of where the outline lies, the worst direction, by the solutions between its frame and the anchor."""
+
+
+class FrameRow(Row):
+    """A site, the end of a drive or a pose, by its motion counter, and the solution in use for it."""
+
+    __tablename__ = "frames"
+    __table_args__ = (UniqueConstraint("mission_id", "key"), Index("ix_frames_site", "mission_id", "site"))
+
+    mission_id: Mapped[str] = _mission()
+    key: Mapped[str] = mapped_column(String(120))
+    """Name and motion counter, `ROVER_FRAME 137.26`."""
+    name: Mapped[str] = mapped_column(String(80))
+    counter: Mapped[list[Any]]
+    level: Mapped[str] = mapped_column(String(10))
+    site: Mapped[int]
+    drive: Mapped[int | None]
+    notes: Mapped[str] = mapped_column(Text, default="")
+    solution_id: Mapped[str | None] = mapped_column(String(40))
+    chosen_utc: Mapped[datetime | None]
+    """When a person chose the solution; null while the rule of the files did."""
+
+
+class FrameFileRow(Row):
+    """A mission's frame file (.svf, .rvf) that was taken in: all of it that is no solution."""
+
+    __tablename__ = "frame_files"
+
+    mission_id: Mapped[str] = _mission()
+    file_name: Mapped[str] = mapped_column(String(300))
+    sha256: Mapped[str] = mapped_column(String(64))
+    rover: Mapped[str] = mapped_column(String(80))
+    variant: Mapped[str] = mapped_column(String(80))
+    counter: Mapped[list[Any]]
+    priority: Mapped[list[Any]]
+    aliases: Mapped[list[Any]]
+    """`old`, `new` and `position` of each."""
+    added: Mapped[int]
+    known: Mapped[int]
+    """Solutions that came with it, and that were here before."""
+
+
+class SolutionRow(Row):
+    """One answer to where a frame lies; never changed and never deleted."""
+
+    __tablename__ = "solutions"
+    __table_args__ = (Index("ix_solutions_position", "mission_id", "position"),)
+
+    mission_id: Mapped[str] = _mission()
+    frame_id: Mapped[str] = mapped_column(ForeignKey("frames.id", ondelete="CASCADE"), index=True)
+    reference_id: Mapped[str] = mapped_column(ForeignKey("frames.id", ondelete="CASCADE"), index=True)
+    file_id: Mapped[str | None] = mapped_column(String(40))
+    label: Mapped[str] = mapped_column(String(80))
+    offset_m: Mapped[list[Any]]
+    quaternion: Mapped[list[Any]]
+    covariance: Mapped[list[Any] | None] = mapped_column(JSON(none_as_null=True))
+    """[6, 6] of a small motion (turn in rad, shift in m) in the frame's axes."""
+    added_utc: Mapped[datetime]
+    position: Mapped[int] = mapped_column(BigInteger)
+    """Place in the order of arrival, that of the files."""
+    source: Mapped[dict[str, Any]]
+    notes: Mapped[str] = mapped_column(Text, default="")
+
+
+class SiteMapRow(Row):
+    """A map made at a frame (GeoTIFF in the frame's east and north), and where its outline lies now."""
+
+    __tablename__ = "site_maps"
+
+    mission_id: Mapped[str] = _mission()
+    name: Mapped[str] = mapped_column(String(80))
+    notes: Mapped[str] = mapped_column(Text, default="")
+    frame_id: Mapped[str] = mapped_column(ForeignKey("frames.id"), index=True)
+    in_frame: Mapped[dict[str, Any]]
+    outline_m: Mapped[list[Any]]
+    sigma_m: Mapped[float]
+    file_name: Mapped[str] = mapped_column(String(300))
+    media: Mapped[str] = mapped_column(String(100))
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    sha256: Mapped[str] = mapped_column(String(64))
+
+
+class TraverseRow(Row):
+    """Stops of recorded runs that were adjusted together: a job's result."""
+
+    __tablename__ = "traverses"
+
+    mission_id: Mapped[str] = _mission()
+    name: Mapped[str] = mapped_column(String(200))
+    notes: Mapped[str] = mapped_column(Text, default="")
+    job_id: Mapped[str] = mapped_column(String(40))
+    stops: Mapped[list[Any]]
+    """Frame and source of each, in the order driven."""
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    """`localization/1`, with the pictures; null while it is computed."""
+    solution_ids: Mapped[list[Any]]
 
 
 class PathNetworkRow(Row):

@@ -12,9 +12,12 @@ from sqlalchemy import inspect, select
 from ground.gdr.database import Database
 from ground.gdr.history import verify_chains
 from ground.gdr.migrate import current_revision, migrate, migrations_dir, newest_revision
-from ground.gdr.models import Base, MissionRow
+from ground.gdr.models import Base, KeepOutRow, MissionRow, TargetRow
 from ground.gdr.repository import Repository
 from ground.gdr.values import Mission
+from ground.services.create_keep_out import create_keep_out
+from ground.services.create_target import create_target
+from tests.ground.conftest import PLANNER
 
 
 def test_migrations_from_empty_give_exactly_the_schema_of_the_models(repo: Repository) -> None:
@@ -31,6 +34,21 @@ def test_migrations_go_down_with_rows_and_up_again(repo: Repository, mission: Mi
     with repo.database.read() as session:
         assert session.scalars(select(MissionRow)).all() == []
         assert verify_chains(session) == (0, [])
+
+
+def test_a_step_back_and_forth_keeps_what_was_there_before(repo: Repository, mission: Mission) -> None:
+    create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
+    create_keep_out(repo, PLANNER, mission.id, polygon_m=[(1, 1), (2, 1), (2, 2)])
+    migrate(repo.database, "0001", down=True)
+    assert "frames" not in inspect(repo.database.engine).get_table_names()
+    migrate(repo.database)
+    with repo.database.read() as session:
+        assert [len(session.scalars(select(row)).all()) for row in (MissionRow, TargetRow, KeepOutRow)] == [
+            1,
+            1,
+            1,
+        ]
+        assert verify_chains(session)[1] == []
 
 
 def test_a_second_migration_changes_nothing(repo: Repository) -> None:
