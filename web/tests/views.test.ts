@@ -229,6 +229,11 @@ describe("targets in a picture that came back", () => {
     expect(Math.abs(shown?.marks[0]?.turn ?? 0)).toBeCloseTo(Math.PI / 2, 3);
   });
 
+  it("the picture's own target stands where the rover tracked it, the others where the map has them", () => {
+    const shown = marksIn({ camera_model, point_m: [5, 0.5, 1] }, [at("A", 5, 0), at("B", 5, 0)], "A");
+    expect(shown?.marks.map((mark) => [mark.id, Math.round(mark.x * 10) / 10])).toEqual([["A", 39.5], ["B", 49.5]]);
+  });
+
   it("are not guessed without a camera model", () => {
     expect(marksIn({}, [at("A", 5, 0)], null)).toBeNull();
     expect(axesOf([4, 0, 1])).toEqual({ rx: 2, ry: 1, turn: 0 });

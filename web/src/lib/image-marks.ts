@@ -39,6 +39,12 @@ export function axesOf([xx, xy, yy]: readonly [number, number, number]): { rx: n
   };
 }
 
+/** Where the rover took the picture's own target to be: tracked, it knew better than the map. */
+function pointOf(label: Record<string, unknown>): [number, number, number] | null {
+  const p = label.point_m;
+  return Array.isArray(p) && p.length === 3 && p.every((v) => typeof v === "number") ? [p[0], p[1], p[2]] : null;
+}
+
 /** Marks of a picture; null when its label has no camera model. Targets outside the frame are left out. */
 export function marksIn(label: Record<string, unknown>, targets: readonly Placed[], own: string | null): ImageMarks | null {
   const camera = cameraOf(label.camera_model);
@@ -47,7 +53,8 @@ export function marksIn(label: Record<string, unknown>, targets: readonly Placed
   const marks: ImageMark[] = [];
   for (const target of targets) {
     const { east_m, north_m, up_m } = target.position;
-    const seen = ellipseInImage(camera, [east_m, north_m, up_m], target.covariance_m2);
+    const point = (target.id === own ? pointOf(label) : null) ?? [east_m, north_m, up_m];
+    const seen = ellipseInImage(camera, point, target.covariance_m2);
     if (seen === null || !inside(...seen.center)) continue;
     marks.push({ id: target.id, name: target.name, x: seen.center[0], y: seen.center[1], ...axesOf(seen.matrix), own: target.id === own });
   }
