@@ -103,21 +103,61 @@ class Mast:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """Arm of five joints: shoulder in the rover frame, reach from the shoulder to the tool tip.
+    """Arm of five joints: waist yaw, shoulder pitch, elbow pitch, forearm twist, wrist pitch.
 
-    `max_tool_tilt_rad` is the largest angle between the tool axis and the surface normal,
-    `workspace_height_m` the range of heights above the ground plane that the tool can be put to.
+    All angles are 0 when the arm points straight ahead; pitches are positive downwards, waist and twist to
+    the left (rover frame, REP 103).
+
+    Attributes
+    ----------
+    shoulder_m
+        Where the axes of waist and shoulder cross, rover frame.
+    links_m
+        Upper arm (shoulder to elbow), forearm (elbow to wrist), tool (wrist to its contact face).
+    joint_limits_rad
+        Least and largest angle of the five joints, in that order.
+    stow_rad
+        Posture in which the rover drives.
+    reach_m, min_reach_m
+        Largest distance from the shoulder to the tool tip, that of all links stretched, and the least one
+        that is planned with.
+    azimuth_limit_rad
+        How far from straight ahead targets are planned.
+    max_tool_tilt_rad
+        Largest angle between the tool axis and the surface normal.
+    tool_radius_m
+        Of the circle round the tool's contact face.
+    link_radius_m
+        Of upper arm and forearm.
+    workspace_height_m
+        Heights above the ground plane that the tool can be put to.
+    accuracy_m
+        Largest error of the tool's place along each axis.
+    standoff_m
+        Distance above the surface from which the tool is moved along the normal.
+    overtravel_m
+        How far beyond the expected surface the tool is moved in search of contact.
+    joint_rate_rad_s, approach_m_s
+        Speed of the fastest joint, and of the tool along the normal.
     """
 
     shoulder_m: Triple
     joints: int
-    links_m: Pair
+    links_m: Triple
+    joint_limits_rad: tuple[Pair, ...]
+    stow_rad: tuple[float, ...]
     reach_m: float
     min_reach_m: float
     azimuth_limit_rad: float
     max_tool_tilt_rad: float
     tool_radius_m: float
+    link_radius_m: float
     workspace_height_m: Pair
+    accuracy_m: float
+    standoff_m: float
+    overtravel_m: float
+    joint_rate_rad_s: float
+    approach_m_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,6 +355,10 @@ _POSITIVE = [
     "mast.height_m",
     "arm.reach_m",
     "arm.tool_radius_m",
+    "arm.link_radius_m",
+    "arm.standoff_m",
+    "arm.joint_rate_rad_s",
+    "arm.approach_m_s",
 ]
 
 
@@ -329,6 +373,7 @@ def _check(profile: RoverProfile, where: str) -> None:
             f"rover profile {where}: arm.min_reach_m is {profile.arm.min_reach_m} m, "
             f"not less than arm.reach_m {profile.arm.reach_m} m"
         )
+    _check_arm(profile.arm, where)
     if not 0 <= profile.power.initial_j <= profile.power.battery_j:
         raise ProfileError(
             f"rover profile {where}: power.initial_j is {profile.power.initial_j} J, "
@@ -343,3 +388,31 @@ def _check(profile: RoverProfile, where: str) -> None:
             raise ProfileError(
                 f"rover profile {where}: instruments.{name}.p_success is {instrument.p_success}; 0 to 1"
             )
+
+
+def _check_arm(arm: Arm, where: str) -> None:
+    for name, values in (("joint_limits_rad", arm.joint_limits_rad), ("stow_rad", arm.stow_rad)):
+        if len(values) != arm.joints or arm.joints != 5:
+            raise ProfileError(
+                f"rover profile {where}: arm.{name} has {len(values)} entries and arm.joints is "
+                f"{arm.joints}; both must be 5"
+            )
+    for name, length in zip(("upper arm", "forearm", "tool"), arm.links_m, strict=True):
+        if not length > 0:
+            raise ProfileError(
+                f"rover profile {where}: arm.links_m: {name} is {length} m; it must be positive"
+            )
+    if abs(sum(arm.links_m) - arm.reach_m) > 1e-6:
+        raise ProfileError(
+            f"rover profile {where}: arm.links_m add up to {sum(arm.links_m):.3f} m; "
+            f"arm.reach_m is {arm.reach_m} m"
+        )
+    for number, ((low, high), stow) in enumerate(zip(arm.joint_limits_rad, arm.stow_rad, strict=True), 1):
+        if not low <= stow <= high:
+            raise ProfileError(
+                f"rover profile {where}: arm.stow_rad of joint {number} is {stow}, outside its limits "
+                f"{low} to {high}"
+            )
+    for name, value in (("accuracy_m", arm.accuracy_m), ("overtravel_m", arm.overtravel_m)):
+        if value < 0:
+            raise ProfileError(f"rover profile {where}: arm.{name} is {value}; it must not be negative")

@@ -62,6 +62,7 @@ def describe_rover(repo: Repository, actor: Actor, mission_id: str) -> RoverShap
         cameras=[
             camera_value(name, "mast" if mounted.mount == "mast" else "body", mounted.model)
             for name, mounted in rig.cameras.items()
+            if mounted.mount != "tool"
         ],
         sun=[SunPlace(h, [float(c) for c in midnight.direction(h * hour_s)]) for h in places],
     )

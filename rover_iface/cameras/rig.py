@@ -40,7 +40,10 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True)
 class MountedCamera:
-    """A camera model in the frame of its mount (`mast` or `body`), with its sensor."""
+    """A camera model in the frame of its mount (`mast`, `body` or `tool`), with its sensor.
+
+    The frame of the tool has its origin at the middle of the contact face and its x axis out of it.
+    """
 
     name: str
     mount: str
@@ -90,8 +93,8 @@ def _parse(raw: bytes, name: str) -> Mapping[str, MountedCamera]:
 
 
 def _camera(name: str, table: Mapping[str, Any], sensors: Mapping[str, Sensor]) -> MountedCamera:
-    if table["mount"] not in ("mast", "body"):
-        raise CameraError(f'camera {name}: mount is "{table["mount"]}"; mast or body')
+    if table["mount"] not in ("mast", "body", "tool"):
+        raise CameraError(f'camera {name}: mount is "{table["mount"]}"; mast, body or tool')
     kind = ModelKind(table["model"])
     model = CameraModel(
         kind,
@@ -128,7 +131,7 @@ class CameraRig:
         return Transform.from_rpy(0.0, -tilt_rad, pan_rad, self.pivot_rover)
 
     def camera(self, name: str, pan_rad: float = 0.0, tilt_rad: float = 0.0) -> CameraModel:
-        """Return a camera's model in the rover frame.
+        """Return a camera's model in the rover frame, one on the arm in the tool's frame.
 
         Raises
         ------
@@ -136,7 +139,7 @@ class CameraRig:
             If the rover has no such camera.
         """
         mounted = self.mounted(name)
-        if mounted.mount == "body":
+        if mounted.mount != "mast":
             return mounted.model
         return mounted.model.transformed(self.rover_from_mast(pan_rad, tilt_rad))
 
@@ -159,7 +162,7 @@ class CameraRig:
         """
         mounted = self.mounted(name)
         if mounted.mount != "mast":
-            raise CameraError(f'camera "{name}" is fixed to the body and cannot be pointed')
+            raise CameraError(f'camera "{name}" is fixed to the {mounted.mount} and cannot be pointed')
         target = np.asarray(target_rover, dtype=np.float64)
         offset = target - np.asarray(self.pivot_rover)
         middle = np.array([(mounted.model.width - 1) / 2.0, (mounted.model.height - 1) / 2.0])

@@ -110,7 +110,14 @@ def broken(tmp_path: Path, old: str, new: str) -> Path:
         ('format = "profile/1"', 'format = "profile/9"', '"format" must be "profile/1"'),
         ("min_reach_m = 0.25", "min_reach_m = 0.9", "not less than arm.reach_m 0.79"),
         ("[body]", "[body", "not TOML"),
-        ("links_m = [0.40, 0.39]", "links_m = [0.40]", "2 values are needed"),
+        ("links_m = [0.34, 0.31, 0.14]", "links_m = [0.40]", "3 values are needed"),
+        ("links_m = [0.34, 0.31, 0.14]", "links_m = [0.34, 0.31, 0.1]", "arm.links_m add up to 0.750 m"),
+        (
+            "stow_rad = [-1.4, ",
+            "stow_rad = [-1.9, ",
+            "arm.stow_rad of joint 1 is -1.9, outside its limits -1.7",
+        ),
+        ("stow_rad = [-1.4, ", "stow_rad = [", "arm.stow_rad has 4 entries and arm.joints is 5"),
     ],
 )
 def test_a_broken_profile_is_refused_by_name_value_and_limit(
