@@ -42,7 +42,8 @@ export function axesOf([xx, xy, yy]: readonly [number, number, number]): { rx: n
 /** Where the rover took the picture's own target to be: tracked, it knew better than the map. */
 function pointOf(label: Record<string, unknown>): [number, number, number] | null {
   const p = label.point_m;
-  return Array.isArray(p) && p.length === 3 && p.every((v) => typeof v === "number") ? [p[0], p[1], p[2]] : null;
+  if (!Array.isArray(p) || p.length !== 3 || !p.every((v) => typeof v === "number")) return null;
+  return p as [number, number, number];
 }
 
 /** Marks of a picture; null when its label has no camera model. Targets outside the frame are left out. */
