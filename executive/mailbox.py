@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
-from executive.ports import Event, Operator, Update
+from executive.ports import Event, Operator, Update, Value
 
 
 class Mailbox:
@@ -24,7 +24,7 @@ class Mailbox:
         """How many updates were merged into another one."""
         self._urgent: deque[Operator] = deque()
         self._events: deque[Event] = deque()
-        self._flood: dict[str, object] | None = None
+        self._flood: dict[str, Value] | None = None
         self._updates = 0
         self._condition = threading.Condition()
         self._closed = False
@@ -49,7 +49,7 @@ class Mailbox:
         if self._updates >= self.limit:
             values = dict(event.values)
             self._flood = dict(values)
-            self._events.append(Update(event.t_ms, self._flood))  # type: ignore[arg-type]
+            self._events.append(Update(event.t_ms, self._flood))
         else:
             self._flood = None
             self._events.append(event)

@@ -120,7 +120,8 @@ def read_forms(text: str, lines: LineTable) -> list[Item]:
         elif group == 2:
             if not stack:
                 raise _syntax('")" without "("', "E001", at, lines)
-            opened.pop().length = after - current.offset  # type: ignore[attr-defined]
+            closed = opened.pop()
+            closed.length = after - closed.offset
             current = stack.pop()
         elif group == 3:
             current.append(Atom(number, read_number(token.group()), at, after - at))

@@ -468,29 +468,23 @@ class _Reader:
                 if following is not None and not self._is_field(following, table):
                     at += 1
                 continue
-            if following is None or (name not in _KEYWORD_VALUED and self._is_field(following, table)):
-                if name in _FLAGS:
-                    value: object = True
-                else:
-                    report.add("E014", f'":{name}" needs a value, found none', item)
-                    places.setdefault(name, item.offset)
-                    continue
-                place = item
-            else:
+            given = following
+            if following is not None and name not in _KEYWORD_VALUED and self._is_field(following, table):
+                given = None
+            if given is None and name not in _FLAGS:
+                report.add("E014", f'":{name}" needs a value, found none', item)
+                places.setdefault(name, item.offset)
+                continue
+            if given is not None:
                 at += 1
                 report.field = name
-                value = None
-                place = following  # type: ignore[assignment]
             if name in places:
                 report.add("E012", f'field ":{name}" is given twice', item)
                 continue
-            places[name] = place.offset
-            if value is None:
-                assert following is not None
-                value = table[name](report, following)
-                if value is f.BAD:
-                    continue
-            values[_ATTRIBUTE[name]] = value
+            places[name] = item.offset if given is None else given.offset
+            value = True if given is None else table[name](report, given)
+            if value is not f.BAD:
+                values[_ATTRIBUTE[name]] = value
         for name in _REQUIRED[kind]:
             if name not in places and strict and kind != "plan":
                 report.add("E013", f'field ":{name}" is missing', form[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from executive.crl import nodes as crl
 from executive.engine.conditions import (
@@ -102,7 +103,7 @@ def compile_node(top: crl.Node, identity: Callable[[crl.Node], str]) -> NodeSpec
                 spec.retry_delay_ms = node.retry_delay_ms
                 spec.interruptible = node.interruptible
                 spec.on_resume = node.on_resume
-                spec.identity = lambda node=node: identity(node)  # type: ignore[misc]
+                spec.identity = partial(identity, node)
             case crl.Block():
                 spec.kind = Kind.BLOCK
                 spec.children = tuple(done[child.id] for child in node.node_list)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeGuard
 
 from executive.ports import Value
 
@@ -41,7 +42,7 @@ class Guard:
         return sorted(instants)
 
 
-def is_number(value: object) -> bool:
+def is_number(value: object) -> TypeGuard[int | float]:
     """Tell whether a database value counts as a number; truth values do not."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 

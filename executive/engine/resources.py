@@ -129,7 +129,7 @@ class Ledger:
         if not is_number(level):
             return None
         others = math.fsum(a for node, a in self.reserved.get(name, {}).items() if node not in exempt)
-        return float(level) - resource.floor - others  # type: ignore[arg-type]
+        return float(level) - resource.floor - others
 
     def levels(self, database: Mapping[str, Value]) -> dict[str, dict[str, Value | None]]:
         """Return what a display needs: capacity or level, what is taken or reserved, by whom."""
