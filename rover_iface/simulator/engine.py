@@ -396,17 +396,27 @@ class SimulatedRover:
         """
         if self.out is None:
             return False
+        path = self.out / "products" / f"{self.product_stem(command, kind)}{suffix}"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+        self.announce_product(command, kind, path, label)
+        return True
+
+    def product_stem(self, command: Command, kind: str) -> str:
+        """Return the next name for a product, without suffix: number, task and kind."""
         self._products += 1
-        folder = self.out / "products"
-        folder.mkdir(parents=True, exist_ok=True)
         safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in command.id.task)
-        name = f"{self._products:04d}-{safe}-{kind}{suffix}"
-        (folder / name).write_bytes(data)
+        return f"{self._products:04d}-{safe}-{kind}"
+
+    def announce_product(self, command: Command, kind: str, path: Path, label: Mapping[str, Any]) -> None:
+        """Write the label of a file in the run's folder beside it, and announce the file as a product."""
+        assert self.out is not None, "a product needs the folder of a run"
+        data = path.read_bytes()
         digest = hashlib.sha256(data).hexdigest()
         whole: dict[str, Any] = {
             "format": "product/1",
             "kind": kind,
-            "file": name,
+            "file": path.name,
             "sha256": digest,
             "t_s": self._now / 1000.0,
             "run": command.id.run,
@@ -418,7 +428,7 @@ class SimulatedRover:
         }
         for name_, value in command.metadata.items():
             whole.setdefault(name_, value)
-        (folder / f"{name}.json").write_text(
+        path.with_name(f"{path.name}.json").write_text(
             json.dumps(whole, indent=1, sort_keys=True) + "\n", encoding="utf-8"
         )
         flat = {k: v for k, v in whole.items() if isinstance(v, str | float | int | bool)}
@@ -427,7 +437,7 @@ class SimulatedRover:
                 self._now,
                 command.id,
                 kind,
-                f"products/{name}",
+                path.relative_to(self.out).as_posix(),
                 digest,
                 {
                     k: float(v) if isinstance(v, int) and not isinstance(v, bool) else v
@@ -435,7 +445,6 @@ class SimulatedRover:
                 },
             )
         )
-        return True
 
 
 def pose_label(pose: Pose) -> dict[str, float]:

@@ -10,18 +10,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.panorama import Panorama, StereoWedge
 from rover_iface.cameras.rig import CameraRig, load_cameras, preset_names
-from rover_iface.errors import TrackerError
-from rover_iface.frames import wrap_angle
+from rover_iface.errors import CameraError, TrackerError
 from rover_iface.simulator.body import Body
+from rover_iface.simulator.render.panorama import wedge_pans
 from rover_iface.simulator.render.renderer import Frame
 from rover_iface.vision.tracker import StereoView
 
 SUBFRAME_PX = 161
 RIGHT_MARGIN_PX = 60
+PANORAMA_TILT_RAD = -0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +109,64 @@ class MastCameras:
         view = StereoView(frames[0].unit, frames[1].unit, models[0], models[1], t_s, travelled)
         return Sighting(view, frames[0], frames[1])
 
+    def pair(
+        self, pan_rad: float, tilt_rad: float, t_s: float, *, scale: float = 1.0, camera: str = "navcam"
+    ) -> StereoView:
+        """Take whole frames at mast angles; the cameras of the view are in the rover frame, as read.
+
+        Raises
+        ------
+        RenderError
+            If a camera is below the ground.
+        """
+        jitter = self._jitter()
+        frames: list[Frame] = []
+        models: list[CameraModel] = []
+        for side in ("left", "right"):
+            name = f"{camera}_{side}"
+            off = self.rig.camera(name, pan_rad + float(jitter[0]), tilt_rad + float(jitter[1])).scaled(scale)
+            frames.append(
+                self._render(
+                    name,
+                    off.transformed(self.body.pose.site_from_rover),
+                    t_s,
+                    window=(0, 0, off.width, off.height),
+                    exposure=frames[0].exposure if frames else None,
+                )
+            )
+            models.append(self.rig.camera(name, pan_rad, tilt_rad).scaled(scale))
+        travelled = self.body.chassis.travelled_m
+        return StereoView(frames[0].unit, frames[1].unit, models[0], models[1], t_s, travelled)
+
+    def body_pair(self, camera: str, t_s: float) -> Sighting:
+        """Take whole frames of a pair fixed to the body (`hazcam`), cameras in the believed site frame.
+
+        Raises
+        ------
+        RenderError
+            If a camera is below the ground.
+        """
+        believed, true = self.body.believed.site_from_rover, self.body.pose.site_from_rover
+        frames: list[Frame] = []
+        models: list[CameraModel] = []
+        for side in ("left", "right"):
+            name = f"{camera}_{side}"
+            model = self.rig.camera(name)
+            frames.append(
+                self._render(
+                    name,
+                    model.transformed(true),
+                    t_s,
+                    window=(0, 0, model.width, model.height),
+                    exposure=frames[0].exposure if frames else None,
+                )
+            )
+            models.append(model.transformed(believed))
+        view = StereoView(
+            frames[0].unit, frames[1].unit, models[0], models[1], t_s, self.body.chassis.travelled_m
+        )
+        return Sighting(view, frames[0], frames[1])
+
     def picture(self, point_believed: Array, camera: str, t_s: float, size_px: int) -> Shot:
         """Return a square picture with a believed point (3,) in its middle.
 
@@ -140,26 +199,52 @@ class MastCameras:
         )
         return Shot(frame, model.transformed(self.body.believed.site_from_rover))
 
-    def strip(self, left_rad: float, right_rad: float, t_s: float) -> NDArray[np.uint8]:
-        """Return pictures side by side, from one azimuth to the other, clockwise; a fourth of full
-        resolution.
+    def panorama(
+        self, left_rad: float, right_rad: float, t_s: float, *, camera: str = "navcam", name: str = ""
+    ) -> Panorama:
+        """Return stereo wedges of whole frames from one azimuth of the site to the other, clockwise.
+
+        Azimuths are counter-clockwise from east as the rover believes them to be; equal ones mean all round.
+        A wedge beyond the mast's reach is taken at the end of it.
+
+        Raises
+        ------
+        CameraError
+            If the rover has no such pair on its mast.
+        RenderError
+            If a camera is below the ground.
         """
-        span = (left_rad - right_rad) % (2 * math.pi) or 2 * math.pi
-        true = self.body.pose.site_from_rover
-        small = self.rig.mounted(self.body.profile.cameras.navigation).model.scaled(0.25)
-        fov = 2 * math.atan(small.width / 2 / small.hs)
-        count = max(1, math.ceil(span / (0.9 * fov)))
-        exposure: float | None = None
-        strips = []
-        for k in range(count):
-            azimuth = left_rad - span * (k + 0.5) / count - self.body.pose.heading
-            mast = self.rig.rover_from_mast(wrap_angle(azimuth), math.radians(-18))
-            frame = self.body.renderer.render(
-                small.transformed(mast).transformed(true), None, self.body.sun(t_s), exposure=exposure, seed=k
+        believed, true = self.body.believed, self.body.pose.site_from_rover
+        pair = (f"{camera}_left", f"{camera}_right")
+        span = (left_rad - right_rad) % math.tau or math.tau
+        limit = self.rig.pan_limit_rad
+        if any(self.rig.mounted(mounted).mount != "mast" for mounted in pair):
+            raise CameraError(f'camera "{camera}" is fixed to the body and takes no panorama')
+        wedges: list[StereoWedge] = []
+        for pan in wedge_pans(self.rig.mounted(pair[0]).model, left_rad - believed.heading, span):
+            pan = min(limit, max(-limit, pan))
+            jitter = self._jitter()
+            shots: list[Shot] = []
+            for mounted in pair:
+                told = self.rig.camera(mounted, pan, PANORAMA_TILT_RAD)
+                actual = self.rig.camera(
+                    mounted, pan + float(jitter[0]), PANORAMA_TILT_RAD + float(jitter[1])
+                )
+                frame = self._render(
+                    mounted,
+                    actual.transformed(true),
+                    t_s,
+                    window=(0, 0, told.width, told.height),
+                    exposure=shots[0].frame.exposure if shots else None,
+                )
+                shots.append(Shot(frame, told.transformed(believed.site_from_rover)))
+            left, right = shots
+            wedges.append(
+                StereoWedge(
+                    f"{len(wedges)}", left.frame.image8, right.frame.image8, left.camera, right.camera
+                )
             )
-            exposure = frame.exposure
-            strips.append(frame.image8)
-        return np.concatenate(strips, axis=1)
+        return Panorama(wedges, name, t_s)
 
     def _jitter(self) -> Array:
         noise: Array = self._bias + self.body.profile.mast.noise_rad * self.body.rng.standard_normal(2)
