@@ -84,22 +84,35 @@ class StereoSensor:
     @cached_property
     def directions(self) -> list[Array]:
         """Return unit directions [rows x columns, 3] of each view in the rover frame."""
-        return self._views(self.tilt, self.pans)
+        return self._views(self.pointings())
 
     @cached_property
     def directions_around(self) -> list[Array]:
         """Return the same for the views that a look all round adds: sides, back, and near the wheels."""
+        return self._views(self.pointings(around=True)[len(self.pans) :])
+
+    def pointings(self, *, around: bool = False) -> list[tuple[float, float]]:
+        """Return pan and tilt of each view; `around` adds the sides, the back, and the ground near the
+        wheels.
+        """
+        ahead = [(pan, self.tilt) for pan in self.pans]
+        if not around:
+            return ahead
         limit = self.profile.mast.pan_limit_rad
         back = [s * min(math.radians(a), limit) for a in (100.0, 140.0, 180.0) for s in (-1, 1)]
-        return self._views(self.tilt, back) + self._views(self.tilt_down, [*self.pans, *back])
+        return [
+            *ahead,
+            *((pan, self.tilt) for pan in back),
+            *((pan, self.tilt_down) for pan in (*self.pans, *back)),
+        ]
 
-    def _views(self, tilt: float, pans: Sequence[float]) -> list[Array]:
+    def _views(self, pointings: Sequence[tuple[float, float]]) -> list[Array]:
         views = []
         u = np.tan(self.hfov / 2) * np.linspace(-1, 1, self.columns)
         v = np.tan(self.vfov / 2) * np.linspace(-1, 1, self.rows)
         uu, vv = (g.ravel() for g in np.meshgrid(u, v))
-        ct, st = math.cos(tilt), math.sin(tilt)
-        for pan in pans:
+        for pan, tilt in pointings:
+            ct, st = math.cos(tilt), math.sin(tilt)
             cp, sp = math.cos(pan), math.sin(pan)
             forward = np.array([cp * ct, sp * ct, st])
             left = np.array([-sp, cp, 0.0])

@@ -16,6 +16,7 @@ from rover_iface.frames import Pose, Transform
 from rover_iface.navigation.sensor import GroundRaster
 from rover_iface.simulator.chassis import Chassis
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
+from rover_iface.simulator.own_shadow import OwnShadow
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.world import World, WorldTarget
 from rover_iface.soltime import SunClock
@@ -38,6 +39,8 @@ class Body:
         Of everything that is drawn during the run, one stream.
     odometry
         (t_s, true pose, believed pose) whenever the rover has moved.
+    own_shadow
+        Whether pictures show the rover's own shadow.
 
     Raises
     ------
@@ -47,11 +50,12 @@ class Body:
         If the start lies outside the terrain.
     """
 
-    def __init__(self, world: World, terrain: Terrain, *, seed: int = 0) -> None:
+    def __init__(self, world: World, terrain: Terrain, *, seed: int = 0, own_shadow: bool = False) -> None:
         terrain.require_inside(world.start.x, world.start.y, "start of the rover")
         self.world = world
         self.profile = world.profile
         self.seed = seed
+        self.own_shadow = own_shadow
         self.rng = np.random.default_rng([seed, 0x5B])
         self.map = terrain
         self.targets = {t.id: t for t in world_targets(world)}
@@ -91,7 +95,9 @@ class Body:
     def renderer(self) -> Renderer:
         """Return the eye of the simulation; made when first needed."""
         start = self.world.start
-        return Renderer(scene_from_terrain(self.terrain, (start.x, start.y), radius_m=self._half_width()))
+        scene = scene_from_terrain(self.terrain, (start.x, start.y), radius_m=self._half_width())
+        shadow = OwnShadow(self.profile, lambda: self.pose.site_from_rover) if self.own_shadow else None
+        return Renderer(scene, occluder=shadow)
 
     def sun(self, t_s: float) -> Sun:
         """Return the light at a time of the plan."""

@@ -81,8 +81,10 @@ def make_rover(
     )
 
 
-def body_of(world: World, terrain: Terrain | None = None, seed: int | None = None) -> Body:
-    """Return the body of a rover in a world, on its terrain or a given one.
+def body_of(
+    world: World, terrain: Terrain | None = None, seed: int | None = None, *, own_shadow: bool = False
+) -> Body:
+    """Return the body of a rover in a world, on its terrain or a given one, with or without its own shadow.
 
     Raises
     ------
@@ -92,4 +94,4 @@ def body_of(world: World, terrain: Terrain | None = None, seed: int | None = Non
     ground = terrain if terrain is not None else world.load_terrain()
     if ground is None:
         raise WorldError(f'world "{world.name}" has no terrain; a rover on terrain needs one')
-    return Body(world, ground, seed=world.seed if seed is None else seed)
+    return Body(world, ground, seed=world.seed if seed is None else seed, own_shadow=own_shadow)
