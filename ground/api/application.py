@@ -14,6 +14,7 @@ from ground.api.problems import ProblemDocument
 from ground.api.routers import (
     comments,
     exchange,
+    frames,
     health,
     jobs,
     keep_outs,
@@ -61,6 +62,7 @@ def build_api(**options: Any) -> FastAPI:
         runs,
         uplink_router,
         exchange,
+        frames,
         jobs,
         uploads,
         people,

@@ -123,6 +123,7 @@ class MissionChange(Body):
     name: LongName = Field(default_factory=_unset)
     notes: Text = Field(default_factory=_unset)
     rover_profile: Name = Field(default_factory=_unset)
+    anchor_frame_id: Id | None = None
 
 
 class MissionCopy(Body):
@@ -183,6 +184,7 @@ class TargetCreate(Body):
     north_m: Metres
     notes: Text = ""
     source_image: Line = ""
+    frame_id: Id | None = None
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [{"name": "Rock1", "east_m": 4.2, "north_m": -1.5}]}
@@ -195,6 +197,7 @@ class TargetChange(Body):
     north_m: Metres = Field(default_factory=_unset)
     notes: Text = Field(default_factory=_unset)
     source_image: Line = Field(default_factory=_unset)
+    frame_id: Id | None = None
 
 
 class ObservationRequestCreate(Body):
@@ -233,12 +236,14 @@ class KeepOutCreate(Body):
     name: Name | None = None
     notes: Text = ""
     polygon_m: Annotated[list[Corner], Field(min_length=3, max_length=500)]
+    frame_id: Id | None = None
 
 
 class KeepOutChange(Body):
     name: Name = Field(default_factory=_unset)
     notes: Text = Field(default_factory=_unset)
     polygon_m: Annotated[list[Corner], Field(min_length=3, max_length=500)] = Field(default_factory=_unset)
+    frame_id: Id | None = None
 
 
 class CommentCreate(Body):

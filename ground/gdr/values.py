@@ -109,6 +109,7 @@ class Mission:
     terrain_name: str
     copied_from: str | None
     rover_profile: str
+    anchor_frame_id: str | None
     counts: Counts
     author: str
     created_utc: datetime
@@ -208,6 +209,7 @@ class Target:
     slope_rad: float
     covariance_m2: list[list[float]]
     source_image: str
+    frame_id: str | None
     author: str
     created_utc: datetime
     modified_utc: datetime
@@ -258,6 +260,8 @@ class KeepOut:
     name: str
     notes: str
     polygon_m: list[list[float]]
+    frame_id: str | None
+    sigma_m: float
     author: str
     created_utc: datetime
     modified_utc: datetime

@@ -23,6 +23,7 @@ from ground.services.checks import (
 from ground.services.edit import open_for_change, update
 from ground.services.kinds import KINDS
 from ground.services.prepare_change import Prepared, prepare_change, set_by_hand
+from ground.services.site_chain import require_anchor, tied_columns
 
 
 def change_resource(
@@ -56,6 +57,7 @@ def change_resource(
                 continue  # somebody was faster: what the terrain said was said of something else
             columns = _columns(repo, session, kind_name, row, dict(changes))
             columns |= prepared.columns
+            columns |= tied_columns(session, kind_name, row, columns)
             if kind_name == "observation_request" and prepared.points:
                 columns["observation_point"] = prepared.points[
                     (row.id, columns.get("instrument", row.instrument))
@@ -85,6 +87,8 @@ def _columns(
         case "mission":
             if "rover_profile" in given:
                 require_profile(given["rover_profile"])
+            if "anchor_frame_id" in given and given["anchor_frame_id"] != row.anchor_frame_id:
+                require_anchor(session, row.id, given["anchor_frame_id"])
         case "target":
             if "name" in given and given["name"] != row.name:
                 free_name(session, row.mission_id, given["name"])

@@ -13,6 +13,7 @@ from ground.gdr.models import KeepOutRow, MissionRow, ObservationRequestRow, Tar
 from ground.gdr.repository import Repository
 from ground.gdr.view_values import StandCheck
 from ground.services.actor import Action, Actor
+from ground.services.keep_clear import kept_clear
 from ground.services.terrains import mission_terrain
 from ground.work.day import INSTRUMENTS
 
@@ -66,7 +67,7 @@ def weigh_stand(
             target.normal,
             target=target.name,
             instrument=INSTRUMENTS[instrument.value],
-            keep_out=[k.polygon_m for k in keep_outs],
+            keep_out=[kept_clear(k.polygon_m, k.sigma_m) for k in keep_outs],
         )
     except RoverError as err:
         return StandCheck(pose, False, str(err), None, None, None, None)

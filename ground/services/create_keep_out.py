@@ -14,6 +14,7 @@ from ground.services.actor import Action, Actor
 from ground.services.checks import require_polygon
 from ground.services.edit import insert
 from ground.services.kinds import KINDS
+from ground.services.site_chain import tied_columns
 from ground.services.views import show_keep_outs
 
 
@@ -25,8 +26,9 @@ def create_keep_out(
     polygon_m: Sequence[Sequence[float]],
     name: str | None = None,
     notes: str = "",
+    frame_id: str | None = None,
 ) -> v.KeepOut:
-    """Return a new keep-out.
+    """Return a new keep-out; with `frame_id` it is tied to that frame and moves with it.
 
     Raises
     ------
@@ -44,6 +46,10 @@ def create_keep_out(
             name=name or f"Keep-out {count + 1}",
             notes=notes,
             polygon_m=[[float(e), float(n)] for e, n in polygon_m],
+            sigma_m=0.0,
         )
+        if frame_id is not None:
+            for column, value in tied_columns(session, "keep_out", row, {"frame_id": frame_id}).items():
+                setattr(row, column, value)
         insert(session, actor, KINDS["keep_out"], row)
         return show_keep_outs(session, [row])[0]

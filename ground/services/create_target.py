@@ -10,6 +10,7 @@ from ground.services.actor import Action, Actor
 from ground.services.checks import free_name, target_columns
 from ground.services.edit import insert
 from ground.services.kinds import KINDS
+from ground.services.site_chain import tied_columns
 from ground.services.views import show_targets
 
 
@@ -23,8 +24,11 @@ def create_target(
     name: str | None = None,
     notes: str = "",
     source_image: str = "",
+    frame_id: str | None = None,
 ) -> v.Target:
     """Return a new target; height, normal and covariance come from the full-resolution terrain.
+
+    With `frame_id` it is tied to the frame it was seen from, and moves with it.
 
     Raises
     ------
@@ -46,5 +50,9 @@ def create_target(
             source_image=source_image,
             **columns,
         )
+        if frame_id is not None:
+            tied = tied_columns(session, "target", row, {**columns, "frame_id": frame_id})
+            for column, value in tied.items():
+                setattr(row, column, value)
         insert(session, actor, KINDS["target"], row)
         return show_targets(session, [row])[0]

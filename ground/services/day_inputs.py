@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from ground.errors import InvalidInputError, StateError
 from ground.gdr.models import KeepOutRow, MissionRow, ObservationRequestRow, SolRow, TargetRow
 from ground.gdr.repository import Repository
+from ground.services.keep_clear import kept_clear
 from ground.services.terrains import terrain_row
 
 TO_PLAN = ("open", "planned", "carried", "attempted", "failed")
@@ -115,7 +116,7 @@ def day_inputs(
             }
             for r in rows
         ],
-        "keep_outs": [{"id": k.id, "polygon_m": k.polygon_m} for k in keep_outs],
+        "keep_outs": [{"id": k.id, "polygon_m": kept_clear(k.polygon_m, k.sigma_m)} for k in keep_outs],
     }
 
 

@@ -83,6 +83,7 @@ def _row(
         name=shape.name or f"Keep-out {before + 1}",
         notes=shape.notes,
         polygon_m=[list(corner) for corner in shape.corners_m],
+        sigma_m=0.0,
     )
 
 

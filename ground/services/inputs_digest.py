@@ -17,6 +17,7 @@ from ground.gdr.models import (
     TargetRow,
     TerrainRow,
 )
+from ground.services.keep_clear import kept_clear
 
 KEPT = 512
 _kept: dict[tuple[str, str], str] = {}
@@ -66,7 +67,12 @@ def _take(session: Session, mission_id: str) -> str:
             .where(o.mission_id == mission_id)
             .order_by(o.id)
         ).all(),
-        session.execute(select(k.id, k.polygon_m).where(k.mission_id == mission_id).order_by(k.id)).all(),
+        [
+            (row.id, kept_clear(row.polygon_m, row.sigma_m))
+            for row in session.execute(
+                select(k.id, k.polygon_m, k.sigma_m).where(k.mission_id == mission_id).order_by(k.id)
+            )
+        ],
         session.execute(
             select(
                 s.id,

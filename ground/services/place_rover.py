@@ -11,6 +11,7 @@ from ground.gdr import values as v
 from ground.gdr.models import KeepOutRow, MissionRow, SolRow, TargetRow
 from ground.gdr.repository import Repository
 from ground.services.check_stand import weigh_stand
+from ground.services.keep_clear import kept_clear
 from ground.services.terrains import mission_terrain, terrain_row
 from ground.work.day import INSTRUMENTS
 
@@ -62,7 +63,10 @@ def place_rover(
                 (target.normal[0], target.normal[1], target.normal[2]),
             ),
             INSTRUMENTS[instrument.value],
-            keep_outs=[DayKeepOut(k.id, tuple((e, n) for e, n in k.polygon_m)) for k in keep_outs],
+            keep_outs=[
+                DayKeepOut(k.id, tuple((e, n) for e, n in kept_clear(k.polygon_m, k.sigma_m)))
+                for k in keep_outs
+            ],
             count=1,
         )
     except RoverError as err:

@@ -14,6 +14,8 @@ from typing import Any, TypeVar, cast
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from ground.errors import StateError
+from ground.gdr import frame_values as f
 from ground.gdr import models as m
 from ground.gdr import values as v
 from ground.services.inputs_digest import inputs_digest
@@ -229,3 +231,60 @@ def show_people(_session: object, rows: Sequence[m.PersonRow]) -> list[v.Person]
 
 def show_uploads(_session: object, rows: Sequence[m.UploadRow]) -> list[v.Upload]:
     return [_value(v.Upload, r) for r in rows]
+
+
+# ---- the site chain
+
+
+def show_frames(session: Session, rows: Sequence[m.FrameRow]) -> list[f.Frame]:
+    """Return frames with their places, by the chain of each mission once."""
+    from ground.services.site_chain import load_chain
+
+    chains = {i: load_chain(session, i) for i in {r.mission_id for r in rows}}
+    s = m.SolutionRow
+    counted = select(s.frame_id, func.count()).where(s.mission_id.in_(chains)).group_by(s.frame_id)
+    counts = dict(session.execute(counted).all())
+    declared: dict[tuple[str, tuple[int, ...]], list[int]] = {}
+    files = select(m.FrameFileRow.mission_id, m.FrameFileRow.aliases).order_by(m.FrameFileRow.id)
+    for file in session.execute(files.where(m.FrameFileRow.mission_id.in_(chains))):
+        for alias in file.aliases:
+            declared.setdefault((file.mission_id, tuple(alias["new"])), alias["old"])
+    shown = []
+    for r in rows:
+        place, reason = None, ""
+        try:
+            place = chains[r.mission_id].place(r.id)
+        except StateError as err:
+            reason = err.message
+        known = declared.get((r.mission_id, tuple(r.counter))) if r.level == "site" else None
+        shown.append(
+            _value(
+                f.Frame,
+                r,
+                level=f.Level(r.level),
+                declared_at=known,
+                solutions=counts.get(r.id, 0),
+                place=place,
+                reason=reason,
+            )
+        )
+    return shown
+
+
+def show_solutions(session: Session, rows: Sequence[m.SolutionRow]) -> list[f.Solution]:
+    """Return solutions and whether each is in use."""
+    frames = select(m.FrameRow.solution_id).where(m.FrameRow.id.in_({r.frame_id for r in rows}))
+    used = set(session.scalars(frames))
+    return [_value(f.Solution, r, in_use=r.id in used) for r in rows]
+
+
+def show_frame_files(_session: object, rows: Sequence[m.FrameFileRow]) -> list[f.FrameFile]:
+    return [_value(f.FrameFile, r) for r in rows]
+
+
+def show_site_maps(_session: object, rows: Sequence[m.SiteMapRow]) -> list[f.SiteMap]:
+    return [_value(f.SiteMap, r, file_url=f"/api/v1/site-maps/{r.id}/file") for r in rows]
+
+
+def show_traverses(_session: object, rows: Sequence[m.TraverseRow]) -> list[f.Traverse]:
+    return [_value(f.Traverse, r, stops=[f.TraverseStop(**stop) for stop in r.stops]) for r in rows]

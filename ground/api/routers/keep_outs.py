@@ -33,6 +33,7 @@ async def create_keep_out(ask: Asked, mission_id: Id, body: KeepOutCreate) -> Re
         polygon_m=body.polygon_m,
         name=body.name,
         notes=body.notes,
+        frame_id=body.frame_id,
     )
     return created(value, f"/api/v1/keep-outs/{value.id}")
 

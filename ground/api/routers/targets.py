@@ -35,6 +35,7 @@ async def create_target(ask: Asked, mission_id: Id, body: TargetCreate) -> Respo
         name=body.name,
         notes=body.notes,
         source_image=body.source_image,
+        frame_id=body.frame_id,
     )
     return created(value, f"/api/v1/targets/{value.id}")
 

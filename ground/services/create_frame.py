@@ -1,0 +1,98 @@
+"""Name a frame by its motion counter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.errors import InvalidInputError, NameTakenError, NotFoundError
+from ground.gdr import frame_values as f
+from ground.gdr import models as m
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.services.actor import Action, Actor
+from ground.services.edit import insert, update
+from ground.services.kinds import KINDS
+from ground.services.site_chain import key_of
+from ground.services.views import show_frames
+
+SITE, ROVER = "SITE_FRAME", "ROVER_FRAME"
+
+
+def create_frame(
+    repo: Repository, actor: Actor, mission_id: str, *, name: str, counter: Sequence[int], notes: str = ""
+) -> f.Frame:
+    """Return a new frame without a solution; the first site frame of a mission becomes its anchor.
+
+    Raises
+    ------
+    InvalidInputError
+        If the counter does not fit the name.
+    NameTakenError
+        If the mission has the frame already.
+    """
+    actor.require(Action.EDIT_MISSION, mission_id)
+    with repo.database.write() as session:
+        mission = session.get(m.MissionRow, mission_id)
+        if mission is None:
+            raise NotFoundError(f"there is no mission {mission_id}")
+        key = key_of(name, counter)
+        taken = select(m.FrameRow.id).where(m.FrameRow.mission_id == mission_id, m.FrameRow.key == key)
+        if session.scalars(taken).first() is not None:
+            raise NameTakenError(f"there is a frame {key} already", pointer="/counter")
+        row = frame_row(actor, mission_id, name, counter)
+        row.notes = notes
+        group = new_id("act")
+        insert(session, actor, KINDS["frame"], row, group=group)
+        if row.level == f.Level.SITE and mission.anchor_frame_id is None:
+            update(session, actor, KINDS["mission"], mission, {"anchor_frame_id": row.id}, group=group)
+        return show_frames(session, [row])[0]
+
+
+def frame_row(actor: Actor, mission_id: str, name: str, counter: Sequence[int]) -> m.FrameRow:
+    """Return the row of a frame.
+
+    Raises
+    ------
+    InvalidInputError
+        If a site has not one index, or a rover frame fewer than two or more than five.
+    """
+    most = 1 if name == SITE else 5
+    least = 1 if name == SITE else 2 if name == ROVER else 1
+    if not least <= len(counter) <= most:
+        raise InvalidInputError(
+            f"{name} has a motion counter of {len(counter)} indices; it takes {least} to {most}",
+            pointer="/counter",
+        )
+    if name == SITE:
+        level = f.Level.SITE
+    elif name == ROVER and not any(counter[2:]):
+        level = f.Level.DRIVE
+    else:
+        level = f.Level.POSE
+    return m.FrameRow(
+        id=new_id("frm"),
+        author=actor.name,
+        mission_id=mission_id,
+        key=key_of(name, counter),
+        name=name,
+        counter=list(counter),
+        level=level.value,
+        site=counter[0],
+        drive=counter[1] if len(counter) > 1 else None,
+        solution_id=None,
+        chosen_utc=None,
+    )
+
+
+def next_position(session: Session, mission_id: str) -> int:
+    """Return the place behind all solutions and aliases that arrived."""
+    s = m.SolutionRow
+    last = session.scalars(
+        select(s.position).where(s.mission_id == mission_id).order_by(s.position.desc()).limit(1)
+    ).first()
+    aliases = session.scalars(select(m.FrameFileRow.aliases).where(m.FrameFileRow.mission_id == mission_id))
+    taken = [int(alias["position"]) for listed in aliases for alias in listed]
+    return 1 + max([-1 if last is None else last, *taken])
