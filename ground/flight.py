@@ -63,10 +63,15 @@ class Sample:
 class Recorder:
     """A rover that remembers what it reported: every change of state becomes a sample."""
 
-    def __init__(self, rover: Rover, listener: Callable[[Sample], None] | None = None) -> None:
+    def __init__(
+        self,
+        rover: Rover,
+        listener: Callable[[Sample], None] | None = None,
+        on_product: Callable[[Product], None] | None = None,
+    ) -> None:
         self.rover = rover
         self.samples: list[Sample] = []
-        self._listener = listener
+        self._listener, self._on_product = listener, on_product
         self._state: dict[str, Any] = {}
         self._running: dict[CommandId, str] = {}
         self._now_ms = 0
@@ -91,6 +96,9 @@ class Recorder:
             case Result(command=command, updates=values) | Acknowledgement(command=command, updates=values):
                 self._state.update(values)
                 self._running.pop(command, None)
+            case Product() if self._on_product is not None:
+                self._on_product(event)
+                return event
             case _:
                 return event
         self._note(event.t_ms)
@@ -153,6 +161,7 @@ def fly(
     about: Mapping[str, Any] | None = None,
     on_sample: Callable[[Sample], None] | None = None,
     on_trace: Callable[[TraceRecord], None] | None = None,
+    on_product: Callable[[Product], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
     sync: bool = True,
     repeats: Sequence[Any] = (),
@@ -175,7 +184,7 @@ def fly(
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "plan.crl").write_text(crl_text, encoding="utf-8")
-    recorder = Recorder(rover, on_sample)
+    recorder = Recorder(rover, on_sample, on_product)
     listeners = () if on_trace is None else (on_trace,)
     file = FileJournal.create(folder / "journal.jsonl", sync=sync)
     journal: Sink = _Repeating(file, repeats) if repeats else file
@@ -208,7 +217,7 @@ def fly(
     }
     _write_lines(folder / "trace.jsonl", ([r.t_ms / 1000, r.event, *r.arguments] for r in outcome.trace))
     _write_lines(folder / "telemetry.jsonl", (s.as_dict() for s in recorder.samples))
-    _write_lines(folder / "products.jsonl", map(_product, outcome.products))
+    _write_lines(folder / "products.jsonl", map(product_line, outcome.products))
     (folder / "run.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     return Flight(folder, outcome, tuple(recorder.samples), document)
 
@@ -234,7 +243,8 @@ class _Repeating:
         self._journal.close()
 
 
-def _product(product: Product) -> dict[str, Any]:
+def product_line(product: Product) -> dict[str, Any]:
+    """Return what `products.jsonl` holds of a product."""
     return {
         "t_s": product.t_ms / 1000,
         "task": product.command.task,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -181,39 +182,7 @@ def record_run(session: Session, run: m.RunRow, result: dict[str, Any]) -> list[
 
     A product whose request is unknown in this mission is kept and listed as an orphan.
     """
-    requests = dict(
-        session.execute(
-            select(m.ObservationRequestRow.id, m.ObservationRequestRow.target_id).where(
-                m.ObservationRequestRow.mission_id == run.mission_id
-            )
-        ).all()
-    )
-    targets = set(session.scalars(select(m.TargetRow.id).where(m.TargetRow.mission_id == run.mission_id)))
-    products = []
-    for item in result["products"]:
-        label = item["label"]
-        request_id = label.get("request") if label.get("request") in requests else None
-        named = label.get("target") if label.get("target") in targets else None
-        products.append(
-            m.ProductRow(
-                id=new_id("prd"),
-                author=run.author,
-                mission_id=run.mission_id,
-                run_id=run.id,
-                plan_id=run.plan_id,
-                task_id=str(label.get("task", ""))[:200],
-                request_id=request_id,
-                target_id=named or (requests[request_id] if request_id else None),
-                kind=str(label.get("kind", ""))[:80],
-                instrument=str(label.get("instrument", ""))[:80],
-                media=item["media"],
-                file_name=item["file_name"][:300],
-                size_bytes=item["size_bytes"],
-                sha256=item["sha256"],
-                t_s=float(label.get("t_s", 0.0)),
-                label=label,
-            )
-        )
+    products = product_rows(session, run, result["products"])
     session.add_all(products)
     achieved = sorted({p.request_id for p in products if p.request_id is not None})
     columns = {
@@ -234,6 +203,44 @@ def record_run(session: Session, run: m.RunRow, result: dict[str, Any]) -> list[
     }
     update(session, SYSTEM_ACTOR, KINDS["run"], run, columns, action="run")
     return products
+
+
+def product_rows(session: Session, run: m.RunRow, items: Iterable[Mapping[str, Any]]) -> list[m.ProductRow]:
+    """Return rows for products of a run, tied to the requests and targets of its mission by their labels."""
+    requests = dict(
+        session.execute(
+            select(m.ObservationRequestRow.id, m.ObservationRequestRow.target_id).where(
+                m.ObservationRequestRow.mission_id == run.mission_id
+            )
+        ).all()
+    )
+    targets = set(session.scalars(select(m.TargetRow.id).where(m.TargetRow.mission_id == run.mission_id)))
+    rows = []
+    for item in items:
+        label = item["label"]
+        request_id = label.get("request") if label.get("request") in requests else None
+        named = label.get("target") if label.get("target") in targets else None
+        rows.append(
+            m.ProductRow(
+                id=item.get("id") or new_id("prd"),
+                author=run.author,
+                mission_id=run.mission_id,
+                run_id=run.id,
+                plan_id=run.plan_id,
+                task_id=str(label.get("task", ""))[:200],
+                request_id=request_id,
+                target_id=named or (requests[request_id] if request_id else None),
+                kind=str(label.get("kind", ""))[:80],
+                instrument=str(label.get("instrument", ""))[:80],
+                media=item["media"],
+                file_name=item["file_name"][:300],
+                size_bytes=item["size_bytes"],
+                sha256=item["sha256"],
+                t_s=float(label.get("t_s", 0.0)),
+                label=label,
+            )
+        )
+    return rows
 
 
 def begin(session: Session, job: m.JobRow) -> None:

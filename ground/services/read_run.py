@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import orjson
 
-from ground.errors import StateError
+from ground.errors import NotFoundError, StateError
 from ground.gdr import values as v
-from ground.gdr.models import RunRow
+from ground.gdr.models import RunRow, utc_now
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
+from ground.services.dry_run import product_rows
 from ground.services.get_resource import find_row
 from ground.services.kinds import KINDS
+from ground.services.views import show_products
 from ground.work.run_work import LIVE, columns, live_lines_of, trace_event
 
 GIVEN_UP = {v.JobState.FAILED.value, v.JobState.CANCELLED.value}
@@ -59,7 +62,7 @@ def read_telemetry(repo: Repository, actor: Actor, run_id: str) -> v.Telemetry:
 
 
 def live_lines(repo: Repository, run: v.Run, after: int) -> list[tuple[str, Any]]:
-    """Return the lines of a run behind line `after`: telemetry and trace records.
+    """Return the lines of a run behind line `after`: telemetry, trace records, and products as they came.
 
     An execution that was taken in has no such lines; those of its folder stand in for them, by time.
     """
@@ -74,7 +77,31 @@ def live_lines(repo: Repository, run: v.Run, after: int) -> list[tuple[str, Any]
         except ValueError:
             break
         found.append((str(kind), data))
-    return found
+    made = [data for kind, data in found if kind == "product"]
+    products = iter(_live_products(repo, run.id, made))
+    return [(kind, next(products) if kind == "product" else data) for kind, data in found]
+
+
+def _live_products(repo: Repository, run_id: str, items: list[dict[str, Any]]) -> list[v.Product]:
+    """Return products of a run as they will be recorded, with where their files are until then."""
+    if not items:
+        return []
+    with repo.database.read() as session:
+        rows = product_rows(session, session.get_one(RunRow, run_id), items)
+        for row in rows:
+            row.created_utc = utc_now()
+        shown: list[v.Product] = show_products(session, rows)
+    return [replace(p, file_url=f"/api/v1/runs/{run_id}/products/{p.id}/file") for p in shown]
+
+
+def read_live_product(repo: Repository, actor: Actor, run_id: str, product_id: str) -> tuple[v.Product, Path]:
+    """Return a product that a run has announced, recorded or not yet, and where its file lies."""
+    _row(repo, actor, run_id)
+    made = live_lines_of(repo.run_dir(run_id) / LIVE, "product")
+    found = _live_products(repo, run_id, [item for item in made if item["id"] == product_id])
+    if not found or not (path := repo.files.path(found[0].sha256)).is_file():
+        raise NotFoundError(f"run {run_id} has made no product {product_id}")
+    return found[0], path
 
 
 def _lines_of_folder(folder: Path) -> list[tuple[str, Any]]:

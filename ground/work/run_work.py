@@ -15,15 +15,16 @@ from typing import IO, TYPE_CHECKING, Any
 from executive.ports import Operation
 from ground.convert import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
-from ground.flight import Sample, fly
+from ground.flight import Sample, fly, product_line
 from ground.gdr.files import FileStore
+from ground.gdr.ids import new_id
 from ground.jobs import WorkStoppedError
 from ground.link import Link
 from ground.rehearsal import Sent, heard, write_ground_view
 from rover_iface.registry import find_rover
 
 if TYPE_CHECKING:
-    from executive.ports import TraceRecord
+    from executive.ports import Product, TraceRecord
 
 LIVE = "live.jsonl"
 CONTROL = "control.json"
@@ -59,7 +60,8 @@ class Wish:
 
 class _Live:
     """Writes each sample and each record as a line, `["telemetry", {...}]` or `["trace", {...}]`, at its
-    pace; does what the file of `ground.services.control_run` asks, and writes `["control", {...}]` then.
+    pace; does what the file of `ground.services.control_run` asks, and writes `["control", {...}]` then. Each
+    product is put into the store as the rover makes it, and a line `["product", {...}]` says so.
     """
 
     def __init__(
@@ -70,7 +72,10 @@ class _Live:
         budget_s: float,
         report: Report,
         stop: Callable[[], bool],
+        store: FileStore,
     ) -> None:
+        self.products: dict[str, dict[str, Any]] = {}
+        self._store = store
         self._out, self._budget_s, self._report, self._stop = out, budget_s, report, stop
         self._control, self._seen = control, b""
         self._wish = Wish(pace=pace)
@@ -92,9 +97,14 @@ class _Live:
         self._steps += 1
         self._line("trace", trace_event(t_s, record.event, record.arguments))
 
+    def product(self, product: Product) -> None:
+        item = _store_product(self._control.parent, self._store, product_line(product))
+        self.products[product.path] = {**item, "id": new_id("prd")}
+        self._line("product", self.products[product.path])
+
     def _line(self, kind: str, data: Mapping[str, Any]) -> None:
         self._out.write(json.dumps([kind, data], separators=(",", ":")) + "\n")
-        if self._wish.pace > 0 or self._wish.paused or kind == "control":
+        if self._wish.pace > 0 or self._wish.paused or kind in {"control", "product"}:
             self._out.flush()
 
     def _look(self, plan_s: float) -> None:
@@ -169,7 +179,8 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
             terrain=load_cached(Path(payload["terrain_dir"])),
         )
         with (folder / LIVE).open("w", encoding="utf-8") as out:
-            live = _Live(out, folder / CONTROL, float(payload["pace"]), budget_s, report, should_stop)
+            pace, store = float(payload["pace"]), FileStore(Path(payload["files_dir"]))
+            live = _Live(out, folder / CONTROL, pace, budget_s, report, should_stop, store)
             flight = fly(
                 payload["crl_text"],
                 rover,
@@ -178,6 +189,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
                 about={name: payload[name] for name in ("rover", "seed", "faults")},
                 on_sample=live.sample,
                 on_trace=live.trace,
+                on_product=live.product,
                 should_stop=live.stopped,
                 sync=False,
                 operator=[event for _, event in reach if event is not None],
@@ -190,14 +202,16 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         raise WorkStoppedError
     report(0.98, "products")
     return {
-        **read_run_folder(folder, Path(payload["files_dir"])),
+        **read_run_folder(folder, Path(payload["files_dir"]), live.products),
         "options_taken": list(flight.options_taken()),
     }
 
 
-def read_run_folder(folder: Path, files_dir: Path) -> dict[str, Any]:
+def read_run_folder(
+    folder: Path, files_dir: Path, stored: Mapping[str, dict[str, Any]] | None = None
+) -> dict[str, Any]:
     """Put trace, telemetry and products of a `run/1` folder into the file store; return what a run's row
-    holds.
+    holds. `stored` are the products that are there already, by their path.
 
     Raises
     ------
@@ -219,7 +233,8 @@ def read_run_folder(folder: Path, files_dir: Path) -> dict[str, Any]:
     try:
         events = [trace_event(row[0], row[1], row[2:]) for row in rows]
         table = columns(samples)
-        stored = [_store_product(folder, store, row) for row in products]
+        there = stored or {}
+        items = [there.get(row["path"]) or _store_product(folder, store, row) for row in products]
     except (KeyError, TypeError, IndexError, ValueError) as err:
         raise ArchiveError(f"{folder.name}: a line is malformed: {err!r}") from err
     trace = {
@@ -240,7 +255,7 @@ def read_run_folder(folder: Path, files_dir: Path) -> dict[str, Any]:
         ],
         "trace_sha256": store.put_bytes(orjson.dumps(trace)).sha256,
         "telemetry_sha256": store.put_bytes(orjson.dumps(table)).sha256,
-        "products": stored,
+        "products": items,
     }
 
 
@@ -286,7 +301,9 @@ def _whole_label(file: Path, sha256: str) -> dict[str, Any]:
 
 
 def live_lines_of(path: Path, wanted: str) -> list[dict[str, Any]]:
-    """Return the samples (`telemetry`) or records (`trace`) that a run going on has written so far."""
+    """Return the samples (`telemetry`), records (`trace`) or products (`product`) that a run going on has
+    written so far.
+    """
     found = []
     if path.exists():
         for line in path.read_bytes().split(b"\n")[:-1]:

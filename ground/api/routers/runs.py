@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import Header, Query
@@ -129,8 +130,8 @@ async def get_run_snapshot(
     responses={**EVENT_STREAM, **responses(404, 422)},
 )
 async def stream_run(ask: Asked, run_id: Id, last_event_id: LastEventId = None) -> Response:
-    """Stream a run: events `telemetry` (one sample), `trace` (one record), `control` (what an operator
-    asked), and at last `end` (the run)."""
+    """Stream a run: events `telemetry` (one sample), `trace` (one record), `product` (a data product as the
+    rover made it), `control` (what an operator asked), and at last `end` (the run)."""
     from ground.api.streams import run_stream
 
     return await run_stream(ask.repo, ask.who, run_id, last_event_id)
@@ -166,21 +167,38 @@ async def get_product_lineage(ask: Asked, product_id: Id) -> Response:
     return answer(await ask.do(trace_lineage, "product", product_id))
 
 
+FILE: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"application/octet-stream": {}}},
+    206: {"description": "A part, as asked for with Range"},
+    416: {"description": "There is no such part"},
+}
+
+
 @router.get(
     "/products/{product_id}/file",
     response_class=FileResponse,
-    responses={
-        200: {"content": {"application/octet-stream": {}}},
-        206: {"description": "A part, as asked for with Range"},
-        416: {"description": "There is no such part"},
-        **responses(404, 422),
-    },
+    responses={**FILE, **responses(404, 422)},
 )
 async def get_product_file(ask: Asked, product_id: Id) -> Response:
     """Send the file of a data product; its ETag is the SHA-256 of the content."""
     from ground.services.read_product import read_product
 
-    product, path = await ask.do(read_product, product_id)
+    return _file(*await ask.do(read_product, product_id))
+
+
+@router.get(
+    "/runs/{run_id}/products/{product_id}/file",
+    response_class=FileResponse,
+    responses={**FILE, **responses(404, 422)},
+)
+async def get_run_product_file(ask: Asked, run_id: Id, product_id: Id) -> Response:
+    """Send the file of a data product that a run has announced, while it goes on."""
+    from ground.services.read_run import read_live_product
+
+    return _file(*await ask.do(read_live_product, run_id, product_id))
+
+
+def _file(product: v.Product, path: Path) -> FileResponse:
     headers = {"ETag": f'"{product.sha256}"', "Cache-Control": "private, max-age=31536000, immutable"}
     headers["Content-Security-Policy"] = "default-src 'none'; sandbox"
     return FileResponse(
