@@ -250,12 +250,18 @@ def dense_stereo(
     block_px: int = 7,
     step: int = 1,
     least_contrast: float = 2.5,
+    scale: float = 1.0,
 ) -> Cloud:
     """Return the cloud of a stereo pair, images float in 0..1, by semi-global matching on an aligned pair.
 
     Every `step`-th pixel gives a point, if its 9 x 9 neighbourhood varies by `least_contrast` of 255 and both
     images agree on it. Nothing may be nearer than `nearest_m` (depth along the axis): what is matches
-    falsely.
+    falsely. The aligned pair is enlarged by `scale`: an aligned fisheye pair is coarser in its middle than the
+    images are, which costs depth.
+
+    The frame is widened to the left by the largest disparity. What lies there has no match inside the frame of
+    the right camera, but may have one in its image: in subframes that were cut differently, or where aligning
+    turned the cameras.
 
     Raises
     ------
@@ -265,15 +271,18 @@ def dense_stereo(
     import cv2
 
     one, two = aligned_pair(left, right)
+    if scale != 1.0:
+        one, two = one.scaled(scale), two.scaled(scale)
+    baseline = float(np.linalg.norm(two.C - one.C))
+    count = int(np.ceil(one.hs * baseline / nearest_m / 16.0)) * 16
+    count = max(16, min(count, one.width // 2 // 16 * 16))
+    one, two = (c.window(-count, 0, c.width + count, c.height) for c in (one, two))
     # rays of a CAHVORE camera do not start in one point: warp for the ranges that matter
     focus = FAR_M if left.kind is not ModelKind.CAHVORE else 3.0 * nearest_m
     pair = [
         np.round(255.0 * np.clip(warp(image, source, to, range_m=focus, fill=0.0), 0, 1)).astype(np.uint8)
         for image, source, to in ((left_image, left, one), (right_image, right, two))
     ]
-    baseline = float(np.linalg.norm(two.C - one.C))
-    count = int(np.ceil(one.hs * baseline / nearest_m / 16.0)) * 16
-    count = max(16, min(count, one.width // 2 // 16 * 16))
     matcher = cv2.StereoSGBM.create(
         minDisparity=0,
         numDisparities=count,
@@ -289,6 +298,10 @@ def dense_stereo(
     )
     disparity = matcher.compute(pair[0], pair[1]).astype(np.float64) / 16.0
     valid = (disparity > 0.5) & (pair[0] > 0)
+    # beyond its image the right camera shows nothing, which matches nothing
+    lines, samples = np.nonzero(valid)
+    met = np.round(samples - disparity[lines, samples]).astype(np.int64)
+    valid[lines, samples] = (met >= 0) & (pair[1][lines, np.maximum(met, 0)] > 0)
     # a patch without contrast (sky, full shade) matches anywhere
     grey = pair[0].astype(np.float32)
     mean = cv2.blur(grey, (9, 9))
