@@ -1,0 +1,439 @@
+"""Ground and rocks in a cloud: which point belongs to which.
+
+Pedersen, Smith, Deans and others 2005, section 7: a ground plane by RANSAC, connected regions that do not
+match it as first rocks, then expectation and maximisation in turns, "labeling points in the point cloud as
+either ground or rocks, then fitting the parameters describing the ground plane and rocks given the
+labeling", the number of rocks unknown beforehand. What the paper leaves open is filled in as follows.
+
+- Ground: height over a smooth surface, normal with the spread of natural ground and the point's own error.
+- Rock: its footprint (an ellipse along the plane) and its height; a height within is as likely as any other.
+- Neighbouring points hang together: their labels pull at each other (mean field of a Potts model).
+- A rock stays when it explains its points better than ground does by more than its parameters cost (BIC),
+  points counted once for each patch that stereo smooths over; the same rule says whether two regions are one
+  rock.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.errors import PlacementError
+from rover_iface.placement.cloud import Array, SurfaceCloud
+from rover_iface.placement.ground_plane import (
+    GroundOptions,
+    GroundPlane,
+    GroundSurface,
+    fit_ground_plane,
+    fit_surface,
+)
+
+Index = npt.NDArray[np.int64]
+T = TypeVar("T", np.float64, np.int64)
+
+GROUND = -1
+"""Label of ground points."""
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentationOptions:
+    """Parameters of the segmentation.
+
+    Attributes
+    ----------
+    ground
+        Of plane and surface.
+    roughness_m
+        Deviation of natural ground from the smooth surface, at the start; the fit goes on from there.
+    least_height_m, least_points
+        A first region must stand this high over the ground somewhere, and have this many points.
+    start_sigma
+        Points higher over the ground than this many deviations begin as rock.
+    rock_share
+        Chance of a point to be rock, before anything is known of its height.
+    coupling
+        How much a neighbour's label counts, in units of log-likelihood; the sum over all neighbours.
+    jump
+        Neighbours whose depths differ by more than this many spacings do not touch (beside what stereo errs).
+    patch_points
+        Points that share one error, because stereo matches patches: one of so many counts.
+    rounds
+        Turns of expectation and maximisation at most.
+    """
+
+    ground: GroundOptions = field(default_factory=GroundOptions)
+    roughness_m: float = 0.012
+    least_height_m: float = 0.03
+    least_points: int = 25
+    start_sigma: float = 2.5
+    rock_share: float = 0.15
+    coupling: float = 3.0
+    jump: float = 6.0
+    patch_points: float = 25.0
+    rounds: int = 8
+
+    def __post_init__(self) -> None:
+        if not (self.roughness_m > 0 and self.least_height_m > 0 and self.rounds >= 1):
+            raise PlacementError(
+                f"segmentation: roughness {self.roughness_m} m, least height {self.least_height_m} m, "
+                f"{self.rounds} rounds; all must be positive"
+            )
+        if not 0 < self.rock_share < 1:
+            raise PlacementError(f"segmentation: rock share is {self.rock_share}; 0 to 1, both excluded")
+
+
+@dataclass(frozen=True, eq=False)
+class RockSegment:
+    """One rock of a segmentation, in the frame of the cloud.
+
+    Attributes
+    ----------
+    label
+        Its number, as in `Segmentation.labels`.
+    centroid
+        (3,), mean of its points.
+    extent_m
+        Length and width of its points along the ground.
+    height_m
+        Of its highest points over the ground.
+    outline
+        (k, 3), corners of the convex outline of its footprint, on the ground, counter-clockwise.
+    points
+        How many points are its own.
+    gain
+        Log-likelihood by which it beats ground as an explanation of its points, less the cost of its
+        parameters; positive.
+    """
+
+    label: int
+    centroid: Array
+    extent_m: tuple[float, float]
+    height_m: float
+    outline: Array
+    points: int
+    gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """What each point of a cloud is.
+
+    Attributes
+    ----------
+    labels
+        (n,), -1 ground, otherwise index into `rocks`.
+    rock_probability
+        (n,), 0..1.
+    height_m
+        (n,), over the ground.
+    rocks
+        The nearest to the eye first.
+    ground
+        None when no plane was found; then every label is -1.
+    roughness_m
+        Deviation of the ground from its surface.
+    log_likelihood
+        Of all points under the mixture, each patch counted once.
+    rounds
+        Turns of expectation and maximisation.
+    """
+
+    labels: Index
+    rock_probability: Array
+    height_m: Array
+    rocks: tuple[RockSegment, ...]
+    ground: GroundSurface | None
+    roughness_m: float
+    log_likelihood: float
+    rounds: int
+
+    @property
+    def plane(self) -> GroundPlane | None:
+        """Return the ground plane."""
+        return None if self.ground is None else self.ground.plane
+
+
+def segment(
+    cloud: SurfaceCloud, options: SegmentationOptions | None = None, *, seed: int = 0
+) -> Segmentation:
+    """Return ground and rocks of a cloud.
+
+    An empty cloud, or one without a ground plane, is a segmentation without rocks and without ground.
+    """
+    options = options or SegmentationOptions()
+    plane = fit_ground_plane(cloud, options.ground, seed=seed)
+    if plane is None:
+        nothing = np.zeros(len(cloud))
+        return Segmentation(
+            np.full(len(cloud), GROUND), nothing, nothing.copy(), (), None, math.nan, -math.inf, 0
+        )
+    return _Mixture(cloud, plane, options).run()
+
+
+class _Mixture:
+    """The state of expectation and maximisation."""
+
+    def __init__(self, cloud: SurfaceCloud, plane: GroundPlane, options: SegmentationOptions) -> None:
+        self.cloud, self.plane, self.options = cloud, plane, options
+        self.local = plane.local(cloud.points)
+        self.sigma = cloud.sigma_along(plane.normal)
+        self.roughness = options.roughness_m
+        self.edges = _edges(cloud)
+        self.touching = _touch(cloud, self.edges, options.jump)
+        a, b = self.edges[self.touching].T
+        self.neighbours = np.maximum(np.bincount(np.r_[a, b], minlength=len(cloud)), 1)
+        self.chance = np.zeros(len(cloud))
+        self.ground = self._first_ground()
+
+    # ---- ground
+
+    def _first_ground(self) -> GroundSurface:
+        """Return the surface through what is not high: points over it lose weight, points under it do not."""
+        spread2 = self.sigma**2 + self.roughness**2
+        weight = 1.0 / spread2
+        ground = GroundSurface(self.plane, np.zeros((3, 3)), self.local[:, :2].min(axis=0), 1e3)
+        for reach in (3.0, 2.0, 1.5, 1.5):
+            over = (self.local[:, 2] - ground.height(self.local[:, :2])) / np.sqrt(spread2)
+            trust = 1.0 / (1.0 + np.exp(np.clip(4.0 * (over - reach), -50, 50)))
+            ground = fit_surface(self.plane, self.local, weight * trust, self.options.ground)
+        return ground
+
+    def _heights(self) -> Array:
+        return np.asarray(self.local[:, 2] - self.ground.height(self.local[:, :2]))
+
+    def _fit_ground(self) -> None:
+        spread2 = self.sigma**2 + self.roughness**2
+        self.ground = fit_surface(
+            self.plane, self.local, np.maximum(1.0 - self.chance, 1e-6) / spread2, self.options.ground
+        )
+        height = self._heights()
+        level = (1.0 - self.chance) * (np.abs(height) < 4.0 * np.sqrt(spread2))
+        excess = float((level * (height**2 - self.sigma**2)).sum() / max(level.sum(), 1.0))
+        low, high = 0.5 * self.options.roughness_m, 2.0 * self.options.roughness_m
+        self.roughness = float(np.clip(math.sqrt(max(excess, 0.0)), low, high))
+
+    # ---- rocks
+
+    def _regions(self, rock: npt.NDArray[np.bool_]) -> Index:
+        """Return (n,) the number of the connected region of each rock point, -1 elsewhere."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        joined = self.edges[self.touching]
+        joined = joined[rock[joined].all(axis=1)]
+        n = len(rock)
+        graph = coo_matrix((np.ones(len(joined), np.int8), (joined[:, 0], joined[:, 1])), shape=(n, n))
+        number = connected_components(graph, directed=False)[1].astype(np.int64)
+        number[~rock] = -1
+        return _renumbered(number)
+
+    def _kept(self, label: Index, height: Array) -> Index:
+        """Return the labels without regions that are too small, too low, or no better than ground."""
+        count = int(label.max(initial=-1)) + 1
+        if count == 0:
+            return label
+        at = label >= 0
+        points = np.bincount(label[at], minlength=count)
+        gain = self._gains(label, height, count)
+        # the fifth-highest point in a hundred: a single wrong match makes no rock
+        tall = np.array([np.quantile(part, 0.95) for part in _parts(label, height, count)])
+        keep = (points >= self.options.least_points) & (tall >= self.options.least_height_m) & (gain > 0.0)
+        return _renumbered(np.where(at & keep[np.maximum(label, 0)], label, -1))
+
+    def _gains(self, label: Index, height: Array, count: int) -> Array:
+        """Return (count,) by how much each rock beats ground on its points, less the cost of 6 parameters."""
+        at = label >= 0
+        better = self._log_rock(label, height, count)[at] - self._log_ground(height)[at]
+        patch = self.options.patch_points
+        points = np.bincount(label[at], minlength=count)
+        total = np.bincount(label[at], weights=better, minlength=count) / patch
+        return np.asarray(total - 0.5 * 6.0 * np.log(np.maximum(points / patch, math.e)))
+
+    # ---- likelihoods of heights, per metre
+
+    def _log_ground(self, height: Array) -> Array:
+        spread2 = self.sigma**2 + self.roughness**2
+        normal = np.exp(-0.5 * height**2 / spread2) / np.sqrt(2.0 * math.pi * spread2)
+        # one point in fifty is a pebble or a wrong match
+        return np.asarray(np.log(0.98 * normal + 0.02 / 0.5))
+
+    def _log_rock(self, label: Index, height: Array, count: int) -> Array:
+        """Return (n,) log density of heights as part of the rock: uniform from ground to top, blurred."""
+        tops = np.full(count + 1, 0.15)
+        for k, part in enumerate(_parts(label, height, count)):
+            tops[k] = max(float(np.quantile(part, 0.98)), self.options.least_height_m)
+        return self._log_uniform(height, tops[label])
+
+    def _log_uniform(self, height: Array, top: Array) -> Array:
+        from scipy.special import ndtr
+
+        spread = np.hypot(self.sigma, 0.4 * self.roughness)
+        inside = ndtr(height / spread) - ndtr((height - top) / spread)
+        return np.asarray(np.log(np.maximum(inside / top, 1e-9) + 1e-4))
+
+    # ---- the turns
+
+    def run(self) -> Segmentation:
+        height = self._heights()
+        spread = np.sqrt(self.sigma**2 + self.roughness**2)
+        start = height > np.maximum(self.options.start_sigma * spread, 0.6 * self.options.least_height_m)
+        label = self._kept(self._regions(start), height)
+        self.chance = (label >= 0).astype(np.float64)
+        turn, likelihood = 0, -math.inf
+        while turn < self.options.rounds:
+            turn += 1
+            self._fit_ground()
+            height = self._heights()
+            likelihood = self._expect(label, height)
+            after = self._kept(self._regions(self.chance > 0.5), height)
+            changed = float(((after >= 0) != (label >= 0)).mean())
+            label = after
+            self.chance = np.where((self.chance > 0.5) & (label < 0), 0.0, self.chance)
+            if changed < 2e-4:
+                break
+        label, rocks = self._rocks(label, height)
+        return Segmentation(label, self.chance, height, rocks, self.ground, self.roughness, likelihood, turn)
+
+    def _expect(self, label: Index, height: Array) -> float:
+        """Set the chance of each point to be rock; return the log-likelihood, each patch counted once."""
+        prior, top = self._footprints(label, height)
+        rock, ground = self._log_uniform(height, top), self._log_ground(height)
+        odds = rock - ground + np.log(prior / (1.0 - prior))
+        a, b = self.edges[self.touching].T
+        chance = self.chance
+        for _ in range(6):
+            spin = 2.0 * chance - 1.0
+            pull = np.bincount(a, weights=spin[b], minlength=len(odds))
+            pull += np.bincount(b, weights=spin[a], minlength=len(odds))
+            field = odds + self.options.coupling * pull / self.neighbours
+            chance = 0.5 * chance + 0.5 / (1.0 + np.exp(-np.clip(field, -40, 40)))
+        self.chance = chance
+        total = np.logaddexp(np.log(prior) + rock, np.log(1.0 - prior) + ground).sum()
+        return float(total / self.options.patch_points)
+
+    def _footprints(self, label: Index, height: Array) -> tuple[Array, Array]:
+        """Return for each point the chance to be rock by place alone, and the height of the rock there."""
+        from scipy.spatial import cKDTree
+
+        n = len(label)
+        prior = np.full(n, self.options.rock_share * 0.3)
+        top = np.full(n, 0.15)
+        count = int(label.max(initial=-1)) + 1
+        if count == 0:
+            return prior, top
+        tree = cKDTree(self.local[:, :2])
+        for members in _parts(label, np.arange(n), count):
+            xy = self.local[members, :2]
+            middle = xy.mean(axis=0)
+            spread = np.cov(xy.T) + 1e-4 * np.eye(2)
+            reach = 2.2 * math.sqrt(float(np.linalg.eigvalsh(spread)[-1]))
+            near = np.asarray(tree.query_ball_point(middle, reach + 0.05), dtype=np.int64)
+            away = self.local[near, :2] - middle
+            distance = np.sqrt(np.einsum("ni,ij,nj->n", away, np.linalg.inv(spread), away))
+            inside = 1.0 / (1.0 + np.exp(np.clip(8.0 * (distance - 2.0), -40, 40)))
+            chance = self.options.rock_share * 0.3 + (0.6 - self.options.rock_share * 0.3) * inside
+            better = chance > prior[near]
+            prior[near[better]] = chance[better]
+            top[near[better]] = max(float(np.quantile(height[members], 0.98)), self.options.least_height_m)
+        return prior, top
+
+    def _rocks(self, label: Index, height: Array) -> tuple[Index, tuple[RockSegment, ...]]:
+        count = int(label.max(initial=-1)) + 1
+        if count == 0:
+            return label, ()
+        gain = self._gains(label, height, count)
+        eye = self.cloud.eye if self.cloud.eye is not None else self.plane.origin
+        found = []
+        for k, members in enumerate(_parts(label, np.arange(len(label)), count)):
+            found.append((k, members, self.cloud.points[members].mean(axis=0)))
+        found.sort(key=lambda item: float(np.linalg.norm(item[2] - eye)))
+        order = np.full(count + 1, -1)
+        rocks = []
+        for number, (k, members, centroid) in enumerate(found):
+            order[k] = number
+            local = self.local[members]
+            away = local[:, :2] - local[:, :2].mean(axis=0)
+            axes = np.linalg.eigh(away.T @ away)[1]
+            size = np.ptp(away @ axes, axis=0)[::-1]
+            rocks.append(
+                RockSegment(
+                    number,
+                    centroid,
+                    (float(size[0]), float(size[1])),
+                    float(np.quantile(height[members], 0.98)),
+                    self._outline(local[:, :2]),
+                    len(members),
+                    float(gain[k]),
+                )
+            )
+        return order[label], tuple(rocks)
+
+    def _outline(self, along: Array) -> Array:
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            corners = along[ConvexHull(along).vertices]
+        except QhullError:  # all in a line
+            order = np.argsort(along @ np.ptp(along, axis=0))
+            corners = along[order[[0, -1]]]
+        foot = np.column_stack((corners, self.ground.height(corners)))
+        return self.plane.points_of(foot)
+
+
+def _parts(label: Index, values: npt.NDArray[T], count: int) -> list[npt.NDArray[T]]:
+    """Return the values of each label 0..count-1."""
+    at = np.flatnonzero(label >= 0)
+    order = at[np.argsort(label[at], kind="stable")]
+    cuts = np.cumsum(np.bincount(label[at], minlength=count))[:-1]
+    return np.split(values[order], cuts)
+
+
+def _renumbered(label: Index) -> Index:
+    """Return labels 0..k-1 in place of any numbers; -1 stays."""
+    out = np.full(len(label), -1, dtype=np.int64)
+    at = label >= 0
+    out[at] = np.unique(label[at], return_inverse=True)[1]
+    return out
+
+
+def _edges(cloud: SurfaceCloud) -> Index:
+    """Return pairs (m, 2) of neighbouring points: to the right and below on a raster, the eight nearest
+    else."""
+    if cloud.pixels is None:
+        if len(cloud) < 2:
+            return np.empty((0, 2), np.int64)
+        many = min(9, len(cloud))
+        near = cloud.tree.query(cloud.points, many)[1][:, 1:]
+        pairs = np.column_stack((np.repeat(np.arange(len(cloud)), many - 1), near.ravel()))
+        return np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int64)
+    step = _step(cloud.pixels)
+    x, y = ((cloud.pixels - cloud.pixels.min(axis=0)) // step).T
+    raster = np.full((int(y.max()) + 1, int(x.max()) + 1), -1, np.int64)
+    raster[y, x] = np.arange(len(cloud))
+    found = []
+    for one, two in ((raster[:, :-1], raster[:, 1:]), (raster[:-1], raster[1:])):
+        both = (one >= 0) & (two >= 0)
+        found.append(np.column_stack((one[both], two[both])))
+    return np.concatenate(found)
+
+
+def _step(pixels: Index) -> int:
+    """Return the distance between used columns of a raster: 1, or more for a thinned one."""
+    columns = np.unique(pixels[:, 0])
+    return int(np.diff(columns).min()) if len(columns) > 1 else 1
+
+
+def _touch(cloud: SurfaceCloud, edges: Index, jump: float) -> npt.NDArray[np.bool_]:
+    """Return which neighbours lie on one surface, by the distance between them and what they err."""
+    if not len(edges):
+        return np.empty(0, bool)
+    a, b = edges.T
+    apart = np.linalg.norm(cloud.points[a] - cloud.points[b], axis=1)
+    spacing = np.maximum(cloud.spacing_m[a], cloud.spacing_m[b])
+    error = np.sqrt(np.trace(cloud.covariances, axis1=1, axis2=2))
+    step = _step(cloud.pixels) if cloud.pixels is not None else 1
+    return np.asarray(apart < jump * step * spacing + 2.0 * np.maximum(error[a], error[b]))
