@@ -35,12 +35,14 @@ from rover_iface.cameras.stereo import Cloud, PointMatch, point_stereo
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision.shape import ShapeOptions, Surface, dense_cloud, register, surface_from_cloud
+from rover_iface.vision.sift_features import Descriptors, Features, detect, find_features
 from rover_iface.vision.tracker import Image, StereoView
 
 STEP = 2
 TEMPLATE_PX = 21
 SEARCH_PX = 61
 SPREAD_PX = 2
+FEATURES = 1500
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,16 @@ class Side:
         """Return the cloud as a mesh."""
         return None if self.cloud is None else surface_from_cloud(self.cloud, STEP)
 
+    @cached_property
+    def features(self) -> Features:
+        """Return the features that both images show, ranged."""
+        return find_features(self.view, count=FEATURES, ratio=0.85, row_px=1.5)
+
+    @cached_property
+    def picture_features(self) -> tuple[Array, Descriptors]:
+        """Return pixels (n, 2) and descriptors (n, 128) of the left image's features."""
+        return detect(self.view.left, FEATURES)
+
     def moved(self, motion: Transform) -> Side:
         """Return the same pair with its cameras, and what was made of them, in another frame."""
         v = self.view
@@ -82,12 +94,22 @@ class Side:
             points = np.asarray(motion.apply(self.cloud.points), dtype=np.float64)
             moved = replace(self.cloud, points=points, camera=self.cloud.camera.transformed(motion))
             out.__dict__["cloud"] = moved
+        if "picture_features" in self.__dict__:
+            out.__dict__["picture_features"] = self.picture_features
         return out
 
-    def point(self, pixel: Array) -> PointMatch | None:
+    def point(self, pixel: Array, expected_m: float | None = None) -> PointMatch | None:
         """Return the surface point under a pixel of the left image by point stereo."""
         v = self.view
-        return point_stereo(v.left, v.right, v.left_camera, v.right_camera, pixel)
+        return point_stereo(
+            v.left,
+            v.right,
+            v.left_camera,
+            v.right_camera,
+            pixel,
+            expected_range_m=expected_m,
+            range_spread=0.4,
+        )
 
 
 @dataclass(frozen=True)
@@ -238,20 +260,16 @@ def scaled_window(
     `point` (3,) is where the target is believed, frame of the cameras: it tells scale and search. None
     where the window does not lie in both images. A correlation below 0.7 should not be believed.
     """
-    import cv2
-
     from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
 
     place, at = np.asarray(point, dtype=np.float64), np.asarray(pixel, dtype=np.float64)
     toward = pancam_camera.C - place
     away = float(np.linalg.norm(toward))
-    shrink = (pancam_camera.hs / away) / (navcam_camera.hs / float(np.linalg.norm(navcam_camera.C - place)))
-    smooth = cv2.GaussianBlur(pancam, (0, 0), max(0.1, 0.35 * shrink)).astype(np.float32)
     expected = np.asarray(navcam_camera.project(place))
     if not np.isfinite(expected).all():
         return None
     matcher = TemplateMatcher(NccOptions(template_px=TEMPLATE_PX, search_px=search_px))
-    source = Template(smooth, pancam_camera, at, place, toward / away, away, 0.0)
+    source = Template(pancam, pancam_camera, at, place, toward / away, away, 0.0)
     template = matcher.predict(source, navcam_camera, expected, place)
     found = None if template is None else matcher.search(navcam, template, expected)
     return None if found is None else Found(found[0], found[1])

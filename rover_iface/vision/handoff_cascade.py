@@ -1,30 +1,43 @@
-"""The hand-off that tests itself: prior, registration, draped patches, consensus, agreement.
+"""The hand-off that tests itself: guess, draped patches, consensus, agreement.
 
-None of the published methods knows when it is wrong. Here the kinematic prior is corrected by registration
-(if that is accepted); then dozens of patches round the target are warped from the navcam into the hazcam
-image over their own planes and found there; the rigid motion that most of them agree on says where the target
-must be, without having looked at it. The target's own patch says the same, or the hand-off is refused. The
-patches that agree also tell what the mast and the calibration of its pair are off (`mast_error`).
+None of the published methods knows when it is wrong. Here a guess of where the navcam stood (features that
+both pictures share; registration, if that is accepted; the kinematic prior) is made sharp by dozens of
+patches round the target: the navcam's picture, draped over the surface that the hazcams range, is found in
+the hazcam image, and the pose that most of them agree on says where the target must be, without having looked
+at it. The target's own patch says the same, or the hand-off is refused. The navcam pair may range wrongly:
+its left picture finds the pose, and what its disparities are off is told by the patches before its stereo is
+believed. They also tell what the mast is off (`mast_error`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from rover_iface.cameras.model import Array
-from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo, triangulate
+from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.stereo import PointMatch, triangulate
 from rover_iface.frames import Transform
+from rover_iface.vision.drape import (
+    SIGMA_PX,
+    Draped,
+    DrapeOptions,
+    drape,
+    find_draped,
+    from_features,
+    on_plane,
+    range_pixel,
+)
 from rover_iface.vision.handoff import Handoff, Side
-from rover_iface.vision.shape import ShapeOptions, register
-from rover_iface.vision.sift_features import Features
-from rover_iface.vision.sift_motion import Motion, find_motion, small_rotation
-from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
+from rover_iface.vision.shape import register
+from rover_iface.vision.sift_motion import small_rotation
+from rover_iface.vision.tracker import StereoView
 
-SIGMA_PX = 0.3
+RANGE_PX = 0.15
+"""Error of a patch's disparity in the hazcams."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,33 +46,37 @@ class CascadeOptions:
 
     Attributes
     ----------
-    patches
-        How many patches round the target are looked for.
-    reach_m
-        How far from the target.
-    search_px
-        Search round the prediction in the hazcam image: first pass, second pass, the target's own patch.
-    least_score
-        Correlation below which a patch has not been found.
+    drape
+        Those of the patches.
+    least_features
+        Features common to both pictures without which they make no guess.
+    alike_rad
+        Angle between the lines of sight up to which features are asked first, if neither picture is more than
+        twice as fine as the other.
+    enough
+        Patches that agree, with which no further guess is tried.
     least_agree
         Patches without whose agreement nothing is believed.
     many_agree, blind_px, surface_m
         Where the target's own patch is not recognised: patches that must agree, what they may leave open, and
-        how far the surface found there may be from where they put it.
+        how far off the navcams' own stereo, freed of what its disparities are off, may have the surface.
+    own_score
+        Correlation below which the target's own patch is not recognised.
     agree_px
         How far consensus and the target's own patch may be apart.
     most_error_px
         Largest stated error that is accepted.
     """
 
-    patches: int = 60
-    reach_m: float = 0.35
-    search_px: tuple[int, int, int] = (14, 5, 5)
-    least_score: float = 0.6
+    drape: DrapeOptions = field(default_factory=DrapeOptions)
+    least_features: int = 10
+    alike_rad: float = 0.7
+    enough: int = 20
     least_agree: int = 8
     many_agree: int = 10
     blind_px: float = 0.7
     surface_m: float = 0.02
+    own_score: float = 0.45
     agree_px: float = 1.5
     most_error_px: float = 2.0
 
@@ -81,7 +98,8 @@ class Answer:
     agreeing, score
         Patches that agree on it, and the correlation of the target's own.
     left_px, right_px, seen
-        Those patches: (n, 2) in both navcam images, (n, 4) in both hazcam images.
+        Those patches that the navcam pair ranges too: (n, 2) in both navcam images, (n, 4) in both hazcam
+        images.
     """
 
     pixel: Array
@@ -105,24 +123,83 @@ def cascade(given: Handoff, which: str, options: CascadeOptions | None = None) -
     """Return the target in the hazcam image from the near or far navcams, or a refusal with its reasons."""
     options = options or CascadeOptions()
     side, pixel = given.source(which)
-    match = side.point(pixel)
-    if match is None:
-        return _refused(Transform.identity(), "the navcam pair does not range the target")
-    motion = _registered(side, given.hazcam, match)
-    patches = _patches(side, pixel, match, options)
-    consensus: Motion | None = None
-    pairs: tuple[Features, Features] | None = None
-    for search_px in options.search_px[:2]:
-        found = _find_all(side, given.hazcam, patches, motion, search_px, options)
-        if found is None:
+    view, scene = side.view, given.hazcam.view
+    best: Draped | None = None
+    for guess in _guesses(side, given.hazcam, pixel, options):
+        place = surface_under(given.hazcam, view.left_camera.transformed(guess), pixel)
+        if place is None or given.hazcam.cloud is None:
+            continue
+        found = drape(view.left, view.left_camera, scene, given.hazcam.cloud, place[0], guess, options.drape)
+        if found is not None and (best is None or found.motion.inliers > best.motion.inliers):
+            best = found
+        if best is not None and best.motion.inliers >= options.enough:
             break
-        consensus, *features = found
-        pairs = features[0], features[1]
-        motion = consensus.new_from_old
-    if pairs is None or consensus is None or consensus.inliers < options.least_agree:
-        count = 0 if consensus is None else consensus.inliers
-        return _refused(motion, f"{count} patches agree; {options.least_agree} are needed")
-    return _tested(side, given.hazcam, match, consensus, pairs, options)
+    if best is None or best.motion.inliers < options.least_agree:
+        count = 0 if best is None else best.motion.inliers
+        return _refused(Transform.identity(), f"{count} patches agree; {options.least_agree} are needed")
+    return _tested(side, given.hazcam, pixel, best, options)
+
+
+def _guesses(side: Side, hazcam: Side, pixel: Array, options: CascadeOptions) -> Iterator[Transform]:
+    """Yield motions that may put the navcam right, likeliest first, each worked out when asked for."""
+    match = side.point(pixel)
+
+    def features() -> Transform | None:
+        return from_features(
+            side.picture_features, side.view.left_camera, hazcam.features, options.least_features
+        )
+
+    def surfaces() -> Transform | None:
+        if match is None or side.surface is None or hazcam.surface is None:
+            return None
+        found = register(side.surface, hazcam.surface, Transform.identity(), match.point)
+        return found.scene_from_model if found.accepted else None
+
+    order = [surfaces, features]
+    if match is not None:
+        one, two = (s.view.left_camera for s in (side, hazcam))
+        ray, other = match.point - one.C, match.point - two.C
+        away, beyond = float(np.linalg.norm(ray)), float(np.linalg.norm(other))
+        finer = (one.hs / away) / (two.hs / beyond)
+        if math.acos(float(ray @ other) / (away * beyond)) < options.alike_rad and 0.5 < finer < 2.0:
+            order.reverse()
+    for make in order:
+        found = make()
+        if found is not None:
+            yield found
+    yield Transform.identity()
+
+
+def surface_under(hazcam: Side, camera: CameraModel, pixel: Array) -> tuple[Array, PointMatch] | None:
+    """Return where a camera's ray meets the surface that the hazcams range (3,), and the patch there.
+
+    The dense cloud says where to look, point stereo makes it sharp. None where the cloud has a hole or stereo
+    does not find the patch again.
+    """
+    cloud, scene = hazcam.cloud, hazcam.view
+    if cloud is None:
+        return None
+    with np.errstate(invalid="ignore"):
+        off = np.linalg.norm(camera.project(cloud.points) - pixel, axis=1)
+    nearest = np.argsort(off)[:12]
+    # the cloud's points are this far apart in the picture
+    reach = 3.0 * float(np.median(off[nearest]))
+    if not np.isfinite(reach) or reach > 60.0:
+        return None
+    away = np.linalg.norm(cloud.points[nearest] - camera.C, axis=1)
+    front = nearest[away < away.min() + 0.05]
+    place = cloud.points[front[int(np.argmin(off[front]))]]
+    found: PointMatch | None = None
+    for _ in range(3):
+        at = np.asarray(scene.left_camera.project(place))
+        if found is not None and float(np.hypot(*(at - found.left_px))) < 1.0:
+            break
+        found = range_pixel(scene, at, float(np.linalg.norm(place - scene.left_camera.C)))
+        meets = None if found is None else on_plane(camera, pixel, found)
+        if found is None or meets is None:
+            return None
+        place = meets
+    return None if found is None else (place, found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,37 +224,36 @@ def mast_error(
 ) -> MastError | None:
     """Return tilt, pan and disparity error of the near navcams that the patches of a hand-off tell.
 
-    Turns about `axis` and `up` (3,) through `pivot` (3,), frame of the cameras. The disparity error is part
-    of the fit because a pair that ranges too short looks like a mast that points too low. None without ten
-    patches.
+    Turns about `axis` and `up` (3,) through `pivot` (3,), frame of the cameras. Tilt and pan are fitted to
+    where the left picture shows what the hazcams range; the right one then tells the disparities. None
+    without ten patches.
     """
     if len(answer.seen) < 10:
         return None
     centre, about = np.asarray(pivot, dtype=np.float64), (np.asarray(axis), np.asarray(up))
     navcam, view = side.view, hazcam.view
+    points = triangulate(view.left_camera, view.right_camera, answer.seen[:, :2], answer.seen[:, 2:])[0]
 
-    def residual(p: Array) -> Array:
-        right = answer.right_px - np.array([p[2], 0.0])
-        points = triangulate(navcam.left_camera, navcam.right_camera, answer.left_px, right)[0]
+    def shown(p: Array, camera: CameraModel) -> Array:
         turn = small_rotation(p[0] * about[0] + p[1] * about[1])
-        moved = (points - centre) @ turn.T + centre
-        shown = np.hstack((view.left_camera.project(moved), view.right_camera.project(moved)))
-        return np.asarray((answer.seen - shown).ravel())
+        return np.asarray(camera.project((points - centre) @ turn + centre))
 
-    p, size = np.zeros(3), np.array([1e-4, 1e-4, 0.02])
+    p, size = np.zeros(2), 1e-4
     for _ in range(12):
-        r = residual(p)
-        j = np.column_stack([(residual(p + step) - r) / step.sum() for step in np.diag(size)])
+        r = (answer.left_px - shown(p, navcam.left_camera)).ravel()
+        steps = [(shown(p + e, navcam.left_camera) - answer.left_px).ravel() for e in size * np.eye(2)]
+        j = np.column_stack([(step + r) / size for step in steps])
         good = np.isfinite(r) & np.isfinite(j).all(axis=1)
         if good.sum() < 12:
             return None
-        weight = 1.0 / np.maximum(1.0, np.abs(r[good]) / (1.5 * max(0.2, float(np.median(np.abs(r[good]))))))
-        jw = j[good] * weight[:, None]
-        step = np.linalg.solve(jw.T @ j[good], -(jw.T @ r[good]))
+        scale = 1.5 * max(0.2, float(np.median(np.abs(r[good]))))
+        jw = j[good] / np.maximum(1.0, np.abs(r[good]) / scale)[:, None]
+        step = np.linalg.solve(jw.T @ j[good], jw.T @ r[good])
         p = p + step
-        if np.abs(step / size).max() < 0.1:
+        if np.abs(step).max() < 1e-6:
             break
-    return MastError(float(p[0]), float(p[1]), float(p[2]))
+    disparity = float(np.nanmedian((answer.right_px - shown(p, navcam.right_camera))[:, 0]))
+    return MastError(float(p[0]), float(p[1]), disparity)
 
 
 def _refused(motion: Transform, *reasons: str) -> Answer:
@@ -188,182 +264,131 @@ def _refused(motion: Transform, *reasons: str) -> Answer:
     )
 
 
-def _registered(side: Side, hazcam: Side, match: PointMatch) -> Transform:
-    """Return the motion of an accepted registration, or that dead reckoning was right."""
-    if side.surface is None or hazcam.surface is None:
-        return Transform.identity()
-    found = register(side.surface, hazcam.surface, Transform.identity(), match.point, ShapeOptions())
-    return found.scene_from_model if found.accepted else Transform.identity()
-
-
-def _patches(side: Side, pixel: Array, match: PointMatch, options: CascadeOptions) -> list[PointMatch]:
-    """Return ranged patches round the target, corners first, the target's own left out."""
-    import cv2
-
-    view = side.view
-    away = float(np.linalg.norm(match.point - view.left_camera.C))
-    reach = options.reach_m * view.left_camera.hs / away
-    mask = np.zeros(view.left.shape, np.uint8)
-    x0, y0 = pixel
-    rows, columns = view.left.shape
-    top, left = max(25, int(y0 - reach)), max(25, int(x0 - reach))
-    bottom, right = min(rows - 25, int(y0 + reach)), min(columns - 25, int(x0 + reach))
-    mask[top:bottom, left:right] = 255
-    mask[max(0, int(y0) - 12) : int(y0) + 13, max(0, int(x0) - 12) : int(x0) + 13] = 0
-    spacing = max(8.0, 1.1 * reach / math.sqrt(options.patches))
-    smooth = cv2.GaussianBlur(view.left, (0, 0), 1.5)
-    corners = cv2.goodFeaturesToTrack(smooth, options.patches, 0.005, spacing, mask=mask)
-    out = []
-    for corner in [] if corners is None else corners.reshape(-1, 2).astype(np.float64):
-        found = point_stereo(
-            view.left,
-            view.right,
-            view.left_camera,
-            view.right_camera,
-            corner,
-            expected_range_m=away,
-            range_spread=0.35,
-        )
-        if found is not None and found.score > 0.8:
-            out.append(found)
-    return out
-
-
-def _find(
-    side: Side, hazcam: Side, patch: PointMatch, motion: Transform, search_px: int
-) -> tuple[Array, float] | None:
-    """Return where the left hazcam image shows a patch, and its correlation."""
-    camera, haz = side.view.left_camera.transformed(motion), hazcam.view.left_camera
-    point = np.asarray(motion.apply(patch.point), dtype=np.float64)
-    normal = np.asarray(motion.rotate(patch.normal), dtype=np.float64)
-    away = float(np.linalg.norm(point - camera.C))
-    source = Template(side.view.left, camera, patch.left_px, point, normal, away, 0.0)
-    expected = np.asarray(haz.project(point))
-    if not np.isfinite(expected).all() or normal @ (haz.C - point) <= 0.2 * np.linalg.norm(haz.C - point):
-        return None
-    matcher = TemplateMatcher(NccOptions(search_px=search_px, template_px=15, context_px=25, coarse=False))
-    template = matcher.predict(source, haz, expected, point)
-    if template is None:
-        return None
-    found = matcher.search(hazcam.view.left, template, expected)
-    if found is None or np.abs(found[0] - expected).max() > search_px + 1.0:
-        return None
-    return found
-
-
-def _ranged(hazcam: Side, pixel: Array, expected_m: float) -> PointMatch | None:
-    view = hazcam.view
-    settings = PointStereo(template_px=15, plane_px=19)
-    found = point_stereo(
-        view.left,
-        view.right,
-        view.left_camera,
-        view.right_camera,
-        pixel,
-        options=settings,
-        expected_range_m=expected_m,
-        range_spread=0.3,
-    )
-    return found if found is not None and found.score > 0.6 else None
-
-
-def _find_all(
-    side: Side,
-    hazcam: Side,
-    patches: list[PointMatch],
-    motion: Transform,
-    search_px: int,
-    options: CascadeOptions,
-) -> tuple[Motion, Features, Features] | None:
-    """Return the motion that most patches agree on in both hazcam images, and the patches there and here."""
-    here = hazcam.view.left_camera.C
-    old, new = [], []
-    for patch in patches:
-        found = _find(side, hazcam, patch, motion, search_px)
-        if found is None or found[1] < options.least_score:
-            continue
-        expected_m = float(np.linalg.norm(np.asarray(motion.apply(patch.point)) - here))
-        ranged = _ranged(hazcam, found[0], expected_m)
-        if ranged is not None:
-            old.append(patch)
-            new.append(ranged)
-    if len(old) < 4:
-        return None
-    there, seen = _features(side, old), _features(hazcam, new)
-    motion_found = find_motion(
-        there,
-        seen,
-        np.column_stack((np.arange(len(old)),) * 2).astype(np.int64),
-        hazcam.view,
-        draws=300,
-        inlier_px=1.2,
-        sigma_px=SIGMA_PX,
-        limit_m=math.inf,
-        least=options.least_agree,
-        rng=np.random.default_rng(len(old)),
-    )
-    return None if motion_found is None else (motion_found, there, seen)
-
-
-def _features(side: Side, matches: list[PointMatch]) -> Features:
-    left, right = np.array([m.left_px for m in matches]), np.array([m.right_px for m in matches])
-    points, unit = triangulate(side.view.left_camera, side.view.right_camera, left, right, sigma_px=1.0)
-    return Features(points, unit, left, right, np.empty((len(left), 0), np.float32))
-
-
-def _tested(
-    side: Side,
-    hazcam: Side,
-    match: PointMatch,
-    consensus: Motion,
-    pairs: tuple[Features, Features],
-    options: CascadeOptions,
-) -> Answer:
+def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: CascadeOptions) -> Answer:
     """Return the answer of consensus and own patch together, refused where they disagree."""
-    motion, camera = consensus.new_from_old, hazcam.view.left_camera
-    unit = triangulate(
-        side.view.left_camera, side.view.right_camera, match.left_px[None], match.right_px[None], sigma_px=1.0
-    )[1][0]
-    place, spread = consensus.at(match.point, SIGMA_PX**2 * unit)
-    expected = np.asarray(camera.project(place))
-    jacobian = camera.jacobian(place)
-    blind = math.sqrt(0.5 * float(np.trace(jacobian @ spread @ jacobian.T)))
-    away = float(np.linalg.norm(place - camera.C))
-    own = _find(side, hazcam, match, motion, options.search_px[2])
+    motion, scene = found.scene_from_source, hazcam.view
+    standing, camera = side.view.left_camera.transformed(motion), scene.left_camera
+    under = surface_under(hazcam, standing, pixel)
+    if under is None:
+        return _refused(motion, "the hazcams do not range the surface there")
+    here = _ranged_here(side, found)
+    place = _placed(side, scene, standing, pixel, under, found, here)
+    expected = np.asarray(camera.project(place.point))
+    patch = replace(under[1], point=place.point, left_px=expected)
+    blind = _blind(standing, scene, pixel, patch, place.sigma_m, found)
+    own = find_draped(side.view.left, standing, pixel, scene, patch, options.drape.search_px[-1])
     score = 0.0 if own is None else own[1]
-    if own is not None and score >= options.least_score:
+    if own is not None and score >= options.own_score:
         gap = float(np.hypot(*(own[0] - expected)))
         if gap > options.agree_px + 2.0 * blind:
             return _refused(motion, f"consensus and the target's own patch are {gap:.1f} px apart")
         weight = 1.0 / (1.0 + (SIGMA_PX / max(blind, 1e-6)) ** 2)
-        pixel = weight * own[0] + (1.0 - weight) * expected
+        at = weight * own[0] + (1.0 - weight) * expected
         error = math.hypot(0.5 * gap, math.sqrt(weight) * SIGMA_PX)
-        ranged = _ranged(hazcam, pixel, away)
     else:
-        # seen too much aslant to be recognised: the surface must be where the consensus has it
-        pixel, error, ranged = expected, 1.5 * blind, _ranged(hazcam, expected, away)
-        why = f"the target's own patch scores {score:.2f} of {options.least_score}"
-        if consensus.inliers < options.many_agree or blind > options.blind_px:
-            agree_on = f"{consensus.inliers} patches leave {blind:.1f} px"
+        # not to be recognised: both pairs must have the surface in one place
+        at, error = expected, 1.5 * blind
+        why = f"the target's own patch scores {score:.2f} of {options.own_score}"
+        if found.motion.inliers < options.many_agree or blind > options.blind_px:
+            agree_on = f"{found.motion.inliers} patches leave {blind:.1f} px"
             return _refused(motion, f"{why}, and {agree_on} ({options.many_agree}, {options.blind_px} px)")
-        off = math.inf if ranged is None else float(np.linalg.norm(ranged.point - place))
-        if off > options.surface_m:
-            found = "no surface is found" if ranged is None else f"the surface is {100 * off:.1f} cm off"
-            return _refused(motion, f"{why}, and {found} at the place")
+        if not place.gap_m <= options.surface_m:
+            told = (
+                f"has it {100 * place.gap_m:.1f} cm away" if math.isfinite(place.gap_m) else "does not tell"
+            )
+            return _refused(motion, f"{why}, and the navcams' stereo {told}")
     if error > options.most_error_px:
         return _refused(motion, f"the error may be {error:.1f} px; {options.most_error_px} is the limit")
-    position = place if ranged is None else ranged.point
-    there, seen = pairs
-    agree = (seen.left_px[:, None] == consensus.pixels[None]).all(axis=2).any(axis=1)
-    both = np.hstack((seen.left_px, seen.right_px))[agree]
-    return Answer(
-        pixel,
-        position,
-        error,
-        motion,
-        consensus.inliers,
-        score,
-        there.left_px[agree],
-        there.right_px[agree],
-        both,
-    )
+    again = range_pixel(scene, at, float(np.linalg.norm(place.point - camera.C)))
+    position = place.point if again is None else again.point
+    return Answer(at, position, error, motion, found.motion.inliers, score, *here)
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where the target is on its ray (3,), how sure, and how far apart the two pairs have it."""
+
+    point: Array
+    sigma_m: float
+    gap_m: float
+
+
+def _placed(
+    side: Side,
+    scene: StereoView,
+    standing: CameraModel,
+    pixel: Array,
+    under: tuple[Array, PointMatch],
+    found: Draped,
+    here: tuple[Array, Array, Array],
+) -> _Place:
+    """Return the target's place by the hazcams' surface and the navcams' stereo, by what each can know.
+
+    What the navcams' disparities are off is taken from the agreeing patches first. Where the two contradict
+    each other by more than chance allows the hazcams are believed.
+    """
+    place, patch = under
+    origin, ray = standing.back_project(pixel)
+    met = on_plane(standing, pixel, _lifted(patch, scene))
+    sigma = math.inf if met is None else float(np.linalg.norm(met - place))
+    own = side.point(pixel)
+    left, right, _ = here
+    if own is None or len(left) < 6:
+        return _Place(place, sigma, math.inf)
+    view, motion = side.view, found.scene_from_source
+    other = view.right_camera.transformed(motion)
+    same = (left[:, None] == found.source_px[None]).all(axis=2).argmax(axis=1)
+    points = np.asarray(motion.apply(found.motion.points[same]), dtype=np.float64)
+    wrong = np.median(right - other.project(points), axis=0)
+    there = triangulate(standing, other, pixel[None], (own.right_px - wrong)[None])[0][0]
+    gap = float((there - place) @ ray)
+    away = float(np.linalg.norm(place - standing.C))
+    noise = RANGE_PX * away**2 / (standing.hs * float(np.linalg.norm(other.C - standing.C)))
+    if not abs(gap) < 3.0 * math.hypot(sigma, noise):
+        return _Place(place, sigma, abs(gap))
+    share = sigma**2 / (sigma**2 + noise**2) if math.isfinite(sigma) else 1.0
+    along = float((place - origin) @ ray) + share * gap
+    return _Place(np.asarray(origin + along * ray), math.sqrt(share) * noise, abs(gap))
+
+
+def _lifted(patch: PointMatch, scene: StereoView) -> PointMatch:
+    """Return a patch brought nearer to the pair by what its stereo may be off."""
+    camera = scene.left_camera
+    ray = patch.point - camera.C
+    away = float(np.linalg.norm(ray))
+    baseline = float(np.linalg.norm(scene.right_camera.C - camera.C))
+    return replace(patch, point=patch.point - RANGE_PX * away / (camera.hs * baseline) * ray)
+
+
+def _blind(
+    standing: CameraModel, scene: StereoView, pixel: Array, patch: PointMatch, sigma_m: float, found: Draped
+) -> float:
+    """Return what pose and surface leave open of the target in the left hazcam image, pixels."""
+    camera = scene.left_camera
+    believed, spread = found.motion.at(patch.point, np.zeros((3, 3)))
+    # the same place in the navcam's own frame: its pixel moves with the motion's error
+    there = standing.transformed(found.motion.new_from_old).jacobian(believed)
+    slope = np.zeros((2, 2))
+    for k, beside in enumerate(pixel + np.eye(2)):
+        met = on_plane(standing, beside, patch)
+        if met is not None:
+            slope[:, k] = np.asarray(camera.project(met)) - patch.left_px
+    lift = camera.jacobian(patch.point) @ standing.back_project(pixel)[1] * sigma_m
+    spread_px = slope @ there @ spread @ there.T @ slope.T
+    return math.sqrt(0.5 * float(np.trace(spread_px) + lift @ lift))
+
+
+def _ranged_here(side: Side, found: Draped) -> tuple[Array, Array, Array]:
+    """Return the agreeing patches that the navcam pair ranges too: left (n, 2), right (n, 2), seen (n, 4)."""
+    view = side.view
+    kept, right = [], []
+    for n, place in enumerate(found.motion.points):
+        match = side.point(found.source_px[n], float(np.linalg.norm(place - view.left_camera.C)))
+        if match is not None and match.score > 0.8:
+            kept.append(n)
+            right.append(match.right_px)
+    index = np.array(kept, dtype=np.int64)
+    corner = np.array([np.hstack((m.left_px, m.right_px)) for m in found.matches]).reshape(-1, 4)
+    shift = found.found_px - corner[:, :2]
+    seen = corner + np.hstack((shift, shift))
+    return found.source_px[index], np.array(right).reshape(-1, 2), seen[index]

@@ -13,17 +13,18 @@ residuals found; bootstrap over points that carry their errors along with them c
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from rover_iface.cameras.model import Array
+from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.frames import Transform
 from rover_iface.vision.sift_features import Features
 from rover_iface.vision.tracker import StereoView
 
 Mask = npt.NDArray[np.bool_]
+Cameras = tuple[CameraModel, ...]
 LEAST_SHARE = 0.35
 """Share of the matches below which a consensus may be that of a thing that moves by itself."""
 
@@ -110,13 +111,14 @@ def find_motion(
         return None
     i, j = pairs[:, 0], pairs[:, 1]
     p, q = old.points[i], new.points[j]
+    cameras = view.left_camera, view.right_camera
     seen = np.hstack((new.left_px[j], new.right_px[j]))
     unit = old.unit_covariance[i]
     rotations, translations = _draw(p, q, draws, rng)
     if not len(rotations):
         return None
     moved = np.einsum("kab,nb->kna", rotations, p) + translations[:, None]
-    miss = _project(view, moved) - seen
+    miss = _project(cameras, moved) - seen
     with np.errstate(invalid="ignore"):
         agree: Mask = np.asarray((np.abs(miss) < 2.0 * inlier_px).all(axis=2))
     support = agree.sum(axis=1)
@@ -129,31 +131,64 @@ def find_motion(
     rotation, translation, good = _horn_many(p[best][None], q[best][None])
     if not good[0]:
         return None
-    fit = Transform(rotation[0], translation[0])
+    settled = settle(
+        Transform(rotation[0], translation[0]),
+        p,
+        unit,
+        seen,
+        cameras,
+        best,
+        inlier_px=inlier_px,
+        sigma_px=sigma_px,
+    )
+    if settled is None:
+        return None
+    motion, best = settled
+    shift_m = float(np.median(np.linalg.norm(motion.points - p[best], axis=1)))
+    return replace(motion, doubtful=shift_m > limit_m or float(best.mean()) < LEAST_SHARE)
+
+
+def settle(
+    guess: Transform,
+    p: Array,
+    unit: Array,
+    seen: Array,
+    cameras: Cameras,
+    best: Mask,
+    *,
+    inlier_px: float,
+    sigma_px: float,
+) -> tuple[Motion, Mask] | None:
+    """Return the motion refitted until its consensus is stable, and that consensus; None below four.
+
+    Parameters
+    ----------
+    p, unit
+        (n, 3) points before the motion and their covariance (n, 3, 3) for one pixel of error.
+    seen
+        (n, 2 k) where the k cameras show them after it.
+    best
+        (n,) the consensus to begin with.
+    """
+    fit = guess
     for _ in range(10):
-        fit, _, _ = _refine(fit, p[best], unit[best], seen[best], view)
-        again = _mahalanobis(fit, p, unit, seen, view) < inlier_px**2
+        fit, _, _ = _refine(fit, p[best], unit[best], seen[best], cameras)
+        again = _mahalanobis(fit, p, unit, seen, cameras) < inlier_px**2
         if again.sum() < 4:
             return None
         if np.array_equal(again, best):
             break
         best = again
-    fit, normal, variance = _refine(fit, p[best], unit[best], seen[best], view)
+    fit, normal, variance = _refine(fit, p[best], unit[best], seen[best], cameras)
     now = np.asarray(fit.apply(p[best]), dtype=np.float64)
-    # few residuals tell little of the noise: the expected one counts like twenty matches
-    count = 4.0 * float(best.sum())
-    scale = (variance * max(count - 6.0, 1.0) + 80.0 * sigma_px**2) / (max(count - 6.0, 1.0) + 80.0)
-    return Motion(
-        fit,
-        np.asarray(scale * np.linalg.inv(normal)),
-        now.mean(axis=0),
-        int(best.sum()),
-        len(pairs),
-        now,
-        seen[best, :2],
-        math.sqrt(variance),
-        bool(np.median(np.linalg.norm(now - p[best], axis=1)) > limit_m or best.mean() < LEAST_SHARE),
-    )
+    # few residuals tell little of the noise: the expected one counts like twenty matches in two images
+    count = max(float(seen.shape[1] * best.sum()) - 6.0, 1.0)
+    scale = (variance * count + 80.0 * sigma_px**2) / (count + 80.0)
+    covariance = np.asarray(scale * np.linalg.inv(normal))
+    count_in = int(best.sum())
+    pixels = seen[best, :2]
+    residual = math.sqrt(variance)
+    return Motion(fit, covariance, now.mean(axis=0), count_in, len(p), now, pixels, residual), best
 
 
 def find_motion_published(
@@ -203,43 +238,43 @@ def _draw(p: Array, q: Array, draws: int, rng: np.random.Generator) -> tuple[Arr
     return rotations[good], translations[good]
 
 
-def _project(view: StereoView, points: Array) -> Array:
-    """Return (..., 4): sample and line in the left and the right image."""
-    return np.concatenate((view.left_camera.project(points), view.right_camera.project(points)), axis=-1)
+def _project(cameras: Cameras, points: Array) -> Array:
+    """Return (..., 2 k): sample and line in the image of each camera."""
+    return np.concatenate([camera.project(points) for camera in cameras], axis=-1)
 
 
 def _weights(rotation: Array, unit: Array, jacobian: Array) -> Array:
-    """Return (n, 4, 4), inverse covariance of the residuals for one pixel of error everywhere."""
+    """Return (n, 2 k, 2 k), inverse covariance of the residuals for one pixel of error everywhere."""
     turned = jacobian @ rotation
-    return np.asarray(np.linalg.inv(np.eye(4) + turned @ unit @ np.swapaxes(turned, 1, 2)))
+    return np.asarray(np.linalg.inv(np.eye(turned.shape[1]) + turned @ unit @ np.swapaxes(turned, 1, 2)))
 
 
-def _jacobian(view: StereoView, points: Array) -> Array:
-    return np.concatenate((view.left_camera.jacobian(points), view.right_camera.jacobian(points)), axis=1)
+def _jacobian(cameras: Cameras, points: Array) -> Array:
+    return np.concatenate([camera.jacobian(points) for camera in cameras], axis=1)
 
 
-def _mahalanobis(fit: Transform, p: Array, unit: Array, seen: Array, view: StereoView) -> Array:
+def _mahalanobis(fit: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras) -> Array:
     """Return (n,), squared residuals in pixels, weighted; not finite ones as infinity."""
     moved = np.asarray(fit.apply(p), dtype=np.float64)
-    r, j = seen - _project(view, moved), _jacobian(view, moved)
+    r, j = seen - _project(cameras, moved), _jacobian(cameras, moved)
     good = np.isfinite(r).all(axis=1) & np.isfinite(j).all(axis=(1, 2))
     out = np.full(len(p), np.inf)
     w = _weights(np.asarray(fit.rotation, np.float64), unit[good], j[good])
-    # two of the four coordinates' worth: comparable with the error in one image
-    out[good] = 0.5 * np.einsum("na,nab,nb->n", r[good], w, r[good])
+    # two coordinates' worth: comparable with the error in one image
+    out[good] = np.einsum("na,nab,nb->n", r[good], w, r[good]) / len(cameras)
     return out
 
 
 def _refine(
-    guess: Transform, p: Array, unit: Array, seen: Array, view: StereoView
+    guess: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras
 ) -> tuple[Transform, Array, float]:
-    """Return the motion that fits both images best, its normal matrix about the middle, and the variance."""
+    """Return the motion that fits all images best, its normal matrix about the middle, and the variance."""
     rotation, translation = np.asarray(guess.rotation, np.float64), np.asarray(guess.translation, np.float64)
     normal: Array = np.eye(6)
     variance = 1.0
     for _ in range(8):
         moved = p @ rotation.T + translation
-        r, slope = seen - _project(view, moved), _jacobian(view, moved)
+        r, slope = seen - _project(cameras, moved), _jacobian(cameras, moved)
         good = np.isfinite(r).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
         if good.sum() < 3:
             break
@@ -247,12 +282,14 @@ def _refine(
         turn = -np.stack([cross(v) for v in moved[good] - centre])
         j = np.concatenate((slope[good] @ turn, slope[good]), axis=2)
         w = _weights(rotation, unit[good], slope[good])
-        distance = np.sqrt(0.25 * np.einsum("na,nab,nb->n", r[good], w, r[good]))
+        distance = np.sqrt(np.einsum("na,nab,nb->n", r[good], w, r[good]) / seen.shape[1])
         w = w / np.maximum(1.0, distance / 0.5)[:, None, None]
         jw = np.swapaxes(j, 1, 2) @ w
         normal = (jw @ j).sum(axis=0) + 1e-9 * np.eye(6)
         step = np.linalg.solve(normal, (jw @ r[good][..., None]).sum(axis=0)[:, 0])
-        variance = float(np.einsum("na,nab,nb->", r[good], w, r[good])) / max(1, 4 * int(good.sum()) - 6)
+        variance = float(np.einsum("na,nab,nb->", r[good], w, r[good])) / max(
+            1, seen.shape[1] * int(good.sum()) - 6
+        )
         small = small_rotation(step[:3])
         rotation = small @ rotation
         translation = small @ (translation - centre) + centre + step[3:]

@@ -166,7 +166,7 @@ class TemplateMatcher:
         half = options.context_px // 2
         out = np.empty((options.context_px, options.context_px), np.float32)
         distance = float(np.linalg.norm(point - camera.C))
-        scale = source.range_m / distance
+        scale = template_scale(source.range_m, distance) * camera.hs / source.camera.hs
         warp = options.warp
         if warp == "plane":
             toward = (camera.C - point) / distance

@@ -1,0 +1,267 @@
+"""Draped patches: one camera's picture laid over the surface that a stereo pair ranges, and found there.
+
+Corners of the pair's left image are ranged with their slant. Each says how the other camera's picture must
+look there if its pose is as guessed; where it is found instead tells the pose (`resection`). Only the pair's
+geometry enters, so that a navcam pair that ranges wrongly does not matter. The guess may come from features
+common to both images (`from_features`), from registration of surfaces or from dead reckoning.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.stereo import Cloud, PointMatch, PointStereo, point_stereo, triangulate
+from rover_iface.frames import Transform
+from rover_iface.vision.resection import resect
+from rover_iface.vision.sift_features import Descriptors, Features, mutual
+from rover_iface.vision.sift_motion import Motion
+from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
+from rover_iface.vision.tracker import Image, StereoView
+
+SIGMA_PX = 0.3
+"""Error of the place of a patch in the pair's left image."""
+TEMPLATE_PX, CONTEXT_PX = 15, 25
+FEATURE_RATIO, FEATURE_GATE_PX, FEATURE_REACH_PX = 0.85, 200.0, 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class DrapeOptions:
+    """Parameters of the patches.
+
+    Attributes
+    ----------
+    patches, reach_m
+        How many, and how far from the middle.
+    clear_px
+        How near to the middle none is taken.
+    search_px
+        Search round the prediction, of one pass after the other.
+    least_score
+        Correlation below which a patch has not been found.
+    inlier_px
+        Consensus distance, pixels of the pair's left image.
+    """
+
+    patches: int = 60
+    reach_m: float = 0.35
+    clear_px: float = 10.0
+    search_px: tuple[int, ...] = (14, 5)
+    least_score: float = 0.4
+    inlier_px: float = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Draped:
+    """What the patches agree on.
+
+    Attributes
+    ----------
+    motion
+        Brings points of the pair's frame to where the picture's camera is believed to see them.
+    matches
+        The patches that agree, as the pair ranged them.
+    source_px, found_px
+        (n, 2): where the picture and the pair's left image show each of those.
+    """
+
+    motion: Motion
+    matches: tuple[PointMatch, ...]
+    source_px: Array
+    found_px: Array
+
+    @property
+    def scene_from_source(self) -> Transform:
+        """Return the motion that puts the picture's camera right in the frame of the pair."""
+        return self.motion.new_from_old.inverse()
+
+
+def range_pixel(scene: StereoView, pixel: Array, expected_m: float) -> PointMatch | None:
+    """Return the surface under a pixel of the pair's left image, None where the patch is not found again."""
+    found = point_stereo(
+        scene.left,
+        scene.right,
+        scene.left_camera,
+        scene.right_camera,
+        pixel,
+        options=PointStereo(template_px=TEMPLATE_PX, plane_px=19, nearest_m=0.2),
+        expected_range_m=expected_m,
+        range_spread=0.3,
+    )
+    return found if found is not None and found.score > 0.6 else None
+
+
+def find_patches(
+    scene: StereoView, cloud: Cloud, middle: Array, standing: CameraModel, options: DrapeOptions
+) -> list[PointMatch]:
+    """Return ranged corners of the pair's left image that the other camera has in view, by its `standing`.
+
+    They lie on the dense cloud round a surface point (3,), whose own place is left out.
+    """
+    import cv2
+
+    camera = scene.left_camera
+    away = float(np.linalg.norm(middle - camera.C))
+    near = cloud.points[np.linalg.norm(cloud.points - middle, axis=1) < options.reach_m]
+    near = near[standing.sees(near, CONTEXT_PX / 2)]
+    pixels = np.round(camera.project(np.vstack((near, middle))))
+    if len(near) < 20 or not np.isfinite(pixels[-1]).all():
+        return []
+    mask = np.zeros(scene.left.shape, np.uint8)
+    margin = CONTEXT_PX // 2
+    rows, columns = scene.left.shape
+    held = (pixels >= margin).all(axis=1) & (pixels < np.array([columns, rows]) - margin).all(axis=1)
+    inside = pixels[held].astype(np.int64)
+    mask[inside[:, 1], inside[:, 0]] = 255
+    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))
+    cv2.circle(mask, tuple(pixels[-1].astype(int).tolist()), round(options.clear_px), 0, -1)
+    spacing = max(4.0, 0.8 * math.sqrt(float((mask > 0).sum()) / options.patches))
+    smooth = cv2.GaussianBlur(scene.left, (0, 0), 1.0)
+    corners = cv2.goodFeaturesToTrack(smooth, options.patches, 0.003, spacing, mask=mask)
+    places = [] if corners is None else corners.reshape(-1, 2).astype(np.float64)
+    found = [range_pixel(scene, place, away) for place in places]
+    return [match for match in found if match is not None and match.score > 0.75]
+
+
+def find_draped(
+    image: Image, camera: CameraModel, source_px: Array, scene: StereoView, patch: PointMatch, search_px: int
+) -> tuple[Array, float] | None:
+    """Return where the pair's left image shows what the other camera has at `source_px`, and its correlation.
+
+    The picture is draped over the plane of `patch`, in the frame of the pair. None where either sees the
+    plane too flat or its image does not hold the template.
+    """
+    for eye in (camera.C, scene.left_camera.C):
+        toward = eye - patch.point
+        if patch.normal @ toward <= 0.2 * np.linalg.norm(toward):
+            return None
+    away = float(np.linalg.norm(patch.point - camera.C))
+    source = Template(image, camera, source_px, patch.point, patch.normal, away, 0.0)
+    matcher = TemplateMatcher(
+        NccOptions(search_px=search_px, template_px=TEMPLATE_PX, context_px=CONTEXT_PX, coarse=False)
+    )
+    expected = np.asarray(scene.left_camera.project(patch.point))
+    template = matcher.predict(source, scene.left_camera, expected, patch.point)
+    if template is None:
+        return None
+    found = matcher.search(scene.left, template, expected)
+    if found is None or np.abs(found[0] - expected).max() > search_px + 1.0:
+        return None
+    return found
+
+
+def on_plane(camera: CameraModel, pixel: Array, patch: PointMatch) -> Array | None:
+    """Return where the ray of a pixel meets the plane of a patch (3,), None where they hardly do."""
+    origin, ray = camera.back_project(pixel)
+    down = float(ray @ patch.normal)
+    if abs(down) < 0.1:
+        return None
+    return np.asarray(origin + float((patch.point - origin) @ patch.normal) / down * ray)
+
+
+def drape(
+    image: Image,
+    camera: CameraModel,
+    scene: StereoView,
+    cloud: Cloud,
+    middle: Array,
+    guess: Transform,
+    options: DrapeOptions | None = None,
+) -> Draped | None:
+    """Return what patches round a surface point say of a camera's pose, None where fewer than four agree.
+
+    Parameters
+    ----------
+    image, camera
+        The picture and its camera as believed.
+    scene, cloud
+        The pair whose geometry counts, and its dense cloud.
+    middle
+        (3,), frame of the pair: round which the patches are taken.
+    guess
+        Motion that puts the camera right in that frame.
+    """
+    options = options or DrapeOptions()
+    patches = find_patches(scene, cloud, middle, camera.transformed(guess), options)
+    best: Draped | None = None
+    for search_px in options.search_px:
+        found = _pass(image, camera, scene, patches, guess, search_px, options)
+        if found is None:
+            break
+        best, guess = found, found.scene_from_source
+    return best
+
+
+def _pass(
+    image: Image,
+    camera: CameraModel,
+    scene: StereoView,
+    patches: list[PointMatch],
+    guess: Transform,
+    search_px: int,
+    options: DrapeOptions,
+) -> Draped | None:
+    """Return what the patches agree on that are found within a reach of where a guess has them."""
+    standing = camera.transformed(guess)
+    matches, sources, places, points = [], [], [], []
+    for patch in patches:
+        source_px = np.asarray(standing.project(patch.point))
+        if not np.isfinite(source_px).all():
+            continue
+        found = find_draped(image, standing, source_px, scene, patch, search_px)
+        if found is None or found[1] < options.least_score:
+            continue
+        point = on_plane(scene.left_camera, found[0], patch)
+        if point is not None:
+            matches.append(patch)
+            sources.append(source_px)
+            places.append(found[0])
+            points.append(point)
+    if len(points) < 4:
+        return None
+    left, right = (np.array([getattr(m, side) for m in matches]) for side in ("left_px", "right_px"))
+    unit = triangulate(scene.left_camera, scene.right_camera, left, right, sigma_px=1.0)[1]
+    here, there = np.array(points), np.array(sources)
+    away = np.median(np.linalg.norm(here - scene.left_camera.C, axis=1))
+    growth = camera.hs / float(np.median(np.linalg.norm(here - standing.C, axis=1)))
+    growth *= float(away) / scene.left_camera.hs
+    settled = resect(
+        here, unit, there, camera, reach_px=options.inlier_px * max(1.0, growth), sigma_px=SIGMA_PX
+    )
+    if settled is None:
+        return None
+    motion, agree = settled
+    kept = tuple(match for match, good in zip(matches, agree, strict=True) if good)
+    return Draped(motion, kept, there[agree], np.array(places)[agree])
+
+
+def from_features(
+    image_features: tuple[Array, Descriptors], camera: CameraModel, scene: Features, least: int
+) -> Transform | None:
+    """Return the motion that puts a camera right, by features that its picture shares with a ranged pair.
+
+    `image_features` are pixels (n, 2) and descriptors of the picture. None where fewer than `least` agree:
+    pictures from other directions share few, and four of them agree by chance.
+    """
+    pixels, descriptors = image_features
+    if len(pixels) < 2 or len(scene) < 2:
+        return None
+    expected = np.asarray(camera.project(scene.points))
+    with np.errstate(invalid="ignore"):
+        gate = np.abs(expected[:, None] - pixels[None]).max(axis=2) < FEATURE_GATE_PX
+    pairs = mutual(scene.descriptors, descriptors, FEATURE_RATIO, gate)
+    one, two = pairs[:, 0], pairs[:, 1]
+    settled = resect(
+        scene.points[one],
+        scene.unit_covariance[one],
+        pixels[two],
+        camera,
+        reach_px=FEATURE_REACH_PX,
+        sigma_px=SIGMA_PX,
+    )
+    if settled is None or settled[0].inliers < least:
+        return None
+    return settled[0].new_from_old.inverse()
