@@ -256,12 +256,12 @@ def dense_stereo(
 
     Every `step`-th pixel gives a point, if its 9 x 9 neighbourhood varies by `least_contrast` of 255 and both
     images agree on it. Nothing may be nearer than `nearest_m` (depth along the axis): what is matches
-    falsely. The aligned pair is enlarged by `scale`: an aligned fisheye pair is coarser in its middle than the
-    images are, which costs depth.
+    falsely. The aligned pair is enlarged by `scale`: an aligned fisheye pair is coarser in its middle than
+    the images are, which costs depth.
 
-    The frame is widened to the left by the largest disparity. What lies there has no match inside the frame of
-    the right camera, but may have one in its image: in subframes that were cut differently, or where aligning
-    turned the cameras.
+    The frame is widened to the left by the largest disparity. What lies there has no match inside the frame
+    of the right camera, but may have one in its image: in subframes that were cut differently, or where
+    aligning turned the cameras.
 
     Raises
     ------
