@@ -15,8 +15,8 @@ from rover_iface.errors import WorldError
 from rover_iface.frames import Pose, Transform
 from rover_iface.navigation.sensor import GroundRaster
 from rover_iface.simulator.chassis import Chassis
-from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.own_shadow import OwnShadow
+from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.world import World, WorldTarget
 from rover_iface.soltime import SunClock
