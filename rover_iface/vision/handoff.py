@@ -260,16 +260,21 @@ def scaled_window(
     `point` (3,) is where the target is believed, frame of the cameras: it tells scale and search. None
     where the window does not lie in both images. A correlation below 0.7 should not be believed.
     """
+    import cv2
+
     from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
 
     place, at = np.asarray(point, dtype=np.float64), np.asarray(pixel, dtype=np.float64)
     toward = pancam_camera.C - place
     away = float(np.linalg.norm(toward))
+    # the pancam sees what the navcam's optics blur
+    shrink = (pancam_camera.hs / away) / (navcam_camera.hs / float(np.linalg.norm(navcam_camera.C - place)))
+    smooth = cv2.GaussianBlur(pancam, (0, 0), max(0.1, 0.35 * shrink)).astype(np.float32)
     expected = np.asarray(navcam_camera.project(place))
     if not np.isfinite(expected).all():
         return None
     matcher = TemplateMatcher(NccOptions(template_px=TEMPLATE_PX, search_px=search_px))
-    source = Template(pancam, pancam_camera, at, place, toward / away, away, 0.0)
+    source = Template(smooth, pancam_camera, at, place, toward / away, away, 0.0)
     template = matcher.predict(source, navcam_camera, expected, place)
     found = None if template is None else matcher.search(navcam, template, expected)
     return None if found is None else Found(found[0], found[1])
