@@ -85,9 +85,9 @@ class Look:
     """How rough the surface is below the triangles; the defaults pass the texture acceptance test."""
 
     soil_slope: float = 0.10
-    stone_slope: float = 0.11
-    mottle: float = 0.14
-    bounce: float = 0.35
+    stone_slope: float = 0.06
+    mottle: float = 0.115
+    bounce: float = 0.7
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ Grey = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class TextureStatistics:
-    """Medians over 64-pixel patches; SIFT over the whole image given.
+    """Medians over 64-pixel patches, one every 32 pixels; SIFT over the whole image given.
 
     Attributes
     ----------
@@ -72,8 +72,8 @@ def measure(image: npt.NDArray[np.generic], mask: npt.NDArray[np.bool_] | None =
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(64), np.fft.fftfreq(64)))
     ring = np.round(frequency * 64).astype(int)
     slopes, energies, contrasts, widths, seconds = [], [], [], [], []
-    for top in range(0, rows - 63, 64):
-        for left in range(0, columns - 63, 64):
+    for top in range(0, rows - 63, 32):
+        for left in range(0, columns - 63, 32):
             cut = (slice(top, top + 64), slice(left, left + 64))
             if mask is not None and not mask[cut].all():
                 continue

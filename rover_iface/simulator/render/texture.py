@@ -11,14 +11,21 @@ import math
 from numba import njit
 
 MASK = 0xFFFFFFFF
-GRAIN = 0.4, 0.9, 10.0
+GRAIN = 1.35, 0.4, 10.0
 """Grain of rock finer than 10 cm against the coarse octaves: factor there, power by which it grows, limit."""
 
-DUST = 0.40, 1.6, 0.06
-"""Bare rock: share where the noise is 0, growth with the noise, and the grain that shows through dust."""
+DUST = 0.2, 2.0, 0.06, 0.12
+"""Bare rock: share where the noise is 0, growth with the noise, the grain that shows through dust; and by how
+much dust is darker or brighter than the mean."""
 
-CHIPS = 0.12, 0.05, 0.35
+DUST_OCTAVES = 0.0, 0.35, 0.5, 0.35, 0.5
+"""Weights of the octaves in that noise, the last for all finer ones: patches of dust have ragged edges."""
+
+CHIPS = 0.06, 0.06, 0.35
 """Facets of rock: slope, brightness, and by how much of a cell their lattice is bent."""
+
+TINT_LIMIT = 0.65
+"""What the brightness of rock varies by at most, share of its albedo."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -218,7 +225,8 @@ def stone(
 ) -> tuple[float, float, float, float]:
     """Return brightness variation and the gradient of a rock surface's height: chipped facets, grain, dust.
 
-    Facets are cells of a lattice bent by the coarser octaves; where dust lies, the grain fades.
+    Facets are cells of a lattice bent by the coarser octaves. Where dust lies the grain fades; its patches are
+    of all sizes: quiet and rough places lie side by side at every range.
     """
     tint, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
     bend, bare, dust = 0.0, 1.0, 0.0
@@ -229,8 +237,8 @@ def stone(
         c, s = math.cos(0.9 * level + 0.3), math.sin(0.9 * level + 0.3)
         u, v, w = (c * x + s * z) / wavelength, y / wavelength + 3.7 * level, (c * z - s * x) / wavelength
         n, nu, nv, nw = noise3(u, v, w, salt + level)
-        if level == 1 or level == 2 or level == 3:
-            dust += n * (0.5 if level == 2 else 0.35)
+        if level >= 1:
+            dust += n * DUST_OCTAVES[min(level, 4)]
             bare = min(1.0, max(0.0, DUST[0] + DUST[1] * dust))
             bare = DUST[2] + (1.0 - DUST[2]) * bare * bare * (3.0 - 2.0 * bare)
         strength = keep
@@ -260,4 +268,5 @@ def stone(
             0.5 if wavelength > 0.025 else 0.7
         )  # finer steps where octaves come and go with the range
         level += 1
-    return tint, gx, gy, gz
+    tint += DUST[3] * (0.5 - bare)
+    return tint / math.sqrt(1.0 + (tint / TINT_LIMIT) ** 2), gx, gy, gz
