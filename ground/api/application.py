@@ -26,6 +26,7 @@ from ground.api.routers import (
     site_views,
     sols,
     targets,
+    traverses,
     uploads,
 )
 from ground.api.routers import uplink as uplink_router
@@ -63,6 +64,7 @@ def build_api(**options: Any) -> FastAPI:
         uplink_router,
         exchange,
         frames,
+        traverses,
         jobs,
         uploads,
         people,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from sqlalchemy import select
 
-from ground.gdr.models import PackageRow, ProductRow, RunRow, UploadRow
+from ground.gdr.models import PackageRow, ProductRow, RunRow, SiteMapRow, TraverseRow, UploadRow
 from ground.gdr.repository import Repository
 
 FRESH_S = 3600.0
@@ -32,7 +34,13 @@ _NAMED = (
     RunRow.telemetry_sha256,
     UploadRow.sha256,
     PackageRow.sha256,
+    SiteMapRow.sha256,
 )
+
+
+def pictures_of(document: Mapping[str, Any] | None) -> list[str]:
+    """Return the hashes of the pictures of a traverse's stops."""
+    return [] if document is None else [str(stop["picture"]["sha256"]) for stop in document["stops"]]
 
 
 def named_files(repo: Repository) -> dict[str, str]:
@@ -42,6 +50,9 @@ def named_files(repo: Repository) -> dict[str, str]:
         for column in _NAMED:
             query = select(column, column.class_.id).where(column.is_not(None))
             named |= {str(sha256): str(owner) for sha256, owner in session.execute(query)}
+        documents = select(TraverseRow.id, TraverseRow.document).where(TraverseRow.document.is_not(None))
+        for owner, document in session.execute(documents):
+            named |= dict.fromkeys(pictures_of(document), str(owner))
         return named
 
 

@@ -16,11 +16,11 @@ from ground.gdr.ids import new_id
 from ground.gdr.models import utc_now
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
-from ground.services.edit import insert
+from ground.services.edit import insert, update
 from ground.services.kinds import KINDS
 from ground.services.views import show_missions
 
-COPIED = ("sol", "target", "observation_request", "keep_out")
+COPIED = ("frame", "solution", "frame_file", "site_map", "sol", "target", "observation_request", "keep_out")
 """Kinds that a copy has, in the order in which they refer to each other."""
 
 
@@ -49,26 +49,36 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
                 "notes": notes,
                 "author": actor.name,
                 "copied_from": source.id,
+                "anchor_frame_id": None,
             },
         )
         session.add(copy)
         session.flush()
         open_chain(session, copy.id)
         insert(session, actor, KINDS["mission"], copy)
-        _copy_parts(session, actor, source.id, copy.id)
+        new_ids = _copy_parts(session, actor, source.id, copy.id)
+        if source.anchor_frame_id is not None:
+            anchored = {"anchor_frame_id": new_ids[source.anchor_frame_id]}
+            update(session, actor, KINDS["mission"], copy, anchored)
         return show_missions(session, [copy])[0]
 
 
-def _copy_parts(session: Session, actor: Actor, source_id: str, copy_id: str) -> None:
+def _copy_parts(session: Session, actor: Actor, source_id: str, copy_id: str) -> dict[str, str]:
+    """Copy what belongs to a mission; return the new ids by the old ones."""
     new_ids: dict[str, str] = {}
+    found: dict[str, list[Any]] = {}
+    for kind_name in COPIED:
+        rows: Any = KINDS[kind_name].row
+        query = select(rows).where(rows.mission_id == source_id).order_by(rows.id)
+        found[kind_name] = list(session.scalars(query))
+        new_ids |= {row.id: new_id(KINDS[kind_name].prefix) for row in found[kind_name]}
     for kind_name in COPIED:
         kind = KINDS[kind_name]
-        rows: Any = kind.row
-        found = list(session.scalars(select(rows).where(rows.mission_id == source_id).order_by(rows.id)))
-        for row in found:
-            new_ids[row.id] = new_id(kind.prefix)
-        for row in found:
+        for row in found[kind_name]:
             changes: dict[str, Any] = {"id": new_ids[row.id], "mission_id": copy_id, "author": actor.name}
+            for name in ("frame_id", "reference_id", "solution_id", "file_id"):
+                if getattr(row, name, None) is not None:
+                    changes[name] = new_ids[getattr(row, name)]
             if kind_name == "observation_request":
                 changes |= {
                     "target_id": new_ids[row.target_id],
@@ -77,3 +87,4 @@ def _copy_parts(session: Session, actor: Actor, source_id: str, copy_id: str) ->
                     "state_reason": "",
                 }
             insert(session, actor, kind, copy_row(row, changes))
+    return new_ids

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ground.jobs import JobKind
-from ground.services import build_path_network, dry_run, generate_plan
-from ground.work import network_work, plan_work, run_work
+from ground.services import adjust_traverse, build_path_network, dry_run, generate_plan
+from ground.work import network_work, plan_work, run_work, traverse_work
 
 
 def job_kinds() -> Mapping[str, JobKind]:
@@ -16,6 +16,7 @@ def job_kinds() -> Mapping[str, JobKind]:
             build_path_network.KIND, network_work.work, build_path_network.settle, build_path_network.abandon
         ),
         JobKind(generate_plan.KIND, plan_work.work, generate_plan.settle, generate_plan.abandon),
+        JobKind(adjust_traverse.KIND, traverse_work.work, adjust_traverse.settle, adjust_traverse.abandon),
         JobKind(dry_run.KIND, run_work.work, dry_run.settle, dry_run.abandon, dry_run.begin),
     )
     return {kind.name: kind for kind in kinds}

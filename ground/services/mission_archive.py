@@ -22,11 +22,17 @@ from ground.gdr.models import Base, ChainRow, EventRow, MissionRow, TerrainRow, 
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.archives import extract_zip
+from ground.services.check_files import pictures_of
 from ground.services.read_snapshot import JOURNAL
 from ground.services.views import show_missions
 
 FORMAT = "mission/1"
 TABLES = (
+    "frames",
+    "solutions",
+    "frame_files",
+    "site_maps",
+    "traverses",
     "sols",
     "targets",
     "observation_requests",
@@ -42,6 +48,9 @@ TABLES = (
     "packages",
 )
 """Tables with a mission's rows, in the order in which they refer to each other; jobs are not kept."""
+
+SINCE_0002 = ("frames", "solutions", "frame_files", "site_maps", "traverses")
+"""Tables that archives made before them do not have."""
 
 
 def _record(row: Any) -> dict[str, Any]:
@@ -68,7 +77,8 @@ def _rows(session: Session, mission_id: str) -> dict[str, list[dict[str, Any]]]:
 
 
 def _hashes(rows: dict[str, list[dict[str, Any]]]) -> set[str]:
-    named = {r["sha256"] for r in rows["products"]} | {r["sha256"] for r in rows["packages"]}
+    named = {r["sha256"] for name in ("products", "packages", "site_maps") for r in rows[name]}
+    named |= {sha256 for r in rows["traverses"] for sha256 in pictures_of(r["document"])}
     for run in rows["runs"]:
         named |= {run[name] for name in ("trace_sha256", "telemetry_sha256") if run[name]}
     return named
@@ -169,6 +179,7 @@ def _checked(folder: Path) -> dict[str, list[dict[str, Any]]]:
                 f"the archive is damaged: {name} is not what the manifest says (SHA-256 differs)"
             )
     rows: dict[str, list[dict[str, Any]]] = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
+    rows |= {name: [] for name in SINCE_0002 if name not in rows}
     wanted = {"terrains", "missions", *TABLES, "event_chains", "events"}
     mission = rows.get("missions", [{}])[0].get("id")
     if set(rows) != wanted or any(r.get("mission_id") != mission for t in TABLES for r in rows[t]):

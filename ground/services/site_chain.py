@@ -137,7 +137,7 @@ def tie_target(chain: Chain, frame_id: str, columns: Mapping[str, Any]) -> Colum
     return {"frame_id": frame_id, "in_frame": in_frame, "covariance_m2": grown}
 
 
-def _lean(normal: Sequence[float]) -> float:
+def _lean(normal: Any) -> float:
     """Return the angle between a normal and the vertical."""
     return math.acos(min(1.0, max(-1.0, float(normal[2]))))
 

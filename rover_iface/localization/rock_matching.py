@@ -88,8 +88,9 @@ class MatchingOptions:
         Raster of poses.
     reach_sigma
         How far the raster reaches, in deviations of the prior.
-    least_pair
-        A pair is kept when, the pose being right, it is right with this probability.
+    least_pair, least_shown
+        A pair is kept when, the pose being right, it is right with this probability; one that is less sure,
+        down to the second, is told of as rejected.
     sharpness
         What a log likelihood ratio counts; below 1 the verdict is more careful than the model.
     """
@@ -102,6 +103,7 @@ class MatchingOptions:
     turn_step_rad: float = math.radians(1.1)
     reach_sigma: float = 3.0
     least_pair: float = 0.93
+    least_shown: float = 0.1
     sharpness: float = 1.0
     modes: int = 12
     most_rocks: int = 30
@@ -126,6 +128,8 @@ class RockMatch:
     ----------
     pairs
         The most probable first.
+    rejected
+        Pairs that the pose brings together and that were not sure enough to keep, likewise.
     x_m, y_m, z_m, heading_rad
         Second frame in the first by the pairs; the prior's when there are none.
     covariance
@@ -147,6 +151,7 @@ class RockMatch:
     false_probability: float
     chi2_per_pair: float
     overlap: tuple[int, int]
+    rejected: tuple[RockPair, ...] = ()
 
 
 @dataclass(slots=True)
@@ -428,13 +433,16 @@ def _result(
 
     rows, columns = linear_sum_assignment(-top.posterior)
     row_total = top.posterior.sum(axis=1)
-    pairs = []
+    pairs, rejected = [], []
     for i, j in zip(rows, columns, strict=True):
         # a rock of the first stop that two of the second want is certain of neither
         given_pose = float(top.posterior[i, j] / max(1.0, row_total[i]))
         if given_pose >= options.least_pair:
             pairs.append((given_pose * share, int(i), int(j)))
+        elif given_pose >= options.least_shown:
+            rejected.append((given_pose * share, int(i), int(j)))
     pairs.sort(reverse=True)
+    rejected.sort(reverse=True)
     pose, z, covariance, chi2 = _fit(pairs, top, a, b, prior, options)
     return RockMatch(
         tuple(RockPair(int(a.index[i]), int(b.index[j]), p) for p, i, j in pairs),
@@ -446,6 +454,7 @@ def _result(
         1.0 - share,
         chi2,
         overlap,
+        tuple(RockPair(int(a.index[i]), int(b.index[j]), p) for p, i, j in rejected),
     )
 
 

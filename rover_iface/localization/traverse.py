@@ -20,7 +20,7 @@ from rover_iface.localization.bundle_adjustment import Adjustment, BundleAdjustm
 from rover_iface.localization.ground_points import GroundPoints
 from rover_iface.localization.leg import FaultLimits, LegResult, localise_leg
 from rover_iface.localization.rock_extraction import SeenRock, extract_rocks
-from rover_iface.localization.rock_matching import LegPrior, MatchingOptions
+from rover_iface.localization.rock_matching import LegPrior, MatchingOptions, RockPair
 
 Array = npt.NDArray[np.float64]
 FORMAT = "localization/1"
@@ -110,6 +110,16 @@ class Traverse:
         pairs = () if match is None else match.pairs
         one, two = self.rocks[self.names.index(leg.first)], self.rocks[self.names.index(leg.second)]
         start, end = (self.before[self.names.index(name)] for name in (leg.first, leg.second))
+
+        def pair_document(pair: RockPair) -> dict[str, Any]:
+            first, second = one[pair.first], two[pair.second]
+            return {
+                "first_m": [round(float(v), 3) for v in start + first.position],
+                "second_m": [round(float(v), 3) for v in end + second.position],
+                "height_m": round(first.height_m, 3),
+                "probability": round(pair.probability, 4),
+            }
+
         return {
             "first": leg.first,
             "second": leg.second,
@@ -118,15 +128,8 @@ class Traverse:
             "verdict": leg.result.verdict,
             "faults": [refusal.fault.value for refusal in leg.result.refusals],
             "false_probability": None if match is None else match.false_probability,
-            "pairs": [
-                {
-                    "first_m": [round(float(v), 3) for v in start + one[p.first].position],
-                    "second_m": [round(float(v), 3) for v in end + two[p.second].position],
-                    "height_m": round(one[p.first].height_m, 3),
-                    "probability": round(p.probability, 4),
-                }
-                for p in pairs
-            ],
+            "pairs": [pair_document(p) for p in pairs],
+            "rejected": [pair_document(p) for p in (() if match is None else match.rejected)],
         }
 
 
