@@ -40,6 +40,10 @@ COMMANDS = {
             ("product", "product", "get"),
             ("job", "job", "get"),
             ("person", "person", "get change"),
+            ("frame", "frame", "get change"),
+            ("solution", "solution", "get change"),
+            ("site_map", "site-map", "get change delete"),
+            ("traverse", "traverse", "get change delete"),
         )
         for verb, word in (("get", "show"), ("change", "set"), ("delete", "delete"))
         if verb in verbs.split()
@@ -62,8 +66,22 @@ COMMANDS = {
             ("people", "person"),
             ("approvals", "approval"),
             ("history", "history"),
+            ("frames", "frame"),
+            ("solutions", "solution"),
+            ("site_maps", "site-map"),
+            ("traverses", "traverse"),
         )
     },
+    "create_frame": "frame add",
+    "list_frame_files": "frame files",
+    "import_frames": "frame import",
+    "export_frames": "frame export",
+    "choose_solution": "frame use",
+    "create_solution": "solution add",
+    "create_site_map": "site-map add",
+    "get_site_map_file": "site-map get",
+    "create_traverse": "traverse adjust",
+    "get_traverse_picture": "traverse picture",
     "create_target": "target add",
     "create_mission": "mission create",
     "copy_mission": "mission copy",
@@ -163,6 +181,7 @@ def test_every_command_about_resources_says_that_it_needs_a_server(program: type
             "network",
             "problem",
         }
+        | {"frame", "solution", "site-map", "traverse"}
         | {"product", "job", "approval", "history", "person", "exchange", "api", "make-plan", "dry-run"}
         and "Needs a server." not in about
         and "Needs no server." not in about
@@ -234,3 +253,29 @@ def test_a_mission_is_worked_on_from_the_command_line(
     assert (tmp_path / "h.bin").stat().st_size > 0
     assert "name=value" in run("target", "set", target, "notes", code=2)
     assert httpx.get(f"{server}/healthz").status_code == 200
+
+
+def test_a_site_chain_is_imported_solved_anew_and_exported(
+    run: Callable[..., str], sqlite_repo: Repository, terrain_folder: Path, tmp_path: Path
+) -> None:
+    from rover_iface.localization.site_frames import parse_frame_file, print_frame_file
+    from tests.ground.test_site_chain import chain_file
+
+    mission = yard(sqlite_repo, terrain_folder).id
+    source, out = tmp_path / "chain.svf", tmp_path / "out.svf"
+    source.write_text(print_frame_file(chain_file()))
+    assert "5 solutions, 0 known before" in run("frame", "import", mission, str(source))
+    assert "chain.svf  5 new" in run("frame", "files", mission)
+    run("frame", "export", mission, str(out))
+    assert parse_frame_file(out.read_bytes()) == chain_file()
+    frames = {line.split("  ")[2]: line.split("  ")[0] for line in run("frame", "list", mission).splitlines()}
+    two = frames["[2]"]
+    target = run("target", "add", mission, "4.0", "1.0", "--name", "Rock").split()[0]
+    run("target", "set", target, f"frame_id={two}")
+    made = run("solution", "add", two, frames["[1]"], "2.5,3,0.1", "--sigma", "0,0,0.01,0.3,0.2,0.1")
+    assert "moved 0.500 m" in run("frame", "use", two, made, "--preview")
+    assert "Rock  moved 0.500 m, deviation" in run("frame", "use", two, made, "--reason", "better")
+    assert "no solution in use ties" in run("frame", "use", two, "none", code=2)
+    listed = run("solution", "list", mission, "--where", f"frame_id={two}").splitlines()
+    assert [line.split("  ")[1:3] for line in listed] == [["telemetry", "False"], ["ground", "True"]]
+    assert "is not 3 numbers" in run("solution", "add", two, frames["[1]"], "2.5,3", code=2)
