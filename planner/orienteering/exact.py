@@ -23,14 +23,21 @@ from planner.orienteering.check import checked
 from planner.orienteering.label_kernels import NEVER, expand
 from planner.orienteering.layout import Layout, Root
 from planner.orienteering.problem import IntArray, RoutingProblem, RoutingSolution
-from planner.orienteering.relaxation import Multipliers, Relaxation
+from planner.orienteering.relaxation import Multipliers, Relaxation, Slack, slack_of
 
 ENGINE = "exact"
 
-_RECENTRE = (2, 5, 9, 14, 20)  # rounds after which the prices of energy are set round the best of them
-_LOOKS = (4, 12)  # rounds after which a narrow pass looks for a better route
-_BRANCH_ROUNDS = 8  # multiplier rounds for a branch that the shared table does not settle
-_WIDTHS = (30, 150, 1500, 15_000, 150_000, 1_500_000)
+_RECENTRE = (2, 5, 9)  # rounds after which the prices of energy are set round the best of them
+_LOOKS = (4, 10)  # rounds after which a narrow pass looks for a better route
+_WIDTHS = (30, 150, 1500, 40_000, 1_500_000)
+_EASY = 1500  # width of the last pass before the midday table is made
+
+_MIDDAY = 0.5  # share of the budgets that is spent where the multipliers of the search's table are set
+_MIDDAY_BUCKETS = 80  # of time, in the tables for these rounds
+_MIDDAY_ROUNDS = 10
+_MIDDAY_RECENTRE = (0, 3, 8)
+_MIDDAY_PACE = 0.15  # share of the gap that a step is after
+_MEMORY = 0.7  # weight of the earlier steps in the next one: without it they undo each other
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +54,7 @@ class ExactOptions:
     coarse_cells: int = 1_000_000
     buckets: int = 400
     coarse_buckets: int = 130
-    rounds: int = 35
+    rounds: int = 12
     labels: int = 3_000_000
 
 
@@ -63,7 +70,8 @@ class ExactSolver:
         self._options = options
         self._layout = Layout(problem)
         self._relaxed = Relaxation(self._layout)
-        self._ready = self._fine = False
+        self._noon: Relaxation | None = None
+        self._ready = False
         self._found: tuple[int, tuple[int, ...]] | None = None
         self.iterations = 0
 
@@ -82,31 +90,44 @@ class ExactSolver:
             buckets *= 2
         return min(buckets, cells // (self._layout.states * lanes))
 
-    def _fill(self, *, fine: bool) -> None:
-        self._relaxed.fill(self._buckets(fine=fine))
-        self._fine = fine
+    def _midday(self) -> Relaxation:
+        """Return the relaxation for wide passes: multipliers set for a start at noon, with a fine table.
 
-    def _sharpened(self, root: Root, incumbent: int) -> Relaxation:
-        """Return a relaxation whose multipliers and prices were moved for a branch, with a fine table."""
-        relaxed = self._relaxed.twin()
+        Most labels of a wide pass stand in the middle of the day. Multipliers that are best at noon make the
+        bound at the root a little worse and that of these labels much better: at 30 sites a third of the
+        labels is left, also for other starts, times and energies.
+        """
+        if self._noon is not None:
+            return self._noon
+        p, lay, relaxed = self._problem, self._layout, self._relaxed.twin()
+        root = lay.root(p)
+        root = replace(
+            root,
+            time=root.time + int(_MIDDAY * (p.time_budget - root.time)),
+            fuel=root.fuel + int(_MIDDAY * (lay.e_budget - root.fuel)),
+        )
         _, lane = self._relaxed.completion(root)
+        target = 0.0 if self._found is None else (1.0 - _MIDDAY) * self._found[0]
         best_bound, best = math.inf, relaxed.multipliers
-        for r in range(_BRANCH_ROUNDS):
-            if r in (0, 3):
+        way: Slack | None = None
+        for r in range(_MIDDAY_ROUNDS):
+            if r in _MIDDAY_RECENTRE:
                 relaxed.recentre(lane)
-            relaxed.fill(self._buckets(fine=False), root.time)
+            relaxed.fill(min(_MIDDAY_BUCKETS, self._buckets(fine=False)), root.time)
             value, lane = relaxed.completion(root)
             if value <= NEVER // 2:
                 break
             bound = (relaxed.offset + value + relaxed.start(root)) / relaxed.scale
             if bound < best_bound:
                 best_bound, best = bound, relaxed.multipliers
-            length = 0.5 * max(bound - max(incumbent, 0), 0.5)
-            step = _step(self._layout, relaxed.multipliers, relaxed.walk(root, lane), length)
+            slack = slack_of(lay, relaxed.walk(root, lane))
+            way = slack if way is None else slack.plus(way, _MEMORY)
+            step = relaxed.multipliers.stepped(lay, way, _MIDDAY_PACE * max(bound - target, 0.5))
             if step is not None:
                 relaxed.set(step)
         relaxed.set(best)
-        relaxed.fill(self._buckets(fine=True), root.time)
+        relaxed.fill(self._buckets(fine=True))
+        self._noon = relaxed
         return relaxed
 
     def prepare(self, seconds: float = math.inf) -> None:
@@ -121,7 +142,7 @@ class ExactSolver:
         relaxed.set(now)
         root = lay.root(self._problem)
         best_bound, best = math.inf, now
-        self._fill(fine=False)
+        relaxed.fill(self._buckets(fine=False))
         incumbent, route, _ = self._pass(relaxed, root, 30, -1, started + seconds)
         pace, quiet, lane = 1.0, 0, 0
         for r in range(self._options.rounds):
@@ -129,7 +150,7 @@ class ExactSolver:
                 if r in _RECENTRE:
                     relaxed.recentre(lane)
                 relaxed.set(now)
-                self._fill(fine=False)
+                relaxed.fill(self._buckets(fine=False))
             value, lane = relaxed.completion(root)
             if value <= NEVER // 2:
                 break
@@ -146,12 +167,13 @@ class ExactSolver:
                     pace, quiet = pace / 2, 0
             if bound - max(incumbent, 0) < 1.0 or time.perf_counter() - started > seconds:
                 break
-            step = _step(lay, now, relaxed.walk(root, lane), pace * max(bound - max(incumbent, 0), 0.5))
+            slack = slack_of(lay, relaxed.walk(root, lane))
+            step = now.stepped(lay, slack, pace * max(bound - max(incumbent, 0), 0.5))
             if step is None and r >= max(_RECENTRE):
                 break
             now = now if step is None else step
         relaxed.set(best)
-        self._fill(fine=False)
+        relaxed.fill(self._buckets(fine=False))
         self._ready = True
         self._found = (incumbent, route) if incumbent > 0 else None
 
@@ -207,16 +229,13 @@ class ExactSolver:
             bound = (self._relaxed.offset + left + self._relaxed.start(root)) // self._relaxed.scale
             upper = max(best, bound)
             budget = math.inf if iterations is None else made_before + iterations
-            relaxed = self._relaxed
+            relaxed = self._relaxed if self._noon is None else self._noon
             for width in _WIDTHS:
                 if upper <= best:
                     proven = True
                     break
-                if width > 1500 and relaxed is self._relaxed:
-                    if problem is not None:
-                        relaxed = self._sharpened(root, best)
-                    elif not self._fine:
-                        self._fill(fine=True)
+                if width > _EASY:
+                    relaxed = self._midday()
                 value, found, dropped = self._pass(
                     relaxed, root, min(width, self._options.labels), best, deadline, budget
                 )
@@ -290,13 +309,14 @@ class ExactSolver:
             np.array([0]),
             np.array([2**60]),
         )
+        _, lane = relaxed.completion(root)
         trail: list[tuple[IntArray, IntArray]] = []
         best, best_level, best_at = incumbent, -1, -1
         dropped = -1
         while level.count:
-            room = min(self._options.labels, max(4096, 24 * level.count))
+            room = min(self._options.labels, max(4096, 6 * level.count))
             while True:
-                fresh, what, parent, best_now, at = self._expand(relaxed, level, room, best)
+                fresh, what, parent, best_now, at = self._expand(relaxed, level, room, best, lane)
                 if fresh is not None or room >= self._options.labels:
                     break
                 room = min(self._options.labels, room * 4)
@@ -338,7 +358,7 @@ class ExactSolver:
         return tuple(route[::-1])
 
     def _expand(
-        self, relaxed: Relaxation, level: _Level, room: int, incumbent: int
+        self, relaxed: Relaxation, level: _Level, room: int, incumbent: int, lane: int
     ) -> tuple[_Level | None, IntArray, IntArray, int, int]:
         lay = self._layout
         fresh = _Level.empty(room, lay.words)
@@ -355,6 +375,8 @@ class ExactSolver:
             chain,
             heads,
             relaxed.table,
+            relaxed.probe(lane),
+            lane,
             lay.road_s,
             lay.road_j,
             lay.first,
@@ -410,25 +432,3 @@ class _Level:
 
     def taken(self, index: IntArray | slice) -> _Level:
         return _Level(*(np.ascontiguousarray(c[index]) for c in self.columns()))
-
-
-def _step(
-    lay: Layout, now: Multipliers, counts: npt.NDArray[np.float64], length: float
-) -> Multipliers | None:
-    """Return the multipliers after a subgradient step; `None` when there is nothing to correct.
-
-    `length` is the decrease of the bound that is hoped for (Polyak 1969).
-    """
-    g_once = 1.0 - counts
-    g_order = np.array([counts[a] - counts[b] for a, b in lay.links], dtype=float)
-    g_sides = (lay.capacity - lay.amounts @ counts) / np.maximum(1, lay.capacity)
-    pairs = ((g_once, now.once), (g_order, now.order), (g_sides, now.sides))
-    norm = sum(float(np.where((g > 0) & (price <= 0), 0.0, g) @ g) for g, price in pairs)
-    if norm == 0:
-        return None
-    length /= norm
-    return Multipliers(
-        np.maximum(0.0, now.once - length * g_once),
-        np.maximum(0.0, now.order - length * g_order),
-        np.maximum(0.0, now.sides - length * g_sides / np.maximum(1, lay.capacity)),
-    )

@@ -61,14 +61,17 @@ def lay_moves(
 
 
 @numba.njit(cache=True, nogil=True)
-def _raise_to(here: Array, at: int, there: Array, start: int, worth: Array, row: int, count: int) -> None:
-    """Raise `count` cells of `here` to those of `there` plus those of `worth` where that is more.
+def _raise_to(
+    here: Array, from_bucket: int, until: int, there: Array, ahead: int, soonest: int, worth: Array
+) -> None:
+    """Raise the row of `here` for bucket k to the row of `there` where a move from k on ends plus `worth`.
 
-    Flat arrays and unsigned indices: without the test for negative ones the loop is vectorised.
+    Row 0 of `here` is bucket `from_bucket`; buckets from there to before `until` are raised.
     """
-    a, b, c = np.uintp(at), np.uintp(start), np.uintp(row)
-    for m in range(np.uintp(count)):
-        here[a + m] = max(here[a + m], here.dtype.type(there[b + m] + worth[c + m]))
+    for k in range(from_bucket, until):
+        row, end = here[k - from_bucket], there[max(k + ahead, soonest)]
+        for m in range(len(worth)):
+            row[m] = max(row[m], here.dtype.type(end[m] + worth[m]))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -92,39 +95,45 @@ def fill_table(
     result is rounded down again, so an entry is never below the truth. Experiments done at the present group
     are remembered, others are not. Buckets before `since` are left as they are. `worth` (G, X, M) is gain
     less energy paid for, `end_s` (G,) the time to the end, negative for no way, and `end_paid` (G, M) the
-    energy paid for it.
+    energy paid for it. As many buckets as the shortest move takes are filled together.
     """
     groups = len(base)
     buckets, lanes = table.shape[1:]
-    count_all = len(soonest)
-    cells = table.reshape(-1)
-    worths = worth.reshape(-1)
-    away = np.empty(lanes, table.dtype)
-    for k in range(buckets - 1, since - 1, -1):
+    block = buckets
+    for g in range(groups):
+        for h in range(groups):
+            for x in range(first[h], first[h + 1]):
+                if g != h and last[g, x] >= 0:
+                    block = min(block, ahead[g, x])
+    away = np.empty((block, lanes), table.dtype)
+    until = buckets
+    while until > since:
+        start = max(since, until - block)
         for g in range(groups):
-            if end_s[g] >= 0 and k * step + end_s[g] <= budget:
-                for m in range(lanes):
-                    away[m] = -end_paid[g, m]
-            else:
-                away[:] = NEVER
+            away[:] = NEVER
+            for k in range(start, until):
+                if end_s[g] >= 0 and k * step + end_s[g] <= budget:
+                    for m in range(lanes):
+                        away[k - start, m] = -end_paid[g, m]
             for h in range(groups):
                 if h == g:
                     continue
                 for x in range(first[h], first[h + 1]):
-                    if k > last[g, x]:
-                        continue
-                    row = (base[h] + (1 << (x - first[h]))) * buckets + max(k + ahead[g, x], soonest[x])
-                    _raise_to(away, 0, cells, row * lanes, worths, (g * count_all + x) * lanes, lanes)
+                    there = table[base[h] + (1 << (x - first[h]))]
+                    stop = min(until, last[g, x] + 1)
+                    _raise_to(away, start, stop, there, ahead[g, x], soonest[x], worth[g, x])
             count = first[g + 1] - first[g]
             for mask in range((1 << count) - 1, -1, -1):
-                here = ((base[g] + mask) * buckets + k) * lanes
-                cells[here : here + lanes] = away
+                here = table[base[g] + mask, start:until]
+                here[:] = away[: until - start]
                 for b in range(count):
-                    x = first[g] + b
-                    if mask >> b & 1 or k > last[g, x]:
+                    if mask >> b & 1:
                         continue
-                    row = (base[g] + (mask | 1 << b)) * buckets + max(k + ahead[g, x], soonest[x])
-                    _raise_to(cells, here, cells, row * lanes, worths, (g * count_all + x) * lanes, lanes)
+                    x = first[g] + b
+                    there = table[base[g] + (mask | 1 << b)]
+                    stop = min(until, last[g, x] + 1)
+                    _raise_to(here, start, stop, there, ahead[g, x], soonest[x], worth[g, x])
+        until = start
 
 
 @numba.njit(cache=True, nogil=True)
@@ -190,6 +199,8 @@ def expand(
     chain: Array,
     heads: Array,
     table: Array,
+    probe: Array,
+    lane: int,
     road_s: Array,
     road_j: Array,
     first: Array,
@@ -219,7 +230,8 @@ def expand(
 
     A label is dropped when its bound does not beat the incumbent, or another with the same experiments at
     the same group is no later and has used no more. New labels count -1 when the arrays are full. `sets`
-    has one row of 64-bit words a label. Bounds, worths and gains are in scaled prize units.
+    has one row of 64-bit words a label. Bounds, worths and gains are in scaled prize units. `probe` (S, K) is
+    a copy of one `lane` of the table: small enough for the cache, it settles nine candidates of ten.
     """
     size = len(new_place)
     cells = len(heads)
@@ -229,8 +241,9 @@ def expand(
     row = np.empty(words, np.uint64)
     one = np.uint64(1)
     used = np.zeros(len(capacity), np.int64)
+    needed = (best + 1) * scale - offset - slack
     for i in range(n):
-        if bound[i] // scale <= best:
+        if bound[i] < (best + 1) * scale:
             continue
         g = place[i]
         for m in range(len(capacity)):
@@ -265,14 +278,19 @@ def expand(
                 if not open_end and (end_s[h] < 0 or done + end_s[h] > budget or burnt + end_j[h] > e_budget):
                     continue
                 gained = worth[i] + gain[x]
-                state, k, left = base[h] + (inside | bit), done // step, e_budget - burnt
+                state, k, left = base[h] + (inside | bit), int(done / step), e_budget - burnt
+                spare = prize[i] + value[x] <= best
+                if spare:
+                    most = probe[state, k] + math.ceil(left * price[lane])
+                    if most + gained < needed:
+                        continue
                 limit = NEVER
                 for m in range(lanes):
                     most = table[state, k, m] + math.ceil(left * price[m])
                     limit = most if m == 0 else min(limit, most)
-                limit += offset + gained + slack
-                if limit // scale <= best and prize[i] + value[x] <= best:
+                if limit + gained < needed and spare:
                     continue
+                limit += offset + gained + slack
                 ready = True
                 for w in range(words):
                     row[w] = sets[i, w]
@@ -331,4 +349,5 @@ def expand(
                 if new_prize[slot] > best:
                     best = new_prize[slot]
                     best_at = slot
+                    needed = (best + 1) * scale - offset - slack
     return made, best, best_at

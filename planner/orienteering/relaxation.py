@@ -40,6 +40,48 @@ class Multipliers:
             np.zeros(len(layout.worth)), np.zeros(len(layout.links)), np.zeros(len(layout.capacity))
         )
 
+    def stepped(self, layout: Layout, way: Slack, length: float) -> Multipliers | None:
+        """Return the multipliers after a step that is to lower the bound by `length` (Polyak 1969).
+
+        `None` when there is nothing to correct.
+        """
+        parts = ((way.once, self.once), (way.order, self.order), (way.sides, self.sides))
+        norm = sum(float(np.where((g > 0) & (price <= 0), 0.0, g) @ g) for g, price in parts)
+        if norm == 0:
+            return None
+        length /= norm
+        return Multipliers(
+            np.maximum(0.0, self.once - length * way.once),
+            np.maximum(0.0, self.order - length * way.order),
+            np.maximum(0.0, self.sides - length * way.sides / np.maximum(1, layout.capacity)),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slack:
+    """What a walk leaves of each rule: negative where it breaks one. Shapes as in `Multipliers`."""
+
+    once: Floats
+    order: Floats
+    sides: Floats
+
+    def plus(self, other: Slack, share: float) -> Slack:
+        """Return the sum with a share of another."""
+        return Slack(
+            self.once + share * other.once,
+            self.order + share * other.order,
+            self.sides + share * other.sides,
+        )
+
+
+def slack_of(layout: Layout, counts: Floats) -> Slack:
+    """Return the slack of a walk that does each experiment `counts` times."""
+    return Slack(
+        1.0 - counts,
+        np.array([counts[a] - counts[b] for a, b in layout.links], dtype=float),
+        (layout.capacity - layout.amounts @ counts) / np.maximum(1, layout.capacity),
+    )
+
 
 class Relaxation:
     """Table, gains and lanes for one layout.
@@ -67,6 +109,7 @@ class Relaxation:
         self.slack = 1 if layout.e_budget >= _EXACT else 0
         self.table: npt.NDArray[np.signedinteger] = np.empty((0, 0, 0), dtype=np.int32)
         self.step = 0
+        self._probes: dict[int, npt.NDArray[np.signedinteger]] = {}
         self.set(self.multipliers)
 
     def _prices(self) -> Floats:
@@ -90,6 +133,12 @@ class Relaxation:
         twin.price = self.price
         twin.set(self.multipliers)
         return twin
+
+    def probe(self, lane: int) -> npt.NDArray[np.signedinteger]:
+        """Return a copy of one lane of the table, shape (states, time buckets)."""
+        if lane not in self._probes:
+            self._probes[lane] = np.ascontiguousarray(self.table[:, :, lane])
+        return self._probes[lane]
 
     def set(self, multipliers: Multipliers) -> None:
         """Take other multipliers; the table is out of date until `fill`."""
@@ -138,6 +187,7 @@ class Relaxation:
         shape = (lay.states, budget // step + 1, len(self.price))
         if self.table.shape != shape or self.table.dtype != kind:
             self.table = np.empty(shape, dtype=kind)
+        self._probes = {}
         self._worth = (self.gain[None, :, None] - self._paid).astype(kind)
         fill_table(
             self.table,
