@@ -57,6 +57,7 @@ Radians = Annotated[
 Seconds = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e7)]
 Joules = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e12)]
 Utility = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e6)]
+Chance = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, lt=1.0)]
 Corner = Annotated[list[Metres], Field(min_length=2, max_length=2)]
 Window = Annotated[
     list[Seconds], Field(min_length=2, max_length=2, description="[earliest start, latest start]")
@@ -301,7 +302,8 @@ class PlanCreate(Body):
     """Ask for a plan. `request_ids` limits it to some requests; empty = all that are open. With `what_if` the
     plan is made for a day changed so: it answers another question than the mission's and is never approved.
 
-    With `iterations` the answer does not depend on the machine: same seed, same plan.
+    With `iterations` the answer does not depend on the machine: same seed, same plan. With
+    `max_overrun_probability` the plan keeps the chance of ending over a budget within it.
     """
 
     name: LongName | None = None
@@ -312,6 +314,7 @@ class PlanCreate(Body):
     max_branches: Annotated[int, Field(strict=True, ge=0, le=64)] = 8
     time_limit_s: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=3600.0)] = 20.0
     iterations: Annotated[int, Field(strict=True, ge=1, le=10_000_000)] | None = None
+    max_overrun_probability: Chance | None = None
     seed: Seed = 1
     request_ids: Annotated[list[Id], Field(max_length=5000)] = []
     what_if: WhatIf | None = None

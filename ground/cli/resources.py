@@ -236,6 +236,7 @@ def _work(app: typer.Typer) -> None:
         max_branches: int = typer.Option(8),
         seed: int = typer.Option(1),
         strategy: str = typer.Option("optimal", help="optimal or pico2005"),
+        max_overrun: float | None = typer.Option(None, help="largest chance of ending over a budget"),
         crl: Path | None = typer.Option(None, help="write the CRL here"),
         server: str = SERVER,
         person: str | None = PERSON,
@@ -249,6 +250,7 @@ def _work(app: typer.Typer) -> None:
                 "max_branches": max_branches,
                 "seed": seed,
                 "strategy": strategy,
+                "max_overrun_probability": max_overrun,
             }
             job = follow(client, client.plan(mission, **order))
             plan = client.get(Plan, job.subject_id)

@@ -136,7 +136,11 @@ def _with_keep_outs(repo: Repository, plan_id: str, known: _Known, changes: Chan
         day = prepare(payload, lambda _share, _what: None)
     except JobFailedError as err:
         raise InvalidInputError(err.message, pointer="/changes/keep_outs") from err
-    problem = replace(problem_from_dict(day.problem), budget=known.problem.budget)
+    problem = replace(
+        problem_from_dict(day.problem),
+        budget=known.problem.budget,
+        max_overrun_probability=known.problem.max_overrun_probability,
+    )
     with _lock:
         _rebuilt[key] = problem
         while len(_rebuilt) > KEPT:

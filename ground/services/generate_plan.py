@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import orjson
@@ -32,7 +32,11 @@ KIND = "generate_plan"
 
 @dataclass(frozen=True, slots=True)
 class PlanOrder:
-    """What is asked of the planner."""
+    """What is asked of the planner.
+
+    With `max_overrun_probability` the plan keeps the chance of ending over a budget within it. A what-if of a
+    parent keeps to the parent's unless it has its own.
+    """
 
     name: str | None = None
     notes: str = ""
@@ -42,6 +46,7 @@ class PlanOrder:
     max_branches: int = 8
     time_limit_s: float = 20.0
     iterations: int | None = None
+    max_overrun_probability: float | None = None
     seed: int = 1
     request_ids: tuple[str, ...] = ()
     what_if: Changes | None = None
@@ -62,8 +67,11 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
                 raise InvalidInputError(
                     f"there is no plan {order.parent_id} in mission {mission_id}", pointer="/parent_id"
                 )
+            if order.what_if is not None and order.max_overrun_probability is None:
+                order = replace(order, max_overrun_probability=_allowed(session, parent))
         sol = choose_sol(session, mission_id, order.sol_id)
         payload = day_inputs(repo, session, mission, sol, order.request_ids)
+        payload["limits"]["max_overrun_probability"] = order.max_overrun_probability
         inputs = inputs_digest(session, mission_id)
         if order.what_if is not None:
             inputs = _changed_inputs(payload, inputs, order.what_if)
@@ -98,7 +106,7 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
         order_document = {
             k: value
             for k, value in asdict(order).items()
-            if k not in {"name", "notes", "request_ids", "what_if"}
+            if k not in {"name", "notes", "request_ids", "what_if", "max_overrun_probability"}
         }
         job = jobs.enqueue(
             session,
@@ -114,6 +122,12 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
         value = show_jobs(session, [job])[0]
     jobs.WAKE.set()
     return value
+
+
+def _allowed(session: Session, plan: m.PlanRow) -> float | None:
+    """Return the chance of an overrun that a plan was asked to keep to."""
+    problem = session.get(m.ProblemRow, plan.problem_id) if plan.problem_id is not None else None
+    return None if problem is None else problem.document.get("max_overrun_probability")
 
 
 def _changed_inputs(payload: dict[str, Any], inputs: str, changes: Changes) -> str:

@@ -58,6 +58,7 @@ def prepare(payload: dict[str, Any], report: Report) -> PreparedDay:
                 energy_j=limits["energy_j"],
                 overrun_penalty=limits["overrun_penalty"],
                 data_mbit=limits["data_mbit"],
+                max_overrun_probability=limits.get("max_overrun_probability"),
                 refs=limits["refs"],
             ),
             [

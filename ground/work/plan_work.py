@@ -126,6 +126,7 @@ def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> dict[st
         "standard_error": 0.0 if check is None else check.standard_error,
         "monte_carlo": 0.0 if check is None else check.mean,
         "overrun_probability": 0.0 if check is None else check.overrun,
+        "max_overrun_probability": problem.max_overrun_probability,
         "lower": result.lower,
         "upper": _finite(result.upper),
         "optimum_estimate": _finite(result.optimum_estimate),

@@ -47,6 +47,28 @@ def planned(api: Api, mission: Mission, **order: Any) -> dict[str, Any]:
     return plan
 
 
+def test_a_plan_keeps_to_the_chance_of_an_overrun_that_was_asked_for(api: Api, mission: Mission) -> None:
+    file_requests(api, mission)
+    free = planned(api, mission)
+    assert api.get(f"/plans/{free['id']}/summary")["max_overrun_probability"] is None
+    bound = planned(api, mission, max_overrun_probability=0.02)
+    summary = api.get(f"/plans/{bound['id']}/summary")
+    assert summary["max_overrun_probability"] == 0.02
+    assert summary["overrun_probability"] <= 0.02
+    document = api.get(f"/problems/{bound['problem_id']}")["document"]
+    assert document["max_overrun_probability"] == 0.02
+    changed = {"what_if": {"time_budget_s": 0.8 * document["budget"]["time_s"]}, "parent_id": bound["id"]}
+    child = planned(api, mission, **changed)
+    assert api.get(f"/plans/{child['id']}/summary")["max_overrun_probability"] == 0.02
+    for wrong in (0.0, 1.0, -0.1, "0.1"):
+        answer = api(
+            "POST",
+            f"/missions/{mission.id}/plans",
+            {"iterations": 3, "max_overrun_probability": wrong},
+        )
+        assert "max_overrun_probability" in str(problem(answer, 422, "invalid-input")["errors"])
+
+
 def test_a_day_goes_from_targets_to_products_and_back(api: Api, mission: Mission, tmp_path: Path) -> None:
     requests = file_requests(api, mission)
 

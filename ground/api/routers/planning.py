@@ -104,6 +104,7 @@ async def create_plan(ask: Asked, mission_id: Id, body: PlanCreate, prefer: Pref
         max_branches=body.max_branches,
         time_limit_s=body.time_limit_s,
         iterations=body.iterations,
+        max_overrun_probability=body.max_overrun_probability,
         seed=body.seed,
         request_ids=tuple(body.request_ids),
         what_if=None if body.what_if is None else body.what_if.value(),

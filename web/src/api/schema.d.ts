@@ -69,6 +69,72 @@ export interface paths {
         patch: operations["change_comment"];
         trace?: never;
     };
+    "/api/v1/frames/{frame_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Frame
+         * @description Read a frame.
+         */
+        get: operations["get_frame"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        /**
+         * Change Frame
+         * @description Change the notes of a frame.
+         */
+        patch: operations["change_frame"];
+        trace?: never;
+    };
+    "/api/v1/frames/{frame_id}/solution": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Choose Solution
+         * @description Put a solution of a frame in use, and carry along the targets, keep-outs and maps that it moves.
+         *
+         *     With `preview` nothing is changed and the answer says what would be; no If-Match is needed then.
+         */
+        put: operations["choose_solution"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/frames/{frame_id}/solutions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Create Solution
+         * @description Add a solution to a frame; it is kept for good, and in use once it is chosen.
+         */
+        post: operations["create_solution"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs/{job_id}": {
         parameters: {
             query?: never;
@@ -347,6 +413,76 @@ export interface paths {
         get: operations["stream_mission"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/frame-files": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Frame Files
+         * @description List the missions' frame files that were taken in.
+         */
+        get: operations["list_frame_files"];
+        put?: never;
+        /**
+         * Import Frames
+         * @description Take in an uploaded frame file (.svf, .rvf): all its frames and solutions, or none.
+         *
+         *     What is here already is not taken in twice, and no frame that has a solution in use gets another.
+         */
+        post: operations["import_frames"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/frame-files/export": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Export Frames
+         * @description Send all sites as a frame file (.svf), or with `site` the rover poses within it (.rvf).
+         */
+        get: operations["export_frames"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/frames": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Frames
+         * @description List sites, ends of drives and poses, each with its place by the solutions in use.
+         */
+        get: operations["list_frames"];
+        put?: never;
+        /**
+         * Create Frame
+         * @description Name a frame by its motion counter; the first site of a mission becomes its anchor.
+         */
+        post: operations["create_frame"];
         delete?: never;
         options?: never;
         head?: never;
@@ -701,6 +837,30 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/missions/{mission_id}/site-maps": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Site Maps
+         * @description List the maps made at sites, of one site if wanted.
+         */
+        get: operations["list_site_maps"];
+        put?: never;
+        /**
+         * Create Site Map
+         * @description File an uploaded GeoTIFF in metres east and north of a site; it moves with the site.
+         */
+        post: operations["create_site_map"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/missions/{mission_id}/sols": {
         parameters: {
             query?: never;
@@ -719,6 +879,26 @@ export interface paths {
          * @description Open a sol; what is left out has a default.
          */
         post: operations["create_sol"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/solutions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Solutions
+         * @description List every solution there ever was, of one frame if wanted; the oldest first.
+         */
+        get: operations["list_solutions"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -843,6 +1023,33 @@ export interface paths {
         get: operations["get_terrain_point"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/missions/{mission_id}/traverses": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Traverses
+         * @description List traverses.
+         */
+        get: operations["list_traverses"];
+        put?: never;
+        /**
+         * Create Traverse
+         * @description Match rocks between stops and adjust them: a job, whose subject is the traverse.
+         *
+         *     Each stop but the first gets a new solution, `adjusted`, in the frame of the first; none is in use before
+         *     somebody chooses it.
+         */
+        post: operations["create_traverse"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1446,8 +1653,8 @@ export interface paths {
         };
         /**
          * Stream Run
-         * @description Stream a run: events `telemetry` (one sample), `trace` (one record), `control` (what an operator
-         *     asked), and at last `end` (the run).
+         * @description Stream a run: events `telemetry` (one sample), `trace` (one record), `product` (a data product as the
+         *     rover made it), `control` (what an operator asked), and at last `end` (the run).
          */
         get: operations["stream_run"];
         put?: never;
@@ -1470,6 +1677,26 @@ export interface paths {
          * @description Send the data products of a run as a zip with a manifest of hashes, tasks, requests and targets.
          */
         get: operations["export_products"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/runs/{run_id}/products/{product_id}/file": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Run Product File
+         * @description Send the file of a data product that a run has announced, while it goes on.
+         */
+        get: operations["get_run_product_file"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1586,6 +1813,54 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/site-maps/{site_map_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Site Map
+         * @description Read where a map lies.
+         */
+        get: operations["get_site_map"];
+        put?: never;
+        post?: never;
+        /**
+         * Delete Site Map
+         * @description Delete a map.
+         */
+        delete: operations["delete_site_map"];
+        options?: never;
+        head?: never;
+        /**
+         * Change Site Map
+         * @description Change name or notes of a map.
+         */
+        patch: operations["change_site_map"];
+        trace?: never;
+    };
+    "/api/v1/site-maps/{site_map_id}/file": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Site Map File
+         * @description Send the GeoTIFF of a map as it was filed.
+         */
+        get: operations["get_site_map_file"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/sols/{sol_id}": {
         parameters: {
             query?: never;
@@ -1612,6 +1887,30 @@ export interface paths {
          * @description Change a sol; plans made before become stale.
          */
         patch: operations["change_sol"];
+        trace?: never;
+    };
+    "/api/v1/solutions/{solution_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Solution
+         * @description Read a solution.
+         */
+        get: operations["get_solution"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        /**
+         * Change Solution
+         * @description Change the notes of a solution; what it says of its frame never changes.
+         */
+        patch: operations["change_solution"];
         trace?: never;
     };
     "/api/v1/targets/{target_id}": {
@@ -1654,6 +1953,54 @@ export interface paths {
          * @description Follow a target to its requests, plans, runs and data products.
          */
         get: operations["get_target_lineage"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/traverses/{traverse_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Traverse
+         * @description Read a traverse: stops before and after, legs with their verdicts and rock pairs.
+         */
+        get: operations["get_traverse"];
+        put?: never;
+        post?: never;
+        /**
+         * Delete Traverse
+         * @description Delete a traverse; the solutions that came of it stay.
+         */
+        delete: operations["delete_traverse"];
+        options?: never;
+        head?: never;
+        /**
+         * Change Traverse
+         * @description Change name or notes of a traverse.
+         */
+        patch: operations["change_traverse"];
+        trace?: never;
+    };
+    "/api/v1/traverses/{traverse_id}/pictures/{index}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Traverse Picture
+         * @description Send what a stop saw, as a cylinder of azimuths and elevations (`document.stops[].picture`).
+         */
+        get: operations["get_traverse_picture"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1897,6 +2244,19 @@ export interface components {
             up_m: number;
         };
         /**
+         * Carried
+         * @description What the choice of a solution does, or, as a preview, would do.
+         */
+        Carried: {
+            frame: components["schemas"]["Frame"];
+            /** Moved */
+            moved: components["schemas"]["Moved"][];
+            /** Preview */
+            preview: boolean;
+            /** Revision */
+            revision: number;
+        };
+        /**
          * CommandState
          * @description A command the rover has not answered yet.
          */
@@ -2124,6 +2484,141 @@ export interface components {
             waived_by: string | null;
         };
         /**
+         * Frame
+         * @description A site, the end of a drive or a pose; `declared_at` is the motion counter at which a site was declared.
+         *
+         *     `place` is null, with the `reason`, while nothing ties the frame to the anchor.
+         */
+        Frame: {
+            /** Author */
+            author: string;
+            /** Chosen Utc */
+            chosen_utc: string | null;
+            /** Counter */
+            counter: number[];
+            /**
+             * Created Utc
+             * Format: date-time
+             */
+            created_utc: string;
+            /** Declared At */
+            declared_at: number[] | null;
+            /** Drive */
+            drive: number | null;
+            /** Id */
+            id: string;
+            level: components["schemas"]["Level"];
+            /** Mission Id */
+            mission_id: string;
+            /**
+             * Modified Utc
+             * Format: date-time
+             */
+            modified_utc: string;
+            /** Name */
+            name: string;
+            /** Notes */
+            notes: string;
+            place: components["schemas"]["FramePlace"] | null;
+            /** Reason */
+            reason: string;
+            /** Revision */
+            revision: number;
+            /** Site */
+            site: number;
+            /** Solution Id */
+            solution_id: string | null;
+            /** Solutions */
+            solutions: number;
+        };
+        /** FrameChange */
+        FrameChange: {
+            /** Notes */
+            notes?: string;
+        };
+        /**
+         * FrameCreate
+         * @description A frame by its name and motion counter (site, drive, ...): a site has one index, a rover frame two to
+         *     five.
+         */
+        FrameCreate: {
+            /** Counter */
+            counter: number[];
+            /**
+             * Name
+             * @enum {string}
+             */
+            name: "SITE_FRAME" | "ROVER_FRAME";
+            /**
+             * Notes
+             * @default
+             */
+            notes?: string;
+        };
+        /**
+         * FrameFile
+         * @description A mission's frame file that was taken in: how many of its solutions were new, how many known.
+         */
+        FrameFile: {
+            /** Added */
+            added: number;
+            /** Author */
+            author: string;
+            /** Counter */
+            counter: number[];
+            /**
+             * Created Utc
+             * Format: date-time
+             */
+            created_utc: string;
+            /** File Name */
+            file_name: string;
+            /** Id */
+            id: string;
+            /** Known */
+            known: number;
+            /** Mission Id */
+            mission_id: string;
+            /** Priority */
+            priority: string[];
+            /** Revision */
+            revision: number;
+            /** Rover */
+            rover: string;
+            /** Sha256 */
+            sha256: string;
+            /** Variant */
+            variant: string;
+        };
+        /**
+         * FrameFileImport
+         * @description A .svf or .rvf file, uploaded before.
+         */
+        FrameFileImport: {
+            /** Upload Id */
+            upload_id: string;
+        };
+        /**
+         * FramePlace
+         * @description Where a frame lies as seen from the anchor, by the solutions in use.
+         *
+         *     `unknown_links` solutions on the way have no covariance and count as exact.
+         */
+        FramePlace: {
+            /** Covariance M2 */
+            covariance_m2: number[][];
+            /** East M */
+            east_m: number;
+            /** Heading Rad */
+            heading_rad: number;
+            /** North M */
+            north_m: number;
+            /** Unknown Links */
+            unknown_links: number;
+            /** Up M */
+            up_m: number;
+        };
+        /**
          * GeneratedTerrain
          * @description A terrain made from a seed.
          */
@@ -2259,6 +2754,8 @@ export interface components {
              * Format: date-time
              */
             created_utc: string;
+            /** Frame Id */
+            frame_id: string | null;
             /** Id */
             id: string;
             /** Mission Id */
@@ -2276,9 +2773,13 @@ export interface components {
             polygon_m: number[][];
             /** Revision */
             revision: number;
+            /** Sigma M */
+            sigma_m: number;
         };
         /** KeepOutChange */
         KeepOutChange: {
+            /** Frame Id */
+            frame_id?: string | null;
             /** Name */
             name?: string;
             /** Notes */
@@ -2291,6 +2792,8 @@ export interface components {
          * @description A polygon the rover must not enter; the ring is closed by itself.
          */
         KeepOutCreate: {
+            /** Frame Id */
+            frame_id?: string | null;
             /** Name */
             name?: string | null;
             /**
@@ -2301,6 +2804,12 @@ export interface components {
             /** Polygon M */
             polygon_m: number[][];
         };
+        /**
+         * Level
+         * @description What a frame stands for.
+         * @enum {string}
+         */
+        Level: "site" | "drive" | "pose";
         /** Lineage */
         Lineage: {
             /** Edges */
@@ -2349,6 +2858,8 @@ export interface components {
          * @description One worksite with all that is planned and done there.
          */
         Mission: {
+            /** Anchor Frame Id */
+            anchor_frame_id: string | null;
             /** Author */
             author: string;
             /** Copied From */
@@ -2381,6 +2892,8 @@ export interface components {
         };
         /** MissionChange */
         MissionChange: {
+            /** Anchor Frame Id */
+            anchor_frame_id?: string | null;
             /** Name */
             name?: string;
             /** Notes */
@@ -2439,6 +2952,24 @@ export interface components {
             rover_profile?: string;
             /** Terrain */
             terrain: components["schemas"]["DemoTerrain"] | components["schemas"]["GeneratedTerrain"] | components["schemas"]["UploadedTerrain"];
+        };
+        /**
+         * Moved
+         * @description Something tied to a frame that a choice carries along: how far, and its deviation before and after.
+         */
+        Moved: {
+            /** Id */
+            id: string;
+            /** Kind */
+            kind: string;
+            /** Name */
+            name: string;
+            /** Shift M */
+            shift_m: number;
+            /** Sigma After M */
+            sigma_after_m: number;
+            /** Sigma Before M */
+            sigma_before_m: number;
         };
         /**
          * NetworkNode
@@ -2656,6 +3187,20 @@ export interface components {
             /** Next Cursor */
             next_cursor: string | null;
         };
+        /** Page[FrameFile] */
+        Page_FrameFile_: {
+            /** Items */
+            items: components["schemas"]["FrameFile"][];
+            /** Next Cursor */
+            next_cursor: string | null;
+        };
+        /** Page[Frame] */
+        Page_Frame_: {
+            /** Items */
+            items: components["schemas"]["Frame"][];
+            /** Next Cursor */
+            next_cursor: string | null;
+        };
         /** Page[Job] */
         Page_Job_: {
             /** Items */
@@ -2726,6 +3271,13 @@ export interface components {
             /** Next Cursor */
             next_cursor: string | null;
         };
+        /** Page[SiteMap] */
+        Page_SiteMap_: {
+            /** Items */
+            items: components["schemas"]["SiteMap"][];
+            /** Next Cursor */
+            next_cursor: string | null;
+        };
         /** Page[Sol] */
         Page_Sol_: {
             /** Items */
@@ -2733,10 +3285,24 @@ export interface components {
             /** Next Cursor */
             next_cursor: string | null;
         };
+        /** Page[Solution] */
+        Page_Solution_: {
+            /** Items */
+            items: components["schemas"]["Solution"][];
+            /** Next Cursor */
+            next_cursor: string | null;
+        };
         /** Page[Target] */
         Page_Target_: {
             /** Items */
             items: components["schemas"]["Target"][];
+            /** Next Cursor */
+            next_cursor: string | null;
+        };
+        /** Page[Traverse] */
+        Page_Traverse_: {
+            /** Items */
+            items: components["schemas"]["Traverse"][];
             /** Next Cursor */
             next_cursor: string | null;
         };
@@ -3044,7 +3610,8 @@ export interface components {
          * @description Ask for a plan. `request_ids` limits it to some requests; empty = all that are open. With `what_if` the
          *     plan is made for a day changed so: it answers another question than the mission's and is never approved.
          *
-         *     With `iterations` the answer does not depend on the machine: same seed, same plan.
+         *     With `iterations` the answer does not depend on the machine: same seed, same plan. With
+         *     `max_overrun_probability` the plan keeps the chance of ending over a budget within it.
          */
         PlanCreate: {
             /** Iterations */
@@ -3054,6 +3621,8 @@ export interface components {
              * @default 8
              */
             max_branches?: number;
+            /** Max Overrun Probability */
+            max_overrun_probability?: number | null;
             /** Name */
             name?: string | null;
             /**
@@ -3577,6 +4146,74 @@ export interface components {
             person: components["schemas"]["Person"] | null;
         };
         /**
+         * SiteMap
+         * @description A map made at a site; `outline_m` is where it lies now, `sigma_m` how well that is known (worst).
+         */
+        SiteMap: {
+            /** Author */
+            author: string;
+            /**
+             * Created Utc
+             * Format: date-time
+             */
+            created_utc: string;
+            /** File Name */
+            file_name: string;
+            /** File Url */
+            file_url: string;
+            /** Frame Id */
+            frame_id: string;
+            /** Id */
+            id: string;
+            /** Media */
+            media: string;
+            /** Mission Id */
+            mission_id: string;
+            /**
+             * Modified Utc
+             * Format: date-time
+             */
+            modified_utc: string;
+            /** Name */
+            name: string;
+            /** Notes */
+            notes: string;
+            /** Outline M */
+            outline_m: number[][];
+            /** Revision */
+            revision: number;
+            /** Sha256 */
+            sha256: string;
+            /** Sigma M */
+            sigma_m: number;
+            /** Size Bytes */
+            size_bytes: number;
+        };
+        /** SiteMapChange */
+        SiteMapChange: {
+            /** Name */
+            name?: string;
+            /** Notes */
+            notes?: string;
+        };
+        /**
+         * SiteMapCreate
+         * @description A GeoTIFF, uploaded before, in metres east and north of the origin of a site.
+         */
+        SiteMapCreate: {
+            /** Frame Id */
+            frame_id: string;
+            /** Name */
+            name?: string | null;
+            /**
+             * Notes
+             * @default
+             */
+            notes?: string;
+            /** Upload Id */
+            upload_id: string;
+        };
+        /**
          * Sol
          * @description One day of work: where it starts, what may be spent, when there is contact.
          */
@@ -3703,6 +4340,99 @@ export interface components {
             uplink_deadline_utc?: string | null;
         };
         /**
+         * Solution
+         * @description One answer to where a frame lies in its reference.
+         *
+         *     `covariance` is [6, 6] of a small motion (turn in rad, shift in m) in the frame's axes; `source` says
+         *     where it came from (`file`, `traverse`, `by_hand`).
+         */
+        Solution: {
+            /**
+             * Added Utc
+             * Format: date-time
+             */
+            added_utc: string;
+            /** Author */
+            author: string;
+            /** Covariance */
+            covariance: number[][] | null;
+            /**
+             * Created Utc
+             * Format: date-time
+             */
+            created_utc: string;
+            /** Frame Id */
+            frame_id: string;
+            /** Id */
+            id: string;
+            /** In Use */
+            in_use: boolean;
+            /** Label */
+            label: string;
+            /** Mission Id */
+            mission_id: string;
+            /** Notes */
+            notes: string;
+            /** Offset M */
+            offset_m: number[];
+            /** Quaternion */
+            quaternion: number[];
+            /** Reference Id */
+            reference_id: string;
+            /** Revision */
+            revision: number;
+            /** Source */
+            source: {
+                [key: string]: unknown;
+            };
+        };
+        /** SolutionChange */
+        SolutionChange: {
+            /** Notes */
+            notes?: string;
+        };
+        /**
+         * SolutionChoice
+         * @description The solution to put in use; null = none. With `preview` only the answer is made.
+         */
+        SolutionChoice: {
+            /**
+             * Preview
+             * @default false
+             */
+            preview?: boolean;
+            /**
+             * Reason
+             * @default
+             */
+            reason?: string;
+            /** Solution Id */
+            solution_id: string | null;
+        };
+        /**
+         * SolutionCreate
+         * @description Where a frame lies in its reference: origin (north, east, nadir) and attitude (s, v1, v2, v3).
+         *
+         *     `covariance` [6, 6] is that of a small motion (turn in rad, shift in m) in the frame's own axes.
+         */
+        SolutionCreate: {
+            /** Covariance */
+            covariance?: number[][] | null;
+            /** Label */
+            label: string;
+            /**
+             * Notes
+             * @default
+             */
+            notes?: string;
+            /** Offset M */
+            offset_m: number[];
+            /** Quaternion */
+            quaternion: number[];
+            /** Reference Id */
+            reference_id: string;
+        };
+        /**
          * StandCheck
          * @description Whether a target can be observed from a pose, and the figures; null where they mean nothing.
          *
@@ -3723,6 +4453,25 @@ export interface components {
             slope_rad: number | null;
             /** Tool Tilt Rad */
             tool_tilt_rad: number | null;
+        };
+        /**
+         * StopBody
+         * @description A stop: the frame it stands for, and one of a run with a stereo panorama, or an upload (a zip of a
+         *     `panorama/1` folder, or a point file .npz, .ply, .csv).
+         */
+        StopBody: {
+            /** Frame Id */
+            frame_id: string;
+            /**
+             * Panorama
+             * @description of the run
+             * @default
+             */
+            panorama?: string;
+            /** Run Id */
+            run_id?: string | null;
+            /** Upload Id */
+            upload_id?: string | null;
         };
         /**
          * SummaryDocument
@@ -3761,6 +4510,8 @@ export interface components {
              * Format: date-time
              */
             created_utc: string;
+            /** Frame Id */
+            frame_id: string | null;
             /** Id */
             id: string;
             /** Mission Id */
@@ -3788,6 +4539,8 @@ export interface components {
         TargetChange: {
             /** East M */
             east_m?: number;
+            /** Frame Id */
+            frame_id?: string | null;
             /** Name */
             name?: string;
             /** North M */
@@ -3809,6 +4562,8 @@ export interface components {
         TargetCreate: {
             /** East M */
             east_m: number;
+            /** Frame Id */
+            frame_id?: string | null;
             /** Name */
             name?: string | null;
             /** North M */
@@ -3957,6 +4712,103 @@ export interface components {
             polygon_m: number[][];
             /** Target Id */
             target_id: string;
+        };
+        /**
+         * Traverse
+         * @description Stops adjusted together. `document` is `localization/1`, null while the job goes on; `solution_ids` are
+         *     the solutions that came of it.
+         */
+        Traverse: {
+            /** Author */
+            author: string;
+            /**
+             * Created Utc
+             * Format: date-time
+             */
+            created_utc: string;
+            /** Document */
+            document: {
+                [key: string]: unknown;
+            } | null;
+            /** Id */
+            id: string;
+            /** Job Id */
+            job_id: string;
+            /** Mission Id */
+            mission_id: string;
+            /**
+             * Modified Utc
+             * Format: date-time
+             */
+            modified_utc: string;
+            /** Name */
+            name: string;
+            /** Notes */
+            notes: string;
+            /** Revision */
+            revision: number;
+            /** Solution Ids */
+            solution_ids: string[];
+            /** Stops */
+            stops: components["schemas"]["TraverseStop"][];
+        };
+        /** TraverseChange */
+        TraverseChange: {
+            /** Name */
+            name?: string;
+            /** Notes */
+            notes?: string;
+        };
+        /**
+         * TraverseCreate
+         * @description Match rocks between stops in the order driven and adjust them together.
+         *
+         *     `odometry` is the error of the way between stops as a share of it, `heading_rad` that of the turn between
+         *     two, `sun_rad` that of each stop's own heading where there is one.
+         */
+        TraverseCreate: {
+            /**
+             * Heading Rad
+             * @default 0.0524
+             */
+            heading_rad?: number;
+            /**
+             * Longest M
+             * @default 30
+             */
+            longest_m?: number;
+            /** Name */
+            name: string;
+            /**
+             * Notes
+             * @default
+             */
+            notes?: string;
+            /**
+             * Odometry
+             * @default 0.05
+             */
+            odometry?: number;
+            /** Stops */
+            stops: components["schemas"]["StopBody"][];
+            /** Sun Rad */
+            sun_rad?: number | null;
+        };
+        /**
+         * TraverseStop
+         * @description A stop of a traverse: the frame it stands for, and the run or upload with its panorama.
+         */
+        TraverseStop: {
+            /** Frame Id */
+            frame_id: string;
+            /** Name */
+            name: string;
+            /** Panorama */
+            panorama: string;
+            /** Run Id */
+            run_id: string | null;
+            /** Upload Id */
+            upload_id: string | null;
         };
         /**
          * TreeDocument
@@ -4504,6 +5356,346 @@ export interface operations {
             };
             /** @description If-Match missing */
             428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_frame: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                frame_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Frame"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    change_frame: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the revision that was seen, or `*` */
+                "if-match"?: string | null;
+            };
+            path: {
+                frame_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["FrameChange"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Frame"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Stale revision */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description If-Match missing */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    choose_solution: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the revision that was seen, or `*` */
+                "if-match"?: string | null;
+            };
+            path: {
+                frame_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SolutionChoice"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Carried"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Stale revision */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description If-Match missing */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    create_solution: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                frame_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SolutionCreate"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Solution"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -5843,6 +7035,365 @@ export interface operations {
             };
             /** @description Not found */
             404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    list_frame_files: {
+        parameters: {
+            query?: {
+                /** @description how many at most */
+                limit?: number;
+                /** @description `next_cursor` of the page before */
+                cursor?: string | null;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Page_FrameFile_"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    import_frames: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["FrameFileImport"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FrameFile"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    export_frames: {
+        parameters: {
+            query?: {
+                /** @description frames of this site alone */
+                site?: number | null;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/xml": string;
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    list_frames: {
+        parameters: {
+            query?: {
+                /** @description how many at most */
+                limit?: number;
+                /** @description `next_cursor` of the page before */
+                cursor?: string | null;
+                level?: components["schemas"]["Level"] | null;
+                /** @description frames of this site alone */
+                site?: number | null;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Page_Frame_"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    create_frame: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["FrameCreate"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Frame"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -7403,6 +8954,150 @@ export interface operations {
             };
         };
     };
+    list_site_maps: {
+        parameters: {
+            query?: {
+                /** @description how many at most */
+                limit?: number;
+                /** @description `next_cursor` of the page before */
+                cursor?: string | null;
+                frame_id?: string | null;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Page_SiteMap_"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    create_site_map: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SiteMapCreate"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SiteMap"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
     list_sols: {
         parameters: {
             query?: {
@@ -7528,6 +9223,70 @@ export interface operations {
             };
             /** @description Conflict */
             409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    list_solutions: {
+        parameters: {
+            query?: {
+                /** @description how many at most */
+                limit?: number;
+                /** @description `next_cursor` of the page before */
+                cursor?: string | null;
+                frame_id?: string | null;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Page_Solution_"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -7977,6 +9736,161 @@ export interface operations {
             };
             /** @description Not found */
             404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    list_traverses: {
+        parameters: {
+            query?: {
+                /** @description how many at most */
+                limit?: number;
+                /** @description `next_cursor` of the page before */
+                cursor?: string | null;
+            };
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Page_Traverse_"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    create_traverse: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description `wait=N`: answer 200 if done in N seconds */
+                prefer?: string | null;
+            };
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TraverseCreate"];
+            };
+        };
+        responses: {
+            /** @description Done in the time given by Prefer */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
+                };
+            };
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -10631,6 +12545,79 @@ export interface operations {
             };
         };
     };
+    get_run_product_file: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                run_id: string;
+                product_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": unknown;
+                };
+            };
+            /** @description A part, as asked for with Range */
+            206: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description There is no such part */
+            416: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
     get_run_report: {
         parameters: {
             query?: never;
@@ -11038,6 +13025,309 @@ export interface operations {
             };
         };
     };
+    get_site_map: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                site_map_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SiteMap"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    delete_site_map: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the revision that was seen, or `*` */
+                "if-match"?: string | null;
+            };
+            path: {
+                site_map_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Stale revision */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description If-Match missing */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    change_site_map: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the revision that was seen, or `*` */
+                "if-match"?: string | null;
+            };
+            path: {
+                site_map_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SiteMapChange"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SiteMap"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Stale revision */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description If-Match missing */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_site_map_file: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                site_map_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "image/tiff": string;
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
     get_sol: {
         parameters: {
             query?: never;
@@ -11207,6 +13497,165 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Sol"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Stale revision */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description If-Match missing */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_solution: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                solution_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Solution"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    change_solution: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the revision that was seen, or `*` */
+                "if-match"?: string | null;
+            };
+            path: {
+                solution_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SolutionChange"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Solution"];
                 };
             };
             /** @description Malformed request */
@@ -11546,6 +13995,310 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Lineage"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_traverse: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                traverse_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Traverse"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    delete_traverse: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the revision that was seen, or `*` */
+                "if-match"?: string | null;
+            };
+            path: {
+                traverse_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Stale revision */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description If-Match missing */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    change_traverse: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the revision that was seen, or `*` */
+                "if-match"?: string | null;
+            };
+            path: {
+                traverse_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TraverseChange"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Traverse"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Stale revision */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description If-Match missing */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    get_traverse_picture: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                traverse_id: string;
+                index: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "image/png": unknown;
                 };
             };
             /** @description Not authenticated */
