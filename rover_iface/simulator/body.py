@@ -15,7 +15,7 @@ from rover_iface.errors import WorldError
 from rover_iface.frames import Pose, Transform
 from rover_iface.navigation.sensor import GroundRaster
 from rover_iface.simulator.chassis import Chassis
-from rover_iface.simulator.own_shadow import OwnShadow
+from rover_iface.simulator.own_shadow import OwnShadow, ShadowedScene
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.world import World, WorldTarget
@@ -96,8 +96,9 @@ class Body:
         """Return the eye of the simulation; made when first needed."""
         start = self.world.start
         scene = scene_from_terrain(self.terrain, (start.x, start.y), radius_m=self._half_width())
-        shadow = OwnShadow(self.profile, lambda: self.pose.site_from_rover) if self.own_shadow else None
-        return Renderer(scene, occluder=shadow)
+        if self.own_shadow:
+            scene = ShadowedScene(scene, OwnShadow(self.profile, lambda: self.pose.site_from_rover))
+        return Renderer(scene)
 
     def sun(self, t_s: float) -> Sun:
         """Return the light at a time of the plan."""

@@ -23,6 +23,9 @@ from rover_iface.telemetry import TrackState
 from rover_iface.vision.tracker import Tracker, TrackUpdate
 from rover_iface.vision.tracker import TrackState as TrackerState
 
+CREST_M = 0.3
+"""Difference in range at which a pixel is taken to see past the target."""
+
 
 class Eyes(Protocol):
     """What a tracker sees with."""
@@ -140,10 +143,16 @@ class TargetFollower:
         )
 
     def _surface_near(self, frame: Frame, update: TrackUpdate, reach_px: int = 4) -> Array | None:
-        """Return the surface point that a new track stands for: seen near its pixel, nearest to its position.
+        """Return the surface point that a new track stands for: the one under its pixel.
 
-        On a crest the pixel itself, off by the mast's error, may see the ground behind.
+        On a crest the pixel itself, off by the mast's error, may see the ground behind: then the one seen
+        near it that is nearest to the track's position.
         """
+        eye, way = frame.camera.back_project(update.pixel)
+        away = float(self.body.renderer.scene.ranges(eye, way[None])[0])
+        place = self.body.true_from_believed.apply(update.position)
+        if math.isfinite(away) and abs(away - float(np.linalg.norm(place - eye))) < CREST_M:
+            return np.asarray(eye + away * way)
         column, row = (round(float(v)) for v in update.pixel)
         rows = slice(max(0, row - reach_px), row + reach_px + 1)
         columns = slice(max(0, column - reach_px), column + reach_px + 1)
@@ -151,8 +160,7 @@ class TargetFollower:
         points = points[np.isfinite(points).all(axis=1)]
         if not len(points):
             return None
-        away = np.linalg.norm(points - self.body.true_from_believed.apply(update.position), axis=1)
-        return np.asarray(points[int(np.argmin(away))], dtype=float)
+        return np.asarray(points[int(np.argmin(np.linalg.norm(points - place, axis=1)))], dtype=float)
 
     def stop(self, command: Command) -> Action:
         """Carry out `trackstop`."""

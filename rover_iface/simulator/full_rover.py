@@ -29,7 +29,7 @@ from rover_iface.vision.shape_tracker import CombinedTracker
 from rover_iface.vision.sift import SiftOptions
 
 WINDOW_PX = 400
-"""Side of what the tracker gets of a navcam frame, at full resolution; a whole frame costs five times as much."""
+"""Side of what the tracker gets of a navcam frame, at full resolution; a whole one costs five times that."""
 
 RIGHT_MARGIN_PX = 24
 

@@ -25,7 +25,7 @@ _SIDES = np.array(
 
 
 class OwnShadow:
-    """An `Occluder`: the rover of a profile, wherever `site_from_rover` says it is."""
+    """What the rover of a profile keeps the sun off, wherever `site_from_rover` says it is."""
 
     def __init__(self, profile: RoverProfile, site_from_rover: Callable[[], Transform]) -> None:
         self._where = site_from_rover
@@ -37,20 +37,43 @@ class OwnShadow:
         self._centre: Array = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         self._radius = float(np.linalg.norm(corners - self._centre, axis=1).max())
 
-    def hides(self, points_site: Array, to_sun: Array) -> npt.NDArray[np.bool_]:
-        """See `Occluder`. Only rays that pass the ball round the rover are cast."""
-        rover_from_site = self._where().inverse()
-        sun = np.asarray(rover_from_site.rotate(to_sun), dtype=np.float64)
-        points = np.asarray(rover_from_site.apply(points_site), dtype=np.float64)
-        gap = self._centre - points
-        along = gap @ sun
-        near = (np.einsum("ij,ij->i", gap, gap) - along**2 < self._radius**2) & (along > -self._radius)
-        hidden = np.zeros(len(points), dtype=bool)
+    def hides(self, points: npt.NDArray[np.float32], origin: Array, to_sun: Array) -> npt.NDArray[np.bool_]:
+        """Return which points (n, 3) lie in its shadow for light from `to_sun` (3,), site frame.
+
+        The points are counted from `origin` (3,).
+        Only rays that pass the ball round the rover are cast.
+        """
+        from rover_iface.simulator.shadow_kernels import rays_past_ball
+
+        site_from_rover = self._where()
+        rover_from_site = site_from_rover.inverse()
+        near = np.empty(len(points), np.bool_)
+        middle = np.asarray(site_from_rover.apply(self._centre), dtype=np.float64) - origin
+        rays_past_ball(points, np.asarray(to_sun, dtype=np.float64), middle, self._radius, near)
         if near.any():
-            starts = np.ascontiguousarray(points[near] - self._scene.origin, dtype=np.float32)
-            rays = np.broadcast_to(sun.astype(np.float32), starts.shape)
-            hidden[near] = self._scene.occluded_local(starts, np.ascontiguousarray(rays))
-        return hidden
+            own = rover_from_site.apply(points[near] + origin)
+            starts = np.ascontiguousarray(own - self._scene.origin, dtype=np.float32)
+            sun = np.asarray(rover_from_site.rotate(to_sun), dtype=np.float32)
+            rays = np.ascontiguousarray(np.broadcast_to(sun, starts.shape))
+            near[near] = self._scene.occluded_local(starts, rays)
+        return near
+
+
+class ShadowedScene(Scene):
+    """A scene in which the rover throws a shadow but is not seen itself."""
+
+    def __init__(self, scene: Scene, shadow: OwnShadow) -> None:
+        self.__dict__.update(scene.__dict__)
+        self._shadow = shadow
+
+    def occluded_local(
+        self, origins: npt.NDArray[np.float32], directions: npt.NDArray[np.float32]
+    ) -> npt.NDArray[np.bool_]:
+        """See `Scene`; the rays are parallel, as those to the sun are."""
+        dark = super().occluded_local(origins, directions)
+        if len(origins):
+            dark |= self._shadow.hides(origins, self.origin, np.asarray(directions[0], dtype=np.float64))
+        return dark
 
 
 def _upper_parts(profile: RoverProfile) -> list[Array]:

@@ -6,7 +6,6 @@ import hashlib
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -156,22 +155,12 @@ class Frame:
         return np.asarray(np.round(255.0 * np.sqrt(self.unit)), dtype=np.uint8)
 
 
-class Occluder(Protocol):
-    """A body that moves through the scene and is seen by its shadow only: the rover itself."""
-
-    def hides(self, points_site: Array, to_sun: Array) -> npt.NDArray[np.bool_]:
-        """Return which points (n, 3) it keeps the light from `to_sun` (3,) off, site frame."""
-
-
 class Renderer:
-    """Takes pictures of one scene. The same arguments give the same image on any machine layout, as long as
-    the `occluder`, if there is one, stays where it is.
-    """
+    """Takes pictures of one scene. Pure: the same arguments give the same image on any machine layout."""
 
-    def __init__(self, scene: Scene, *, look: Look | None = None, occluder: Occluder | None = None) -> None:
+    def __init__(self, scene: Scene, *, look: Look | None = None) -> None:
         self.scene = scene
         self.look = look or Look()
-        self.occluder = occluder
 
     def render(
         self,
@@ -301,8 +290,6 @@ class Renderer:
         if sun.direct > 0.0 and found:
             rays = np.broadcast_to(to_sun.astype(np.float32), (found, 3))
             dark = scene.occluded_local(shadow_origins[:found], np.ascontiguousarray(rays))
-            if self.occluder is not None:
-                dark |= self.occluder.hides(shadow_origins[:found] + scene.origin, to_sun)
             lit[shadow_index[:found]] = ~dark
         light = np.empty(count, np.float32)
         look = self.look
