@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 
@@ -19,6 +20,7 @@ from ground.logs import set_up_logging
 from ground.services.job_kinds import job_kinds
 from ground.services.people import ensure_profiles
 from ground.settings import Settings, load_settings
+from ground.work.warm_up import warm_up_quietly
 
 logger = logging.getLogger(__name__)
 
@@ -31,14 +33,20 @@ def make_worker(repo: Repository) -> Worker:
     return Worker(repo, JOB_KINDS)
 
 
-def build_app(repo: Repository, *, with_worker: bool) -> FastAPI:
-    """Return the whole service over a repository whose database is migrated."""
+def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> FastAPI:
+    """Return the whole service over a repository whose database is migrated.
+
+    With `warm` the planner is got ready beside it, here for what-if and in a worker process for plans: the
+    service does not wait for that.
+    """
     worker = make_worker(repo) if with_worker else None
 
     @asynccontextmanager
     async def life(_app: FastAPI) -> AsyncIterator[None]:
         if worker is not None:
-            worker.start()
+            worker.start(warm_up_quietly if warm else None)
+        if warm:
+            threading.Thread(target=warm_up_quietly, name="warm-up", daemon=True).start()
         try:
             yield
         finally:
@@ -62,4 +70,4 @@ def create_app() -> FastAPI:
     set_up_logging(settings)
     repo = open_repository(settings)
     ensure_profiles(repo)
-    return build_app(repo, with_worker=settings.serve_worker)
+    return build_app(repo, with_worker=settings.serve_worker, warm=settings.warm_up)

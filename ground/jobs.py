@@ -369,8 +369,11 @@ class Worker:
 
     # ---- life
 
-    def start(self) -> None:
-        """Begin to look for jobs, in a thread."""
+    def start(self, warm_up: Callable[[], None] | None = None) -> None:
+        """Begin to look for jobs, in a thread; the first process runs `warm_up` until it has one."""
+        if warm_up is not None and self.repo.settings.executor is ExecutorKind.PROCESS:
+            executor = self._executors[0] = make_executor(self.repo.settings)
+            executor.submit(warm_up)
         self._thread = threading.Thread(target=self.run, name="worker", daemon=True)
         self._thread.start()
 

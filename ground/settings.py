@@ -61,6 +61,8 @@ class Settings(BaseSettings):
     """Whether `outcrop serve` also does jobs; false where `outcrop worker` runs beside it."""
     workers: int = Field(default=2, ge=1, le=256)
     """Jobs that one worker carries out at the same time."""
+    warm_up: bool = True
+    """Whether the planner is got ready in the background when the server starts."""
     job_lease_s: float = Field(default=15.0, gt=0.1, le=3600.0)
     job_time_limit_s: float = Field(default=1800.0, gt=0.1, le=86400.0)
     job_attempts: int = Field(default=3, ge=1, le=20)
