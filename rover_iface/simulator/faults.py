@@ -29,7 +29,8 @@ class FaultKind(StrEnum):
     `SLOW_DRIVE`: drives take `amount` times as long from now on. `SLIP_BURST`: as that, by wheel slip.
     `STUCK_WHEEL`: drives fail from now on. `LOW_BATTERY`: only `amount` joules are left.
     `CAMERA_FAILURE`: no image succeeds from now on. `SILENT`: commands never answer until aborted.
-    `NOVELTY`: the cameras see something of interest `amount`.
+    `NOVELTY`: the cameras see something of interest `amount`. `LENS_DUST`: grains on the right hazard
+    camera's lens lie before `target` (the `full` rover's stereo; others have no pictures of it).
     """
 
     LOSE_TARGET = "lose-target"
@@ -41,9 +42,10 @@ class FaultKind(StrEnum):
     CAMERA_FAILURE = "camera-failure"
     SILENT = "silent"
     NOVELTY = "novelty"
+    LENS_DUST = "lens-dust"
 
 
-_NEEDS_TARGET = {FaultKind.LOSE_TARGET, FaultKind.SHADOW}
+_NEEDS_TARGET = {FaultKind.LOSE_TARGET, FaultKind.SHADOW, FaultKind.LENS_DUST}
 _NEEDS_AMOUNT = {FaultKind.SLOW_DRIVE, FaultKind.SLIP_BURST, FaultKind.LOW_BATTERY, FaultKind.NOVELTY}
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from rover_iface.simulator.arm_placing import ArmPlacing
 from rover_iface.simulator.body import Body
-from rover_iface.simulator.faults import Fault
+from rover_iface.simulator.faults import Fault, FaultKind
 from rover_iface.simulator.hazard_eyes import ArrivalTracker, HazardEyes
 from rover_iface.simulator.mast_cameras import MastCameras
 from rover_iface.simulator.placing import ReachPlacement
@@ -51,6 +51,13 @@ class FullRover(TerrainRover):
         )
         super().__init__(body, parts, **options)
         self.placing: ArmPlacing = ArmPlacing(self, body, cameras, self.follower, self.eyes)
+
+    def apply_fault(self, fault: Fault) -> None:
+        """Bring a fault into effect now."""
+        if fault.kind is FaultKind.LENS_DUST:
+            self.eyes.dusty.add(fault.target)
+        else:
+            super().apply_fault(fault)
 
 
 def make_rover(

@@ -23,6 +23,9 @@ from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 ARRIVED_M = 2.2
 """Distance from the mast cameras at which a target counts as arrived at."""
 
+GRAINS, DUST_PX = 26, 34.0
+"""Grains of a dusty lens, and how far from the target's place in the image they lie to either side."""
+
 PUBLISHED = {
     "kinematic": "pure kinematic",
     "alternate": "alternate kinematic",
@@ -79,13 +82,15 @@ class ArrivalTracker:
 class HazardEyes:
     """Hands targets to the hazcams (`Handoff`); keeps the pair it looked with for what follows at that stop.
 
-    `answers` tells, for each target, how it went: method, error in pixels, reasons.
+    `answers` tells, for each target, how it went: method, error in pixels, reasons. `dusty` are the targets
+    before which grains lie on the lens of the right camera.
     """
 
     def __init__(self, body: Body, cameras: MastCameras) -> None:
         self.body = body
         self.cameras = cameras
         self.answers: dict[str, dict[str, object]] = {}
+        self.dusty: set[str] = set()
         self._pair: tuple[Pose, Sighting] | None = None
         self._handed: dict[str, tuple[Pose, HandedOff]] = {}
 
@@ -99,8 +104,24 @@ class HazardEyes:
         """
         here = self.body.believed
         if self._pair is None or self._pair[0] != here:
-            self._pair = (here, self.cameras.body_pair("hazcam", t_s))
+            self._pair = (here, self._dusted(self.cameras.body_pair("hazcam", t_s)))
         return self._pair[1]
+
+    def _dusted(self, pair: Sighting) -> Sighting:
+        """Return the pair with grains of one grey, scattered before the dusty targets in the right image."""
+        import cv2
+
+        image = pair.view.right.copy()
+        for name in sorted(self.dusty):
+            pixel = pair.right.camera.project(np.array(self.body.targets[name].point))
+            if not np.isfinite(pixel).all():
+                continue
+            rng = np.random.default_rng([self.body.seed, *name.encode()])
+            for _ in range(GRAINS):
+                place = pixel + DUST_PX * rng.uniform(-1.0, 1.0, 2)
+                middle = (round(float(place[0])), round(float(place[1])))
+                cv2.circle(image, middle, int(rng.integers(3, 7)), float(image.mean()), -1)
+        return pair if not self.dusty else replace(pair, view=replace(pair.view, right=image))
 
     def at_this_stop(self, followed: Followed, t_s: float) -> HandedOff:
         """Return the hand-off of a target made at this stop, made now if there is none.
