@@ -229,7 +229,7 @@ def _render(seed: int) -> Sequence:
         if remaining <= last + 1e-9:
             break
         moved = min(SHARE * remaining, remaining - last)
-        believed.drift(rng, moved, 0.03, math.radians(0.3))
+        believed.drift(rng, pose, moved, 0.03, math.radians(0.3))
         remaining -= moved
         travelled += moved
     mast = np.zeros(2)

@@ -99,11 +99,14 @@ class Believed:
 
     error: Transform = field(default_factory=Transform.identity)
 
-    def drift(self, rng: np.random.Generator, moved_m: float, share: float, heading_sd: float) -> None:
-        """Add the error of one more move."""
+    def drift(
+        self, rng: np.random.Generator, pose: Pose, moved_m: float, share: float, heading_sd: float
+    ) -> None:
+        """Add the error of one more move that begins at `pose`: the rover turns where it stands."""
         shift = rng.normal(0, share * moved_m, 3) * (1.0, 1.0, 0.3)
-        turn = rng.normal(0, heading_sd * math.sqrt(max(moved_m, 0.0)))
-        self.error = Transform.from_rpy(0.0, 0.0, turn, shift) * self.error
+        turn = Transform.from_rpy(0.0, 0.0, rng.normal(0, heading_sd * math.sqrt(max(moved_m, 0.0))))
+        here = self.error.apply((pose.x, pose.y, pose.z))
+        self.error = Transform(turn.rotation, here - turn.rotate(here) + shift) * self.error
 
     def of(self, pose: Pose, rng: np.random.Generator, attitude_sd: float = math.radians(0.1)) -> Transform:
         """Return the believed pose of a true one."""
@@ -189,7 +192,7 @@ def straight_approach(
         if remaining <= last_m:
             return stops
         moved = share * remaining
-        believed.drift(rng, moved, odometry, math.radians(0.3))
+        believed.drift(rng, pose, moved, odometry, math.radians(0.3))
         remaining -= moved
         travelled += moved
 
@@ -220,7 +223,7 @@ def orbit(
                 half=_round_the_rock(world, radius_m),
             )
         )
-        believed.drift(rng, moved, 0.02, math.radians(0.3))
+        believed.drift(rng, pose, moved, 0.02, math.radians(0.3))
     return stops
 
 
@@ -491,7 +494,7 @@ def closed_loop(
             rng,
             2.0,
         )
-        believed.drift(rng, step, odometry, math.radians(0.5))
+        believed.drift(rng, pose, step, odometry, math.radians(0.5))
         unnoticed = np.array([math.cos(direction), math.sin(direction), 0.0]) * (-slip / 3.0)
         believed.error = Transform.from_rpy(0.0, 0.0, 0.0, unnoticed) * believed.error
         travelled += step
@@ -549,7 +552,7 @@ def turn_in_place(
                 half=_round_the_rock(world, range_m),
             )
         )
-        believed.drift(rng, 0.05, 0.2, math.radians(1.0))
+        believed.drift(rng, pose, 0.05, 0.2, math.radians(1.0))
     return stops
 
 
@@ -625,7 +628,7 @@ def flight_checkout_1(
         travelled += moved
         pose = Pose(float(x), float(y), world.terrain.height_at(float(x), float(y)), heading)
         if n:
-            believed.drift(rng, max(moved, 0.05), 0.02, math.radians(0.2))
+            believed.drift(rng, pose, max(moved, 0.05), 0.02, math.radians(0.2))
         stops.append(
             stop_at(
                 world, pose, believed.of(pose, rng), look, rng, step=n, travelled_m=travelled, half=(80, 80)

@@ -14,7 +14,7 @@ VERSION = "1"
 
 
 class TrackState(StrEnum):
-    """State of one target's tracker.
+    """State of one target's tracker, as trackers answer and `:trackerstate` reports (Kim et al. 2009).
 
     `IDLE`: not being tracked (never started, or stopped). `LOST`: the last update found nothing credible, the
     tracker still tries. `FAILED`: it has given up.

@@ -21,7 +21,6 @@ from rover_iface.simulator.routine import RoutineRover
 from rover_iface.simulator.world import WorldTarget
 from rover_iface.telemetry import TrackState
 from rover_iface.vision.tracker import Tracker, TrackUpdate
-from rover_iface.vision.tracker import TrackState as TrackerState
 
 CREST_M = 0.3
 """Difference in range at which a pixel is taken to see past the target."""
@@ -207,8 +206,8 @@ class TargetFollower:
         """
         confidence = 0.8 * followed.update.confidence
         state = followed.update.state
-        if state is TrackerState.TRACKED and confidence < 0.5:
-            state = TrackerState.LOST
+        if state is TrackState.TRACKED and confidence < 0.5:
+            state = TrackState.LOST
         return replace(followed.update, state=state, confidence=confidence, reasons=(why,))
 
     def tell(self, followed: Followed, update: TrackUpdate) -> None:

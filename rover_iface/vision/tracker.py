@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
@@ -12,16 +11,11 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.errors import TrackerError
+from rover_iface.telemetry import TrackState
+
+__all__ = ["Image", "StereoView", "TrackState", "TrackUpdate", "Tracker"]
 
 Image = npt.NDArray[np.float32]
-
-
-class TrackState(StrEnum):
-    """State of a target. Kim et al. 2009, Figure 6; the values are those of `:trackerstate`."""
-
-    TRACKED = "tracked"
-    LOST = "lost"
-    FAILED = "failed"
 
 
 @dataclass(frozen=True)
@@ -67,6 +61,8 @@ class TrackUpdate:
 
     Attributes
     ----------
+    state
+        `TRACKED`, `LOST` or `FAILED`; a tracker never answers `IDLE`.
     position
         (3,), frame of the view's cameras, metres: the last valid one while lost.
     covariance

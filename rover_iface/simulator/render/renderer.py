@@ -85,7 +85,7 @@ class Look:
 
     soil_slope: float = 0.10
     stone_slope: float = 0.06
-    mottle: float = 0.115
+    mottle: float = 0.11
     bounce: float = 0.7
 
 

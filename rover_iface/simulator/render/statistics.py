@@ -54,10 +54,12 @@ RANGES: dict[str, tuple[float, float]] = {
 """What eight frames of Spirit, Opportunity and Curiosity span (`docs/cameras.md`)."""
 
 
-def stretch(image: npt.NDArray[np.generic], percent: float = 0.5) -> Grey:
-    """Return the image in 0..255, its darkest and brightest `percent` cut off."""
+def stretch(
+    image: npt.NDArray[np.generic], percent: float = 0.5, mask: npt.NDArray[np.bool_] | None = None
+) -> Grey:
+    """Return the image in 0..255, the darkest and brightest `percent` (of what `mask` holds) cut off."""
     values = np.asarray(image, dtype=np.float32)
-    low, high = np.percentile(values, [percent, 100.0 - percent])
+    low, high = np.percentile(values if mask is None else values[mask], [percent, 100.0 - percent])
     return np.asarray(255.0 * np.clip((values - low) / max(1e-6, high - low), 0, 1), dtype=np.float32)
 
 
@@ -66,7 +68,9 @@ def measure(image: npt.NDArray[np.generic], mask: npt.NDArray[np.bool_] | None =
     import cv2
 
     values = np.asarray(image, dtype=np.float32)
-    grey = stretch(values if mask is None else np.where(mask, values, np.median(values[mask])))
+    if mask is not None:
+        values = np.where(mask, values, np.median(values[mask]))
+    grey = stretch(values, mask=mask)
     rows, columns = grey.shape
     window = np.outer(np.hanning(64), np.hanning(64)).astype(np.float32)
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(64), np.fft.fftfreq(64)))

@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 MASK = 0xFFFFFFFF
-GRAIN = 1.35, 0.4, 10.0
+GRAIN = 1.15, 0.56, 10.0
 """Grain of rock finer than 10 cm against the coarse octaves: factor there, power by which it grows, limit."""
 
 DUST = 0.2, 2.0, 0.06, 0.12
@@ -225,8 +225,8 @@ def stone(
 ) -> tuple[float, float, float, float]:
     """Return brightness variation and the gradient of a rock surface's height: chipped facets, grain, dust.
 
-    Facets are cells of a lattice bent by the coarser octaves. Where dust lies the grain fades; its patches are
-    of all sizes: quiet and rough places lie side by side at every range.
+    Facets are cells of a lattice bent by the coarser octaves. Where dust lies the grain fades, in patches of
+    all sizes: quiet and rough places lie side by side at every range.
     """
     tint, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
     bend, bare, dust = 0.0, 1.0, 0.0
