@@ -43,6 +43,8 @@ class SurfaceCloud:
         (n, 2) whole (sample, line) of an organised cloud; None when the points have no order.
     pitch_rad
         Angle between neighbouring pixels, radians; 0 when the points have no order.
+    intensity
+        (n,), 0..1, brightness of the pixels; None when the points have none.
     """
 
     points: Array
@@ -51,6 +53,7 @@ class SurfaceCloud:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     pixels: npt.NDArray[np.int64] | None = None
     pitch_rad: float = 0.0
+    intensity: Array | None = None
 
     def __post_init__(self) -> None:
         points = np.asarray(self.points, dtype=np.float64)
@@ -73,6 +76,8 @@ class SurfaceCloud:
             raise PlacementError(f"up is {tuple(self.up)}; a unit vector is needed")
         if self.pixels is not None and self.pixels.shape != (len(points), 2):
             raise PlacementError(f"pixels of {len(points)} points have shape {self.pixels.shape}")
+        if self.intensity is not None and self.intensity.shape != (len(points),):
+            raise PlacementError(f"intensity of {len(points)} points has shape {self.intensity.shape}")
 
     def __len__(self) -> int:
         return len(self.points)
@@ -111,32 +116,49 @@ class SurfaceCloud:
             up or (0.0, 0.0, 1.0),
             self.pixels,
             self.pitch_rad,
+            self.intensity,
         )
 
     def subset(self, keep: npt.NDArray[np.generic]) -> SurfaceCloud:
         """Return the chosen points, by mask or index."""
-        pixels = None if self.pixels is None else self.pixels[keep]
+        pixels, intensity = (None if v is None else v[keep] for v in (self.pixels, self.intensity))
         return SurfaceCloud(
-            self.points[keep], self.covariances[keep], self.eye, self.up, pixels, self.pitch_rad
+            self.points[keep],
+            self.covariances[keep],
+            self.eye,
+            self.up,
+            pixels,
+            self.pitch_rad,
+            intensity,
         )
 
 
 def cloud_of_stereo(
-    cloud: Cloud, *, sigma_px: float = DISPARITY_PX, farthest_m: float = 8.0, scale: float = 1.0
+    cloud: Cloud,
+    *,
+    sigma_px: float = DISPARITY_PX,
+    farthest_m: float = 6.0,
+    scale: float = 1.0,
+    field_rad: float = math.radians(50.0),
 ) -> SurfaceCloud:
-    """Return the cloud of a stereo pair in the frame of its cameras, as far as `farthest_m` from the eye.
+    """Return the cloud of a stereo pair in the frame of its cameras, as far as `farthest_m` from the eye and
+    `field_rad` to either side of the axis: beyond, an aligned fisheye pair is stretched too far to be
+    matched.
 
     `sigma_px` is the disparity's error in pixels of the image that was taken, `scale` by how much the aligned
     pair is enlarged against it.
     """
     eye = np.asarray(cloud.camera.C, dtype=np.float64)
-    near = np.linalg.norm(cloud.points - eye, axis=1) < farthest_m
+    away = cloud.points - eye
+    aside = np.arctan2(np.abs(away @ cloud.camera.horizontal), away @ cloud.camera.A)
+    near = (np.linalg.norm(away, axis=1) < farthest_m) & (aside < field_rad)
     return SurfaceCloud(
         cloud.points[near],
         cloud.covariances(sigma_px * scale / math.sqrt(2.0))[near],
         eye,
         pixels=np.round(cloud.pixels[near]).astype(np.int64),
         pitch_rad=1.0 / cloud.camera.hs,
+        intensity=cloud.intensity[near].astype(np.float64),
     )
 
 

@@ -44,8 +44,8 @@ class GroundOptions:
     max_tilt_rad: float = math.radians(35.0)
     least_share: float = 0.25
     trials: int = 400
-    post_m: float = 0.25
-    stiffness: float = 4.0
+    post_m: float = 0.2
+    stiffness: float = 0.5
 
     def __post_init__(self) -> None:
         if not (self.tolerance_m > 0 and self.post_m > 0 and self.stiffness > 0 and self.trials >= 1):

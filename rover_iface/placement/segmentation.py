@@ -16,7 +16,7 @@ labeling", the number of rocks unknown beforehand. What the paper leaves open is
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -35,8 +35,12 @@ from rover_iface.placement.ground_plane import (
 Index = npt.NDArray[np.int64]
 T = TypeVar("T", np.float64, np.int64)
 
+
 GROUND = -1
 """Label of ground points."""
+
+STIFFER = 10.0
+"""How much stiffer the ground is before any rock is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +60,16 @@ class SegmentationOptions:
     rock_share
         Chance of a point to be rock, before anything is known of its height.
     coupling
-        How much a neighbour's label counts, in units of log-likelihood; the sum over all neighbours.
+        How much a neighbour's label counts, in units of log-likelihood; less where the brightness changes.
+    appearance
+        How much the brightness of a rock and of the ground round it counts against the heights.
     jump
         Neighbours whose depths differ by more than this many spacings do not touch (beside what stereo errs).
-    patch_points
-        Points that share one error, because stereo matches patches: one of so many counts.
+    patch_px
+        Side of the patch that shares one error, pixels, because stereo matches patches; one of its points
+        counts.
+    least_steepness
+        Lower than this share of its width is a rise of the ground and no rock.
     rounds
         Turns of expectation and maximisation at most.
     """
@@ -69,11 +78,13 @@ class SegmentationOptions:
     roughness_m: float = 0.012
     least_height_m: float = 0.03
     least_points: int = 25
-    start_sigma: float = 2.5
+    start_sigma: float = 2.0
     rock_share: float = 0.15
-    coupling: float = 3.0
+    coupling: float = 2.0
+    appearance: float = 0.8
     jump: float = 6.0
-    patch_points: float = 25.0
+    patch_px: float = 9.0
+    least_steepness: float = 0.2
     rounds: int = 8
 
     def __post_init__(self) -> None:
@@ -185,7 +196,9 @@ class _Mixture:
         self.edges = _edges(cloud)
         self.touching = _touch(cloud, self.edges, options.jump)
         a, b = self.edges[self.touching].T
-        self.neighbours = np.maximum(np.bincount(np.r_[a, b], minlength=len(cloud)), 1)
+        self.starts, self.others, self.pull = _adjacency(cloud, a, b, options.coupling)
+        step = _step(cloud.pixels) if cloud.pixels is not None else 1
+        self.patch = max(1.0, (options.patch_px / step) ** 2 if cloud.pixels is not None else 4.0)
         self.chance = np.zeros(len(cloud))
         self.ground = self._first_ground()
 
@@ -196,10 +209,12 @@ class _Mixture:
         spread2 = self.sigma**2 + self.roughness**2
         weight = 1.0 / spread2
         ground = GroundSurface(self.plane, np.zeros((3, 3)), self.local[:, :2].min(axis=0), 1e3)
+        # stiff at first, so that it does not follow a rock before that is known as one
+        stiff = replace(self.options.ground, stiffness=STIFFER * self.options.ground.stiffness)
         for reach in (3.0, 2.0, 1.5, 1.5):
             over = (self.local[:, 2] - ground.height(self.local[:, :2])) / np.sqrt(spread2)
             trust = 1.0 / (1.0 + np.exp(np.clip(4.0 * (over - reach), -50, 50)))
-            ground = fit_surface(self.plane, self.local, weight * trust, self.options.ground)
+            ground = fit_surface(self.plane, self.local, weight * trust, stiff)
         return ground
 
     def _heights(self) -> Array:
@@ -241,14 +256,16 @@ class _Mixture:
         gain = self._gains(label, height, count)
         # the fifth-highest point in a hundred: a single wrong match makes no rock
         tall = np.array([np.quantile(part, 0.95) for part in _parts(label, height, count)])
+        wide = np.array([_width(part, self.local) for part in _parts(label, np.arange(len(label)), count)])
         keep = (points >= self.options.least_points) & (tall >= self.options.least_height_m) & (gain > 0.0)
+        keep &= tall >= self.options.least_steepness * wide
         return _renumbered(np.where(at & keep[np.maximum(label, 0)], label, -1))
 
     def _gains(self, label: Index, height: Array, count: int) -> Array:
         """Return (count,) by how much each rock beats ground on its points, less the cost of 6 parameters."""
         at = label >= 0
         better = self._log_rock(label, height, count)[at] - self._log_ground(height)[at]
-        patch = self.options.patch_points
+        patch = self.patch
         points = np.bincount(label[at], minlength=count)
         total = np.bincount(label[at], weights=better, minlength=count) / patch
         return np.asarray(total - 0.5 * 6.0 * np.log(np.maximum(points / patch, math.e)))
@@ -300,20 +317,43 @@ class _Mixture:
 
     def _expect(self, label: Index, height: Array) -> float:
         """Set the chance of each point to be rock; return the log-likelihood, each patch counted once."""
+        from rover_iface.placement.segmentation_kernels import mean_field
+
         prior, top = self._footprints(label, height)
         rock, ground = self._log_uniform(height, top), self._log_ground(height)
         odds = rock - ground + np.log(prior / (1.0 - prior))
-        a, b = self.edges[self.touching].T
-        chance = self.chance
-        for _ in range(6):
-            spin = 2.0 * chance - 1.0
-            pull = np.bincount(a, weights=spin[b], minlength=len(odds))
-            pull += np.bincount(b, weights=spin[a], minlength=len(odds))
-            field = odds + self.options.coupling * pull / self.neighbours
-            chance = 0.5 * chance + 0.5 / (1.0 + np.exp(-np.clip(field, -40, 40)))
-        self.chance = chance
+        odds += self._appearance(label)
+        mean_field(odds, self.starts, self.others, self.pull, self.chance, 4)
         total = np.logaddexp(np.log(prior) + rock, np.log(1.0 - prior) + ground).sum()
-        return float(total / self.options.patch_points)
+        return float(total / self.patch)
+
+    def _appearance(self, label: Index) -> Array:
+        """Return log-odds (n,) of the brightness of points near a rock, by histograms of it and of the ground
+        round it; zero elsewhere and for clouds without brightness."""
+        n = len(label)
+        out = np.zeros(n)
+        count = int(label.max(initial=-1)) + 1
+        if self.cloud.intensity is None or not self.options.appearance or not count:
+            return out
+        bins = 24
+        shade = np.minimum((np.sqrt(self.cloud.intensity) * bins).astype(np.int64), bins - 1)
+        assert self.cloud.pixels is not None
+        pixels = self.cloud.pixels
+        order = np.lexsort((pixels[:, 0], pixels[:, 1]))
+        lines = pixels[order, 1]
+        for members in _parts(label, np.arange(n), count):
+            low, high = pixels[members].min(axis=0), pixels[members].max(axis=0)
+            margin = np.maximum(6, (0.4 * (high - low)).astype(np.int64))
+            first, last = np.searchsorted(lines, (low[1] - margin[1], high[1] + margin[1] + 1))
+            band = order[first:last]
+            aside = pixels[band, 0]
+            near = band[(aside >= low[0] - margin[0]) & (aside <= high[0] + margin[0])]
+            rock = near[label[near] == label[members[0]]]
+            around = near[label[near] < 0]
+            one, two = (_histogram(shade[part], bins) for part in (rock, around))
+            mine = near[(label[near] == label[members[0]]) | (label[near] < 0)]
+            out[mine] = self.options.appearance * (np.log(one) - np.log(two))[shade[mine]]
+        return out
 
     def _footprints(self, label: Index, height: Array) -> tuple[Array, Array]:
         """Return for each point the chance to be rock by place alone, and the height of the rock there."""
@@ -390,6 +430,32 @@ def _parts(label: Index, values: npt.NDArray[T], count: int) -> list[npt.NDArray
     order = at[np.argsort(label[at], kind="stable")]
     cuts = np.cumsum(np.bincount(label[at], minlength=count))[:-1]
     return np.split(values[order], cuts)
+
+
+def _width(members: Index, local: Array) -> float:
+    """Return the smaller extent of points along the plane: four deviations."""
+    if len(members) < 3:
+        return 0.0
+    return 4.0 * math.sqrt(max(0.0, float(np.linalg.eigvalsh(np.cov(local[members, :2].T))[0])))
+
+
+def _histogram(values: Index, bins: int) -> Array:
+    """Return shares (bins,) of a histogram, smoothed over its neighbours, none of them zero."""
+    count = np.bincount(values, minlength=bins).astype(np.float64)
+    smooth = np.convolve(count, (0.25, 0.5, 0.25), mode="same") + 0.02 * count.sum() / bins + 1e-3
+    return np.asarray(smooth / smooth.sum())
+
+
+def _adjacency(cloud: SurfaceCloud, a: Index, b: Index, coupling: float) -> tuple[Index, Index, Array]:
+    """Return for each point where its neighbours start, the neighbours, and how much each pulls."""
+    weight = np.full(len(a), coupling)
+    if cloud.intensity is not None and len(a):
+        change = np.sqrt(cloud.intensity[a]) - np.sqrt(cloud.intensity[b])
+        weight *= 0.15 + 0.85 * np.exp(-0.5 * change**2 / max(2.0 * float(np.mean(change**2)), 1e-9))
+    one, two, pull = np.r_[a, b], np.r_[b, a], np.r_[weight, weight]
+    order = np.argsort(one, kind="stable")
+    starts = np.concatenate(([0], np.cumsum(np.bincount(one, minlength=len(cloud)))))
+    return starts.astype(np.int64), two[order].astype(np.int64), pull[order]
 
 
 def _renumbered(label: Index) -> Index:
