@@ -11,6 +11,7 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import linprog
 
+from planner.contingency.flow_bound import flow_bound
 from planner.contingency.policy import LiveSets, Policy, TooLargeError
 from planner.evaluate.grid import Grid, Rounding, probability_below
 from planner.evaluate.model import Model
@@ -53,16 +54,19 @@ def upper_bound(
     """Return the best bound that the time allows: a table with consumption rounded down on a fine grid.
 
     It bounds every policy that does not come back to a target that it has left. Where no table fits, the
-    linear relaxation of `relaxed_bound` is taken. With `deterministic` the grid depends on the problem
-    alone.
+    better of two linear programs is taken: `relaxed_bound` over start times, which knows windows, and
+    `flow_bound` over expected drives, which knows where targets lie. With `deterministic` the grid depends on
+    the problem alone.
     """
     best = trivial_bound(model)
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0 or best.value <= 0.0:
         return Bound(0.0, "nothing can be done")
 
     def relaxed() -> Bound:
-        found = relaxed_bound(model, limit_s=min(LP_LIMIT_S, max(0.1, 2.0 * time_limit_s)))
-        return found if found.value < best.value else best
+        seconds = min(LP_LIMIT_S, max(0.1, 2.0 * time_limit_s))
+        drives = flow_bound(model, limit_s=seconds, should_stop=should_stop)
+        flow = Bound(drives, "linear relaxation over drives")
+        return min(best, relaxed_bound(model, limit_s=seconds), flow, key=lambda bound: bound.value)
 
     if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:
         return relaxed()
