@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { nodesOf, tokenize } from "../src/lib/crl";
 import { parseRows, parseTargets } from "../src/lib/csv";
 import * as format from "../src/lib/format";
-import { keyName } from "../src/lib/keys";
+import { KEYS, keyList, keyName } from "../src/lib/keys";
 import { appended, blendAngle, type Columns, indexAt, momentAt, nodeStates, stepTimes } from "../src/lib/replay";
 import { bodyOf, freshFields, problemsOf } from "../src/lib/request-form";
 import { formatRoute, parseRoute, type Route } from "../src/lib/route";
@@ -243,10 +243,31 @@ describe("pictures of the ground", () => {
 
 describe("keys", () => {
   it("are named the same with either command key", () => {
-    const press = (key: string, held: object = {}) => keyName({ key, ctrlKey: false, metaKey: false, shiftKey: false, ...held });
+    const press = (key: string, held: object = {}) => keyName({ key, ctrlKey: false, metaKey: false, shiftKey: false, altKey: false, ...held });
     expect(press("T")).toBe("t");
     expect(press("z", { metaKey: true })).toBe("ctrl+z");
     expect(press("Z", { ctrlKey: true, shiftKey: true })).toBe("ctrl+shift+z");
     expect(press("?", { shiftKey: true })).toBe("?");
+    expect(press("Enter", { shiftKey: true })).toBe("shift+enter");
+    expect(press("ArrowLeft", { altKey: true })).toBe("alt+arrowleft");
+  });
+
+  it("stand for one thing within a part of the page, and each is written for the help", () => {
+    for (const { title, keys } of Object.values(KEYS)) {
+      const names = Object.values<{ keys: readonly string[] }>(keys).flatMap((binding) => binding.keys);
+      expect(new Set(names).size, title).toBe(names.length);
+    }
+    const list = keyList().flatMap((scope) => scope.keys);
+    expect(list.every((key) => key.keys.trim() !== "" && key.text !== "")).toBe(true);
+    expect(list.find((key) => key.text.startsWith("undo"))?.keys).toBe("Ctrl Z");
+  });
+
+  it("of a part of the page hide the page's own only where they mean the same kind of thing", () => {
+    // A view that has the focus hears its keys first: no letter of the page may get lost there unseen.
+    const page = Object.values<{ keys: readonly string[] }>(KEYS.page.keys).flatMap((binding) => binding.keys);
+    for (const scope of ["cross", "hold", "outline", "turn", "timeline", "list", "row", "split"] as const) {
+      const own = Object.values<{ keys: readonly string[] }>(KEYS[scope].keys).flatMap((binding) => binding.keys);
+      expect(own.filter((key) => page.includes(key)), scope).toEqual([]);
+    }
   });
 });

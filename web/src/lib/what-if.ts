@@ -16,9 +16,11 @@ export interface Draft {
   values: Record<string, number>;
   /** Keep-outs that are not there, by id. */
   lifted: readonly string[];
+  /** Keep-outs that lie elsewhere or have another outline, by id: corners east, north. */
+  moved: Readonly<Record<string, number[][]>>;
 }
 
-export const UNCHANGED: Draft = { time: 1, energy: 1, delayMin: 0, loss: 1, wishes: {}, values: {}, lifted: [] };
+export const UNCHANGED: Draft = { time: 1, energy: 1, delayMin: 0, loss: 1, wishes: {}, values: {}, lifted: [], moved: {} };
 
 /** What the draft is measured against: budgets of the plan's day, values of its requests, keep-outs of the mission. */
 export interface Baseline {
@@ -51,9 +53,12 @@ export function changesOf(draft: Draft, base: Baseline): WhatIf {
   if (draft.energy !== 1) changes.energy_budget_j = draft.energy * base.energy_budget_j;
   if (draft.delayMin > 0) changes.start_delay_s = 60 * draft.delayMin;
   if (draft.loss !== 1) changes.loss_factor = draft.loss;
-  if (draft.lifted.length > 0) {
-    const lifted = new Set(draft.lifted);
-    changes.keep_outs = base.keepOuts.filter((keepOut) => !lifted.has(keepOut.id)).map((keepOut) => keepOut.polygon_m);
+  const lifted = base.keepOuts.filter((keepOut) => draft.lifted.includes(keepOut.id));
+  const moved = base.keepOuts.filter((keepOut) => keepOut.id in draft.moved);
+  if (lifted.length > 0 || moved.length > 0) {
+    changes.keep_outs = base.keepOuts
+      .filter((keepOut) => !lifted.includes(keepOut))
+      .map((keepOut) => draft.moved[keepOut.id] ?? keepOut.polygon_m);
   }
   return changes;
 }

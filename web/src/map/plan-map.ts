@@ -7,8 +7,6 @@ import PointGeometry from "ol/geom/Point";
 import Polygon from "ol/geom/Polygon";
 import { defaults as defaultInteractions } from "ol/interaction/defaults";
 import Draw from "ol/interaction/Draw";
-import Modify from "ol/interaction/Modify";
-import Snap from "ol/interaction/Snap";
 import ImageLayer from "ol/layer/Image";
 import VectorLayer from "ol/layer/Vector";
 import OlMap from "ol/Map";
@@ -21,20 +19,21 @@ import RegularShape from "ol/style/RegularShape";
 import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
 import View from "ol/View";
-import type { KeepOut, PathNetwork, Pose, RoverShape, Target, Terrain } from "../api/types";
+import type { PathNetwork, Pose, RoverShape, Target, Terrain } from "../api/types";
 import { canvasOf, edges, type Raster } from "../lib/overlay";
 import type { Spot } from "../lib/spread";
 import { drivesOf, ellipse, lossColour, outline, placeLabels, type Point, reachSector, type Ribbon, trackingCone } from "./geometry";
+import { KeepOutEdit, type KeepOutEvents, type KeepOutLook } from "./keep-out-edit";
+import { inside } from "./polygon-edit";
 import { StandDrag } from "./stand-drag";
 import { closed, COLORS, labelText, lineColor, measure, ribbonStyle, type TargetLook, targetStyle, words } from "./styles";
 
 export type Mode = "select" | "target" | "keep-out" | "measure";
 
-export interface MapEvents {
+export interface MapEvents extends KeepOutEvents {
   picked(east: number, north: number): void;
   selected(kind: "target" | "keep-out" | "branch" | null, id: string, step: string | null): void;
   drawn(corners: Point[]): void;
-  reshaped(id: string, corners: Point[]): void;
   measured(points: Point[]): void;
   hovered(east: number | null, north: number | null): void;
   /** Metres per pixel after the view has moved. */
@@ -42,6 +41,7 @@ export interface MapEvents {
   standTaken(request: string): void;
   standMoved(east: number, north: number, turns: boolean): void;
   standDropped(): void;
+  standPutBack(): void;
 }
 
 /** Where the rover is to stand for the selected target. */
@@ -75,10 +75,15 @@ export class PlanMap {
   private readonly spreadLayer = this.vector(8);
   private readonly standLayer = this.vector(9);
   private readonly crossLayer = this.vector(13);
-  private readonly snap: Snap;
   private cross: Point | null = null;
   private draw: Draw | null = null;
-  private readonly modify: Modify;
+  /** Corners set with the crosshair in the outline that is drawn. */
+  private corners = 0;
+  private readonly keepOuts: KeepOutEdit;
+  /** The observation point's part that the crosshair holds. */
+  private standHeld: "body" | "nose" | null = null;
+  private stand: StandLook | null = null;
+  private shape: RoverShape | null = null;
   private mode: Mode = "select";
   private bounds: [number, number, number, number] = [-16, -16, 16, 16];
 
@@ -89,7 +94,7 @@ export class PlanMap {
     this.map = new OlMap({
       target: element,
       controls: [],
-      interactions: defaultInteractions({ doubleClickZoom: false, altShiftDragRotate: false, pinchRotate: false }),
+      interactions: defaultInteractions({ doubleClickZoom: false, keyboard: false, altShiftDragRotate: false, pinchRotate: false }),
       layers: [
         this.overlay,
         this.contourLayer,
@@ -125,20 +130,7 @@ export class PlanMap {
       this.publishView();
       this.placeLabels();
     });
-    this.modify = new Modify({
-      source: this.keepOutLayer.getSource() as VectorSource,
-      condition: (event) => (event.originalEvent as PointerEvent).button === 0 && this.mode === "select",
-      pixelTolerance: 8,
-    });
-    this.modify.on("modifyend", (event) => {
-      for (const feature of event.features.getArray()) {
-        const id = String(feature.get("ref") ?? "");
-        const ring = (feature.getGeometry() as Polygon).getCoordinates()[0] as Point[];
-        if (feature.get("dirty")) this.events.reshaped(id, ring.slice(0, -1));
-        feature.unset("dirty");
-      }
-    });
-    this.map.addInteraction(this.modify);
+    this.keepOuts = new KeepOutEdit(this.map, this.keepOutLayer, events);
     this.map.addInteraction(
       new StandDrag(this.standLayer, () => this.mode === "select", {
         taken: (request) => this.events.standTaken(request),
@@ -146,8 +138,7 @@ export class PlanMap {
         dropped: () => this.events.standDropped(),
       }),
     );
-    this.snap = new Snap({ source: this.keepOutLayer.getSource() as VectorSource, pixelTolerance: 10 });
-    this.map.addInteraction(this.snap);
+    this.map.addInteraction(this.keepOuts.snap);
   }
 
   private vector(z: number, declutter = false): VectorLayer<VectorSource> {
@@ -299,28 +290,8 @@ export class PlanMap {
     }
   }
 
-  setKeepOuts(keepOuts: readonly KeepOut[], selected: string | null): void {
-    const source = this.keepOutLayer.getSource() as VectorSource;
-    source.clear();
-    for (const keepOut of keepOuts) {
-      const ring = keepOut.polygon_m.map((p): Point => [p[0] ?? 0, p[1] ?? 0]);
-      const feature = new Feature(new Polygon([[...ring, ring[0] ?? [0, 0]]]));
-      feature.setProperties({ kind: "keep-out", ref: keepOut.id });
-      const chosen = keepOut.id === selected;
-      feature.setStyle(
-        new Style({
-          fill: new Fill({ color: chosen ? "rgba(255,93,82,0.36)" : "rgba(255,93,82,0.22)" }),
-          stroke: new Stroke({
-            color: chosen ? COLORS.select : COLORS.keepOut,
-            width: chosen ? 2.5 : 1.8,
-            lineDash: chosen ? [] : [7, 4],
-          }),
-          text: words(keepOut.name, "#ffd9d5"),
-        }),
-      );
-      feature.getGeometry()?.on("change", () => feature.set("dirty", true, true));
-      source.addFeature(feature);
-    }
+  setKeepOuts(looks: readonly KeepOutLook[], selected: string | null): void {
+    this.keepOuts.show(looks, selected);
   }
 
   setNetwork(network: PathNetwork | null, show: boolean, focus: string | null): void {
@@ -439,6 +410,8 @@ export class PlanMap {
   setStand(look: StandLook | null, shape: RoverShape | null): void {
     const source = this.standLayer.getSource() as VectorSource;
     source.clear();
+    this.stand = look;
+    this.shape = shape;
     if (look === null || shape === null) return;
     const { pose, target, verdict } = look;
     const color = verdict === null ? COLORS.select : verdict ? COLORS.reached : COLORS.refused;
@@ -457,10 +430,8 @@ export class PlanMap {
     add(new Feature(new LineString([[pose.east_m, pose.north_m], place])), new Style({ stroke: new Stroke({ color, width: 1.2, lineDash: [3, 3] }) }), null);
     const body = outline(pose.east_m, pose.north_m, pose.heading_rad, shape.length_m, shape.width_m);
     add(new Feature(new Polygon([closed(body)])), new Style({ stroke, fill: new Fill({ color: `${color}4d` }) }), "body");
-    const nose = shape.length_m / 2 + 0.45;
-    const knob: Point = [pose.east_m + nose * Math.cos(pose.heading_rad), pose.north_m + nose * Math.sin(pose.heading_rad)];
     add(
-      new Feature(new PointGeometry(knob)),
+      new Feature(new PointGeometry(knobOf(pose, shape))),
       new Style({ image: new CircleStyle({ radius: 4.5, fill: new Fill({ color: "#10161a" }), stroke }) }),
       "nose",
     );
@@ -495,17 +466,22 @@ export class PlanMap {
 
   // ---- the keyboard's pointer
 
-  /** Show or move the crosshair, pixels of the screen; it begins in the middle of the view. */
+  private get resolution(): number {
+    return this.map.getView().getResolution() ?? 0.05;
+  }
+
+  /** Show or move the crosshair, pixels of the screen; it begins in the middle of the view. What is held goes along. */
   nudgeCross(right: number, up: number): void {
-    const view = this.map.getView();
-    const resolution = view.getResolution() ?? 0.05;
-    const [x, y] = this.cross ?? ((view.getCenter() ?? [0, 0]) as Point);
-    this.cross = [x + right * resolution, y + up * resolution];
+    const [x, y] = this.cross ?? ((this.map.getView().getCenter() ?? [0, 0]) as Point);
+    this.cross = [x + right * this.resolution, y + up * this.resolution];
+    if (this.keepOuts.holds) this.keepOuts.carry(this.cross);
+    else if (this.standHeld !== null) this.events.standMoved(...this.cross, this.standHeld === "nose");
     this.center(...this.cross);
     this.showCross();
   }
 
   hideCross(): void {
+    this.putBack();
     this.cross = null;
     this.showCross();
   }
@@ -514,29 +490,85 @@ export class PlanMap {
     return this.cross !== null;
   }
 
+  get holds(): boolean {
+    return this.keepOuts.holds || this.standHeld !== null;
+  }
+
+  /** Take hold of what lies under the crosshair, else of what is selected: a keep-out or where the rover is to stand. */
+  grab(): boolean {
+    if (this.mode !== "select" || this.holds) return false;
+    const at = this.cross;
+    if (at !== null && this.keepOuts.grab(at)) return true;
+    const { stand, shape } = this;
+    if (stand !== null && shape !== null) {
+      const { east_m, north_m, heading_rad } = stand.pose;
+      const knob = knobOf(stand.pose, shape);
+      const nose = at !== null && Math.hypot(at[0] - knob[0], at[1] - knob[1]) < 10 * this.resolution;
+      const body = at !== null && inside(at, outline(east_m, north_m, heading_rad, shape.length_m, shape.width_m));
+      if (nose || body || this.keepOuts.grabChosen() === null) {
+        this.standHeld = nose ? "nose" : "body";
+        this.cross = nose ? knob : [east_m, north_m];
+        this.events.standTaken(stand.request);
+      }
+    } else this.cross = this.keepOuts.grabChosen() ?? at;
+    this.showCross();
+    return this.holds;
+  }
+
+  /** Let go of what the crosshair holds. */
+  letGo(): void {
+    this.keepOuts.drop();
+    if (this.standHeld !== null) this.events.standDropped();
+    this.standHeld = null;
+  }
+
+  /** Let go of it and leave it where it was. */
+  putBack(): void {
+    this.keepOuts.putBack();
+    if (this.standHeld !== null) this.events.standPutBack();
+    this.standHeld = null;
+  }
+
   /** Do at the crosshair what a click would do there; `last` ends an outline. */
   pressCross(last: boolean): void {
     const at = this.cross;
     if (at === null) return;
+    if (this.holds) {
+      this.letGo();
+      return;
+    }
     if (this.draw !== null) {
       if (last) this.draw.finishDrawing();
-      else this.draw.appendCoordinates([at]);
+      else this.addCorner(at);
       return;
     }
     const pixel = this.map.getPixelFromCoordinate(at);
     if (pixel !== null) this.clicked(pixel, at);
   }
 
+  private addCorner(at: Point): void {
+    const { draw } = this;
+    if (draw === null) return;
+    draw.appendCoordinates([this.mode === "keep-out" ? this.keepOuts.snapTo(at) : at]);
+    this.corners += 1;
+    // A measurement has two ends; the pointer's second click ends it by itself.
+    if (this.mode === "measure" && this.corners === 2) draw.finishDrawing();
+  }
+
   private showCross(): void {
     const source = this.crossLayer.getSource() as VectorSource;
     source.clear();
-    this.element.dataset.cross = this.cross === null ? "" : this.cross.map((v) => v.toFixed(4)).join(",");
-    if (this.cross === null) {
+    // While an outline is drawn it stands where the corner would be.
+    const at = this.cross !== null && this.mode === "keep-out" ? this.keepOuts.snapTo(this.cross) : this.cross;
+    this.element.dataset.cross = at === null ? "" : at.map((v) => v.toFixed(4)).join(",");
+    this.element.dataset.aim = this.cross === null ? "" : this.cross.map((v) => v.toFixed(4)).join(",");
+    this.element.dataset.held = String(this.holds);
+    if (at === null) {
       this.events.hovered(null, null);
       return;
     }
-    this.events.hovered(this.cross[0], this.cross[1]);
-    const feature = new Feature(new PointGeometry(this.cross));
+    this.events.hovered(at[0], at[1]);
+    const feature = new Feature(new PointGeometry(at));
     const mark = (color: string, width: number): Style =>
       new Style({ image: new RegularShape({ points: 4, radius: 14, radius2: 0, stroke: new Stroke({ color, width }) }) });
     feature.setStyle([mark("rgba(6,10,14,0.85)", 4.5), mark("#ffffff", 1.8)]);
@@ -610,7 +642,9 @@ export class PlanMap {
     if (this.draw !== null) this.map.removeInteraction(this.draw);
     this.draw = null;
     (this.scratch.getSource() as VectorSource).clear();
-    this.modify.setActive(mode === "select");
+    this.corners = 0;
+    this.putBack();
+    this.keepOuts.setActive(mode === "select");
     this.element.style.cursor = mode === "select" ? "" : "crosshair";
     if (mode !== "keep-out" && mode !== "measure") return;
     const color = mode === "keep-out" ? COLORS.keepOut : "#ffffff";
@@ -624,6 +658,7 @@ export class PlanMap {
         image: new CircleStyle({ radius: 4, fill: new Fill({ color }) }),
       }),
     });
+    this.draw.on("drawend", () => (this.corners = 0));
     this.draw.on("drawstart", () => (this.scratch.getSource() as VectorSource).clear());
     this.draw.on("drawend", (event) => {
       const geometry = event.feature.getGeometry();
@@ -637,12 +672,17 @@ export class PlanMap {
     });
     this.map.addInteraction(this.draw);
     // What was added last hears of the pointer first: snapping comes before drawing.
-    this.map.removeInteraction(this.snap);
-    this.map.addInteraction(this.snap);
+    this.map.removeInteraction(this.keepOuts.snap);
+    this.map.addInteraction(this.keepOuts.snap);
   }
 
+  /** Take the last corner of an outline back, or remove the corner that is held. */
   undoCorner(): void {
-    this.draw?.removeLastPoint();
+    if (this.keepOuts.holds) this.keepOuts.removeCorner();
+    else if (this.draw !== null) {
+      this.draw.removeLastPoint();
+      this.corners = Math.max(0, this.corners - 1);
+    }
   }
 
   resize(): void {
@@ -654,6 +694,12 @@ export class PlanMap {
     this.map.dispose();
   }
 }
+
+/** The knob before the nose of the rover, by which it is turned. */
+const knobOf = (pose: Pose, shape: RoverShape): Point => {
+  const far = shape.length_m / 2 + 0.45;
+  return [pose.east_m + far * Math.cos(pose.heading_rad), pose.north_m + far * Math.sin(pose.heading_rad)];
+};
 
 const hex = (opacity: number): string =>
   Math.round(255 * Math.max(0, Math.min(1, opacity)))

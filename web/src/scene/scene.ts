@@ -360,6 +360,32 @@ export class SiteScene {
     this.controls.enabled = !held && this.lens === null;
   }
 
+  /** Move the view by pixels of the screen. */
+  pan(right: number, down: number): void {
+    if (this.lens === null && (right !== 0 || down !== 0)) this.controls.pan(right, down);
+  }
+
+  /** Turn round what is looked at, radians: to the right, and upward to look from higher. */
+  orbit(right: number, upward: number): void {
+    if (right !== 0) this.controls.rotateLeft(right);
+    if (upward !== 0) this.controls.rotateUp(upward);
+  }
+
+  /** Come closer by a factor. */
+  zoom(factor: number): void {
+    if (this.lens !== null) return;
+    const away = this.camera.position.clone().sub(this.controls.target);
+    away.setLength(Math.max(this.controls.minDistance, Math.min(this.controls.maxDistance, away.length() / factor)));
+    this.camera.position.copy(this.controls.target).add(away);
+    this.controls.update();
+    this.invalidate();
+  }
+
+  /** Level of the displayed ground. */
+  level(east: number, north: number): number {
+    return this.up(east, north);
+  }
+
   overview(): void {
     this.camera.position.set(-9, 12 + this.up(0, 0), 17);
     this.controls.target.copy(toScene(0, 0, this.up(0, 0)));

@@ -26,6 +26,7 @@ import { type CrlNode, nodesOf } from "../lib/crl";
 import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
 import type { Selection } from "../lib/route";
 import { app } from "./app.svelte";
+import type { WhatIfState } from "./what-if.svelte";
 
 const RELOAD_MS = 120;
 const ACTIVE = new Set(["queued", "running"]);
@@ -63,7 +64,9 @@ export class MissionState {
   networks = $state.raw<PathNetwork[]>([]);
   plans = $state.raw<Plan[]>([]);
   runs = $state.raw<Run[]>([]);
-  products = $state.raw<Product[]>([]);
+  private recorded = $state.raw<Product[]>([]);
+  /** Products that a run which goes on has announced; they are recorded, under the same ids, when it is over. */
+  private announced = $state.raw<Product[]>([]);
   jobs = $state.raw<Job[]>([]);
   comments = $state.raw<Comment[]>([]);
   loading = $state(true);
@@ -79,12 +82,17 @@ export class MissionState {
     request_ids: [],
   });
 
+  /** What is wrong with it; then no plan is asked for. */
+  orderProblem = $state("");
+
   tree = $state.raw<PlanTree | null>(null);
   crl = $state.raw<string | null>(null);
   findings = $state.raw<Finding[]>([]);
   planError = $state<string | null>(null);
   /** What is open on the plan sheet beside the plan. */
   asked = $state<"what-if" | "compare" | null>(null);
+  /** The what-if that is being tried; what is dragged on the map then is tried and not saved. */
+  tried = $state.raw<WhatIfState | null>(null);
 
   readonly sol = $derived(this.sols[this.sols.length - 1] ?? null);
   readonly startHour = $derived(this.sol?.start_lmst_h ?? 10);
@@ -100,11 +108,25 @@ export class MissionState {
   readonly steps = $derived(
     new Map<string, Step>(this.lines.flatMap((line) => line.steps.map((step) => [step.key, step] as const))),
   );
+  readonly products = $derived.by<Product[]>(() => {
+    const known = new Set(this.recorded.map((product) => product.id));
+    return [...this.recorded, ...this.announced.filter((product) => !known.has(product.id))];
+  });
   readonly targetById = $derived(new Map(this.targets.map((target) => [target.id, target])));
   readonly targetByName = $derived(new Map(this.targets.map((target) => [target.name, target])));
   readonly requestById = $derived(new Map(this.requests.map((request) => [request.id, request])));
   readonly requestsOf = $derived(Map.groupBy(this.requests, (request) => request.target_id));
   readonly productsOf = $derived(Map.groupBy(this.products, (product) => product.target_id ?? ""));
+  /** Requests that a dry run brought a product for: they stay open, because nothing has come from the rover. */
+  readonly rehearsed = $derived.by<ReadonlyMap<string, Run>>(() => {
+    const runs = new Map(this.runs.map((run) => [run.id, run]));
+    const found = new Map<string, Run>();
+    for (const product of this.products) {
+      const run = runs.get(product.run_id);
+      if (product.request_id !== null && run?.kind === "dry_run") found.set(product.request_id, run);
+    }
+    return found;
+  });
   readonly orphans = $derived(this.products.filter((product) => product.orphan));
   readonly planJobs = $derived(this.jobs.filter((job) => ACTIVE.has(job.state)));
   /** The job that makes the open plan. */
@@ -231,7 +253,7 @@ export class MissionState {
         this.runs = await calls.runs(this.id);
         break;
       case "product":
-        this.products = await calls.products(this.id);
+        this.recorded = await calls.products(this.id);
         break;
       case "job":
         this.jobs = await calls.jobs(this.id);
@@ -241,6 +263,16 @@ export class MissionState {
         this.comments = await calls.comments(this.id);
         break;
     }
+  }
+
+  /** Take in a product of a run that goes on. */
+  announce(product: Product): void {
+    this.announced = [...this.announced.filter((known) => known.id !== product.id), product];
+  }
+
+  /** Whether a product is only announced: nobody can comment on it or ask where it comes from yet. */
+  isAnnounced(product: Product): boolean {
+    return !this.recorded.some((known) => known.id === product.id);
   }
 
   /** Fetch tree, CRL and findings of the plan that is open. */
@@ -456,6 +488,10 @@ export class MissionState {
 
   /** Ask for a plan and open it when its job is under way. */
   async makePlan(order: PlanCreate): Promise<Job | null> {
+    if (this.orderProblem !== "") {
+      app.toast("bad", "No plan was asked for", `Risk of an overrun: ${this.orderProblem}.`);
+      return null;
+    }
     return await app.attempt("Planning", async () => {
       const job = await calls.createPlan(this.id, order);
       this.jobs = [...this.jobs.filter((other) => other.id !== job.id), job];

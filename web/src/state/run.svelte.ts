@@ -2,7 +2,7 @@
 
 import * as calls from "../api/calls";
 import { listen, type Stream } from "../api/stream";
-import type { Run } from "../api/types";
+import type { Product, Run } from "../api/types";
 import {
   appended,
   type Columns,
@@ -132,7 +132,7 @@ export class RunState {
         this.arrived();
       },
       control: (data) => this.controlled(data as { pace: number; paused: boolean }),
-      product: () => void this.m.reload("product"),
+      product: (data) => this.m.announce(data as Product),
       end: () => void this.ended(id),
     });
   }

@@ -41,6 +41,11 @@ export class StandState {
     this.show({ ...this.pose, heading_rad: Math.atan2(north_m - this.pose.north_m, east_m - this.pose.east_m) });
   }
 
+  /** Turn by an angle, radians; left is positive. */
+  turnBy(angle: number): void {
+    if (this.pose !== null) this.show({ ...this.pose, heading_rad: this.pose.heading_rad + angle });
+  }
+
   private show(pose: Pose): void {
     this.pose = pose;
     this.wanted = pose;

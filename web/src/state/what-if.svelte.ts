@@ -3,6 +3,7 @@
 import * as calls from "../api/calls";
 import type { Plan, WhatIfAnswer } from "../api/types";
 import { type Baseline, changesOf, type Draft, isUnchanged, UNCHANGED, type Wish } from "../lib/what-if";
+import { app } from "./app.svelte";
 import type { MissionState } from "./mission.svelte";
 
 export class WhatIfState {
@@ -51,6 +52,28 @@ export class WhatIfState {
   lift(id: string, lifted: boolean): void {
     const others = this.draft.lifted.filter((known) => known !== id);
     this.change({ lifted: lifted ? [...others, id] : others });
+  }
+
+  /** Try a keep-out with another outline; the one that is saved stays as it is. */
+  reshape(id: string, corners: readonly (readonly number[])[]): void {
+    this.change({ moved: withEntry(this.draft.moved, id, corners.map((corner) => [...corner])) });
+  }
+
+  /** Leave a keep-out where it is saved. */
+  putBack(id: string): void {
+    this.change({ moved: withEntry(this.draft.moved, id, undefined) });
+  }
+
+  /** Save the outlines that were tried: from then on they are the mission's. */
+  async accept(): Promise<void> {
+    for (const [id, polygon_m] of Object.entries(this.draft.moved)) {
+      const keepOut = this.m.keepOuts.find((known) => known.id === id);
+      if (keepOut === undefined) continue;
+      const done = await app.attempt(`The keep-out ${keepOut.name}`, () => calls.changeKeepOut(keepOut, { polygon_m }));
+      if (done !== null) this.draft = { ...this.draft, moved: withEntry(this.draft.moved, id, undefined) };
+    }
+    await app.attempt("The keep-outs", () => this.m.reload("keep_out"));
+    void this.ask();
   }
 
   reset(): void {
