@@ -73,6 +73,28 @@ class Way:
 
 
 @dataclass
+class Progress:
+    """Tells when a drive is as near its goal as the ground allows.
+
+    Far from the goal a way round may lead away from it for long, so only within `near_m` of it do `patience`
+    looks without a gain of 10 cm end a drive.
+    """
+
+    near_m: float
+    patience: int = 6
+    nearest_m: float = math.inf
+    _since: int = 0
+
+    def stalled(self, left_m: float) -> bool:
+        """Return whether this look, `left_m` from the goal, is one too many."""
+        if left_m < self.nearest_m - 0.1:
+            self.nearest_m, self._since = left_m, 0
+            return False
+        self._since += 1
+        return left_m <= self.near_m and self._since >= self.patience
+
+
+@dataclass
 class Navigator:
     """Chooses ways to a goal from what has been mapped. One for a drive; the map may outlive it.
 
@@ -186,6 +208,10 @@ class Navigator:
                 return way
         self._stuck += 1
         return None
+
+    def look_aside(self) -> Way:
+        """Return a turn in place for when no way is safe: to the left and right in turn, ever farther."""
+        return Way(math.radians(40.0) * (1 if self._stuck % 2 else -1) * self._stuck, 0.0, 0.0)
 
     @property
     def given_up(self) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from rover_iface.frames import Pose
 from rover_iface.mobility import settle
-from rover_iface.navigation.navigator import Navigator, Way
+from rover_iface.navigation.navigator import Navigator, Progress
 from rover_iface.navigation.sensor import GroundRaster, StereoSensor
 from rover_iface.profile import RoverProfile
 from rover_iface.simulator.chassis import Chassis
@@ -70,16 +70,14 @@ def drive(
     reason = "too many looks"
     looks = 0
     arrived = collided = False
-    nearest, since = math.inf, 0
+    progress = Progress(near_m)
     while looks < most_looks:
         here = navigator.where(chassis.believed)
         left = math.hypot(goal[0] - here.x, goal[1] - here.y)
         if left <= tolerance_m:
             arrived, reason = True, "arrived"
             break
-        if left < nearest - 0.1:
-            nearest, since = left, looks
-        elif left <= near_m and looks - since >= 6:
+        if progress.stalled(left):
             arrived, reason = True, "as near as the ground allows"
             break
         looks += 1
@@ -97,7 +95,7 @@ def drive(
             if navigator.given_up:
                 reason = "no safe way"
                 break
-            way = Way(math.radians(40.0) * (1 if navigator._stuck % 2 else -1) * navigator._stuck, 0.0, 0.0)
+            way = navigator.look_aside()
         driven = chassis.follow(way)
         duration += driven.duration_s
         energy += driven.energy_j

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from rover_iface.errors import PlacementError
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.mobility import Standing, settle
+from rover_iface.placement.room import room_to_stand
 from rover_iface.profile import RoverProfile
 from rover_iface.terrain.terrain import Terrain
 
@@ -124,6 +125,9 @@ def place_base(
     if bad.all():
         raise _refusal(target, instrument, rules)
     score = _score(profile, origin, here, contact, x, y, heading, standing, reach, tilt)
+    fits = np.flatnonzero(~bad)
+    fit = Standing(*(getattr(standing, f.name)[fits] for f in fields(standing)))
+    score[fits] *= 0.3 + 0.7 * room_to_stand(terrain, profile, here, x[fits], y[fits], heading[fits], fit)
     score[bad] = -1.0
     found: list[ObservationPoint] = []
     for k in np.argsort(-score, kind="stable"):
@@ -208,6 +212,7 @@ def check_observation_point(
         reach,
         tilt,
     )
+    score *= 0.3 + 0.7 * room_to_stand(terrain, profile, here, x, y, heading, standing)
     settled = Pose(
         pose.x,
         pose.y,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from executive.ports import Command, Value
 from rover_iface.frames import wrap_angle
-from rover_iface.navigation.navigator import Navigator, Way
+from rover_iface.navigation.navigator import Navigator, Progress, Way
 from rover_iface.navigation.sensor import StereoSensor
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.engine import Action, Outcome, Step, milliseconds, number
@@ -21,6 +21,8 @@ from rover_iface.simulator.routine import RoutineRover
 from rover_iface.telemetry import TrackState
 
 Array = NDArray[np.floating]
+
+NEAR_M = 1.2
 
 
 class Sight(Protocol):
@@ -106,7 +108,7 @@ class Driving:
         begin_j, begin_m = self.host.drawn_j, self.body.chassis.travelled_m
         goal, heading = self._goal(command, name)
         self._navigator = None
-        nearest, since, looks = math.inf, 0, 0
+        progress, looks = Progress(NEAR_M), 0
         reason = "too many looks"
         while looks < 150:
             goal, heading = self._goal(command, name)
@@ -116,10 +118,8 @@ class Driving:
             if left <= tolerance:
                 reason = ""
                 break
-            if left < nearest - 0.05:
-                nearest, since = left, looks
-            elif looks - since >= 6:
-                reason = "" if left <= 0.35 else f"no nearer than {nearest:.2f} m to the goal"
+            if progress.stalled(left):
+                reason = "" if left <= 0.35 else f"no nearer than {progress.nearest_m:.2f} m to the goal"
                 break
             looks += 1
             way: Way | None
@@ -128,10 +128,8 @@ class Driving:
             else:
                 way = yield from self._look_and_choose(goal, name)
             if way is None:
-                if self._gave_up():
-                    reason = "no safe way"
-                    break
-                way = Way(math.radians(40.0), 0.0, 0.0)
+                reason = "no safe way"
+                break
             trouble = yield from self._go(way)
             if trouble:
                 reason = trouble
@@ -150,6 +148,7 @@ class Driving:
                 if not reason and mode == "track":
                     yield from self.follower.update_all()
         self.follower.set_ranges()
+        self.follower.write_views(command)
         self._write_products(command, goal)
         here = self.body.believed
         values: dict[str, Value] = {
@@ -173,9 +172,6 @@ class Driving:
             return f"hazard: {driven.collision}"
         return "wheel stuck" if driven.stuck else ""
 
-    def _gave_up(self) -> bool:
-        return self._navigator is not None and self._navigator.given_up
-
     def _straight(self, goal: tuple[float, float], left: float) -> Way:
         here = self.body.believed
         turn = wrap_angle(math.atan2(goal[1] - here.y, goal[0] - here.x) - here.heading)
@@ -195,7 +191,8 @@ class Driving:
             x, y = self.follower.position(name)[:2]
             navigator.ignore = (*navigator.on_map(float(x), float(y)), 0.45)
         yield Step(round(duration * looks), energy * looks)
-        return navigator.choose(navigator.where(here), navigator.on_map(*goal))
+        way = navigator.choose(navigator.where(here), navigator.on_map(*goal))
+        return navigator.look_aside() if way is None and not navigator.given_up else way
 
     def _step_limit(self) -> float:
         """Return the longest way the tracker can follow: a share of the nearest tracked target's range."""

@@ -14,6 +14,7 @@ from rover_iface.frames import Pose
 from rover_iface.mobility import settle, settled_pose
 from rover_iface.placement import check_observation_point, place_base
 from rover_iface.placement.base_placement import inside_polygon
+from rover_iface.placement.room import room_to_stand
 from rover_iface.profile import load_profile
 from tests.rover_iface.worlds import bumpy, generated, plane
 from tests.shared import shared
@@ -173,3 +174,25 @@ def test_inside_a_polygon_agrees_with_shapely(x: float, y: float) -> None:
     shape = Polygon(corners)
     if shape.boundary.distance(Point(x, y)) > 1e-9:
         assert bool(inside_polygon(np.array([x]), np.array([y]), corners)[0]) == shape.contains(Point(x, y))
+
+
+def test_a_stand_over_a_stone_that_the_navigator_would_not_take_is_worth_little() -> None:
+    target = (3.0, 0.0, 0.0)
+    bare = place_base(plane(0.0, 0.0), K9, target, start=Pose(0.0, 0.0), count=1)[0]
+    x, y = bare.pose.x, bare.pose.y
+    stony = bumpy(lambda u, v: np.where(np.hypot(u - x, v - y) < 0.12, 0.12, 0.0))
+    over = check_observation_point(stony, K9, bare.pose, target)
+    assert over.score < 0.4 * check_observation_point(plane(0.0, 0.0), K9, bare.pose, target).score
+    beside = place_base(stony, K9, target, start=Pose(0.0, 0.0), count=1)[0]
+    assert beside.score > over.score
+    away = np.hypot(beside.pose.x - x, beside.pose.y - y)
+    assert away > K9.body.width_m / 2 or abs(beside.pose.heading) > 0.3
+
+
+def test_on_a_slope_the_ground_itself_is_no_obstacle_to_stand() -> None:
+    for a, b in ((0.15, 0.0), (0.0, -0.15), (0.1, 0.1)):
+        ground = plane(a, b)
+        x, heading = np.array([0.5]), np.array([0.7])
+        standing = settle(ground, K9, x, x, heading)
+        room = room_to_stand(ground, K9, np.array([5.0, 5.0, 0.0]), x, x, heading, standing)
+        assert room[0] == 1.0

@@ -13,7 +13,7 @@ from rover_iface.frames import Pose
 from rover_iface.mobility import settled_pose
 from rover_iface.navigation.hazard_map import HazardMap, MapParameters
 from rover_iface.navigation.kernels import cast_ranges, cost_to_go, obstacle_distance, try_ways
-from rover_iface.navigation.navigator import Navigator, NavigatorParameters, Way, end_of
+from rover_iface.navigation.navigator import Navigator, NavigatorParameters, Progress, Way, end_of
 from rover_iface.navigation.registration import RegistrationParameters, register
 from rover_iface.navigation.sensor import GroundRaster, StereoSensor
 from rover_iface.navigation.traverse import drive, traverse_study
@@ -264,3 +264,12 @@ def test_a_hundred_random_traverses_of_twenty_metres() -> None:
     study, _ = traverse_study(K9, runs=100, seed=1000)
     assert study.collided == 0
     assert study.arrived >= 95
+
+
+def test_a_way_round_may_lead_away_for_long_but_not_close_to_the_goal() -> None:
+    far = Progress(near_m=1.0)
+    assert not any(far.stalled(left) for left in [5.0, *[6.0] * 40])
+    near = Progress(near_m=1.0)
+    assert [near.stalled(left) for left in [0.9] * 8] == [False] * 6 + [True] * 2
+    gaining = Progress(near_m=1.0)
+    assert not any(gaining.stalled(0.95 - 0.11 * (k // 5)) for k in range(40))

@@ -1,0 +1,57 @@
+"""Room to stand: whether the navigator would let the rover onto a pose, by the ground round its outline."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_iface.mobility import Standing
+from rover_iface.profile import RoverProfile
+from rover_iface.terrain.terrain import Terrain
+
+Array = NDArray[np.floating]
+
+MARGIN_M = 0.10
+"""Beyond the outline; between the navigator's least margin and its usual one."""
+
+OWN_ROCK_M = 0.45
+"""Round the target, within which its own rock is no obstacle to the navigator."""
+
+_SPACING_M = 0.10
+
+
+def room_to_stand(
+    terrain: Terrain,
+    profile: RoverProfile,
+    point: Array,
+    x: Array,
+    y: Array,
+    heading: Array,
+    standing: Standing,
+) -> Array:
+    """Return 1 where the ground within the outline lies flat, down to 0 where it bears what is an obstacle.
+
+    A body may straddle a stone that its wheels and belly do not touch, but by dead reckoning no navigator
+    drives onto such a place.
+
+    Parameters
+    ----------
+    point
+        Target (3,), site metres.
+    x, y, heading, standing
+        Poses (n,) and how the rover stands on them.
+    """
+    body = profile.body
+    along = np.arange(-body.length_m / 2 - MARGIN_M, body.length_m / 2 + MARGIN_M + 1e-6, _SPACING_M)
+    aside = np.arange(-body.width_m / 2 - MARGIN_M, body.width_m / 2 + MARGIN_M + 1e-6, _SPACING_M)
+    u, v = (g.ravel() for g in np.meshgrid(along, aside))
+    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    px, py = x[:, None] + u * c - v * s, y[:, None] + u * s + v * c
+    # The plane of the wheels: pitch is positive nose down, roll left side up.
+    plane = standing.z[:, None] - u * np.tan(standing.pitch)[:, None] + v * np.tan(standing.roll)[:, None]
+    rise = terrain.height(px, py) - plane
+    rise[np.hypot(px - point[0], py - point[1]) < OWN_ROCK_M] = 0.0
+    obstacle = 0.7 * profile.mobility.max_step_m
+    highest = np.nan_to_num(rise, nan=obstacle).max(axis=1)
+    room: Array = np.clip((obstacle - highest) / (0.5 * obstacle), 0.0, 1.0)
+    return room
