@@ -4,10 +4,10 @@
 
 Section 8 of the single-cycle instrument placement paper: K9 drove 28 m, approached four targets and took
 close-ups of three, the fourth was rejected for missing stereo; faults were injected to see the contingency
-branches taken. Here five targets are picked on rock faces in sight of the start; the plan with its branches is emitted as CRL and flown by the executive. The
-track of one is made to fail on the way (`lose-target`), dust lies on the lens of a hazard camera before
-another (`lens-dust`). On a real DEM (`--terrain`) rocks are strewn first: its posts hold no detail at the
-scale of a tool.
+branches taken. Here five targets are picked on rock faces in sight of the start; the plan with its branches
+is emitted as CRL and flown by the executive. The track of one is made to fail on the way (`lose-target`),
+dust lies on the lens of a hazard camera before another (`lens-dust`). On a real DEM (`--terrain`) rocks are
+strewn first: its posts hold no detail at the scale of a tool.
 
 Every stage is timed, wall and CPU; the bar is 6 minutes of wall time on two cores.
 """

@@ -15,13 +15,15 @@ from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.engine import Action, Outcome, Step
 from rover_iface.simulator.mast_cameras import Sighting
-from rover_iface.simulator.products import TrackRecord
+from rover_iface.simulator.products import TrackRecord, png, track_label
 from rover_iface.simulator.render.renderer import Frame
 from rover_iface.simulator.routine import RoutineRover
 from rover_iface.simulator.world import WorldTarget
 from rover_iface.telemetry import TrackState
-from rover_iface.vision.tracker import Tracker, TrackUpdate
+from rover_iface.vision.tracker import StereoView, Tracker, TrackUpdate
 
+VIEW_PX = 321
+"""Largest side of the picture that is kept of a tracker's view."""
 CREST_M = 0.3
 """Difference in range at which a pixel is taken to see past the target."""
 
@@ -46,6 +48,8 @@ class Followed:
     target: WorldTarget
     truth: Array
     update: TrackUpdate
+    view: StereoView
+    """What it was last looked for in."""
     gone: bool = False
     shaded: bool = False
 
@@ -130,7 +134,7 @@ class TargetFollower:
         if truth is None:
             self.tracker.clear(name)
             return Outcome(False, f"target {name} is not on the ground", {"energy_j": energy})
-        self.followed[name] = Followed(target, truth, update)
+        self.followed[name] = Followed(target, truth, update, sighting.view)
         self.tell(self.followed[name], update)
         return Outcome(
             True,
@@ -197,6 +201,7 @@ class TargetFollower:
         elif followed.shaded:
             shade = np.linspace(0.15, 1.6, view.left.shape[1], dtype=np.float32)[None, :] ** 2
             view = replace(view, left=np.clip(view.left * shade, 0, 1))
+        followed.view = view
         return self.tracker.update(name, view)
 
     def _unseen(self, followed: Followed, why: str) -> TrackUpdate:
@@ -228,6 +233,28 @@ class TargetFollower:
                 tuple(update.reasons),
             )
         )
+
+    def write_views(self, command: Command) -> None:
+        """Write what each followed target was last looked for in, with what the tracker found there."""
+        from rover_iface.cameras.panorama import camera_document
+
+        for name, followed in self.followed.items():
+            update, camera = followed.update, followed.view.left_camera
+            height, width = followed.view.left.shape
+            middle = update.pixel if np.isfinite(update.pixel).all() else camera.project(update.position)
+            if not np.isfinite(middle).all():
+                middle = np.array([width / 2, height / 2])
+            wide, high = min(VIEW_PX, width), min(VIEW_PX, height)
+            left = min(max(round(float(middle[0])) - wide // 2, 0), width - wide)
+            top = min(max(round(float(middle[1])) - high // 2, 0), height - high)
+            part = followed.view.left[top : top + high, left : left + wide]
+            label = {
+                "target": name,
+                "camera_model": camera_document(camera.window(left, top, wide, high)),
+                "tracker": track_label(update, (left, top)),
+            }
+            pixels = np.clip(255.0 * part, 0.0, 255.0).astype(np.uint8)
+            self.host.write_product(command, "trackview", png(pixels), ".png", label)
 
     # ---- faults
 

@@ -56,6 +56,7 @@ class FullRover(TerrainRover):
         """Bring a fault into effect now."""
         if fault.kind is FaultKind.LENS_DUST:
             self.eyes.dusty.add(fault.target)
+            self.eyes.forget()
         else:
             super().apply_fault(fault)
 

@@ -23,8 +23,8 @@ from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 ARRIVED_M = 2.2
 """Distance from the mast cameras at which a target counts as arrived at."""
 
-GRAINS, DUST_PX = 26, 34.0
-"""Grains of a dusty lens, and how far from the target's place in the image they lie to either side."""
+GRAINS, DUST_PX = 24, (11.0, 30.0)
+"""Grains of a dusty lens, and how far from the target's place in the image they lie."""
 
 PUBLISHED = {
     "kinematic": "pure kinematic",
@@ -107,6 +107,11 @@ class HazardEyes:
             self._pair = (here, self._dusted(self.cameras.body_pair("hazcam", t_s)))
         return self._pair[1]
 
+    def forget(self) -> None:
+        """Look anew when asked next, though the rover has not moved."""
+        self._pair = None
+        self._handed.clear()
+
     def _dusted(self, pair: Sighting) -> Sighting:
         """Return the pair with grains of one grey, scattered before the dusty targets in the right image."""
         import cv2
@@ -118,7 +123,8 @@ class HazardEyes:
                 continue
             rng = np.random.default_rng([self.body.seed, *name.encode()])
             for _ in range(GRAINS):
-                place = pixel + DUST_PX * rng.uniform(-1.0, 1.0, 2)
+                away, turn = rng.uniform(*DUST_PX), rng.uniform(0.0, math.tau)
+                place = pixel + away * np.array((math.cos(turn), math.sin(turn)))
                 middle = (round(float(place[0])), round(float(place[1])))
                 cv2.circle(image, middle, int(rng.integers(3, 7)), float(image.mean()), -1)
         return pair if not self.dusty else replace(pair, view=replace(pair.view, right=image))

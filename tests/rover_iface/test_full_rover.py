@@ -1,0 +1,155 @@
+"""The full rover, everything in the loop: one target from the start to contact, and its parts."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.ports import Command, CommandId, Product, Result
+from rover_iface.contract import write_contract_world
+from rover_iface.frames import Pose
+from rover_iface.profile import load_profile
+from rover_iface.registry import find_rover
+from rover_iface.simulator.faults import Fault, FaultKind
+from rover_iface.simulator.full_rover import FullRover
+from rover_iface.simulator.own_shadow import OwnShadow, ShadowedScene
+from rover_iface.simulator.render.renderer import Sun
+from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
+from rover_iface.simulator.stereo_sight import StereoSight
+
+
+@dataclass
+class Story:
+    """What a rover was told and what came back."""
+
+    rover: FullRover
+    out: Path
+    results: dict[str, Result] = field(default_factory=dict)
+    products: list[Product] = field(default_factory=list)
+
+    def do(self, action: str, name: str = "", **parameters: Any) -> Result:
+        command = Command(CommandId("story", name or action, 1), action, parameters)
+        self.rover.send(command)
+        while True:
+            event = self.rover.next_event(None)
+            assert event is not None
+            if isinstance(event, Product):
+                self.products.append(event)
+            if isinstance(event, Result) and event.command == command.id:
+                self.results[name or action] = event
+                return event
+
+    def label(self, kind: str) -> dict[str, Any]:
+        product = next(p for p in reversed(self.products) if p.kind == kind)
+        found: dict[str, Any] = json.loads((self.out / f"{product.path}.json").read_text(encoding="utf-8"))
+        return found
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
+    """A target 2.4 m ahead, tracked, approached and touched; then again with dust on a lens."""
+    world = write_contract_world(tmp_path_factory.mktemp("world"))
+    document = json.loads((world / "world.json").read_text(encoding="utf-8"))
+    document["start"] = {"east_m": 1.5, "north_m": 0.25, "heading_rad": 0.1}
+    (world / "world.json").write_text(json.dumps(document), encoding="utf-8")
+    out = tmp_path_factory.mktemp("run")
+    rover = find_rover("full")(world, out=out, seed=5)
+    assert isinstance(rover, FullRover)
+    told = Story(rover, out)
+    told.do("trackstart", target="T1")
+    told.do("navigate", target="T1", mode="track", require_tracked=True)
+    told.do("handoff", target="T1", method="cascade")
+    told.do("ipplaceinstrument", target="T1", instrument="mi", dwell_s=10.0)
+    return told
+
+
+def test_a_target_is_driven_to_and_touched_within_two_centimetres(story: Story) -> None:
+    assert {k: r.reason for k, r in story.results.items() if not r.success} == {}
+    placed = story.results["ipplaceinstrument"].values
+    assert placed["made"] is True
+    assert float(placed["placement_error_m"]) <= 0.02
+    attempt = story.rover.placing.attempts["T1"]
+    assert attempt.touch is not None
+    assert attempt.touch.made
+    truth = story.rover.follower.truth("T1")
+    assert np.linalg.norm(attempt.touch.point - truth) == pytest.approx(placed["placement_error_m"])
+
+
+def test_the_track_is_settled_by_shape_on_arrival(story: Story) -> None:
+    history = [r for r in story.rover.follower.history if r.target == "T1"]
+    assert len(history) >= 3
+    assert all(r.state == "tracked" for r in history)
+    assert history[-1].error_m < 0.02
+    assert {r.confidence for r in history if r.range_m < 1.2} == {0.9}
+
+
+def test_the_cascade_says_how_sure_it_is(story: Story) -> None:
+    answer = story.rover.eyes.answers["T1"]
+    assert answer["accepted"] is True
+    assert 0 < float(story.results["handoff"].values["error_px"]) <= 2.0
+
+
+def test_products_show_the_decision_and_the_close_up(story: Story) -> None:
+    kinds = [p.kind for p in story.products]
+    for kind in ("hazardmap", "tracking", "odometry", "hazcam", "placement", "verdict", "microscopic"):
+        assert kind in kinds, kind
+    close = story.label("microscopic")
+    assert close["pixel_m"] == pytest.approx(50e-6, rel=0.3)
+    assert close["target"] == "T1"
+    assert close["sharp"] > 0.7
+    verdict = next(p for p in story.products if p.kind == "verdict")
+    decided = json.loads((story.out / verdict.path).read_text(encoding="utf-8"))
+    assert decided["verdict"]["decision"] in ("place", "place-near")
+    assert decided["contact"] is True
+
+
+def test_dust_on_the_lens_is_missing_stereo_and_refused(story: Story) -> None:
+    story.rover.apply_fault(Fault(FaultKind.LENS_DUST, at_s=0.0, target="T1"))
+    assert story.do("trackstart", "again", target="T1").success
+    placed = story.do("ipplaceinstrument", "dusty", target="T1", instrument="mi")
+    assert not placed.success
+    assert placed.values["made"] is False
+    assert "stereo" in placed.reason
+
+
+def test_nothing_is_touched_without_a_track(story: Story) -> None:
+    refused = story.do("ipplaceinstrument", "untracked", target="T2", instrument="mi")
+    assert not refused.success
+    assert refused.reason == "target T2 is not tracked"
+
+
+def test_clouds_of_rendered_pairs_lie_on_the_ground(story: Story) -> None:
+    body = story.rover.body
+    sight = StereoSight(body, story.rover.parts.cameras)
+    clouds = sight.look(0.0, around=False)
+    assert len(clouds) == 4
+    points = body.pose.site_from_rover.apply(np.concatenate(clouds))
+    near = np.linalg.norm(points - body.pose.site_from_rover.translation, axis=1) < 3.0
+    off = np.abs(points[near, 2] - body.terrain.height(points[near, 0], points[near, 1]))
+    assert near.sum() > 2000
+    assert np.nanmedian(off) < 0.02
+    assert np.nanquantile(off, 0.95) < 0.08
+
+
+def test_the_rover_shades_the_ground_and_the_shade_goes_with_it() -> None:
+    corners = np.array([[-20.0, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]])
+    ground = Scene([SceneMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), material=Material.PLAIN)])
+    pose = Pose(3.0, 1.0, heading=0.4)
+    poses = [pose]
+    scene = ShadowedScene(ground, OwnShadow(load_profile("k9"), lambda: poses[0].site_from_rover))
+    down = np.array(Sun.from_angles(0.0, 1.5).direction, dtype=np.float32)
+    spots = np.array([[3.0, 1.0, 0.01], [9.0, 1.0, 0.01]])
+
+    def dark() -> list[bool]:
+        starts = (spots - scene.origin).astype(np.float32)
+        rays = np.ascontiguousarray(np.broadcast_to(down, starts.shape))
+        return [bool(v) for v in scene.occluded_local(starts, rays)]
+
+    assert dark() == [True, False]
+    poses[0] = Pose(9.0, 1.0)
+    assert dark() == [False, True]
