@@ -1,7 +1,7 @@
 """Hand-off from mast to hazcams: the twelve published methods (Table 1), the cascade, pancam to navcam.
 
     python -m benchmarks.handoff --out docs                 # all, about 15 min of one core
-    python -m benchmarks.handoff --only cascade --draws 2
+    python -m benchmarks.handoff --only cascade --draws 3
 
 Uses the rendered approaches of benchmarks/perception.py. Each trial has its own errors: mast tilt (sigma 1
 degree), pose (5 % of 3 m and 2 degrees for the far pair), a navcam pair that has come out of calibration
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.perception_report import fill, table
-from benchmarks.perception_worlds import Sequence, Shot, approach
+from benchmarks.perception_worlds import TRAINING, Sequence, Shot, approach
 from benchmarks.tracking_worlds import PIVOT, Array
 from rover_iface.cameras.model import CameraModel
 from rover_iface.frames import Transform
@@ -117,6 +117,14 @@ class World:
         return given, np.asarray(self.hazcam.view.left_camera.project(point)), tilt
 
 
+def some(sequence: Sequence, count: int) -> list[Array]:
+    """Return up to `count` of a sequence's targets, from top to bottom."""
+    points = [point for _, point in sequence.targets]
+    if len(points) <= count:
+        return points
+    return [points[n] for n in np.linspace(0, len(points) - 1, count).round().astype(int)]
+
+
 def _about(centre: Array, turn: Array) -> Transform:
     rotation = small_rotation(turn)
     return Transform(rotation, centre - rotation @ centre)
@@ -130,7 +138,7 @@ def methods_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
     errors: dict[str, dict[str, list[float | None]]] = {name: {"near": [], "far": []} for name in METHODS}
     for seed in worlds:
         world = World(approach(seed, folder), miscalibrated=True)
-        for number, (_, point) in enumerate(world.sequence.targets[::2]):
+        for number, point in enumerate(some(world.sequence, 6)):
             rng = np.random.default_rng([seed, number, 1])
             given, true, _ = world.trial(point, rng)
             for which in ("near", "far"):
@@ -179,7 +187,7 @@ def cascade_study(
     for seed in worlds:
         world = World(approach(seed, folder), miscalibrated=True)
         for draw in range(draws):
-            for number, (_, point) in enumerate(world.sequence.targets[::2]):
+            for number, point in enumerate(some(world.sequence, 9)):
                 given, true, tilt = world.trial(point, np.random.default_rng([seed, number, 100 + draw]))
                 for which in ("near", "far"):
                     began = time.process_time()
@@ -355,13 +363,13 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", choices=STUDIES, action="append")
-    parser.add_argument("--worlds", type=int, default=12)
+    parser.add_argument("--worlds", type=int, default=16)
     parser.add_argument("--draws", type=int, default=3, help="trials per target of the cascade study")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
     parser.add_argument("--results", type=Path, default=Path("benchmarks/results/handoff.json"))
     parser.add_argument("--out", type=Path, help="docs folder whose hand-off page gets the tables")
     arguments = parser.parse_args()
-    worlds, folder = list(range(arguments.worlds)), arguments.pictures
+    worlds, folder = list(range(TRAINING, arguments.worlds)), arguments.pictures
 
     def say(line: str) -> None:
         print(line, flush=True)

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from benchmarks.perception_faults import KINDS, disturbed
 from benchmarks.perception_report import write_report
 from benchmarks.perception_shape import registration_study
-from benchmarks.perception_worlds import Halt, Sequence, approach
+from benchmarks.perception_worlds import TRAINING, Halt, Sequence, approach
 from benchmarks.tracking_worlds import Array
 from rover_iface.cameras.model import CameraModel
 from rover_iface.errors import TrackerError
@@ -34,8 +34,6 @@ from rover_iface.vision.tracker import StereoView
 
 Say = Callable[[str], None]
 STARTS = {"10 m": 10.0, "7.5 m": 7.5, "5 m": 5.0}
-TRAINING = 4
-"""Worlds 0 to 3 set the noise parameters of the shipped tracker; tables leave them out."""
 
 
 class Remembering(SiftTracker):

@@ -86,6 +86,10 @@ def _faults(results: dict[str, Any]) -> str:
     )
 
 
+TESTED = ("shipped", "surfaces alone", "published")
+"""Engines that say which of their registrations are to be believed."""
+
+
 def _registration(results: dict[str, Any]) -> str:
     found = results["registration"]
     pairs = list(found["shipped"])
@@ -96,7 +100,7 @@ def _registration(results: dict[str, Any]) -> str:
             kept = "-"
             if e["accepted_median_cm"] is not None:
                 kept = " / ".join(f"{e[f'accepted_{q}_cm']:.2f}" for q in ("median", "p95", "max"))
-            share = f"{e['accepted_percent']:.0f}" if engine in ("shipped", "published") else "all, untold"
+            share = f"{e['accepted_percent']:.0f}" if engine in TESTED else "all, untold"
             rows.append(
                 [
                     engine,

@@ -12,7 +12,9 @@ import numpy as np
 from benchmarks.perception_worlds import Shot, approach
 from benchmarks.tracking_worlds import Array
 from rover_iface.frames import Transform
-from rover_iface.vision.shape import ShapeOptions, Surface, register, surface_of
+from rover_iface.vision.handoff import Side
+from rover_iface.vision.shape import ShapeOptions, Surface, register
+from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import StereoView
 
@@ -64,31 +66,35 @@ def plain_icp(kind: str) -> Callable[[Surface, Surface, Transform, Array], Trans
 
 def registration_study(worlds: list[int], folder: Path, say: Callable[[str], None]) -> dict[str, Any]:
     """Return errors at the target, CPU time and flags, from starts half a rock and 10 degrees off."""
-    rows: dict[str, dict[str, list[tuple[float, float, bool]]]] = {
-        engine: {pair: [] for pair in PAIRS}
-        for engine in ("shipped", "published", "point-to-point ICP", "point-to-plane ICP", "GICP alone")
-    }
     peers = {"point-to-point ICP": "ICP", "point-to-plane ICP": "PLANE_ICP", "GICP alone": "GICP"}
-    options = {"shipped": ShapeOptions(), "published": ShapeOptions(engine="nelder-mead")}
+    options = {"surfaces alone": ShapeOptions(), "published": ShapeOptions(engine="nelder-mead")}
+    rows: dict[str, dict[str, list[tuple[float, float, bool]]]] = {
+        engine: {pair: [] for pair in PAIRS} for engine in ("shipped", *options, *peers)
+    }
     for seed in worlds:
         sequence = approach(seed, folder)
-        surfaces = {
-            n: surface_of(true_view(sequence.halts[n].left, sequence.halts[n].right), nearest_m=0.8)
-            for n in (-8, -4, -1)
+        halts = sequence.halts
+        sides: dict[int | None, Side] = {
+            n: Side(true_view(halts[n].left, halts[n].right), 0.8) for n in (-8, -4, -1)
         }
-        hazcam = surface_of(true_view(*sequence.hazcam), nearest_m=0.3)
+        sides[None] = Side(true_view(*sequence.hazcam), 0.3)
         rng = np.random.default_rng([seed, 0x5A9E])
         for pair, (a, b) in PAIRS.items():
-            scene = hazcam if b is None else surfaces[b]
+            model, scene = sides[a].surface, sides[b].surface
+            assert model is not None
+            assert scene is not None
             for _, point in sequence.targets[::3]:
                 start = wrong_start(point, rng, 0.5 * sequence.rock.diameter, np.radians(10.0))
                 for engine, by in rows.items():
                     began = time.process_time()
-                    if engine in options:
-                        found = register(surfaces[a], scene, start, point, options[engine])
+                    if engine == "shipped":
+                        lain = register_views(sides[a], sides[b], start, point)
+                        motion, accepted = lain.scene_from_model, lain.accepted
+                    elif engine in options:
+                        found = register(model, scene, start, point, options[engine])
                         motion, accepted = found.scene_from_model, found.accepted
                     else:
-                        motion, accepted = plain_icp(peers[engine])(surfaces[a], scene, start, point), True
+                        motion, accepted = plain_icp(peers[engine])(model, scene, start, point), True
                     error = float(np.linalg.norm(motion.apply(point) - point))
                     by[pair].append((error, time.process_time() - began, accepted))
         say(f"  registration, world {seed}")

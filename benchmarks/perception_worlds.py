@@ -27,6 +27,8 @@ from rover_iface.vision.tracker import StereoView
 HALF = (230, 190)
 FIRST_M, LAST_M, SHARE = 10.0, 1.45, 0.10
 VERSION = 1
+TRAINING = 4
+"""Worlds below this set what there is to set in trackers and hand-off; no table uses them."""
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,15 @@ class DrapeOptions:
         Correlation below which a patch has not been found.
     inlier_px
         Consensus distance, pixels of the pair's left image.
+    least_features
+        Features common to both pictures without which they make no guess.
+    alike_rad
+        Angle between the lines of sight up to which features are asked first, if neither picture is more than
+        twice as fine as the other.
+    enough
+        Patches that agree, with which no further guess is tried.
+    least_agree
+        Patches without whose agreement nothing is believed.
     """
 
     patches: int = 60
@@ -52,6 +61,10 @@ class DrapeOptions:
     search_px: tuple[int, ...] = (14, 5)
     least_score: float = 0.4
     inlier_px: float = 1.2
+    least_features: int = 10
+    alike_rad: float = 0.7
+    enough: int = 20
+    least_agree: int = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,16 +75,17 @@ class Draped:
     ----------
     motion
         Brings points of the pair's frame to where the picture's camera is believed to see them.
-    matches
-        The patches that agree, as the pair ranged them.
-    source_px, found_px
-        (n, 2): where the picture and the pair's left image show each of those.
+    points, unit
+        (n, 3), frame of the pair, and (n, 3, 3), m^2 for one pixel of error: the patches that agree.
+    source_px, seen
+        (n, 2) and (n, 4): where the picture and both images of the pair show each of those.
     """
 
     motion: Motion
-    matches: tuple[PointMatch, ...]
+    points: Array
+    unit: Array
     source_px: Array
-    found_px: Array
+    seen: Array
 
     @property
     def scene_from_source(self) -> Transform:
@@ -79,8 +93,11 @@ class Draped:
         return self.motion.new_from_old.inverse()
 
 
-def range_pixel(scene: StereoView, pixel: Array, expected_m: float) -> PointMatch | None:
-    """Return the surface under a pixel of the pair's left image, None where the patch is not found again."""
+def range_pixel(scene: StereoView, pixel: Array, expected_m: float, spread: float = 0.3) -> PointMatch | None:
+    """Return the surface under a pixel of the pair's left image, None where the patch is not found again.
+
+    It is looked for within a share `spread` of the expected range.
+    """
     found = point_stereo(
         scene.left,
         scene.right,
@@ -89,7 +106,7 @@ def range_pixel(scene: StereoView, pixel: Array, expected_m: float) -> PointMatc
         pixel,
         options=PointStereo(template_px=TEMPLATE_PX, plane_px=19, nearest_m=0.2),
         expected_range_m=expected_m,
-        range_spread=0.3,
+        range_spread=spread,
     )
     return found if found is not None and found.score > 0.6 else None
 
@@ -104,7 +121,6 @@ def find_patches(
     import cv2
 
     camera = scene.left_camera
-    away = float(np.linalg.norm(middle - camera.C))
     near = cloud.points[np.linalg.norm(cloud.points - middle, axis=1) < options.reach_m]
     near = near[standing.sees(near, CONTEXT_PX / 2)]
     pixels = np.round(camera.project(np.vstack((near, middle))))
@@ -122,7 +138,12 @@ def find_patches(
     smooth = cv2.GaussianBlur(scene.left, (0, 0), 1.0)
     corners = cv2.goodFeaturesToTrack(smooth, options.patches, 0.003, spacing, mask=mask)
     places = [] if corners is None else corners.reshape(-1, 2).astype(np.float64)
-    found = [range_pixel(scene, place, away) for place in places]
+    # the cloud knows the range: a short search suffices
+    held_px, ranges = pixels[:-1], np.linalg.norm(near - camera.C, axis=1)
+    found = []
+    for place in places:
+        nearest = int(np.argmin(np.abs(held_px - place).sum(axis=1)))
+        found.append(range_pixel(scene, place, float(ranges[nearest]), 0.08))
     return [match for match in found if match is not None and match.score > 0.75]
 
 
@@ -234,8 +255,9 @@ def _pass(
     if settled is None:
         return None
     motion, agree = settled
-    kept = tuple(match for match, good in zip(matches, agree, strict=True) if good)
-    return Draped(motion, kept, there[agree], np.array(places)[agree])
+    shift = np.array(places) - left
+    seen = np.hstack((left + shift, right + shift))
+    return Draped(motion, here[agree], unit[agree], there[agree], seen[agree])
 
 
 def from_features(

@@ -108,7 +108,7 @@ class Side:
             v.right_camera,
             pixel,
             expected_range_m=expected_m,
-            range_spread=0.4,
+            range_spread=0.25,
         )
 
 

@@ -12,7 +12,6 @@ believed. They also tell what the mast is off (`mast_error`).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,18 +20,9 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import PointMatch, triangulate
 from rover_iface.frames import Transform
-from rover_iface.vision.drape import (
-    SIGMA_PX,
-    Draped,
-    DrapeOptions,
-    drape,
-    find_draped,
-    from_features,
-    on_plane,
-    range_pixel,
-)
+from rover_iface.vision.drape import SIGMA_PX, Draped, DrapeOptions, find_draped, on_plane, range_pixel
 from rover_iface.vision.handoff import Handoff, Side
-from rover_iface.vision.shape import register
+from rover_iface.vision.shape_draped import lay, ranged_by, surface_under
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import StereoView
 
@@ -48,15 +38,6 @@ class CascadeOptions:
     ----------
     drape
         Those of the patches.
-    least_features
-        Features common to both pictures without which they make no guess.
-    alike_rad
-        Angle between the lines of sight up to which features are asked first, if neither picture is more than
-        twice as fine as the other.
-    enough
-        Patches that agree, with which no further guess is tried.
-    least_agree
-        Patches without whose agreement nothing is believed.
     many_agree, blind_px, surface_m
         Where the target's own patch is not recognised: patches that must agree, what they may leave open, and
         how far off the navcams' own stereo, freed of what its disparities are off, may have the surface.
@@ -69,10 +50,6 @@ class CascadeOptions:
     """
 
     drape: DrapeOptions = field(default_factory=DrapeOptions)
-    least_features: int = 10
-    alike_rad: float = 0.7
-    enough: int = 20
-    least_agree: int = 8
     many_agree: int = 10
     blind_px: float = 0.7
     surface_m: float = 0.02
@@ -123,83 +100,13 @@ def cascade(given: Handoff, which: str, options: CascadeOptions | None = None) -
     """Return the target in the hazcam image from the near or far navcams, or a refusal with its reasons."""
     options = options or CascadeOptions()
     side, pixel = given.source(which)
-    view, scene = side.view, given.hazcam.view
-    best: Draped | None = None
-    for guess in _guesses(side, given.hazcam, pixel, options):
-        place = surface_under(given.hazcam, view.left_camera.transformed(guess), pixel)
-        if place is None or given.hazcam.cloud is None:
-            continue
-        found = drape(view.left, view.left_camera, scene, given.hazcam.cloud, place[0], guess, options.drape)
-        if found is not None and (best is None or found.motion.inliers > best.motion.inliers):
-            best = found
-        if best is not None and best.motion.inliers >= options.enough:
-            break
-    if best is None or best.motion.inliers < options.least_agree:
+    best = lay(side, given.hazcam, pixel, options.drape)
+    if best is None or best.motion.inliers < options.drape.least_agree:
         count = 0 if best is None else best.motion.inliers
-        return _refused(Transform.identity(), f"{count} patches agree; {options.least_agree} are needed")
-    return _tested(side, given.hazcam, pixel, best, options)
-
-
-def _guesses(side: Side, hazcam: Side, pixel: Array, options: CascadeOptions) -> Iterator[Transform]:
-    """Yield motions that may put the navcam right, likeliest first, each worked out when asked for."""
-    match = side.point(pixel)
-
-    def features() -> Transform | None:
-        return from_features(
-            side.picture_features, side.view.left_camera, hazcam.features, options.least_features
+        return _refused(
+            Transform.identity(), f"{count} patches agree; {options.drape.least_agree} are needed"
         )
-
-    def surfaces() -> Transform | None:
-        if match is None or side.surface is None or hazcam.surface is None:
-            return None
-        found = register(side.surface, hazcam.surface, Transform.identity(), match.point)
-        return found.scene_from_model if found.accepted else None
-
-    order = [surfaces, features]
-    if match is not None:
-        one, two = (s.view.left_camera for s in (side, hazcam))
-        ray, other = match.point - one.C, match.point - two.C
-        away, beyond = float(np.linalg.norm(ray)), float(np.linalg.norm(other))
-        finer = (one.hs / away) / (two.hs / beyond)
-        if math.acos(float(ray @ other) / (away * beyond)) < options.alike_rad and 0.5 < finer < 2.0:
-            order.reverse()
-    for make in order:
-        found = make()
-        if found is not None:
-            yield found
-    yield Transform.identity()
-
-
-def surface_under(hazcam: Side, camera: CameraModel, pixel: Array) -> tuple[Array, PointMatch] | None:
-    """Return where a camera's ray meets the surface that the hazcams range (3,), and the patch there.
-
-    The dense cloud says where to look, point stereo makes it sharp. None where the cloud has a hole or stereo
-    does not find the patch again.
-    """
-    cloud, scene = hazcam.cloud, hazcam.view
-    if cloud is None:
-        return None
-    with np.errstate(invalid="ignore"):
-        off = np.linalg.norm(camera.project(cloud.points) - pixel, axis=1)
-    nearest = np.argsort(off)[:12]
-    # the cloud's points are this far apart in the picture
-    reach = 3.0 * float(np.median(off[nearest]))
-    if not np.isfinite(reach) or reach > 60.0:
-        return None
-    away = np.linalg.norm(cloud.points[nearest] - camera.C, axis=1)
-    front = nearest[away < away.min() + 0.05]
-    place = cloud.points[front[int(np.argmin(off[front]))]]
-    found: PointMatch | None = None
-    for _ in range(3):
-        at = np.asarray(scene.left_camera.project(place))
-        if found is not None and float(np.hypot(*(at - found.left_px))) < 1.0:
-            break
-        found = range_pixel(scene, at, float(np.linalg.norm(place - scene.left_camera.C)))
-        meets = None if found is None else on_plane(camera, pixel, found)
-        if found is None or meets is None:
-            return None
-        place = meets
-    return None if found is None else (place, found)
+    return _tested(side, given.hazcam, pixel, best, options)
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,8 +178,8 @@ def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: Casc
     under = surface_under(hazcam, standing, pixel)
     if under is None:
         return _refused(motion, "the hazcams do not range the surface there")
-    here = _ranged_here(side, found)
-    place = _placed(side, scene, standing, pixel, under, found, here)
+    index, right = ranged_by(side, found)
+    place = _placed(side, standing, pixel, under, _lifted(under[1], scene), found, index, right)
     expected = np.asarray(camera.project(place.point))
     patch = replace(under[1], point=place.point, left_px=expected)
     blind = _blind(standing, scene, pixel, patch, place.sigma_m, found)
@@ -301,7 +208,17 @@ def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: Casc
         return _refused(motion, f"the error may be {error:.1f} px; {options.most_error_px} is the limit")
     again = range_pixel(scene, at, float(np.linalg.norm(place.point - camera.C)))
     position = place.point if again is None else again.point
-    return Answer(at, position, error, motion, found.motion.inliers, score, *here)
+    return Answer(
+        at,
+        position,
+        error,
+        motion,
+        found.motion.inliers,
+        score,
+        found.source_px[index],
+        right,
+        found.seen[index],
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,31 +232,29 @@ class _Place:
 
 def _placed(
     side: Side,
-    scene: StereoView,
     standing: CameraModel,
     pixel: Array,
     under: tuple[Array, PointMatch],
+    lifted: PointMatch,
     found: Draped,
-    here: tuple[Array, Array, Array],
+    index: npt.NDArray[np.int64],
+    right: Array,
 ) -> _Place:
     """Return the target's place by the hazcams' surface and the navcams' stereo, by what each can know.
 
-    What the navcams' disparities are off is taken from the agreeing patches first. Where the two contradict
-    each other by more than chance allows the hazcams are believed.
+    `lifted` is the surface as far off as the hazcams' stereo may be. What the navcams' disparities are off is
+    taken from the agreeing patches first. Where the two contradict each other by more than chance allows the
+    hazcams are believed.
     """
-    place, patch = under
+    place, _ = under
     origin, ray = standing.back_project(pixel)
-    met = on_plane(standing, pixel, _lifted(patch, scene))
+    met = on_plane(standing, pixel, lifted)
     sigma = math.inf if met is None else float(np.linalg.norm(met - place))
     own = side.point(pixel)
-    left, right, _ = here
-    if own is None or len(left) < 6:
+    if own is None or len(index) < 6:
         return _Place(place, sigma, math.inf)
-    view, motion = side.view, found.scene_from_source
-    other = view.right_camera.transformed(motion)
-    same = (left[:, None] == found.source_px[None]).all(axis=2).argmax(axis=1)
-    points = np.asarray(motion.apply(found.motion.points[same]), dtype=np.float64)
-    wrong = np.median(right - other.project(points), axis=0)
+    other = side.view.right_camera.transformed(found.scene_from_source)
+    wrong = np.median(right - other.project(found.points[index]), axis=0)
     there = triangulate(standing, other, pixel[None], (own.right_px - wrong)[None])[0][0]
     gap = float((there - place) @ ray)
     away = float(np.linalg.norm(place - standing.C))
@@ -376,19 +291,3 @@ def _blind(
     lift = camera.jacobian(patch.point) @ standing.back_project(pixel)[1] * sigma_m
     spread_px = slope @ there @ spread @ there.T @ slope.T
     return math.sqrt(0.5 * float(np.trace(spread_px) + lift @ lift))
-
-
-def _ranged_here(side: Side, found: Draped) -> tuple[Array, Array, Array]:
-    """Return the agreeing patches that the navcam pair ranges too: left (n, 2), right (n, 2), seen (n, 4)."""
-    view = side.view
-    kept, right = [], []
-    for n, place in enumerate(found.motion.points):
-        match = side.point(found.source_px[n], float(np.linalg.norm(place - view.left_camera.C)))
-        if match is not None and match.score > 0.8:
-            kept.append(n)
-            right.append(match.right_px)
-    index = np.array(kept, dtype=np.int64)
-    corner = np.array([np.hstack((m.left_px, m.right_px)) for m in found.matches]).reshape(-1, 4)
-    shift = found.found_px - corner[:, :2]
-    seen = corner + np.hstack((shift, shift))
-    return found.source_px[index], np.array(right).reshape(-1, 2), seen[index]

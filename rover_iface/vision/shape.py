@@ -149,11 +149,6 @@ def dense_cloud(view: StereoView, *, nearest_m: float, step: int) -> Cloud:
     return dense_stereo(images[0], images[1], cameras[0], cameras[1], nearest_m=nearest_m, step=step)
 
 
-def surface_of(view: StereoView, *, nearest_m: float = 0.4, step: int = 2) -> Surface:
-    """Return the surface that a stereo pair sees."""
-    return surface_from_cloud(dense_cloud(view, nearest_m=nearest_m, step=step), step)
-
-
 @dataclass(frozen=True, eq=False)
 class Registration:
     """How one surface lies on another.

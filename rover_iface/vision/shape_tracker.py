@@ -17,9 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.cameras.model import Array
-from rover_iface.errors import CameraError, TrackerError
+from rover_iface.errors import TrackerError
 from rover_iface.frames import Transform
-from rover_iface.vision.shape import Registration, ShapeOptions, Surface, register, surface_of
+from rover_iface.vision.handoff import Side
+from rover_iface.vision.shape import Registration, ShapeOptions
+from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift import SiftOptions, SiftTracker
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
@@ -28,9 +30,9 @@ CLOSER = 1.5
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """A surface with the target on it, in the frame as it was believed then."""
+    """A pair with the target in view, in the frame as it was believed then."""
 
-    surface: Surface
+    side: Side
     point: Array
     covariance: Array
     range_m: float
@@ -108,14 +110,14 @@ class CombinedTracker:
                 f'target "{target}" is not followed; followed: {", ".join(self.targets) or "none"}'
             )
         before = self._latest[target]
-        scene = _surface(view, nearest_m)
+        scene = Side(view, nearest_m)
         reasons: list[str] = []
-        if scene is None:
+        if scene.surface is None:
             return replace(before, reasons=(*before.reasons, "the pair gives no surface")), None
         for model in reversed(self._models[target]):
             # dead reckoning says that nothing moves in the site frame; the features may know better
             guess = Transform(np.eye(3), before.position - model.point)
-            found = register(model.surface, scene, guess, model.point, self.shape)
+            found = register_views(model.side, scene, guess, model.point, self.shape)
             if not found.accepted:
                 reasons += [f"registration with {model.range_m:.1f} m: {why}" for why in found.reasons]
                 continue
@@ -154,17 +156,7 @@ class CombinedTracker:
         )
 
     def _keep(self, update: TrackUpdate, view: StereoView) -> None:
-        surface = _surface(view, 0.6)
-        if surface is None:
-            return
-        part = surface.near(update.position, 2.0 * self.shape.radius_m)
         distance = float(np.linalg.norm(update.position - view.left_camera.C))
-        self._models[update.target].append(_Model(part, update.position, update.covariance, distance))
-
-
-def _surface(view: StereoView, nearest_m: float) -> Surface | None:
-    try:
-        found = surface_of(view, nearest_m=nearest_m)
-    except CameraError:
-        return None
-    return found if len(found.points) >= 100 else None
+        self._models[update.target].append(
+            _Model(Side(view, 0.6), update.position, update.covariance, distance)
+        )
