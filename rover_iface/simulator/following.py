@@ -24,6 +24,9 @@ from rover_iface.vision.tracker import StereoView, Tracker, TrackUpdate
 
 VIEW_PX = 321
 """Largest side of the picture that is kept of a tracker's view."""
+NEAR_M = 2.5
+"""Range within which a target is looked at at every stop, whatever the cadence."""
+
 CREST_M = 0.3
 """Difference in range at which a pixel is taken to see past the target."""
 
@@ -50,18 +53,27 @@ class Followed:
     update: TrackUpdate
     view: StereoView
     """What it was last looked for in."""
+    seen_from: tuple[float, float] = (math.inf, math.inf)
+    """Where the rover believed to be then."""
     gone: bool = False
     shaded: bool = False
 
 
 class TargetFollower:
-    """Follows targets with one tracker. `history` holds every answer of it."""
+    """Follows targets with one tracker. `history` holds every answer of it.
 
-    def __init__(self, host: RoutineRover, body: Body, eyes: Eyes, tracker: Tracker) -> None:
+    With a `cadence` a target that is tracked and far is looked at again only when the rover has come that
+    share of its range since the last look; 0 looks at every stop.
+    """
+
+    def __init__(
+        self, host: RoutineRover, body: Body, eyes: Eyes, tracker: Tracker, *, cadence: float = 0.0
+    ) -> None:
         self.host = host
         self.body = body
         self.eyes = eyes
         self.tracker = tracker
+        self.cadence = cadence
         self.history: list[TrackRecord] = []
         self.followed: dict[str, Followed] = {}
         self._forgotten: dict[str, Followed] = {}
@@ -185,9 +197,18 @@ class TargetFollower:
     def update_all(self) -> Generator[Step, None, None]:
         """Update every followed target, each with its own pointing and pair of pictures."""
         for followed in self.alive():
+            if not self._due(followed):
+                continue
             duration, energy = self.host.spread("track_update")
             yield Step(duration, energy)
             self.tell(followed, self._follow(followed))
+
+    def _due(self, followed: Followed) -> bool:
+        here = self.body.believed
+        moved = math.hypot(here.x - followed.seen_from[0], here.y - followed.seen_from[1])
+        away = math.hypot(*(followed.update.position[:2] - (here.x, here.y)))
+        tracked = self.state(followed.target.id) is TrackState.TRACKED
+        return not tracked or away < NEAR_M or moved >= self.cadence * away
 
     def _follow(self, followed: Followed) -> TrackUpdate:
         name = followed.target.id
@@ -219,6 +240,7 @@ class TargetFollower:
         """Put an answer about a target into telemetry and history."""
         name = followed.target.id
         followed.update = update
+        followed.seen_from = (self.body.believed.x, self.body.believed.y)
         self.host.set(f"trackerstate {name}", update.state.value)
         self.host.set(f"trackerconfidence {name}", float(min(1.0, max(0.0, update.confidence))))
         self._set_range(name)

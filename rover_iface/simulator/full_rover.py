@@ -33,6 +33,9 @@ WINDOW_PX = 400
 
 RIGHT_MARGIN_PX = 24
 
+CADENCE = 0.08
+"""Share of its range after which a far target is looked at again; the paper's steps are a tenth."""
+
 
 class FullRover(TerrainRover):
     """See the module. `placing.attempts` holds every placement, `eyes.answers` every hand-off."""
@@ -48,6 +51,7 @@ class FullRover(TerrainRover):
             tracker=tracker,
             handoff=self.eyes,
             placement=ReachPlacement(body),
+            cadence=CADENCE,
         )
         super().__init__(body, parts, **options)
         self.placing: ArmPlacing = ArmPlacing(self, body, cameras, self.follower, self.eyes)

@@ -13,8 +13,8 @@ from rover_iface.simulator.mast_cameras import MastCameras
 
 Array = NDArray[np.floating]
 
-SCALE = 0.375
-"""Of the navcam's resolution; 384 x 288 for K9's. Stereo is off by 1 to 2 cm (95 %) within 3 m."""
+SCALE = 0.3125
+"""Of the navcam's resolution; 320 x 240 for K9's. Stereo is off by 2 to 3 cm (95 %) within 3 m."""
 
 STEP = 3
 NEAREST_M = 0.9

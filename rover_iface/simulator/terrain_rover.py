@@ -27,7 +27,10 @@ from rover_iface.vision.tracker import Tracker
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What a rover on terrain is put together from; all of them look at the same body."""
+    """What a rover on terrain is put together from; all of them look at the same body.
+
+    `cadence` is that of `TargetFollower`.
+    """
 
     cameras: MastCameras
     sight: Sight
@@ -35,6 +38,7 @@ class Parts:
     handoff: Handoff
     placement: Placement
     eyes: Eyes | None = None
+    cadence: float = 0.0
 
 
 class TerrainRover(RoutineRover):
@@ -69,7 +73,9 @@ class TerrainRover(RoutineRover):
         self._solar_to_s = 0.0
         self.set("novelty", 0.0)
         self.set("heartbeat", 0.0)
-        self.follower = TargetFollower(self, body, parts.eyes or parts.cameras, parts.tracker)
+        self.follower = TargetFollower(
+            self, body, parts.eyes or parts.cameras, parts.tracker, cadence=parts.cadence
+        )
         self.driving = Driving(self, body, parts.sight, self.follower)
         self.imaging = Imaging(self, body, parts.cameras, self.follower)
         self.placing = Placing(self, body, parts.cameras, self.follower, parts.handoff, parts.placement)
