@@ -1,3 +1,4 @@
+import { moved, partAt, snapped, withCorner, withCornerLess, withCornerMore } from "../src/map/polygon-edit";
 import { describe, expect, it } from "vitest";
 import {
   ellipse,
@@ -179,5 +180,33 @@ describe("a measured line", () => {
     expect(measureText([[0, 0], [0, -2]], [1, null])).toBe("2.00 m · bearing 180°");
     expect(measureText([[0, 0], [2, 0]], [0, -2])).toContain("down 2.00 m · 2.83 m straight · −45.0°");
     expect(measureText([[0, 0]], [null])).toBe("");
+  });
+});
+
+describe("outlines changed by hand", () => {
+  const square: Point[] = [[0, 0], [4, 0], [4, 4], [0, 4]];
+
+  it("a corner is found before an edge, an edge before the inside", () => {
+    expect(partAt([0.1, 0.1], square, 0.3)).toEqual({ kind: "corner", index: 0 });
+    expect(partAt([2, 0.2], square, 0.3)).toEqual({ kind: "edge", index: 0, at: [2, 0] });
+    expect(partAt([0.1, 2], square, 0.3)).toEqual({ kind: "edge", index: 3, at: [0, 2] });
+    expect(partAt([2, 2], square, 0.3)).toEqual({ kind: "inside" });
+    expect(partAt([5, 2], square, 0.3)).toBeNull();
+  });
+
+  it("corners are moved, added and removed, and three are kept", () => {
+    expect(withCorner(square, 2, [5, 5])).toEqual([[0, 0], [4, 0], [5, 5], [0, 4]]);
+    expect(withCornerMore(square, 3, [0, 2])).toEqual([...square, [0, 2]]);
+    expect(withCornerLess(square, 1)).toEqual([[0, 0], [4, 4], [0, 4]]);
+    expect(withCornerLess(withCornerLess(square, 1), 0)).toHaveLength(3);
+    expect(moved(square, [1, -1])[2]).toEqual([5, 3]);
+    expect(square[2]).toEqual([4, 4]);
+  });
+
+  it("a place is drawn to a corner, else to an edge, else it stays", () => {
+    expect(snapped([0.2, 0.1], [square], 0.3)).toEqual([0, 0]);
+    expect(snapped([2, 0.2], [square], 0.3)).toEqual([2, 0]);
+    expect(snapped([2, 2], [square], 0.3)).toEqual([2, 2]);
+    expect(snapped([4.2, 4.2], [square, moved(square, [4.3, 4.3])], 0.3)).toEqual([4.3, 4.3]);
   });
 });

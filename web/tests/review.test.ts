@@ -3,6 +3,7 @@ import { curveOf, trackersOf } from "../src/lib/confidence";
 import { likeness, pairLines, pairSteps } from "../src/lib/plan-diff";
 import { linesOf, type PlanTree, type TreeStep } from "../src/lib/plan-tree";
 import type { Columns } from "../src/lib/replay";
+import { riskProblemOf } from "../src/lib/plan-order";
 import { type Baseline, changesOf, isUnchanged, nextWish, tells, UNCHANGED } from "../src/lib/what-if";
 
 const BASE: Baseline = {
@@ -38,6 +39,24 @@ describe("a what-if", () => {
   it("sends the keep-outs that are left when one is lifted", () => {
     expect(changesOf({ ...UNCHANGED, lifted: ["k1"] }, BASE)).toEqual({ keep_outs: [[[5, 5], [6, 5], [5, 6]]] });
     expect(changesOf({ ...UNCHANGED, lifted: ["k1", "k2"] }, BASE)).toEqual({ keep_outs: [] });
+  });
+
+  it("sends a keep-out as it is tried, and nothing of one that is lifted or gone", () => {
+    const tried = [[7, 7], [8, 7], [7, 8]];
+    const others = changesOf({ ...UNCHANGED, lifted: ["k1"] }, BASE).keep_outs;
+    expect(changesOf({ ...UNCHANGED, moved: { k2: tried } }, BASE).keep_outs?.[1]).toEqual(tried);
+    expect(changesOf({ ...UNCHANGED, moved: { k1: tried }, lifted: ["k1"] }, BASE).keep_outs).toEqual(others);
+    expect(changesOf({ ...UNCHANGED, moved: { gone: tried } }, BASE)).toEqual({});
+  });
+});
+
+describe("the order of a plan", () => {
+  it("takes a risk above none and below certain, in per cent", () => {
+    expect([null, undefined, 5, 0.1, 99.9].map(riskProblemOf)).toEqual(["", "", "", "", ""]);
+    expect(riskProblemOf(0)).toContain("more than 0");
+    expect(riskProblemOf(-3)).toContain("-3 %");
+    expect(riskProblemOf(100)).toContain("less than 100");
+    expect(riskProblemOf(Number.NaN)).toContain("number");
   });
 
   it("goes round its wishes and tells a change from noise", () => {

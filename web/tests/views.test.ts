@@ -234,6 +234,24 @@ describe("targets in a picture that came back", () => {
     expect(shown?.marks.map((mark) => [mark.id, Math.round(mark.x * 10) / 10])).toEqual([["A", 39.5], ["B", 49.5]]);
   });
 
+  it("show what the tracker found in the picture: pixel, template and covariance", () => {
+    const tracker = {
+      state: "tracked", confidence: 0.97, point_m: [5, 0.5, 1], pixel: [39.2, 50.1],
+      outline: [[29, 40], [49, 40], [49, 60], [29, 60]],
+      covariance_m2: [[1e-4, 0, 0], [0, 4e-4, 0], [0, 0, 1e-4]],
+    };
+    const [mine, other] = marksIn({ camera_model, tracker }, [at("A", 5, 0), at("B", 5, 0)], "A")?.marks ?? [];
+    expect(mine).toMatchObject({ x: 39.2, y: 50.1, outline: tracker.outline, tracker: { state: "tracked", confidence: 0.97 } });
+    // 4 cm across are two standard deviations of 2 cm: 0.8 pixels at 5 m, lying.
+    expect(mine?.rx).toBeCloseTo(0.8, 2);
+    expect(Math.abs(mine?.turn ?? 9)).toBeCloseTo(0, 2);
+    expect(other).toMatchObject({ outline: null, tracker: null });
+    const lost = { state: "lost", confidence: 0.2, point_m: [5, 0.5, 1], covariance_m2: "none" };
+    const [gone] = marksIn({ camera_model, tracker: lost }, [at("A", 5, 0)], "A")?.marks ?? [];
+    expect(gone).toMatchObject({ outline: null, tracker: { state: "lost", confidence: 0.2 } });
+    expect(gone?.x).toBeCloseTo(39.5, 1);
+  });
+
   it("are not guessed without a camera model", () => {
     expect(marksIn({}, [at("A", 5, 0)], null)).toBeNull();
     expect(axesOf([4, 0, 1])).toEqual({ rx: 2, ry: 1, turn: 0 });
