@@ -126,3 +126,59 @@ def histogram(
         f'<text x="0" y="-4">{top:.0%}</text></svg>'
     )
     return "".join(out)
+
+
+CURVES = ("#2b7fa8", "#c8660b", "#2f8f4e", "#8a4fa3", "#c0392b", "#6b7a2a", "#44545f")
+
+
+def confidence_chart(
+    ways_m: Sequence[float | None], curves: Mapping[str, Sequence[float | None]], what: str
+) -> str:
+    """Return confidence of trackers, 0 to 1, over the distance driven; nothing without a curve.
+
+    `curves` are by name of the target and as long as `ways_m`; a curve breaks where its value is None or 0
+    (not tracked).
+    """
+    far = max((w for w in ways_m if w is not None), default=0.0)
+    shown = {name: values for name, values in curves.items() if any(v for v in values)}
+    if not shown or far <= 0.0:
+        return ""
+    scale = CHART_W / far
+    total = CHART_H + CHART_EDGE + 16 * len(shown)
+    out = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{safe(what)}" '
+        f'viewBox="-30 -14 {CHART_W + 40:.0f} {total + 14:.0f}" width="{CHART_W + 40:.0f}" '
+        f'height="{total + 14:.0f}" font-family="sans-serif" font-size="11" fill="#14202a">'
+    ]
+    for level in (0.0, 0.5, 1.0):
+        y = CHART_H * (1.0 - level)
+        dash = ' stroke-dasharray="4 3"' if level == 0.5 else ""
+        out.append(
+            f'<line x1="0" y1="{y:.1f}" x2="{CHART_W}" y2="{y:.1f}" stroke="#ccd5da"{dash}/>'
+            f'<text x="-4" y="{y + 4:.1f}" text-anchor="end">{level:g}</text>'
+        )
+    for number_, (name, values) in enumerate(shown.items()):
+        colour = CURVES[number_ % len(CURVES)]
+        for piece in _pieces(ways_m, values):
+            points = " ".join(f"{w * scale:.1f},{CHART_H * (1.0 - v):.1f}" for w, v in piece)
+            out.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6"/>')
+        y = CHART_H + CHART_EDGE + 16 * number_ + 8
+        out.append(
+            f'<rect x="0" y="{y - 8:.0f}" width="18" height="4" fill="{colour}"/>'
+            f'<text x="24" y="{y:.0f}">{safe(name)}</text>'
+        )
+    for at, anchor in ((0.0, "start"), (far / 2, "middle"), (far, "end")):
+        out.append(f'<text x="{at * scale:.1f}" y="{CHART_H + 14}" text-anchor="{anchor}">{at:.1f} m</text>')
+    return "".join(out) + "</svg>"
+
+
+def _pieces(
+    ways_m: Sequence[float | None], values: Sequence[float | None]
+) -> list[list[tuple[float, float]]]:
+    pieces: list[list[tuple[float, float]]] = [[]]
+    for way, value in zip(ways_m, values, strict=True):
+        if way is None or not value:
+            pieces.append([])
+        else:
+            pieces[-1].append((way, value))
+    return [piece for piece in pieces if len(piece) > 1]

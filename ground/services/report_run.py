@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,7 +18,7 @@ from ground.gdr.repository import Repository
 from ground.link import FORMAT
 from ground.plan_drawing import target_names
 from ground.rehearsal import GROUND_VIEW
-from ground.report_page import failure_table, map_picture, number, page, table, tree_drawing
+from ground.report_page import confidence_chart, failure_table, map_picture, number, page, table, tree_drawing
 from ground.services.actor import Actor
 from ground.services.get_resource import find_row
 from ground.services.kinds import KINDS
@@ -81,6 +82,7 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
         tree_drawing(tree, problem),
         "<h2>Requests and what came back</h2>",
         table(asked, _rows(plan, requests, products), numbers=(2,)),
+        *_tracking(telemetry, names),
         "<h2>Top failure modes</h2>",
         failure_table(tree, problem),
         "<h2>What failed</h2>",
@@ -88,6 +90,23 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
         *known_on_the_ground(repo.run_dir(run_id) / GROUND_VIEW, trace),
     ]
     return page(f"{mission.name}: plan {plan.number}, run {run.id}", parts)
+
+
+def _tracking(telemetry: v.Telemetry, names: Mapping[str, str]) -> list[str]:
+    """Return each target's tracker confidence over the distance driven, nothing where none was tracked."""
+    ways: list[float | None] = []
+    way, before = 0.0, None
+    for east, north in zip(telemetry.east_m, telemetry.north_m, strict=True):
+        if east is None or north is None:
+            ways.append(None)
+            continue
+        if before is not None:
+            way += math.hypot(east - before[0], north - before[1])
+        before = (east, north)
+        ways.append(way)
+    curves = {names.get(t, t): values for t, values in telemetry.tracker_confidence.items()}
+    chart = confidence_chart(ways, curves, "confidence of the trackers over the distance driven")
+    return ["<h2>Confidence of the trackers</h2>", chart] if chart else []
 
 
 def _figures(run: v.Run, plan: m.PlanRow, lost: Sequence[str]) -> list[tuple[str, str]]:
