@@ -22,6 +22,8 @@ from rover_iface.simulator.render.renderer import Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.simulator.stereo_sight import StereoSight
 
+pytestmark = pytest.mark.slow
+
 
 @dataclass
 class Story:

@@ -23,7 +23,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_contract_world(tmp_path_factory.mktemp("contract"))
 
 
-@pytest.mark.parametrize("name", ["abstract", "subframe"])
+@pytest.mark.parametrize("name", ["abstract", "subframe", pytest.param("full", marks=pytest.mark.slow)])
 def test_every_rover_keeps_the_contract(name: str, world: Path) -> None:
     findings = check_rover(find_rover(name), world)
     assert len(findings) == len(CHECKS)
@@ -82,7 +82,7 @@ def test_a_rover_that_cannot_be_made_fails_every_check(world: Path) -> None:
 
 
 def test_rovers_are_found_by_name() -> None:
-    assert {"abstract", "subframe"} <= set(rover_names())
+    assert {"abstract", "subframe", "full"} <= set(rover_names())
     with pytest.raises(RoverError, match='unknown rover "curiosity"; known are abstract'):
         find_rover("curiosity")
 
