@@ -253,6 +253,7 @@ class TargetFollower:
                 float(self.host.get(f"range {name}") or 0.0),
                 self.error_m(name),
                 tuple(update.reasons),
+                (float(update.position[0]), float(update.position[1]), float(update.position[2])),
             )
         )
 

@@ -16,11 +16,12 @@ from rover_iface.simulator.engine import pose_label
 if TYPE_CHECKING:
     from rover_iface.cameras.model import CameraModel
     from rover_iface.simulator.body import Body
+    from rover_iface.vision.tracker import TrackUpdate
 
 
 @dataclass(frozen=True, slots=True)
 class TrackRecord:
-    """One answer of the tracker and, for the study of it, how far off it truly was."""
+    """One answer of the tracker, its position in the believed site frame, and how far off it truly was."""
 
     t_s: float
     target: str
@@ -29,6 +30,7 @@ class TrackRecord:
     range_m: float
     error_m: float
     reasons: tuple[str, ...]
+    position_m: tuple[float, float, float]
 
 
 def png(pixels: Any) -> bytes:
@@ -68,6 +70,28 @@ def picture_label(
         if value is not None:
             part["point_m"] = [float(v) for v in np.asarray(value, dtype=float)]
     return {**label, "simulation_truth": truth}
+
+
+def track_label(update: TrackUpdate, corner: tuple[int, int] = (0, 0)) -> dict[str, Any]:
+    """Return the part of a picture's label that says where its target is tracked.
+
+    Position (3,) and covariance (3, 3), m^2, in the believed site frame; pixel (2,) and outline of the
+    template (4, 2) in the picture whose left upper pixel is `corner` of the one tracked in, absent while the
+    target is lost.
+    """
+    label: dict[str, Any] = {
+        "state": update.state.value,
+        "confidence": float(update.confidence),
+        "point_m": [float(v) for v in update.position],
+        "covariance_m2": np.asarray(update.covariance, dtype=float).tolist(),
+    }
+    if np.isfinite(update.pixel).all():
+        at = np.asarray(update.pixel, dtype=float) - corner
+        label["pixel"] = at.tolist()
+        half = update.scores.get("template_px", 0.0) / 2
+        if half > 0:
+            label["outline"] = (at + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])).tolist()
+    return label
 
 
 def odometry_table(odometry: Iterable[tuple[float, Pose, Pose]]) -> bytes:

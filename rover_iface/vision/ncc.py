@@ -101,7 +101,14 @@ class NccTracker:
             covariance=match.covariance,
             confidence=_confidence([(match.score - self.options.stereo_limit) / 0.3]),
             pixel=at,
-            scores={"ncc": 1.0, "stereo": match.score, "range_m": distance, "scale": 1.0, "roll_rad": 0.0},
+            scores={
+                "ncc": 1.0,
+                "stereo": match.score,
+                "range_m": distance,
+                "scale": 1.0,
+                "roll_rad": 0.0,
+                "template_px": float(self.options.template_px),
+            },
         )
         self._targets[target] = _Target(
             view_template,
@@ -164,7 +171,7 @@ class NccTracker:
         last = track.last
         camera = view.left_camera
         prediction = camera.project(last.point)
-        scores: dict[str, float] = {}
+        scores = {"template_px": float(options.template_px)}
         if not np.isfinite(prediction).all():
             return ["target is behind the camera"], scores, [-1.0]
         if not _within(prediction, view.left.shape, options.template_px // 2):

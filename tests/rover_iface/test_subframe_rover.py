@@ -108,6 +108,24 @@ def test_a_picture_shows_its_target_where_the_labels_camera_has_it(
             assert picture.size == (camera.width, camera.height)
 
 
+def test_a_view_of_the_tracker_says_where_in_it_the_target_was_found(
+    day: tuple[TerrainRover, Path, list[Result]],
+) -> None:
+    _, out, _ = day
+    views = pictures(out, "trackview")
+    assert views, "none was kept of the drive"
+    for label in views:
+        camera, track = camera_from_document(label["camera_model"]), label["tracker"]
+        with Image.open(out / "products" / label["file"]) as picture:
+            assert picture.size == (camera.width, camera.height)
+        assert track["state"] == "tracked"
+        assert np.linalg.norm(camera.project(track["point_m"]) - track["pixel"]) < 2.0
+        corners = np.array(track["outline"])
+        assert np.allclose(corners.mean(axis=0), track["pixel"])
+        assert corners[2, 0] - corners[0, 0] == pytest.approx(21.0)
+        assert (np.linalg.eigvalsh(track["covariance_m2"]) > 0).all()
+
+
 def test_a_label_is_in_the_frame_of_dead_reckoning_and_the_truth_stands_apart(
     day: tuple[TerrainRover, Path, list[Result]],
 ) -> None:
