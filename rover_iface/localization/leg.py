@@ -50,7 +50,8 @@ class FaultLimits:
     longest_m
         Longest leg (published for Navcam: 30 m).
     least_rocks, least_significant
-        In the overlap, at each stop; significant rocks are `significant_height_m` high or more.
+        In the overlap, at each stop, of what is more probably a rock than not; significant rocks are
+        `significant_height_m` high or more.
     least_matches
         Final pairs.
     largest_false_probability
@@ -171,7 +172,8 @@ def _before(
     back = np.array([-c * prior.x_m - s * prior.y_m, s * prior.x_m - c * prior.y_m, 0.0])
     there = np.array([prior.x_m, prior.y_m, 0.0])
     for name, rocks, other in (("first", first, there), ("second", second, back)):
-        inside = [rocks[k] for k in overlapping(rocks, other, options.farthest_m)]
+        near = (rocks[k] for k in overlapping(rocks, other, options.farthest_m))
+        inside = [rock for rock in near if rock.probability > 0.5]
         if len(inside) < limits.least_rocks:
             found.append(
                 Refusal(

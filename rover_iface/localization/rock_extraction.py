@@ -47,6 +47,8 @@ class ExtractionOptions:
         a rise as well: a rock's face stands.
     significant_height_m
         Rocks from this height on count as significant.
+    least_probability
+        What is less probably a rock is left away.
     """
 
     farthest_m: float = 26.0
@@ -62,6 +64,7 @@ class ExtractionOptions:
     steepest_rise: float = 1.3
     rise_allowance: tuple[float, ...] = (1.0, 0.5, 0.5)
     significant_height_m: float = 0.15
+    least_probability: float = 0.05
 
     def __post_init__(self) -> None:
         if self.least_cells < FEWEST_POINTS - 4 or not self.least_height_m > 0 or not self.disparity_px > 0:
@@ -90,7 +93,11 @@ class SeenRock:
     model
         The best of the four solids, None when there are too few points for one.
     cells
-        How many cells of the direction raster show it.
+        Which cells of the direction raster show it.
+    rise
+        Its face recedes as that of a rise of the ground does: a rock seen from a flat side, or no rock.
+    probability
+        That it is a rock (`rock_probability`).
     """
 
     peak: Array
@@ -102,6 +109,8 @@ class SeenRock:
     surface: Array
     model: RockModel | None
     cells: Cells
+    rise: bool = False
+    probability: float = 1.0
 
     @property
     def radius_m(self) -> float:
@@ -197,6 +206,8 @@ def extract_rocks(
 ) -> list[SeenRock]:
     """Return the rocks in a cloud, the nearest first; without `models` the solids are not fitted.
 
+    What may be a rise of the ground is among them, and says so (`SeenRock.rise`).
+
     Raises
     ------
     LocalizationError
@@ -209,6 +220,7 @@ def extract_rocks(
     points = raster.points()
     valid = np.isfinite(smooth)
     rocks: list[SeenRock] = []
+    rises: list[SeenRock] = []
     taken = np.zeros(smooth.size, dtype=bool)
     # a rock on a rise is lost in it until the ground is followed more closely
     for reach, allowance in zip(options.ground_reach_m, options.rise_allowance, strict=True):
@@ -219,9 +231,15 @@ def extract_rocks(
             if taken[patch].any():
                 continue
             rock = _rock(patch, raster, points, over, ground, seen.range_factor, options, allowance, models)
-            if rock is not None:
+            if rock is not None and rock.rise:
+                rises.append(rock)
+            elif rock is not None:
                 rocks.append(rock)
                 taken[patch] = True
+    for rock in rises:
+        if not taken[rock.cells].any():
+            rocks.append(rock)
+            taken[rock.cells] = True
     return sorted(rocks, key=lambda rock: rock.range_m)
 
 
@@ -324,8 +342,8 @@ def _rock(
     width = float((far - near + raster.step) * distance)
     if not 0.05 < width < options.widest_m or height < options.least_steepness * width:
         return None
-    if _is_rise(cells, raster.eye, range_factor, options, allowance):
-        return None
+    slope, sigma_slope = _recession(cells, raster.eye, range_factor, options)
+    rise = slope - allowance * sigma_slope > options.steepest_rise
     middle = 0.5 * (near + far)
     sight = np.array([math.cos(middle), math.sin(middle), 0.0])
     across = np.array([-sight[1], sight[0], 0.0])
@@ -342,8 +360,19 @@ def _rock(
         + upward**2 * np.diag([0, 0, 1.0])
     )
     surface = cells[heights > 0.1 * height]
+    signs = (
+        math.log(height),
+        math.log(height / width),
+        math.log(distance),
+        float(np.clip((slope - options.steepest_rise) / max(sigma_slope, 0.05), -6.0, 6.0)),
+        float(np.clip(slope, -1.0, 6.0)),
+        *_steps(patch, raster.inverse * range_factor),
+    )
+    probability = rock_probability(signs)
+    if probability < options.least_probability:
+        return None
     model = None
-    if models and len(surface) >= FEWEST_POINTS:
+    if models and not rise and len(surface) >= FEWEST_POINTS:
         model = _model(
             surface, normal, level, sight, width, height, distance**2 / range_factor * options.disparity_px
         )
@@ -357,20 +386,66 @@ def _rock(
         surface=surface,
         model=model,
         cells=patch,
+        rise=rise,
+        probability=probability,
     )
 
 
-def _is_rise(
-    cells: Array, eye: Array, range_factor: float, options: ExtractionOptions, allowance: float
-) -> bool:
-    """Return whether a face surely recedes: the slope of range over height, one deviation off."""
+ROCK_SIGNS = (7.824, 2.434, 2.017, -1.928, -0.102, -0.179, 0.293, 2.956)
+"""Logistic weights: a constant, then the signs of `rock_probability`."""
+
+
+def rock_probability(signs: tuple[float, ...]) -> float:
+    """Return the odds, as a probability, that a patch above the ground is a rock and no rise of it.
+
+    `signs` are the logarithms of height, height over width and range (metres), how many deviations its face
+    recedes beyond the limit, how much it recedes, and how far disparity falls (px) above its top and beside
+    it: a rise goes over into the ground, a rock ends.
+    """
+    constant, *weights = ROCK_SIGNS
+    level = constant + sum(weight * sign for weight, sign in zip(weights, signs, strict=True))
+    return 1.0 / (1.0 + math.exp(-max(-30.0, min(30.0, level))))
+
+
+STEP_CELLS = 3
+OPEN_PX = 3.0
+"""How far outside a patch the ground is looked at (stereo's window blurs what is nearer), and what counts for
+nothing seen there."""
+
+
+def _steps(patch: Cells, disparity: Array) -> tuple[float, float]:
+    """Return the median fall of disparity above a patch and beside it, px, each from -1 to `OPEN_PX`."""
+    rows, columns = disparity.shape
+    row, column = patch // columns, patch % columns
+    falls: list[list[float]] = [[], []]
+    for side, along, across, sign, least, most in (
+        (0, column, row, -1, 0, rows),
+        (1, row, column, -1, 0, columns),
+        (1, row, column, 1, 0, columns),
+    ):
+        order = np.lexsort((-sign * across, along))
+        _, first = np.unique(along[order], return_index=True)
+        edge = patch[order[first]]
+        outside = across[order[first]] + sign * STEP_CELLS
+        inside = (outside >= least) & (outside < most)
+        step = sign * STEP_CELLS * (columns if side == 0 else 1)
+        fall = disparity.ravel()[edge[inside]] - disparity.ravel()[edge[inside] + step]
+        falls[side] += np.where(np.isfinite(fall), fall, OPEN_PX).tolist()
+    above, beside = (float(np.clip(np.median(f), -1.0, OPEN_PX)) if f else 0.0 for f in falls)
+    return above, beside
+
+
+def _recession(
+    cells: Array, eye: Array, range_factor: float, options: ExtractionOptions
+) -> tuple[float, float]:
+    """Return how much a face recedes, range over height, and how well that is known."""
     away = np.hypot(*(cells - eye)[:, :2].T)
     z = cells[:, 2] - cells[:, 2].mean()
     spread = float(z @ z)
     slope = float(z @ (away - away.mean())) / (spread + 1e-4)
     sigma = float(np.median(away)) ** 2 / range_factor * options.disparity_px
     # neighbouring cells err together: six count as one
-    return slope - allowance * sigma / math.sqrt(spread / 6.0 + 1e-9) > options.steepest_rise
+    return slope, sigma / math.sqrt(spread / 6.0 + 1e-9)
 
 
 def _plane(

@@ -77,7 +77,7 @@ class MatchingOptions:
     farthest_m
         Rocks farther from either stop take no part.
     detected
-        The odds that a rock of one stop is among those of the other.
+        The odds that a rock of one stop, if it is one, is among those of the other.
     log_height_sigma, log_width_sigma
         How the sizes of one rock seen from two sides differ, in natural logarithms.
     modes, most_rocks
@@ -96,13 +96,13 @@ class MatchingOptions:
     """
 
     farthest_m: float = 24.0
-    detected: float = 0.4
+    detected: float = 0.75
     log_height_sigma: float = 0.27
     log_width_sigma: float = 0.43
     shift_step_m: float = 0.35
     turn_step_rad: float = math.radians(1.1)
     reach_sigma: float = 3.0
-    least_pair: float = 0.93
+    least_pair: float = 0.87
     least_shown: float = 0.1
     sharpness: float = 1.0
     modes: int = 12
@@ -160,6 +160,7 @@ class _Rocks:
     cov: Array
     log_height: Array
     log_width: Array
+    probability: Array
     index: npt.NDArray[np.int64]
 
     @staticmethod
@@ -170,12 +171,13 @@ class _Rocks:
             np.array([r.covariance for r in part]).reshape(-1, 3, 3),
             np.log([max(r.height_m, 1e-3) for r in part]),
             np.log([max(r.width_m, 1e-3) for r in part]),
+            np.array([r.probability for r in part], dtype=float),
             chosen,
         )
 
-    def highest(self, count: int) -> npt.NDArray[np.int64]:
-        """Return which rocks are the highest."""
-        return np.sort(np.argsort(-self.log_height)[:count])
+    def surest(self, count: int) -> npt.NDArray[np.int64]:
+        """Return which are the most probably rocks."""
+        return np.sort(np.argsort(-self.probability, kind="stable")[:count])
 
     @property
     def flat_cov(self) -> Array:
@@ -213,16 +215,16 @@ def match_rocks(
     a = _Rocks.of(first, overlapping(first, there, options.farthest_m), np.zeros(3))
     b = _Rocks.of(second, overlapping(second, back, options.farthest_m), np.zeros(3))
     overlap = len(a.index), len(b.index)
-    coarse_a, coarse_b = a.highest(options.most_rocks), b.highest(options.most_rocks)
+    coarse_a, coarse_b = a.surest(options.most_rocks), b.surest(options.most_rocks)
     nothing = RockMatch(
         (), prior.x_m, prior.y_m, prior.z_m, prior.heading_rad, _prior_covariance(prior), 1.0, 0.0, overlap
     )
     if min(overlap) < 2:
         return nothing
-    gain = _size_gain(a, b, options)
-    clutter = _log_clutter(a, options)
+    gain = _size_gain(a, b, options) + np.log(a.probability)[:, None]
+    clutter = _log_clutter(a)
+    detected = options.detected * b.probability
     coarse_gain, coarse_clutter = gain[np.ix_(coarse_a, coarse_b)], clutter[coarse_a]
-    detected = np.full(len(coarse_b), options.detected)
     reach = options.reach_sigma * prior.sigma_m
     shifts = np.arange(-reach, reach + 1e-9, options.shift_step_m)
     turns = np.arange(
@@ -242,7 +244,13 @@ def match_rocks(
             options.turn_step_rad**2 / 6,
         )
         table[k] = kernels.score_shifts(
-            *terms, coarse_gain, coarse_clutter, detected, prior.x_m + shifts, prior.y_m + shifts, 12.0
+            *terms,
+            coarse_gain,
+            coarse_clutter,
+            detected[coarse_b],
+            prior.x_m + shifts,
+            prior.y_m + shifts,
+            12.0,
         )
     table *= options.sharpness
     table -= 0.5 * (turns[:, None, None] / prior.sigma_heading_rad) ** 2
@@ -290,12 +298,11 @@ def _size_gain(a: _Rocks, b: _Rocks, options: MatchingOptions) -> Array:
     return gain
 
 
-def _log_clutter(a: _Rocks, options: MatchingOptions) -> Array:
+def _log_clutter(a: _Rocks) -> Array:
     """Return the log density of rocks, 1 / m2, round each rock of the first stop."""
-    del options
     apart = np.hypot(a.xyz[:, None, 0] - a.xyz[None, :, 0], a.xyz[:, None, 1] - a.xyz[None, :, 1])
-    count = (apart < 3.0).sum(axis=1)
-    return np.log(np.maximum(count, 1.0) / (math.pi * 9.0))
+    count = ((apart < 3.0) * a.probability).sum(axis=1)
+    return np.log(np.maximum(count, FEWEST_NEAR) / (math.pi * 9.0))
 
 
 def _modes(table: Array, count: int) -> list[tuple[int, int, int]]:
@@ -309,7 +316,6 @@ def _modes(table: Array, count: int) -> list[tuple[int, int, int]]:
 
 def _raster_share(table: Array, best: tuple[int, int, int], options: MatchingOptions) -> float:
     """Return the share of the raster's weight within three steps of its best cell."""
-    del options
     weight = np.exp(table - table[best])
     near = tuple(slice(max(0, v - r), v + r + 1) for v, r in zip(best, (3, 4, 4), strict=True))
     return float(weight[near].sum() / weight.sum())
@@ -326,6 +332,9 @@ class _Mode:
     weight: float
     posterior: Array
 
+
+FEWEST_NEAR = 0.5
+"""Rocks within 3 m of any, at least: how thinly a place can be strewn is not known better."""
 
 NEAR_M = 4.0
 """Rocks farther apart than this after the move are not weighed as one: over five deviations of any pair."""
@@ -368,7 +377,8 @@ def _terms(
         logdet = logdet - math.log(2 * math.pi * 0.25**2)  # against heights that spread by chance
     far = np.einsum("pi,pij,pj->p", offset, inverse, offset)
     level = gain[i, j] - clutter[i] - 0.5 * logdet - 0.5 * far
-    odds = np.where(far > 25.0, 0.0, options.detected * np.exp(np.clip(level, -60, 60)))
+    detected = options.detected * b.probability[j]
+    odds = np.where(far > 25.0, 0.0, detected * np.exp(np.clip(level, -60, 60)))
     return _Terms(i, j, odds, offset, inverse)
 
 
@@ -381,9 +391,10 @@ def _refine(
     held = np.diag([prior.sigma_m**-2, prior.sigma_m**-2, prior.sigma_heading_rad**-2])
     normal = held.copy()
     count = len(b.index)
+    alone = 1.0 - options.detected * b.probability
     for turn in range(10):
         pairs = _terms(pose, z, a, b, gain, clutter, options)
-        total = 1.0 - options.detected + np.bincount(pairs.j, weights=pairs.odds, minlength=count)
+        total = alone + np.bincount(pairs.j, weights=pairs.odds, minlength=count)
         posterior = pairs.odds / total[pairs.j]
         if turn == 1 and posterior.sum() > 0.5:
             z = _weighted_median(pairs.offset[:, 2], posterior)
@@ -405,7 +416,7 @@ def _refine(
         if turn > 2 and np.abs(step).max() < 1e-4:
             break
     pairs = _terms(pose, z, a, b, gain, clutter, options)
-    total = 1.0 - options.detected + np.bincount(pairs.j, weights=pairs.odds, minlength=count)
+    total = alone + np.bincount(pairs.j, weights=pairs.odds, minlength=count)
     away = pose - start
     weight = options.sharpness * float(np.log(total).sum()) - 0.5 * float(away @ held @ away)
     weight -= 0.5 * float(np.linalg.slogdet(normal)[1])
