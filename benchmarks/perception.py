@@ -324,7 +324,7 @@ def main() -> None:
     work: dict[str, Callable[[], Any]] = {
         "approach": lambda: approach_study(worlds, arguments.pictures, say),
         "faults": lambda: fault_study(
-            worlds[:4], arguments.pictures, say, lambda found: keep("faults", found)
+            worlds[:6], arguments.pictures, say, lambda found: keep("faults", found)
         ),
         "registration": lambda: registration_study(worlds, arguments.pictures, say),
     }

@@ -126,7 +126,7 @@ def slipped(halts: list[Halt], first: int, count: int, rng: np.random.Generator,
     return out
 
 
-KINDS = ("occlusion", "dust", "shade", "own shadow", "carried")
+KINDS = ("occlusion", "dust", "shade", "own shadow", "carried", "hidden", "blank")
 
 
 def disturbed(sequence: Sequence, kind: str, target: Array, seed: int) -> tuple[list[Halt], range]:
@@ -146,6 +146,8 @@ def disturbed(sequence: Sequence, kind: str, target: Array, seed: int) -> tuple[
         "shade": lambda h: clouds(h, rng),
         "own shadow": lambda h: own_shadow(h, rng),
         "carried": lambda h: carried(h, rng, panel),
+        "hidden": lambda h: board(h, target, rng, side_m=1.1 * _distance(h, target)),
+        "blank": lambda h: veil(h, rng, left_over=0.0),
     }
     hit = range(first, min(first + count, len(halts)))
     for n in hit:

@@ -14,6 +14,8 @@ from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.renderer import Frame
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
 from rover_iface.vision.handoff_cascade import cascade, mast_error
+from rover_iface.vision.resection import resect
+from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import StereoView
 from tests.rover_iface.render.scenes import PIVOT, SUN, picture, rig, rock_renderer
@@ -32,7 +34,7 @@ def world() -> tuple[Side, Side, Frame, np.ndarray]:
     left = picture(POSE, half=200, seed=5)
     right = picture(POSE, "navcam_right", half=200, exposure=left.exposure, seed=6)
     cameras = rig()
-    haz = []
+    haz: list[Frame] = []
     for n, name in enumerate(("hazcam_left", "hazcam_right")):
         exposure = haz[0].exposure if haz else None
         haz.append(
@@ -86,6 +88,59 @@ def test_a_wrong_mast_misleads_kinematics_but_not_the_cascade() -> None:
     assert found is not None
     assert math.degrees(abs(found.tilt_rad + TILT)) < 0.1
     assert abs(found.disparity_px) < 1.0
+
+
+def test_a_pair_that_ranges_wrongly_misleads_neither_the_cascade_nor_the_mast() -> None:
+    setting, true = given()
+    side, pixel = setting.source("near")
+    right = side.view.right_camera
+    turn = small_rotation(0.004 * np.cross(right.A, right.horizontal))
+    toed = right.transformed(Transform(turn, right.C - turn @ right.C))
+    wrong = replace(setting, near=Side(replace(side.view, right_camera=toed), 0.8))
+    _, _, left, target = world()
+    ranged = wrong.source("near")[0].point(pixel)
+    told = side.point(pixel)
+    assert ranged is not None
+    assert told is not None
+    assert np.linalg.norm(ranged.point - told.point) > 0.04
+    answer = cascade(wrong, "near")
+    assert answer.accepted, answer.reasons
+    assert np.hypot(*(answer.pixel - true)) < 1.0
+    assert np.linalg.norm(answer.position - target) < 0.02
+    pivot = POSE.site_from_rover.apply(np.array(PIVOT))
+    near = wrong.source("near")[0]
+    found = mast_error(near, wrong.hazcam, answer, pivot, left.camera.horizontal, (0.0, 0.0, 1.0))
+    assert found is not None
+    assert math.degrees(abs(found.tilt_rad + TILT)) < 0.1
+    assert abs(abs(found.disparity_px) - 0.004 * right.hs) < 1.0
+
+
+def test_patches_register_what_surfaces_alone_lay_a_centimetre_off() -> None:
+    near, haz, _, target = world()
+    turn = small_rotation(np.array([0.08, -0.1, 0.1]))
+    start = Transform(turn, target - turn @ target + np.array([0.12, -0.15, 0.08]))
+    found = register_views(near, haz, start, target)
+    assert found.accepted, found.reasons
+    assert np.linalg.norm(found.scene_from_model.apply(target) - target) < 0.006
+
+
+def test_resection_finds_a_camera_among_wrong_matches() -> None:
+    near, _, _, target = world()
+    rng = np.random.default_rng(4)
+    points = target + rng.uniform(-0.2, 0.2, (40, 3))
+    camera = near.view.left_camera
+    turn = small_rotation(np.array([0.03, -0.02, 0.04]))
+    wrong = camera.transformed(Transform(turn, np.array([0.1, -0.05, 0.02])))
+    pixels = camera.project(points) + rng.normal(0.0, 0.2, (40, 2))
+    pixels[:15] += rng.uniform(20.0, 60.0, (15, 2))
+    settled = resect(points, 1e-8 * np.tile(np.eye(3), (40, 1, 1)), pixels, wrong, reach_px=2.0, sigma_px=0.3)
+    assert settled is not None
+    motion, agree = settled
+    assert not agree[:15].any()
+    assert agree[15:].all()
+    back = wrong.transformed(motion.new_from_old.inverse())
+    assert np.abs(back.project(points[15:]) - camera.project(points[15:])).max() < 0.3
+    assert resect(points[:3], np.zeros((3, 3, 3)), pixels[:3], wrong, reach_px=2.0, sigma_px=0.3) is None
 
 
 def test_the_cascade_refuses_what_the_hazcams_do_not_show() -> None:
