@@ -45,8 +45,18 @@ class World:
         return Pose(x, y, z, heading, math.radians(rng.normal(0, 1.0)), math.radians(rng.normal(0, roll_sd)))
 
 
-def make_world(seed: int, *, lit: bool = True, preset: str = "k9", largest_m: float = 0.35) -> World:
-    """Return world number `seed`: rough ground, rocks, one of 1.1 m at the origin, sun behind the rover."""
+def make_world(
+    seed: int, *, preset: str = "k9", largest_m: float = 0.35, target_m: float | None = None
+) -> World:
+    """Return world number `seed`: rough ground, rocks, one at the origin, sun behind the rover.
+
+    Parameters
+    ----------
+    largest_m
+        Other rocks are smaller than this.
+    target_m
+        Width of the rock at the origin; None for one of 1.0 to 1.3 m.
+    """
     rng = np.random.default_rng([seed, 0xB16])
     terrain = generate_terrain(
         seed,
@@ -74,10 +84,12 @@ def make_world(seed: int, *, lit: bool = True, preset: str = "k9", largest_m: fl
         burial=0.25,
         seed=1000 + seed,
     )
+    if target_m is not None:
+        rock = replace(rock, diameter=target_m, height=0.55 * target_m, burial=0.15)
     terrain = replace(terrain, rocks=(rock, *keep))
     scene = scene_from_terrain(terrain, (0.0, 0.0), radius_m=14.0, far_m=60.0, seed=seed)
     # the rover comes from the west, looking east: azimuth 270 is behind it
-    azimuth = 270.0 + rng.uniform(-50, 50) if lit else rng.uniform(20, 160)
+    azimuth = 270.0 + rng.uniform(-50, 50)
     sun = Sun.from_angles(math.radians(azimuth), math.radians(rng.uniform(35, 60)))
     rig = CameraRig(load_cameras(preset), PIVOT)
     return World(seed, terrain, scene, Renderer(scene), rock, rig, sun)
@@ -95,22 +107,27 @@ class Stop:
 
 @dataclass
 class Believed:
-    """What the rover believes of its pose: motion as measured, summed up."""
+    """What the rover believes of its pose: motion as measured, summed up.
+
+    `bias` (3,) is what it is off in the same way at every move, share of the distance, site frame.
+    """
 
     error: Transform = field(default_factory=Transform.identity)
+    bias: Array = field(default_factory=lambda: np.zeros(3))
 
     def drift(
         self, rng: np.random.Generator, pose: Pose, moved_m: float, share: float, heading_sd: float
     ) -> None:
         """Add the error of one more move that begins at `pose`: the rover turns where it stands."""
-        shift = rng.normal(0, share * moved_m, 3) * (1.0, 1.0, 0.3)
+        shift = rng.normal(0, share * moved_m, 3) * (1.0, 1.0, 0.3) + moved_m * self.bias
         turn = Transform.from_rpy(0.0, 0.0, rng.normal(0, heading_sd * math.sqrt(max(moved_m, 0.0))))
         here = self.error.apply((pose.x, pose.y, pose.z))
         self.error = Transform(turn.rotation, here - turn.rotate(here) + shift) * self.error
 
     def of(self, pose: Pose, rng: np.random.Generator, attitude_sd: float = math.radians(0.1)) -> Transform:
         """Return the believed pose of a true one."""
-        noise = Transform.from_rpy(*rng.normal(0, attitude_sd, 2), 0.0)
+        roll, pitch = rng.normal(0, attitude_sd, 2)
+        noise = Transform.from_rpy(roll, pitch, 0.0)
         return self.error * pose.site_from_rover * noise
 
 
@@ -126,9 +143,13 @@ def stop_at(
     names: tuple[str, str] = ("navcam_left", "navcam_right"),
     half: tuple[int, int] | None = None,
     mast_noise: float = math.radians(0.07),
+    disparity_px: float = 0.0,
     sun: Sun | None = None,
 ) -> Stop:
-    """Point the mast at what is believed to be there and take the pair."""
+    """Point the mast at what is believed to be there and take the pair.
+
+    The right camera is turned outwards by `disparity_px` against what its model says, the left one as told.
+    """
     look_rover = believed.inverse().apply(look_site)
     pan, tilt = world.rig.point_at(look_rover, names[0])
     really = pan + rng.normal(0, mast_noise), tilt + rng.normal(0, mast_noise)
@@ -136,7 +157,11 @@ def stop_at(
     frames: list[Frame] = []
     cameras: list[CameraModel] = []
     for name in names:
-        told = world.rig.camera(name, pan, tilt).transformed(believed)
+        told = world.rig.camera(name, pan, tilt)
+        if disparity_px and frames:
+            turn = Transform.from_rpy(0.0, 0.0, -disparity_px / told.hs)
+            told = told.transformed(Transform(turn.rotation, told.C - turn.rotate(told.C)))
+        told = told.transformed(believed)
         window = None
         if half is not None:
             middle = told.project(look_site)
@@ -155,7 +180,7 @@ def stop_at(
         )
         frames.append(frame)
         cameras.append(told if window is None else told.window(*window))
-    view = StereoView(frames[0].unit, frames[1].unit, *cameras, travelled_m=travelled_m)
+    view = StereoView(frames[0].unit, frames[1].unit, cameras[0], cameras[1], travelled_m=travelled_m)
     return Stop(view, frames[0], frames[0].camera, step)
 
 
@@ -347,6 +372,7 @@ class Approach:
     confidences: list[float] = field(default_factory=list)
     ranges_m: list[float] = field(default_factory=list)
     scores: list[dict[str, float]] = field(default_factory=list)
+    off_m: list[float] = field(default_factory=list)
     nees: list[float] = field(default_factory=list)
     reasons: list[tuple[str, ...]] = field(default_factory=list)
     end_error_m: float = math.inf
@@ -356,6 +382,28 @@ class Approach:
     def undetected(self) -> bool:
         """Whether some answer said tracked while more than 5 cm off."""
         return any(s == "tracked" and e > 0.05 for s, e in zip(self.states, self.errors_m, strict=True))
+
+
+@dataclass(frozen=True)
+class NavigationErrors:
+    """What is wrong with pose estimate and stereo in a closed-loop approach.
+
+    Attributes
+    ----------
+    odometry
+        Random error of a move, share of its length, each axis.
+    bias
+        The same error at every move, share of its length, site frame (east, north).
+    heading_sd
+        Random walk of the heading, radians per square root of a metre.
+    disparity_px
+        By how much the right camera's model is off.
+    """
+
+    odometry: float = 0.05
+    bias: tuple[float, float] = (0.0, 0.0)
+    heading_sd: float = math.radians(0.5)
+    disparity_px: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -408,7 +456,7 @@ def closed_loop(
     rng: np.random.Generator,
     options: NccOptions,
     *,
-    odometry: float = 0.05,
+    errors: NavigationErrors | None = None,
     slope_deg: float = 0.0,
     step_share: float = 0.10,
     last_m: float = 2.0,
@@ -421,7 +469,9 @@ def closed_loop(
     pose estimate notices two thirds (visual odometry is not perfect). None when the target cannot be
     designated.
     """
-    believed, tracker, run = Believed(), NccTracker(options), Approach()
+    errors = errors or NavigationErrors()
+    believed = Believed(bias=np.array([*errors.bias, 0.0]))
+    tracker, run = NccTracker(options), Approach()
     travelled, stop_number = 0.0, 0
     look = point
     sun = world.sun
@@ -447,6 +497,7 @@ def closed_loop(
                 step=stop_number,
                 travelled_m=travelled,
                 half=(half, half),
+                disparity_px=errors.disparity_px,
                 sun=sun,
             )
         except RoverError:
@@ -471,6 +522,7 @@ def closed_loop(
                 told_axes, true_axes = _axes(stop.view.left_camera), _axes(stop.true_left)
                 relative = told_axes @ (update.position - stop.view.left_camera.C)
                 relative -= true_axes @ (point - stop.true_left.C)
+                run.off_m.append(float(np.linalg.norm(relative)))
                 spread = told_axes @ update.covariance @ told_axes.T
                 run.nees.append(float(relative @ np.linalg.solve(spread, relative)))
             run.errors_m.append(error)
@@ -487,14 +539,15 @@ def closed_loop(
         heading = pose.heading + math.atan2(seen[1], seen[0]) * 0.5 + rng.normal(0, 0.03)
         slip = slip_share * step * rng.uniform(0.3, 1.0)
         direction = rng.uniform(0, math.tau)
+        before = pose
         pose = world.pose(
-            pose.x + step * math.cos(heading) + slip * math.cos(direction),
-            pose.y + step * math.sin(heading) + slip * math.sin(direction),
+            before.x + step * math.cos(heading) + slip * math.cos(direction),
+            before.y + step * math.sin(heading) + slip * math.sin(direction),
             math.remainder(heading, math.tau),
             rng,
             2.0,
         )
-        believed.drift(rng, pose, step, odometry, math.radians(0.5))
+        believed.drift(rng, before, step, errors.odometry, errors.heading_sd)
         unnoticed = np.array([math.cos(direction), math.sin(direction), 0.0]) * (-slip / 3.0)
         believed.error = Transform.from_rpy(0.0, 0.0, 0.0, unnoticed) * believed.error
         travelled += step
@@ -554,18 +607,6 @@ def turn_in_place(
         )
         believed.drift(rng, pose, 0.05, 0.2, math.radians(1.0))
     return stops
-
-
-def small_rock_world(seed: int, width_m: float, preset: str = "mer") -> World:
-    """Return a world whose target is one small rock at the origin, as in the flight checkouts."""
-    world = make_world(seed, preset=preset, largest_m=0.12)
-    rock = replace(world.rock, diameter=width_m, height=0.55 * width_m, burial=0.15)
-    terrain = replace(
-        world.terrain,
-        rocks=(rock, *(r for r in world.terrain.rocks if r.id != BIG and math.hypot(r.x, r.y) > 0.5)),
-    )
-    scene = scene_from_terrain(terrain, (0.0, 0.0), radius_m=14.0, far_m=60.0, seed=seed)
-    return replace(world, terrain=terrain, scene=scene, renderer=Renderer(scene), rock=rock)
 
 
 def _checkout_path(bearing: float, drift: float, recoil: float, level: float) -> list[tuple[Array, float]]:

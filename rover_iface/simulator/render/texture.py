@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 MASK = 0xFFFFFFFF
@@ -18,14 +20,29 @@ DUST = 0.2, 2.0, 0.06, 0.12
 """Bare rock: share where the noise is 0, growth with the noise, the grain that shows through dust; and by how
 much dust is darker or brighter than the mean."""
 
-DUST_OCTAVES = 0.0, 0.35, 0.5, 0.35, 0.5
-"""Weights of the octaves in that noise, the last for all finer ones: patches of dust have ragged edges."""
-
 CHIPS = 0.06, 0.06, 0.35
 """Facets of rock: slope, brightness, and by how much of a cell their lattice is bent."""
 
 TINT_LIMIT = 0.65
 """What the brightness of rock varies by at most, share of its albedo."""
+
+
+def _turns(angles: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+    """Return cosine and sine (n, 2): octaves are turned, else their lattices line up and show."""
+    return np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+SOIL_WAVE = 1.28 * 0.5 ** np.arange(12)
+SOIL_TURN = _turns(1.1 * np.arange(12))
+SOIL_TINT = np.where(SOIL_WAVE > 0.3, 0.03, np.where(SOIL_WAVE > 0.05, 0.05, 0.12))
+SOIL_STEEP = np.where(SOIL_WAVE > 0.2, 0.25, np.where(SOIL_WAVE > 0.05, 0.5, 1.0))
+
+# finer steps below 3 cm, where octaves come and go with the range
+STONE_WAVE = np.concatenate((0.48 * 0.5 ** np.arange(5), 0.015 * 0.7 ** np.arange(9)))
+STONE_TURN = _turns(0.9 * np.arange(14) + 0.3)
+STONE_GRAIN = np.where(STONE_WAVE < 0.1, np.minimum(GRAIN[2], GRAIN[0] * (0.1 / STONE_WAVE) ** GRAIN[1]), 1.0)
+STONE_DUST = np.array([0.0, 0.35, 0.5, 0.35] + 10 * [0.5])
+"""Weights of the octaves in the noise of dust: all of them, so its patches have ragged edges."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -94,20 +111,17 @@ def fade(wavelength: float, footprint: float) -> float:
 def soil(x: float, y: float, footprint: float, slope: float, salt: int) -> tuple[float, float, float]:
     """Return brightness variation and the two slopes of bare soil."""
     tint, hx, hy = 0.0, 0.0, 0.0
-    wavelength = 1.28
-    level = 0
-    while wavelength > footprint and level < 12:
+    for level in range(len(SOIL_WAVE)):
+        wavelength = SOIL_WAVE[level]
         keep = fade(wavelength, footprint)
-        # turn every octave, else the lattices line up and show
-        c, s = math.cos(1.1 * level), math.sin(1.1 * level)
-        u, v = (c * x + s * y) / wavelength, (c * y - s * x) / wavelength
-        n, gu, gv = noise2(u, v, salt + level)
-        tint += keep * n * (0.03 if wavelength > 0.3 else 0.05 if wavelength > 0.05 else 0.12)
-        steep = slope * keep * (0.25 if wavelength > 0.2 else 0.5 if wavelength > 0.05 else 1.0)
+        if keep <= 0.0:
+            break
+        c, s = SOIL_TURN[level, 0], SOIL_TURN[level, 1]
+        n, gu, gv = noise2((c * x + s * y) / wavelength, (c * y - s * x) / wavelength, salt + level)
+        tint += keep * n * SOIL_TINT[level]
+        steep = slope * keep * SOIL_STEEP[level]
         hx += steep * (c * gu - s * gv)
         hy += steep * (s * gu + c * gv)
-        wavelength *= 0.5
-        level += 1
     return tint, hx, hy
 
 
@@ -230,20 +244,21 @@ def stone(
     """
     tint, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
     bend, bare, dust = 0.0, 1.0, 0.0
-    wavelength = 0.48
-    level = 0
-    while wavelength > footprint and level < 14:
+    for level in range(len(STONE_WAVE)):
+        wavelength = STONE_WAVE[level]
         keep = fade(wavelength, footprint)
-        c, s = math.cos(0.9 * level + 0.3), math.sin(0.9 * level + 0.3)
+        if keep <= 0.0:
+            break
+        c, s = STONE_TURN[level, 0], STONE_TURN[level, 1]
         u, v, w = (c * x + s * z) / wavelength, y / wavelength + 3.7 * level, (c * z - s * x) / wavelength
         n, nu, nv, nw = noise3(u, v, w, salt + level)
         if level >= 1:
-            dust += n * DUST_OCTAVES[min(level, 4)]
+            dust += n * STONE_DUST[level]
             bare = min(1.0, max(0.0, DUST[0] + DUST[1] * dust))
             bare = DUST[2] + (1.0 - DUST[2]) * bare * bare * (3.0 - 2.0 * bare)
-        strength = keep
+        strength = keep * STONE_GRAIN[level]
         if wavelength < 0.1:
-            strength *= bare * min(GRAIN[2], GRAIN[0] * (0.1 / wavelength) ** GRAIN[1])
+            strength *= bare
         if level % 2 == 1:  # every second octave ridged: cracks
             tint += strength * mottle * (0.5 - 1.6 * abs(n))
             strength = -strength if n > 0.0 else strength
@@ -264,9 +279,5 @@ def stone(
             gy += CHIPS[0] * k * hy
             gz += CHIPS[0] * k * (s * hx + c * hz)
         bend = CHIPS[2] * 2.0 * n / 0.42
-        wavelength *= (
-            0.5 if wavelength > 0.025 else 0.7
-        )  # finer steps where octaves come and go with the range
-        level += 1
     tint += DUST[3] * (0.5 - bare)
     return tint / math.sqrt(1.0 + (tint / TINT_LIMIT) ** 2), gx, gy, gz
