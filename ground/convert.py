@@ -150,7 +150,7 @@ def prepare_day(
                 for k, p in enumerate(stands)
             ),
             keep_outs=tuple(NetworkKeepOut(k.id, k.polygon_m) for k in keep_outs),
-            terrain=_heights(
+            terrain=network_heights(
                 terrain,
                 [(start.east_m, start.north_m), *((t.point_site[0], t.point_site[1]) for t in targets)],
             ),
@@ -305,7 +305,8 @@ def _observation_points(
     return poses, refused
 
 
-def _heights(terrain: Terrain, points: Sequence[tuple[float, float]]) -> HeightGrid:
+def network_heights(terrain: Terrain, points: Sequence[tuple[float, float]]) -> HeightGrid:
+    """Return the heights round points (east, north), as the path network takes them."""
     from planner.path_network import HeightGrid
 
     west, south, east, north = terrain.bounds

@@ -20,7 +20,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +36,9 @@ FORMAT = "calibration/1"
 class Calibration:
     """Parameters of the leg model above, and their source (`calibration/1`).
 
-    `counts` says on how much evidence the numbers rest: legs, tracks watched and tracks lost; all 0 for
-    numbers taken from literature.
+    `legs`, `tracks` (watched on a leg) and `losses` say on how much evidence the numbers rest; all 0 for
+    numbers taken from literature. The `_se_per_m` are standard errors of the fitted rates; 0 for a rate that
+    was not fitted.
     """
 
     name: str
@@ -56,6 +57,9 @@ class Calibration:
     legs: int = 0
     tracks: int = 0
     losses: int = 0
+    inside_se_per_m: float = 0.0
+    outside_se_per_m: float = 0.0
+    occluded_se_per_m: float = 0.0
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -119,7 +123,7 @@ def calibration_from_json(text: str) -> Calibration:
         found = data.get("format") if isinstance(data, dict) else type(data).__name__
         raise ProblemError(f"calibration format is {found!r}; {FORMAT!r} is understood")
     known = {f.name for f in fields(Calibration)}
-    required = known - {"legs", "tracks", "losses"}
+    required = {f.name for f in fields(Calibration) if f.default is MISSING}
     members = {k: v for k, v in data.items() if k != "format"}
     if missing := sorted(required - members.keys()):
         raise ProblemError(f"calibration lacks {', '.join(missing)}")
@@ -296,16 +300,18 @@ def fit_calibration(
     time_fit = fit_mean(features, duration)
     mean_s = features @ np.asarray(time_fit.coefficients)
     energy_fit = fit_mean((drive_power_w * mean_s)[:, None], energy)
-    inside, outside, occluded = prior.inside_per_m, prior.outside_per_m, prior.occluded_per_m
+    rates = [prior.inside_per_m, prior.outside_per_m, prior.occluded_per_m]
+    errors = [0.0, 0.0, 0.0]
     tracks = losses = 0
     if exposure_m is not None and lost is not None:
         x = np.asarray(exposure_m, dtype=np.float64)
         loss = fit_loss(x, lost)
-        seen = x.sum(axis=0) > 0
-        inside = loss.rate_per_m[0] if seen[0] else inside
-        outside = loss.rate_per_m[1] if seen[1] else outside
-        if x.shape[1] > 2 and seen[2]:
-            occluded = loss.rate_per_m[2]
+        metres = x.sum(axis=0)
+        for k in np.flatnonzero(metres > 0):
+            rates[k] = loss.rate_per_m[k]
+            # A rate at 0 has no curvature to tell its error: one loss more would have made it 1 / metres.
+            error = loss.standard_error[k]
+            errors[k] = error if math.isfinite(error) else 1.0 / float(metres[k])
         tracks, losses = x.shape[0], int(np.asarray(lost).sum())
     return Calibration(
         name=name,
@@ -317,11 +323,14 @@ def fit_calibration(
         duration_cv=time_fit.cv,
         energy_factor=energy_fit.coefficients[0],
         energy_cv=energy_fit.cv,
-        inside_per_m=inside,
-        outside_per_m=outside,
-        occluded_per_m=occluded,
+        inside_per_m=rates[0],
+        outside_per_m=rates[1],
+        occluded_per_m=rates[2],
         angle_gain_per_rad=prior.angle_gain_per_rad,
         legs=int(length.size),
         tracks=tracks,
         losses=losses,
+        inside_se_per_m=errors[0],
+        outside_se_per_m=errors[1],
+        occluded_se_per_m=errors[2],
     )

@@ -118,3 +118,42 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
         fit_mean(np.ones((3, 1)), np.zeros(3))
     with pytest.raises(ProblemError, match="duration_cv"):
         replace(K9_CALIBRATION, duration_cv=float("nan"))
+
+
+def test_fitted_rates_come_with_their_errors() -> None:
+    rng = np.random.default_rng(5)
+    inside, outside = rng.uniform(1, 5, 2000), rng.uniform(0, 3, 2000)
+    exposure = np.column_stack([inside, outside, np.zeros(2000)])
+    lost = rng.random(2000) < -np.expm1(-(0.01 * inside + 0.1 * outside))
+    fitted = fit_calibration(
+        name="run", source="drawn", prior=K9_CALIBRATION,
+        length_m=inside, turn_rad=outside, duration_s=300 + 100 * inside, energy_j=1000 + 100 * inside,
+        speed_m_s=0.06, turn_rate_rad_s=0.1, drive_power_w=70.0, exposure_m=exposure, lost=lost,
+    )  # fmt: skip
+    assert abs(fitted.inside_per_m - 0.01) < 3 * fitted.inside_se_per_m < 0.02
+    assert abs(fitted.outside_per_m - 0.1) < 3 * fitted.outside_se_per_m < 0.05
+    assert fitted.occluded_per_m == K9_CALIBRATION.occluded_per_m
+    assert fitted.occluded_se_per_m == 0.0
+    assert (fitted.tracks, fitted.losses) == (2000, int(lost.sum()))
+
+
+def test_a_rate_of_zero_has_the_error_of_one_loss_more() -> None:
+    fitted = fit_calibration(
+        name="run", source="drawn", prior=K9_CALIBRATION,
+        length_m=np.linspace(1, 5, 20), turn_rad=np.zeros(20), duration_s=np.full(20, 500.0),
+        energy_j=np.full(20, 500.0), speed_m_s=0.06, turn_rate_rad_s=0.1, drive_power_w=70.0,
+        exposure_m=np.tile([5.0, 0.0], (20, 1)), lost=np.zeros(20),
+    )  # fmt: skip
+    assert fitted.inside_per_m == pytest.approx(0.0)
+    assert fitted.inside_se_per_m == pytest.approx(0.01)
+
+
+def test_what_is_written_keeps_to_the_published_schema() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    path = Path(__file__).parents[3] / "docs/formats/calibration-1.schema.json"
+    schema = json.loads(path.read_text(encoding="utf-8"))
+    document = json.loads(calibration_to_json(K9_CALIBRATION))
+    jsonschema.validate(document, schema)
+    assert set(schema["properties"]) == set(document)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**document, "inside_per_m": -1}, schema)

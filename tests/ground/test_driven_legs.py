@@ -1,0 +1,108 @@
+"""Legs come out of recorded runs as they were driven, and bear out a calibration."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ground.convert import calibration_of
+from ground.driven_legs import DrivenLeg, WatchedTrack, calibrate, exposure_m, legs_of_run
+from ground.errors import ArchiveError, InvalidInputError
+from ground.flight import fly
+from planner.path_network import Calibration
+from rover_iface.contract import write_contract_world
+from rover_iface.profile import load_profile
+from rover_iface.simulator.faults import Fault, FaultKind
+from rover_iface.simulator.subframe_rover import make_rover
+
+K9 = load_profile("k9")
+
+PLAN = """
+(plan :id approach :node (block :id all :node-list (
+  (task :id first :action trackstart :parameters (target = T1))
+  (task :id second :action trackstart :parameters (target = T2))
+  (task :id drive :action navigate :parameters (target = T1 mode = track)))))
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive to T1 on which the track of T2 is lost by a fault."""
+    out = tmp_path_factory.mktemp("recorded")
+    world = write_contract_world(tmp_path_factory.mktemp("world"))
+    lose = Fault(FaultKind.LOSE_TARGET, at_s=100.0, target="T2")
+    fly(PLAN, make_rover(world, seed=4, out=out, faults=[lose]), out, run_id="r", sync=False)
+    return out
+
+
+def test_a_leg_has_its_ends_its_time_and_what_became_of_each_track(run: Path) -> None:
+    (leg,) = legs_of_run(run)
+    assert (leg.task, leg.arrived) == ("drive", True)
+    assert leg.begin[:2] == pytest.approx((0.0, 0.0), abs=0.05)
+    assert 2.5 < leg.length_m < 4.0
+    assert 300 < leg.duration_s < 4000
+    assert leg.energy_j > 1000
+    assert {t.target: t.lost for t in leg.tracks} == {"T1": False, "T2": True}
+    first = leg.tracks[0]
+    assert first.first_seen == pytest.approx(leg.begin[:2])
+    assert math.dist(first.point[:2], leg.end[:2]) < 1.3
+    inside, outside, hidden = exposure_m(leg, K9, None, calibration_of(K9))[0]
+    assert inside + outside == pytest.approx(leg.length_m, rel=0.2)
+    assert hidden == 0.0
+
+
+def test_a_run_without_odometry_is_refused_by_name(tmp_path: Path) -> None:
+    folder = tmp_path / "abstract-run"
+    folder.mkdir()
+    with pytest.raises(ArchiveError, match="abstract-run: no legs"):
+        legs_of_run(folder)
+    (folder / "journal.jsonl").write_text("")
+    with pytest.raises(ArchiveError, match="abstract-run holds no odometry"):
+        legs_of_run(folder)
+
+
+def _drawn(count: int, truth: Calibration) -> list[DrivenLeg]:
+    """Return legs drawn from a calibration: the first track ahead, the second to one side."""
+    rng = np.random.default_rng(11)
+    legs = []
+    for k in range(count):
+        length = float(rng.uniform(2, 6))
+        tracks = []
+        for target, point in (("ahead", (length + 0.8, 0.0, 0.3)), ("aside", (1.0, 3.0, 0.3))):
+            bare = WatchedTrack(target, point, (0.0, 0.0), False)
+            tracks.append(bare)
+        leg = DrivenLeg(
+            f"r{k}", "drive", (0.0, 0.0, 0.0), (length, 0.0, 0.0),
+            90.0 + truth.fixed_s + truth.drive_factor * length / K9.mobility.speed_m_s,
+            1000.0 * length, True, tuple(tracks),
+        )  # fmt: skip
+        rates = np.array([truth.inside_per_m, truth.outside_per_m, truth.occluded_per_m])
+        chance = -np.expm1(-np.array(exposure_m(leg, K9, None, truth)) @ rates)
+        fate: list[Any] = [
+            WatchedTrack(t.target, t.point, t.first_seen, bool(rng.random() < p))
+            for t, p in zip(tracks, chance, strict=True)
+        ]
+        legs.append(
+            DrivenLeg(leg.run, leg.task, leg.begin, leg.end, leg.duration_s, leg.energy_j, True, tuple(fate))
+        )
+    return legs
+
+
+def test_legs_drawn_from_a_calibration_give_it_back(tmp_path: Path) -> None:
+    truth = calibration_of(K9)
+    found = calibrate(_drawn(600, truth), K9, name="drawn", source="a test")
+    assert abs(found.inside_per_m - truth.inside_per_m) < 3 * found.inside_se_per_m
+    assert abs(found.outside_per_m - truth.outside_per_m) < 3 * found.outside_se_per_m
+    assert found.fixed_s == pytest.approx(truth.fixed_s, rel=0.02)
+    assert found.drive_factor == pytest.approx(truth.drive_factor, rel=0.02)
+    assert (found.legs, found.tracks) == (600, 1200)
+    assert found.losses > 50
+
+
+def test_too_few_legs_are_refused_with_their_number() -> None:
+    with pytest.raises(InvalidInputError, match=r"3 legs of at least 0\.5 m"):
+        calibrate(_drawn(3, calibration_of(K9)), K9, name="few", source="a test")
