@@ -12,7 +12,7 @@ compared over a wider patch before one is believed. The gain of each is in `docs
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,8 @@ from rover_iface.vision.template import NccOptions, Template, TemplateMatcher, t
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
 NOWHERE = np.full(2, np.nan)
+KEY_TURN_RAD = 0.35
+"""A key template is replaced when the line of sight has turned by more than this."""
 
 
 @dataclass(slots=True)
@@ -37,6 +39,27 @@ class _Target:
     travelled_m: float
     normal_weight: float
     misses: int = 0
+
+
+@dataclass(slots=True)
+class _Judgement:
+    """What speaks for and against a match: figures, margins to the limits, the limits that were passed."""
+
+    scores: dict[str, float] = field(default_factory=dict)
+    margins: list[float] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+
+    def limit(self, margin: float, reason: str) -> None:
+        """Take a margin, 1 at perfect; below 0 the match is not believed for the reason given."""
+        self.margins.append(margin)
+        if margin < 0.0:
+            self.reasons.append(reason)
+
+    @property
+    def confidence(self) -> float:
+        """Return the least margin through a logistic curve: 0.5 at a limit."""
+        least = max(-2.0, min(1.0, *self.margins, 1.0))
+        return 1.0 / (1.0 + math.exp(-6.0 * least))
 
 
 class NccTracker:
@@ -94,12 +117,13 @@ class NccTracker:
         view_template = Template(
             view.left, view.left_camera, at, match.point, match.normal, distance, drift_px2=0.0
         )
+        judged = _Judgement(margins=[(match.score - self.options.stereo_limit) / 0.3])
         update = TrackUpdate(
             target=target,
             state=TrackState.TRACKED,
             position=match.point,
             covariance=match.covariance,
-            confidence=_confidence([(match.score - self.options.stereo_limit) / 0.3]),
+            confidence=judged.confidence,
             pixel=at,
             scores={
                 "ncc": 1.0,
@@ -140,11 +164,10 @@ class NccTracker:
         track = self._get(target)
         if track.update.state is TrackState.FAILED:
             return track.update
-        result = self._find(target, track, view)
-        if isinstance(result, TrackUpdate):
-            track.update = result
-            return result
-        reasons, scores, margins = result
+        judged = self._find(target, track, view)
+        if isinstance(judged, TrackUpdate):
+            track.update = judged
+            return judged
         track.misses += 1
         state = TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST
         moved = max(0.0, view.travelled_m - track.travelled_m)
@@ -154,80 +177,101 @@ class NccTracker:
             state=state,
             position=track.last.point,
             covariance=track.update.covariance + drift * np.eye(3),
-            confidence=min(0.49, _confidence(margins)) * 0.6 ** (track.misses - 1),
+            confidence=min(0.49, judged.confidence) * 0.6 ** (track.misses - 1),
             pixel=NOWHERE.copy(),
-            reasons=tuple(reasons),
-            scores=scores,
+            reasons=tuple(judged.reasons),
+            scores=judged.scores,
         )
         track.travelled_m = view.travelled_m
         return track.update
 
     # ---- one update
 
-    def _find(
-        self, target: str, track: _Target, view: StereoView
-    ) -> TrackUpdate | tuple[list[str], dict[str, float], list[float]]:
-        options = self.options
-        last = track.last
-        camera = view.left_camera
+    def _find(self, target: str, track: _Target, view: StereoView) -> TrackUpdate | _Judgement:
+        """Return the target's new place, or why no match is believed."""
+        judged = _Judgement()
+        found = self._match(track, view, judged)
+        if found is None:
+            return judged
+        at, drift = found
+        distance = float(np.linalg.norm(track.last.point - view.left_camera.C))
+        match = self._stereo(view, at, distance, spread=0.35)
+        if match is None:
+            judged.limit(-1.0, "stereo finds no partner")
+            return judged
+        self._judge_position(track, view, match, distance, judged)
+        if judged.reasons:
+            return judged
+        return self._accept(target, track, view, at, match, drift, judged)
+
+    def _match(self, track: _Target, view: StereoView, judged: _Judgement) -> tuple[Array, float] | None:
+        """Return the pixel of the best match and its drift variance, px^2; None when there is no match."""
+        options, last, camera = self.options, track.last, view.left_camera
         prediction = camera.project(last.point)
-        scores = {"template_px": float(options.template_px)}
         if not np.isfinite(prediction).all():
-            return ["target is behind the camera"], scores, [-1.0]
+            judged.limit(-1.0, "target is behind the camera")
+            return None
         if not _within(prediction, view.left.shape, options.template_px // 2):
-            return ["target is outside the image"], scores, [-1.0]
+            judged.limit(-1.0, "target is outside the image")
+            return None
         distance = float(np.linalg.norm(last.point - camera.C))
+        scores = judged.scores
         scores["scale"] = template_scale(last.range_m, distance)
         scores["roll_rad"] = template_roll(last.camera, camera, last.point, options.adjacent_m)
         template = self.matcher.predict(last, camera, prediction, last.point)
         if template is None:
-            return ["the template lies outside the earlier image"], scores, [-1.0]
+            judged.limit(-1.0, "the template lies outside the earlier image")
+            return None
         found = self.matcher.search(view.left, template, prediction)
         if found is None:
-            return ["no contrast to correlate"], scores, [-1.0]
+            judged.limit(-1.0, "no contrast to correlate")
+            return None
         at, score = found
         drift = last.drift_px2 * scores["scale"] ** 2 + 0.18**2
         if options.key_template and track.key is not last:
             better = self._with_key(track, view, prediction, at, distance)
             if better is not None:
-                at, key_score, drift = better
-                scores["key"] = key_score
+                at, scores["key"], drift = better
         scores["ncc"] = score
         scores["correction_px"] = float(np.hypot(*(at - prediction)))
-        reasons: list[str] = []
-        margins = [(score - options.score_limit) / (1.0 - options.score_limit)]
-        if score < options.score_limit:
-            reasons.append(f"correlation {score:.2f} is below {options.score_limit}")
+        judged.limit(
+            (score - options.score_limit) / (1.0 - options.score_limit),
+            f"correlation {score:.2f} is below {options.score_limit}",
+        )
         if math.isfinite(options.back_check_px):
             now = Template(view.left, camera, at, last.point, last.normal, distance, 0.0)
-            back = self.matcher.back_error(now, last)
-            scores["back_px"] = back
-            margins.append(1.0 - back / options.back_check_px)
-            if back > options.back_check_px:
-                reasons.append(f"matching back ends {back:.1f} px away, over {options.back_check_px}")
-        match = self._stereo(view, at, distance, spread=0.35)
-        if match is None:
-            return [*reasons, "stereo finds no partner"], scores, [*margins, -1.0]
-        scores["stereo"] = match.score
-        margins.append((match.score - options.stereo_limit) / (1.0 - options.stereo_limit))
-        if match.score < options.stereo_limit:
-            reasons.append(f"stereo score {match.score:.2f} is below {options.stereo_limit}")
-        measured = float(np.linalg.norm(match.point - camera.C))
-        moved = abs(view.travelled_m - track.travelled_m) or abs(last.range_m - distance)
-        tolerance = (
-            math.hypot(
-                self._range_error(view, last.range_m),
-                self._range_error(view, distance),
+            back = scores["back_px"] = self.matcher.back_error(now, last)
+            judged.limit(
+                1.0 - back / options.back_check_px,
+                f"matching back ends {back:.1f} px away, over {options.back_check_px}",
             )
+        return at, drift
+
+    def _judge_position(
+        self, track: _Target, view: StereoView, match: PointMatch, distance: float, judged: _Judgement
+    ) -> None:
+        """Hold stereo score, range and position against their limits (second to fourth criterion)."""
+        options, scores = self.options, judged.scores
+        scores["stereo"] = match.score
+        judged.limit(
+            (match.score - options.stereo_limit) / (1.0 - options.stereo_limit),
+            f"stereo score {match.score:.2f} is below {options.stereo_limit}",
+        )
+        measured = float(np.linalg.norm(match.point - view.left_camera.C))
+        moved = abs(view.travelled_m - track.travelled_m) or abs(track.last.range_m - distance)
+        tolerance = (
+            math.hypot(self._range_error(view, track.last.range_m), self._range_error(view, distance))
             + options.odometry_share * moved
             + 0.01
         )
+        correction = measured - distance
         scores["range_m"] = measured
-        scores["range_correction_m"] = measured - distance
+        scores["range_correction_m"] = correction
         scores["range_tolerance_m"] = tolerance
-        margins.append(1.0 - abs(measured - distance) / tolerance)
-        if abs(measured - distance) > tolerance:
-            reasons.append(f"range corrected by {measured - distance:+.2f} m, over {tolerance:.2f} m")
+        judged.limit(
+            1.0 - abs(correction) / tolerance,
+            f"range corrected by {correction:+.2f} m, over {tolerance:.2f} m",
+        )
         total = float(np.linalg.norm(match.point - track.start_point))
         allowed = (
             self._range_error(view, track.start_range_m)
@@ -236,27 +280,37 @@ class NccTracker:
         )
         scores["total_correction_m"] = total
         scores["total_tolerance_m"] = allowed
-        margins.append(1.0 - total / allowed)
-        if total > allowed:
-            reasons.append(f"position corrected by {total:.2f} m in all, over {allowed:.2f} m")
-        if reasons:
-            return reasons, scores, margins
+        judged.limit(
+            1.0 - total / allowed, f"position corrected by {total:.2f} m in all, over {allowed:.2f} m"
+        )
+
+    def _accept(
+        self,
+        target: str,
+        track: _Target,
+        view: StereoView,
+        at: Array,
+        match: PointMatch,
+        drift: float,
+        judged: _Judgement,
+    ) -> TrackUpdate:
+        """Replace the template by what is seen now, and return the answer."""
+        camera, measured = view.left_camera, judged.scores["range_m"]
         normal = self._blend_normal(track, match, measured)
         track.misses = 0
         track.travelled_m = view.travelled_m
         track.last = Template(view.left, camera, at, match.point, normal, measured, drift)
-        if max(track.key.range_m / measured, measured / track.key.range_m) > options.key_scale or (
-            _turned(track.key, track.last) > 0.35
-        ):
+        nearer = max(track.key.range_m / measured, measured / track.key.range_m)
+        if nearer > self.options.key_scale or _turned(track.key, track.last) > KEY_TURN_RAD:
             track.key = track.last
         return TrackUpdate(
             target=target,
             state=TrackState.TRACKED,
             position=match.point,
             covariance=match.covariance + _drift_covariance(camera, match.point, normal, drift),
-            confidence=_confidence(margins),
+            confidence=judged.confidence,
             pixel=at,
-            scores=scores,
+            scores=judged.scores,
         )
 
     def _with_key(
@@ -319,11 +373,6 @@ def _turned(a: Template, b: Template) -> float:
     one = (a.camera.C - a.point) / a.range_m
     two = (b.camera.C - b.point) / b.range_m
     return math.acos(max(-1.0, min(1.0, float(one @ two))))
-
-
-def _confidence(margins: list[float]) -> float:
-    least = max(-2.0, min(1.0, min(margins)))
-    return 1.0 / (1.0 + math.exp(-6.0 * least))
 
 
 def _drift_covariance(camera: CameraModel, point: Array, normal: Array, drift_px2: float) -> Array:

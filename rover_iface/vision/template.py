@@ -19,6 +19,8 @@ from rover_iface.errors import TrackerError
 from rover_iface.vision.tracker import Image
 
 Warp = Literal["none", "scale", "similarity", "plane"]
+BACK_SEARCH_PX = 12
+"""How far a match is followed back to either side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,27 +203,14 @@ class TemplateMatcher:
 
     def search(self, image: Image, template: Image, prediction: Array) -> tuple[Array, float] | None:
         """Return the pixel of the best match within the search window, and its score."""
-
         from rover_iface.vision import patch
 
         options = self.options
         half, middle = options.template_px // 2, options.context_px // 2
-        core = template[middle - half : middle + half + 1, middle - half : middle + half + 1]
-        core = np.where(np.isnan(core), np.nanmean(core), core).astype(np.float32)
-        if float(core.std()) < 1e-4:
+        cut = self._cut(image, template, prediction, options.search_px)
+        if cut is None:
             return None
-        cx, cy = round(prediction[0]), round(prediction[1])
-        left, right = (
-            max(0, cx - options.search_px - half),
-            min(image.shape[1], cx + options.search_px + half + 1),
-        )
-        top, bottom = (
-            max(0, cy - options.search_px - half),
-            min(image.shape[0], cy + options.search_px + half + 1),
-        )
-        region = image[top:bottom, left:right]
-        if region.shape[0] < options.template_px or region.shape[1] < options.template_px:
-            return None
+        core, region, left, top = cut
         peaks = _coarse_to_fine(region, core) if options.coarse else _peaks(region, core)
         if not peaks:
             return None
@@ -252,24 +241,40 @@ class TemplateMatcher:
         return float(patch.align(image, template, at, half))
 
     def back_error(self, now: Template, before: Template) -> float:
-        """Return how far the patch of `now`, searched in the old image, ends from its place, px."""
+        """Return how far the patch of `now`, searched in the old image, ends from its place, px.
+
+        0 where that cannot be told: a patch that does not fit into the old image speaks against nothing.
+        """
         template = self.predict(now, before.camera, before.pixel, before.point)
         return 0.0 if template is None else self._nearby(before.image, template, before.pixel)
 
     def _nearby(self, image: Image, template: Image, at: Array) -> float:
         import cv2
 
+        cut = self._cut(image, template, at, BACK_SEARCH_PX)
+        if cut is None:
+            return 0.0
+        core, region, left, top = cut
+        half = self.options.template_px // 2
+        _, _, _, place = cv2.minMaxLoc(cv2.matchTemplate(region, core, cv2.TM_CCOEFF_NORMED))
+        return float(np.hypot(place[0] + left + half - at[0], place[1] + top + half - at[1]))
+
+    def _cut(
+        self, image: Image, template: Image, at: Array, reach_px: int
+    ) -> tuple[Image, Image, int, int] | None:
+        """Return the middle of a template, what of the image it is compared with, and where that begins.
+
+        None without contrast, or when the template does not fit into the image there.
+        """
         half, middle = self.options.template_px // 2, self.options.context_px // 2
         core = template[middle - half : middle + half + 1, middle - half : middle + half + 1]
         core = np.where(np.isnan(core), np.nanmean(core), core).astype(np.float32)
-        reach = 12
-        x, y = round(at[0]), round(at[1])
-        left, top = max(0, x - reach - half), max(0, y - reach - half)
-        region = image[top : y + reach + half + 1, left : x + reach + half + 1]
-        if region.shape[0] < core.shape[0] or region.shape[1] < core.shape[1] or float(core.std()) < 1e-4:
-            return 0.0
-        _, _, _, place = cv2.minMaxLoc(cv2.matchTemplate(region, core, cv2.TM_CCOEFF_NORMED))
-        return float(np.hypot(place[0] + left + half - at[0], place[1] + top + half - at[1]))
+        x, y, far = round(at[0]), round(at[1]), reach_px + half
+        left, top = max(0, x - far), max(0, y - far)
+        region = image[top : max(0, y + far + 1), left : max(0, x + far + 1)]
+        if min(region.shape) < self.options.template_px or float(core.std()) < 1e-4:
+            return None
+        return core, region, left, top
 
 
 def _peaks(region: Image, core: Image, count: int = 8) -> list[tuple[int, int, float]]:

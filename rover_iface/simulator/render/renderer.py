@@ -194,9 +194,7 @@ class Renderer:
         RenderError
             If the camera is below the ground, or the window is outside the frame.
         """
-        site_camera = camera
-        if pose is not None:
-            site_camera = camera.transformed(pose.site_from_rover if isinstance(pose, Pose) else pose)
+        site_camera = _in_site(camera, pose)
         left, top, width, height = window or (0, 0, camera.width, camera.height)
         if left < 0 or top < 0 or left + width > camera.width or top + height > camera.height or width < 1:
             raise RenderError(
@@ -237,9 +235,7 @@ class Renderer:
         self, camera: CameraModel, pose: Pose | Transform | None, *, step: int = 1
     ) -> tuple[npt.NDArray[np.float32], Array]:
         """Return ranges (h, w) and unit rays (h, w, 3, site frame) of every `step`-th pixel; inf for sky."""
-        site_camera = camera
-        if pose is not None:
-            site_camera = camera.transformed(pose.site_from_rover if isinstance(pose, Pose) else pose)
+        site_camera = _in_site(camera, pose)
         u, v = np.meshgrid(np.arange(0, camera.width, step), np.arange(0, camera.height, step))
         origins, directions = site_camera.back_project(np.stack((u, v), axis=-1).astype(float))
         shape = directions.shape[:2]
@@ -337,6 +333,13 @@ class Renderer:
         )
         mean = light.reshape(height, samples, width, samples).mean(axis=(1, 3), dtype=np.float32)
         return mean, self._light(camera, window, sun, 1)[1]
+
+
+def _in_site(camera: CameraModel, pose: Pose | Transform | None) -> CameraModel:
+    """Return a camera of the rover frame in the site frame; one without a pose is there already."""
+    if pose is None:
+        return camera
+    return camera.transformed(pose.site_from_rover if isinstance(pose, Pose) else pose)
 
 
 def _phase_deg(camera: CameraModel, to_sun: Array) -> float:

@@ -42,7 +42,6 @@ class TextureStatistics:
     sift_per_mpx: float
 
 
-REAL_MARS = TextureStatistics(-2.5, 0.17, 0.27, 3.0, 0.43, 9000.0)
 RANGES: dict[str, tuple[float, float]] = {
     "spectrum_slope": (-3.0, -2.0),
     "high_energy": (0.08, 0.26),
