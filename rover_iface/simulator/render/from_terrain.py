@@ -52,7 +52,7 @@ def scene_from_terrain(
         if outer >= far_m or (box == (west, south, east, north)):
             break
         inner, outer, step = outer, min(far_m, outer * 3.0), step * 4.0
-        sink += 0.15 * step * 0.3
+        sink += 0.045 * step
     rocks = terrain.rocks_near(x, y, min(far_m, 60.0)) if terrain.rocks else []
     meshes += [
         SceneMesh(mesh.vertices, mesh.triangles, mesh.id, Material.ROCK, albedo=_rock_albedo(mesh.id))

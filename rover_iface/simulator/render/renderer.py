@@ -81,7 +81,17 @@ class AutoExposure:
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How rough the surface is below the triangles; the defaults pass the texture acceptance test."""
+    """How rough the surface is below the triangles; the defaults pass the texture acceptance test.
+
+    Attributes
+    ----------
+    soil_slope, stone_slope
+        Slope of an octave of bumps, of soil and of rock.
+    mottle
+        Brightness of an octave of rock, share of its albedo.
+    bounce
+        Light from the sunlit ground on what faces down, against that of the sky on what faces up.
+    """
 
     soil_slope: float = 0.10
     stone_slope: float = 0.06
