@@ -31,10 +31,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.cameras.model import Array, CameraModel
-from rover_iface.cameras.stereo import Cloud, PointMatch, point_stereo
+from rover_iface.cameras.stereo import Cloud, PointMatch, dense_stereo, point_stereo
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
-from rover_iface.vision.shape import ShapeOptions, Surface, dense_cloud, register, surface_from_cloud
+from rover_iface.vision.shape import ShapeOptions, Surface, register, surface_from_cloud
 from rover_iface.vision.sift_features import Descriptors, Features, detect, find_features
 from rover_iface.vision.tracker import Image, StereoView
 
@@ -58,8 +58,11 @@ class Side:
     @cached_property
     def cloud(self) -> Cloud | None:
         """Return the dense cloud of the pair at every second pixel, None where there is none."""
+        v = self.view
         try:
-            found = dense_cloud(self.view, nearest_m=self.nearest_m, step=STEP)
+            found = dense_stereo(
+                v.left, v.right, v.left_camera, v.right_camera, nearest_m=self.nearest_m, step=STEP
+            )
         except CameraError:
             return None
         return found if len(found.points) >= 100 else None

@@ -21,12 +21,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.cameras.model import Array, pinhole
-from rover_iface.cameras.stereo import Cloud, dense_stereo
+from rover_iface.cameras.stereo import Cloud
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision import shape_kernels
 from rover_iface.vision.sift_motion import small_rotation
-from rover_iface.vision.tracker import StereoView
 
 DISPARITY_PX = 0.15
 """Error of dense stereo's disparities."""
@@ -131,22 +130,6 @@ def surface_from_cloud(cloud: Cloud, step: int, *, jump: float = 0.03) -> Surfac
     middle = float(np.median(ranges)) if len(ranges) else 0.0
     noise = DISPARITY_PX * middle**2 / (cloud.camera.hs * cloud.baseline_m)
     return Surface(cloud.points, triangles.astype(np.int32), cloud.camera.C, noise)
-
-
-def dense_cloud(view: StereoView, *, nearest_m: float, step: int) -> Cloud:
-    """Return the dense cloud of a pair, also of subframes that were cut round the same thing.
-
-    Block matching leaves the columns unmatched that the largest disparity would move out of the frame. If the
-    right subframe was cut further to the left, what they show is there: the pair is padded on that side.
-    """
-    left, right = view.left_camera, view.right_camera
-    if right.hc - left.hc < 8.0:
-        return dense_stereo(view.left, view.right, left, right, nearest_m=nearest_m, step=step)
-    baseline = float(np.linalg.norm(right.C - left.C))
-    pad = -(-math.ceil(left.hs * baseline / nearest_m) // 16) * 16
-    images = [np.pad(image, ((0, 0), (pad, 0))) for image in (view.left, view.right)]
-    cameras = [c.window(-pad, 0, c.width + pad, c.height) for c in (left, right)]
-    return dense_stereo(images[0], images[1], cameras[0], cameras[1], nearest_m=nearest_m, step=step)
 
 
 @dataclass(frozen=True, eq=False)
