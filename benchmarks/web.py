@@ -169,9 +169,31 @@ def _pan(browser: Browser, address: str, tree: dict[str, Any]) -> tuple[float, f
         return frames / PAN_S, 1000.0 * (_busy(session) - before) / frames
 
 
-def _what_if(page: Page, plan: str, budget_s: float) -> tuple[float, float]:
-    """Return the median round trip of what-if as the page asks, and what the server needed of it."""
-    factors = [0.8, 0.9, 1.1, 0.7, 1.2, 0.85, 1.05]
+@dataclass(frozen=True)
+class WhatIf:
+    """Seconds of a round trip as the page asks, and of it in the server."""
+
+    first: tuple[float, float]
+    budget: tuple[float, float]
+    keep_out: tuple[float, float]
+
+
+def _what_if(page: Page, plan: str, budget_s: float, keep_outs: list[list[list[float]]]) -> WhatIf:
+    """Return the first answer after the start, and medians with a budget changed and a keep-out dragged."""
+    budgets = [{"time_budget_s": f * budget_s} for f in (0.8, 0.9, 1.1, 0.7, 1.2, 0.85, 1.05)]
+    dragged = [
+        {"keep_outs": [[[e + 0.2 * k, n] for e, n in keep_outs[0]], *keep_outs[1:]]} for k in range(1, 8)
+    ]
+    first = _ask(page, plan, [{"time_budget_s": 1.01 * budget_s}])[0]
+
+    def median(found: list[tuple[float, float]]) -> tuple[float, float]:
+        return statistics.median(w for w, _ in found), statistics.median(e for _, e in found)
+
+    return WhatIf(first, median(_ask(page, plan, budgets)), median(_ask(page, plan, dragged)))
+
+
+def _ask(page: Page, plan: str, changes: list[dict[str, Any]]) -> list[tuple[float, float]]:
+    """Return round trip and time in the server of each answer, seconds."""
     found = [
         page.evaluate(
             """async ([url, body]) => {
@@ -181,13 +203,12 @@ def _what_if(page: Page, plan: str, budget_s: float) -> tuple[float, float]:
                 const value = await answer.json();
                 return [answer.status, performance.now() - began, value.elapsed_s];
             }""",
-            [f"/api/v1/plans/{plan}/what-if", {"time_budget_s": factor * budget_s}],
+            [f"/api/v1/plans/{plan}/what-if", body],
         )
-        for factor in [1.0, *factors]
+        for body in changes
     ]
     assert all(status == 200 for status, *_ in found), found
-    warm = found[1:]
-    return statistics.median(w / 1000 for _, w, _ in warm), statistics.median(e for *_, e in warm)
+    return [(wall / 1000, server) for _, wall, server in found]
 
 
 def _twelve_targets(page: Page, server: Server) -> tuple[str, str, float, list[dict[str, Any]]]:
@@ -255,7 +276,11 @@ def measure() -> list[Figure]:
             page.goto(f"{server.address}/?quality=test")
             yardstick = statistics.median(float(page.evaluate(LOOP)) for _ in range(REPEATS))
             mission, plan, budget_s, requests = _twelve_targets(page, server)
-            what_if = _what_if(page, plan, budget_s)
+            listed = page.request.get(
+                f"{server.address}/api/v1/missions/{mission}/keep-outs",
+                headers={"X-Outcrop-Person": "Planner"},
+            ).json()
+            what_if = _what_if(page, plan, budget_s, [k["polygon_m"] for k in listed["items"]])
         there = f"{server.address}/?quality=test#/m/{mission}?plan={plan}"
         shown = _median(lambda: _first(browser, there, "map"))
         drawn = _median(lambda: _first(browser, f"{there}&view=scene", "scene"))
@@ -266,7 +291,14 @@ def measure() -> list[Figure]:
             "first map, from the address to the drawn site", f"{shown[0]:.2f} s", f"{shown[1]:.2f} s", "1 s"
         ),
         Figure("first 3D frame, likewise, software GL", f"{drawn[0]:.2f} s", f"{drawn[1]:.2f} s", "2 s"),
-        Figure("what-if, 12 targets, round trip", f"{what_if[0]:.2f} s", f"server {what_if[1]:.2f} s", "1 s"),
+        *(
+            Figure(f"what-if, 12 targets, {what}, round trip", f"{w:.2f} s", f"server {s:.2f} s", "1 s")
+            for what, (w, s) in (
+                ("a budget changed", what_if.budget),
+                ("a keep-out dragged", what_if.keep_out),
+                ("the first one of a server that has got ready", what_if.first),
+            )
+        ),
         Figure(
             f"timeline of {ACTIVITIES} activities and {BRANCHES} branches, dragged",
             f"{fps:.0f} frames/s",

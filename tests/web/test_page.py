@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -202,7 +203,7 @@ def test_nothing_moves_while_the_page_loads(server: Server) -> None:
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_nobody_is_shut_out_of_the_page(server: Server, scheme: str) -> None:
     with chromium() as browser, open_page(browser, server, scheme=scheme) as page:
-        views = []
+        views: list[tuple[str, str, list[Any]]] = []
 
         def look(name: str) -> None:
             page.evaluate(AXE.read_text())

@@ -411,4 +411,7 @@ export async function productText(product: Product): Promise<string> {
   return answer.text();
 }
 
+/** Pages that load nothing, for the uplink meeting and for the archive. */
+export const planReportUrl = (id: string): string => `${V1}/plans/${id}/report`;
+export const runReportUrl = (id: string): string => `${V1}/runs/${id}/report`;
 export const planCrlUrl = (id: string): string => `${V1}/plans/${id}/crl`;

@@ -498,9 +498,10 @@ export class PlanMap {
   grab(): boolean {
     if (this.mode !== "select" || this.holds) return false;
     const at = this.cross;
-    if (at !== null && this.keepOuts.grab(at)) return true;
     const { stand, shape } = this;
-    if (stand !== null && shape !== null) {
+    if (at !== null && this.keepOuts.grab(at)) {
+      // A keep-out lies under the crosshair.
+    } else if (stand !== null && shape !== null) {
       const { east_m, north_m, heading_rad } = stand.pose;
       const knob = knobOf(stand.pose, shape);
       const nose = at !== null && Math.hypot(at[0] - knob[0], at[1] - knob[1]) < 10 * this.resolution;
@@ -520,6 +521,7 @@ export class PlanMap {
     this.keepOuts.drop();
     if (this.standHeld !== null) this.events.standDropped();
     this.standHeld = null;
+    this.showCross();
   }
 
   /** Let go of it and leave it where it was. */
@@ -527,6 +529,7 @@ export class PlanMap {
     this.keepOuts.putBack();
     if (this.standHeld !== null) this.events.standPutBack();
     this.standHeld = null;
+    this.showCross();
   }
 
   /** Do at the crosshair what a click would do there; `last` ends an outline. */
@@ -678,8 +681,10 @@ export class PlanMap {
 
   /** Take the last corner of an outline back, or remove the corner that is held. */
   undoCorner(): void {
-    if (this.keepOuts.holds) this.keepOuts.removeCorner();
-    else if (this.draw !== null) {
+    if (this.keepOuts.holds) {
+      this.keepOuts.removeCorner();
+      this.showCross();
+    } else if (this.draw !== null) {
       this.draw.removeLastPoint();
       this.corners = Math.max(0, this.corners - 1);
     }
