@@ -335,8 +335,10 @@ class SiftTracker:
         if chain.motion is not None and chain.motion.doubtful and not self._confirmed(chain, view):
             chain.motion = None
         if chain.motion is not None:
-            # a stop that shows little moves the features it has: they may be needed for the next
+            # a stop that shows little moves the features it has: they may be needed for the next; so does one
+            # whose few matches lead no target to where it is seen
             poor = self.shipped and chain.motion.inliers < self.options.half_count
+            poor = poor and (2 * len(fresh) < len(chain.features) or not self._confirmed(chain, view))
             chain.features = chain.features.moved(chain.motion.new_from_old) if poor else fresh
             chain.valid_view, chain.coasted_m = view, 0.0
 

@@ -120,6 +120,14 @@ def test_a_designated_pixel_is_ranged_and_its_range_gets_sharper_on_the_way() ->
     assert np.linalg.norm(near.position - frames(-3.0)[0].truth.point_site[HALF, HALF]) < 0.02
 
 
+def test_few_matches_that_find_the_target_again_renew_the_features() -> None:
+    # every stop counts as one of few matches; old features alone would match less and less on the way
+    tracker = SiftTracker(SiftOptions(half_count=10_000.0))
+    tracker.start("A", surface(), view(-6.0))
+    inliers = [tracker.update("A", view(x)).scores["inliers"] for x in (-5.4, -4.86, -4.37)]
+    assert inliers[2] > 0.7 * inliers[0]
+
+
 def test_while_coasting_the_covariance_grows_and_confidence_falls() -> None:
     tracker = SiftTracker()
     tracker.start("A", surface(), view(-6.0))
