@@ -326,7 +326,9 @@ def main() -> None:
         "faults": lambda: fault_study(
             worlds[:6], arguments.pictures, say, lambda found: keep("faults", found)
         ),
-        "registration": lambda: registration_study(worlds, arguments.pictures, say),
+        "registration": lambda: registration_study(
+            worlds, arguments.pictures, say, lambda found: keep("registration", found)
+        ),
     }
     for name in arguments.only or STUDIES:
         started = time.process_time()

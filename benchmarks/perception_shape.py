@@ -64,8 +64,17 @@ def plain_icp(kind: str) -> Callable[[Surface, Surface, Transform, Array], Trans
     return run
 
 
-def registration_study(worlds: list[int], folder: Path, say: Callable[[str], None]) -> dict[str, Any]:
-    """Return errors at the target, CPU time and flags, from starts half a rock and 10 degrees off."""
+def registration_study(
+    worlds: list[int],
+    folder: Path,
+    say: Callable[[str], None],
+    keep: Callable[[dict[str, Any]], None],
+) -> dict[str, Any]:
+    """Return errors at the target, CPU time and flags, from starts half a rock and 10 degrees off.
+
+    `keep` gets what is known after each world.
+    """
+    found: dict[str, Any] = {}
     peers = {"point-to-point ICP": "ICP", "point-to-plane ICP": "PLANE_ICP", "GICP alone": "GICP"}
     options = {"surfaces alone": ShapeOptions(), "published": ShapeOptions(engine="nelder-mead")}
     rows: dict[str, dict[str, list[tuple[float, float, bool]]]] = {
@@ -91,14 +100,16 @@ def registration_study(worlds: list[int], folder: Path, say: Callable[[str], Non
                         lain = register_views(sides[a], sides[b], start, point)
                         motion, accepted = lain.scene_from_model, lain.accepted
                     elif engine in options:
-                        found = register(model, scene, start, point, options[engine])
-                        motion, accepted = found.scene_from_model, found.accepted
+                        lain = register(model, scene, start, point, options[engine])
+                        motion, accepted = lain.scene_from_model, lain.accepted
                     else:
                         motion, accepted = plain_icp(peers[engine])(model, scene, start, point), True
                     error = float(np.linalg.norm(motion.apply(point) - point))
                     by[pair].append((error, time.process_time() - began, accepted))
         say(f"  registration, world {seed}")
-    return {engine: {pair: _summary(found) for pair, found in by.items()} for engine, by in rows.items()}
+        found = {engine: {pair: _summary(r) for pair, r in by.items()} for engine, by in rows.items()}
+        keep(found)
+    return found
 
 
 def _summary(rows: list[tuple[float, float, bool]]) -> dict[str, float | None]:
