@@ -23,8 +23,8 @@ from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 ARRIVED_M = 2.2
 """Distance from the mast cameras at which a target counts as arrived at."""
 
-GRAINS, DUST_PX = 24, (11.0, 30.0)
-"""Grains of a dusty lens, and how far from the target's place in the image they lie."""
+GRAINS, DUST_M, GRAIN_PX = 24, (0.026, 0.055), (4, 6)
+"""Grains of a dusty lens, what they hide (distance from the target, at its range), and their radius."""
 
 PUBLISHED = {
     "kinematic": "pure kinematic",
@@ -118,15 +118,17 @@ class HazardEyes:
 
         image = pair.view.right.copy()
         for name in sorted(self.dusty):
-            pixel = pair.right.camera.project(np.array(self.body.targets[name].point))
+            point, camera = np.array(self.body.targets[name].point), pair.right.camera
+            pixel = camera.project(point)
             if not np.isfinite(pixel).all():
                 continue
+            scale = camera.hs / float(np.linalg.norm(point - camera.C))
             rng = np.random.default_rng([self.body.seed, *name.encode()])
             for _ in range(GRAINS):
-                away, turn = rng.uniform(*DUST_PX), rng.uniform(0.0, math.tau)
+                away, turn = scale * rng.uniform(*DUST_M), rng.uniform(0.0, math.tau)
                 place = pixel + away * np.array((math.cos(turn), math.sin(turn)))
                 middle = (round(float(place[0])), round(float(place[1])))
-                cv2.circle(image, middle, int(rng.integers(3, 7)), float(image.mean()), -1)
+                cv2.circle(image, middle, int(rng.integers(*GRAIN_PX)), float(image.mean()), -1)
         return pair if not self.dusty else replace(pair, view=replace(pair.view, right=image))
 
     def at_this_stop(self, followed: Followed, t_s: float) -> HandedOff:
