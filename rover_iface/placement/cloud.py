@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-DISPARITY_PX = 0.25
-"""Error of a disparity of dense stereo on hazcam pairs, pixels of the fisheye's middle
-(docs/placement.md)."""
+DISPARITY_RAD = 0.0015
+"""Error of a disparity of dense stereo as an angle, measured on rendered hazcam pairs (docs/placement.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,17 +135,15 @@ class SurfaceCloud:
 def cloud_of_stereo(
     cloud: Cloud,
     *,
-    sigma_px: float = DISPARITY_PX,
+    disparity_rad: float = DISPARITY_RAD,
     farthest_m: float = 6.0,
-    scale: float = 1.0,
     field_rad: float = math.radians(50.0),
 ) -> SurfaceCloud:
     """Return the cloud of a stereo pair in the frame of its cameras, as far as `farthest_m` from the eye and
     `field_rad` to either side of the axis: beyond, an aligned fisheye pair is stretched too far to be
     matched.
 
-    `sigma_px` is the disparity's error in pixels of the image that was taken, `scale` by how much the aligned
-    pair is enlarged against it.
+    `disparity_rad` is the standard deviation of a disparity divided by the focal length in pixels.
     """
     eye = np.asarray(cloud.camera.C, dtype=np.float64)
     away = cloud.points - eye
@@ -154,7 +151,7 @@ def cloud_of_stereo(
     near = (np.linalg.norm(away, axis=1) < farthest_m) & (aside < field_rad)
     return SurfaceCloud(
         cloud.points[near],
-        cloud.covariances(sigma_px * scale / math.sqrt(2.0))[near],
+        cloud.covariances(disparity_rad * cloud.camera.hs / math.sqrt(2.0))[near],
         eye,
         pixels=np.round(cloud.pixels[near]).astype(np.int64),
         pitch_rad=1.0 / cloud.camera.hs,

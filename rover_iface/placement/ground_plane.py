@@ -43,7 +43,7 @@ class GroundOptions:
     tolerance_m: float = 0.03
     max_tilt_rad: float = math.radians(35.0)
     least_share: float = 0.25
-    trials: int = 400
+    trials: int = 200
     post_m: float = 0.2
     stiffness: float = 0.5
 

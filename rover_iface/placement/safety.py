@@ -41,6 +41,10 @@ ArmCheck = Callable[[Array, Array], Posture | Motion | ArmRefusal]
 call of `plan_motion` with its obstacles, whose refusal on collision counts like any other."""
 
 
+MOST_ASKED = 60
+"""How many safe points the arm is asked for before the rover is said to be in the wrong place."""
+
+
 @dataclass(frozen=True, slots=True)
 class SafetyLimits:
     """What a placement must keep.
@@ -61,12 +65,15 @@ class SafetyLimits:
         Uncertainty of the normal, that many standard deviations.
     least_share, most_hole_m
         Share of the area with valid stereo, diameter of the largest hole.
+    edge_px, edge_jump_m
+        Points within so many pixels of a step of this size behind them are not counted as seen: block
+        matching draws the foreground over its edge.
     most_view_rad
         Angle between line of sight and normal.
     least_rock_share
         Share of the points under the tool that belong to the same rock.
     most_slope_rad
-        Angle between normal and approach axis; the profile's `max_tool_tilt_rad` when None.
+        Angle between normal and approach axis, or between normal and tool as the arm can hold it.
     tool_length_m
         Up to this height over the surface nothing may stand beside the tool.
     search_m
@@ -76,17 +83,19 @@ class SafetyLimits:
     """
 
     tool_radius_m: float | None = None
-    margin_m: float = 0.006
+    margin_m: float = 0.008
     most_protrusion_m: float = 0.020
     most_depth_m: float = 0.020
     most_rms_m: float = 0.006
     sigmas: float = 2.0
     most_normal_rad: float = math.radians(12.0)
-    least_share: float = 0.80
-    most_hole_m: float = 0.015
+    least_share: float = 0.85
+    most_hole_m: float = 0.018
+    edge_px: int = 4
+    edge_jump_m: float = 0.035
     most_view_rad: float = math.radians(70.0)
     least_rock_share: float = 0.95
-    most_slope_rad: float | None = None
+    most_slope_rad: float = math.radians(12.0)
     tool_length_m: float = 0.14
     search_m: float = 0.15
     grid_m: float = 0.008
@@ -180,13 +189,16 @@ def _search(
     """Judge the designated point, then others of the same rock, the nearest first."""
     first: Judged | None = None
     out_of_reach: Judged | None = None
-    tried = 0
+    tried = asked = 0
     for point in check.candidates(at):
         judged = check.judge(point)
         tried += 1
         first = first or judged
         if judged.findings or judged.normal is None:
             continue
+        if asked == MOST_ASKED:
+            break
+        asked += 1
         answer = ask(judged.point, judged.normal)
         if isinstance(answer, ArmRefusal):
             refusal = Finding(Reason.ARM, math.nan, math.nan, "", f"{answer.limit}: {answer.reason}")
@@ -196,7 +208,7 @@ def _search(
             out_of_reach = out_of_reach or judged
             continue
         tilt = answer.tool_tilt_rad
-        most = check.most_slope_rad
+        most = check.limits.most_slope_rad
         if tilt > most:
             judged = judged.with_finding(Finding(Reason.SLOPE, tilt, most, "rad"))
             out_of_reach = out_of_reach or judged
@@ -295,9 +307,7 @@ class PatchCheck:
     ) -> None:
         self.cloud, self.labels, self.label, self.limits, self.axis = cloud, labels, label, limits, axis
         self.radius_m = limits.tool_radius_m or profile.arm.tool_radius_m
-        self.most_slope_rad = (
-            profile.arm.max_tool_tilt_rad if limits.most_slope_rad is None else limits.most_slope_rad
-        )
+        self.trusted = away_from_edges(cloud, limits.edge_px, limits.edge_jump_m)
 
     def candidates(self, at: Array) -> list[Array]:
         """Return the points to be tried: the surface at the designated one, then one for each cell of
@@ -307,8 +317,11 @@ class PatchCheck:
             cloud.tree.query_ball_point(at, max(self.limits.search_m, self.limits.grid_m)), dtype=np.int64
         )
         near = near[self.labels[near] == self.label]
-        cells = np.floor(cloud.points[near] / self.limits.grid_m).astype(np.int64)
-        near = near[np.unique(cells, axis=0, return_index=True)[1]]
+        # fine round the designated point, coarser further off
+        away = np.linalg.norm(cloud.points[near] - at, axis=1)
+        coarse = np.where(away < self.limits.search_m / 4.0, 1.0, 2.0)
+        cells = np.floor(cloud.points[near] / (self.limits.grid_m * coarse)[:, None]).astype(np.int64)
+        near = near[np.unique(np.column_stack((cells, coarse)), axis=0, return_index=True)[1]]
         order = near[np.argsort(np.linalg.norm(cloud.points[near] - at, axis=1))]
         return [at, *cloud.points[order]]
 
@@ -322,7 +335,7 @@ class PatchCheck:
         reach = self.radius_m + limits.margin_m
         ball = np.asarray(cloud.tree.query_ball_point(point, 3.0 * reach), dtype=np.int64)
         inner = ball[np.linalg.norm(cloud.points[ball] - point, axis=1) < reach]
-        own = inner[self.labels[inner] == self.label]
+        own = inner[(self.labels[inner] == self.label) & self.trusted[inner]]
         if len(own) < 8:
             few = Finding(Reason.FEW_POINTS, float(len(own)), 8.0)
             return Judged(point, None, None, (few,))
@@ -354,7 +367,7 @@ class PatchCheck:
         part = cloud.subset(surface)
         over = (part.points - at) @ normal
         sigma = float(np.median(part.sigma_along(normal)))
-        share, hole = coverage(part, at, normal, reach)
+        share, hole = coverage(cloud.subset(surface[self.trusted[surface]]), at, normal, reach)
         slope = 0.0 if self.axis is None else _angle(normal, self.axis)
         beside = (across >= reach) & (across < reach + limits.margin_m) & (height < limits.tool_length_m)
         return PatchMeasures(
@@ -362,7 +375,7 @@ class PatchCheck:
             valid_share=share,
             hole_m=hole,
             protrusion_m=float(np.quantile(over, 0.98)),
-            depth_m=float(-np.quantile(over, 0.02)),
+            depth_m=float(-np.quantile(over, 0.005)),
             rms_m=float(np.sqrt(np.mean(over**2))),
             sigma_m=sigma,
             normal_sigma_rad=self._normal_sigma(part, at, normal, sigma),
@@ -394,7 +407,7 @@ class PatchCheck:
             (Reason.ROUGHNESS, rms, limits.most_rms_m, "m"),
             (Reason.CLEARANCE, m.beside_m, limits.most_protrusion_m, "m"),
             (Reason.NORMAL, limits.sigmas * m.normal_sigma_rad, limits.most_normal_rad, "rad"),
-            (Reason.SLOPE, m.slope_rad, self.most_slope_rad, "rad"),
+            (Reason.SLOPE, m.slope_rad, limits.most_slope_rad, "rad"),
         )
         least = (Reason.STEREO_SHARE, Reason.OFF_ROCK)
         return tuple(
@@ -402,6 +415,32 @@ class PatchCheck:
             for reason, value, limit, unit in pairs
             if (value < limit if reason in least else not value <= limit)
         )
+
+
+def away_from_edges(cloud: SurfaceCloud, edge_px: int, jump_m: float) -> npt.NDArray[np.bool_]:
+    """Return which points (n,) have nothing `jump_m` farther away within `edge_px` pixels.
+
+    A gap counts as far as the farther of its two ends along the row. Clouds without order have no edges.
+    """
+    from scipy.ndimage import maximum_filter
+
+    if cloud.pixels is None or cloud.eye is None or edge_px < 1 or len(cloud) == 0:
+        return np.ones(len(cloud), bool)
+    x, y = (cloud.pixels - cloud.pixels.min(axis=0)).T
+    far = np.linalg.norm(cloud.points - cloud.eye, axis=1)
+    raster = np.full((int(y.max()) + 1, int(x.max()) + 1), np.nan)
+    raster[y, x] = far
+    ends = np.fmax(_carried(raster), _carried(raster[:, ::-1])[:, ::-1])
+    filled = np.where(np.isnan(raster), np.nan_to_num(ends, nan=0.0), raster)
+    behind = maximum_filter(filled, size=2 * edge_px + 1)
+    return np.asarray(behind[y, x] < far + jump_m)
+
+
+def _carried(raster: Array) -> Array:
+    """Return the raster with each gap filled by the last known value to its left."""
+    known = ~np.isnan(raster)
+    last = np.maximum.accumulate(np.where(known, np.arange(raster.shape[1]), 0), axis=1)
+    return np.take_along_axis(raster, last, axis=1)
 
 
 def coverage(part: SurfaceCloud, at: Array, normal: Array, radius_m: float) -> tuple[float, float]:

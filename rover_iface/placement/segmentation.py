@@ -70,6 +70,9 @@ class SegmentationOptions:
         counts.
     least_steepness
         Lower than this share of its width is a rise of the ground and no rock.
+    saddle_m, saddle_share
+        Two summits are two rocks when the lower stands this high, and this share of its height, over the
+        saddle.
     rounds
         Turns of expectation and maximisation at most.
     """
@@ -85,7 +88,9 @@ class SegmentationOptions:
     jump: float = 6.0
     patch_px: float = 9.0
     least_steepness: float = 0.2
-    rounds: int = 8
+    saddle_m: float = 0.03
+    saddle_share: float = 0.25
+    rounds: int = 6
 
     def __post_init__(self) -> None:
         if not (self.roughness_m > 0 and self.least_height_m > 0 and self.rounds >= 1):
@@ -310,9 +315,9 @@ class _Mixture:
             changed = float(((after >= 0) != (label >= 0)).mean())
             label = after
             self.chance = np.where((self.chance > 0.5) & (label < 0), 0.0, self.chance)
-            if changed < 2e-4:
+            if changed < 1e-3:
                 break
-        label, rocks = self._rocks(label, height)
+        label, rocks = self._rocks(self._parted(label, height), height)
         return Segmentation(label, self.chance, height, rocks, self.ground, self.roughness, likelihood, turn)
 
     def _expect(self, label: Index, height: Array) -> float:
@@ -357,21 +362,18 @@ class _Mixture:
 
     def _footprints(self, label: Index, height: Array) -> tuple[Array, Array]:
         """Return for each point the chance to be rock by place alone, and the height of the rock there."""
-        from scipy.spatial import cKDTree
-
         n = len(label)
         prior = np.full(n, self.options.rock_share * 0.3)
         top = np.full(n, 0.15)
         count = int(label.max(initial=-1)) + 1
         if count == 0:
             return prior, top
-        tree = cKDTree(self.local[:, :2])
         for members in _parts(label, np.arange(n), count):
             xy = self.local[members, :2]
             middle = xy.mean(axis=0)
             spread = np.cov(xy.T) + 1e-4 * np.eye(2)
             reach = 2.2 * math.sqrt(float(np.linalg.eigvalsh(spread)[-1]))
-            near = np.asarray(tree.query_ball_point(middle, reach + 0.05), dtype=np.int64)
+            near = np.flatnonzero((np.abs(self.local[:, :2] - middle) < reach + 0.05).all(axis=1))
             away = self.local[near, :2] - middle
             distance = np.sqrt(np.einsum("ni,ij,nj->n", away, np.linalg.inv(spread), away))
             inside = 1.0 / (1.0 + np.exp(np.clip(8.0 * (distance - 2.0), -40, 40)))
@@ -380,6 +382,44 @@ class _Mixture:
             prior[near[better]] = chance[better]
             top[near[better]] = max(float(np.quantile(height[members], 0.98)), self.options.least_height_m)
         return prior, top
+
+    def _parted(self, label: Index, height: Array) -> Index:
+        """Return the labels with regions parted at saddles between summits; slivers join what they touch."""
+        from rover_iface.placement.segmentation_kernels import part_at_saddles
+
+        if not (label >= 0).any():
+            return label
+        smooth = np.where(label >= 0, height, 0.0)
+        for _ in range(4):
+            smooth = self._averaged(smooth, label)
+        order = np.flatnonzero(label >= 0)
+        order = order[np.argsort(-smooth[order], kind="stable")].astype(np.int64)
+        deep = np.maximum(self.options.saddle_m, self.options.saddle_share * np.maximum(smooth, 0.0))
+        deep = np.maximum(deep, 2.0 * self.sigma)
+        group = np.empty(len(label), np.int64)
+        part_at_saddles(smooth, self.starts, self.others, order, deep, group)
+        parts = _renumbered(group)
+        small = np.bincount(parts[order]) < 2 * self.options.least_points
+        back = (parts >= 0) & small[np.maximum(parts, 0)]
+        # the largest part of each region takes its slivers
+        size = np.bincount(parts[order])
+        largest: dict[int, int] = {}
+        for old, new in zip(label[order].tolist(), parts[order].tolist(), strict=True):
+            if old not in largest or size[new] > size[largest[old]]:
+                largest[old] = new
+        owner = np.array([largest[k] for k in range(int(label.max()) + 1)])
+        parts[back] = owner[label[back]]
+        return _renumbered(parts)
+
+    def _averaged(self, values: Array, label: Index) -> Array:
+        """Return the mean of each point and its neighbours of the same label."""
+        a, b = self.edges[self.touching].T
+        same = (label[a] == label[b]) & (label[a] >= 0)
+        a, b = a[same], b[same]
+        total = values + np.bincount(a, values[b], len(values)) + np.bincount(b, values[a], len(values))
+        return np.asarray(
+            total / (1.0 + np.bincount(a, minlength=len(values)) + np.bincount(b, minlength=len(values)))
+        )
 
     def _rocks(self, label: Index, height: Array) -> tuple[Index, tuple[RockSegment, ...]]:
         count = int(label.max(initial=-1)) + 1

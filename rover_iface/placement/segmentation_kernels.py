@@ -1,4 +1,4 @@
-"""Kernel of the segmentation: labels that pull at those of their neighbours."""
+"""Kernels of the segmentation: labels that pull at their neighbours', and rocks parted at saddles."""
 
 from __future__ import annotations
 
@@ -26,3 +26,47 @@ def mean_field(odds: Floats, starts: Ints, others: Ints, pull: Floats, chance: F
             for e in range(starts[i], starts[i + 1]):
                 field += pull[e] * (2.0 * chance[others[e]] - 1.0)
             chance[i] = 1.0 / (1.0 + math.exp(-min(max(field, -40.0), 40.0)))
+
+
+@numba.njit(cache=True, nogil=True)
+def part_at_saddles(
+    height: Floats,
+    starts: Ints,
+    others: Ints,
+    order: Ints,
+    deep: Floats,
+    group: Ints,
+) -> None:
+    """Fill `group` (n,) with the number of the summit that each point of `order` (highest first) belongs to.
+
+    Where two summits meet, they stay apart if the lower one stands at least `deep` (n,) of its own over the
+    saddle; otherwise it joins the higher one. Points not in `order` keep -1.
+    """
+    parent = np.arange(len(height))
+    for i in range(len(height)):
+        group[i] = -1
+    for k in range(len(order)):
+        i = order[k]
+        best = -1
+        for e in range(starts[i], starts[i + 1]):
+            j = others[e]
+            if group[j] < 0:
+                continue
+            root = group[j]
+            while parent[root] != root:
+                root = parent[root]
+            if best < 0:
+                best = root
+            elif root != best:
+                low, high = (root, best) if height[root] < height[best] else (best, root)
+                if height[low] - height[i] < deep[low]:
+                    parent[low] = high
+                    best = high
+                elif height[root] > height[best]:
+                    best = root
+        group[i] = i if best < 0 else best
+    for k in range(len(order)):
+        root = group[order[k]]
+        while parent[root] != root:
+            root = parent[root]
+        group[order[k]] = root

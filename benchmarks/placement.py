@@ -1,0 +1,232 @@
+"""Placements over many rocks: unsafe accepts, false refusals, errors; and what stereo does at arm's length.
+
+`python -m benchmarks.placement --rocks 1000 --rendered 120 --out benchmarks/results/placement.json`
+
+Each rock is another scene of `placement_rocks` with another designated point, uniform over the visible face,
+and an error of 5 mm as of a hand-off. Rocks of `--rendered` are seen by dense stereo on rendered pairs,
+those of `--rocks` by the cheap model of stereo; the two run through the same check, so that the first vouch
+for the second.
+
+The truth is cast on the triangles, along the tool's true axis and with the arm's error, against what the
+instrument bears (`TrueLimits`). An accept is unsafe if anything is wrong there. A refusal, or an order to
+move the rover, is false if within the search radius the left camera sees a place of the rock that is truly
+safe and that the arm reaches.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.placement_rocks import RockScene, TrueLimits, rock_scene
+from rover_iface.placement import SafetyLimits, plan_placement, segment
+from rover_iface.placement.arm import Arm, ArmRefusal, Posture
+from rover_iface.placement.cloud import SurfaceCloud
+from rover_iface.placement.segmentation import Segmentation, SegmentationOptions
+from rover_iface.profile import load_profile
+
+Array = npt.NDArray[np.float64]
+
+HANDOFF_M = 0.005
+EVALUATION = 20_000
+"""Seeds from here on are never looked at while limits are set; 5,000 to 5,999 are for that."""
+
+
+def designated(rock: RockScene) -> tuple[Array, Array]:
+    """Return the point that a scientist picks on the visible face, and where the hand-off puts it."""
+    one, _, far, body, _ = rock.seen
+    rng = np.random.default_rng([rock.seed, 0xDE5])
+    places = np.argwhere(body == rock.target_index)
+    line, sample = places[rng.integers(len(places))]
+    eye, ray = one.back_project((float(sample), float(line)))
+    picked = np.asarray(eye + far[line, sample] * ray)
+    return picked, picked + rng.normal(0.0, HANDOFF_M / math.sqrt(3.0), 3)
+
+
+def safe_place(rock: RockScene, at: Array, arm: Arm, limits: SafetyLimits, true: TrueLimits) -> Array | None:
+    """Return a point within reach that is truly safe, or None: of the visible face, every 12 mm."""
+    one, _, far, body, normal = rock.seen
+    lines, samples = np.nonzero(body == rock.target_index)
+    eyes, rays = one.back_project(np.column_stack((samples, lines)).astype(float))
+    points = eyes + far[lines, samples][:, None] * rays
+    normals = normal[lines, samples]
+    near = np.linalg.norm(points - at, axis=1) < limits.search_m
+    cells = np.floor(points[near] / 0.012).astype(np.int64)
+    for k in np.flatnonzero(near)[np.unique(cells, axis=0, return_index=True)[1]]:
+        around = np.linalg.norm(points - points[k], axis=1) < arm.profile.tool_radius_m
+        mean = normals[around].mean(axis=0)
+        mean /= np.linalg.norm(mean)
+        if -(mean @ rays[k]) < math.cos(limits.most_view_rad):
+            continue
+        if rock.true_patch(points[k], mean, arm.profile.tool_radius_m, true).wrong:
+            continue
+        answer = arm.solve(points[k], mean, max_tilt_rad=limits.most_slope_rad)
+        if isinstance(answer, Posture):
+            return np.asarray(points[k])
+    return None
+
+
+def trial(seed: int, rendered: bool) -> dict[str, Any]:
+    """Return what came of one rock."""
+    profile, limits, true = load_profile("k9"), SafetyLimits(), TrueLimits()
+    arm = Arm(profile.arm)
+    rock = rock_scene(seed)
+    picked, at = designated(rock)
+    cloud = rock.rendered_cloud(seed) if rendered else rock.cast_cloud(seed)
+    began = time.process_time()
+    found = segment(cloud, SegmentationOptions(rounds=6 if rendered else 3))
+    verdict = plan_placement(cloud, at, profile, limits=limits, segmentation=found)
+    row: dict[str, Any] = {
+        "seed": seed,
+        "diameter_m": rock.diameter_m,
+        "points": len(cloud),
+        "decision": verdict.decision.value,
+        "reasons": [f.reason.value for f in verdict.findings],
+        "tried": verdict.tried,
+        "plan_s": time.process_time() - began,
+    }
+    if rendered or seed % 5 == 0:
+        row |= _stereo_figures(rock, cloud, found)
+    if verdict.accepted:
+        assert verdict.point is not None
+        assert isinstance(verdict.posture, Posture)
+        rng = np.random.default_rng([seed, 0xA9])
+        error = np.clip(0.5 * rng.standard_normal(3), -1.0, 1.0) * true.arm_error_m
+        axis = -arm.tool_axis(verdict.posture.joints)
+        patch = rock.true_patch(verdict.point, axis, profile.arm.tool_radius_m, true, error)
+        start = verdict.point + error + 0.1 * axis
+        touched = start - float(rock.scene.ranges(start, -axis[None])[0]) * axis
+        row |= {
+            "wrong": list(patch.wrong),
+            "true_protrusion_m": patch.protrusion_m,
+            "true_depth_m": patch.depth_m,
+            "true_slope_rad": patch.slope_rad,
+            "moved_m": verdict.distance_m,
+            "measures": asdict(verdict.measures) if verdict.measures is not None else {},
+            "error_m": float(np.linalg.norm(touched - picked)),
+            "off_plan_m": float(np.linalg.norm(touched - verdict.point)),
+        }
+    else:
+        row["safe_place"] = safe_place(rock, at, arm, limits, true) is not None
+        answer = arm.solve(at, (at - rock.centre) / np.linalg.norm(at - rock.centre))
+        row["in_reach"] = not isinstance(answer, ArmRefusal)
+    return row
+
+
+def _stereo_figures(rock: RockScene, cloud: SurfaceCloud, found: Segmentation) -> dict[str, Any]:
+    """Return how well the rock's points are labelled, and what its disparities err.
+
+    That is in milliradians: median, robust deviation, share beyond 4; and the share of the rock's pixels that
+    have a point.
+    """
+    assert cloud.eye is not None
+    ray = cloud.points - cloud.eye
+    far = np.linalg.norm(ray, axis=1)
+    hit = rock.scene.cast(np.broadcast_to(cloud.eye, ray.shape), ray / far[:, None])
+    true = hit["tfar"].astype(np.float64)
+    own = (true < 1e30) & (rock.scene.objects[np.maximum(hit["primID"], 0)] == rock.target_index)
+    labels = np.unique(found.labels[own])
+    shares = [
+        float((own & (found.labels == k)).sum() / (own | (found.labels == k)).sum())
+        for k in labels[labels >= 0]
+    ]
+    one, two, _, body, _ = rock.seen
+    cosine = (ray @ one.A) / far
+    baseline = float(np.linalg.norm(two.C - one.C))
+    error = 1000.0 * baseline * (1.0 / (far * cosine) - 1.0 / (true * cosine))[own]
+    middle = float(np.median(error))
+    robust = 1.4826 * float(np.median(np.abs(error - middle)))
+    cover = float(own.sum() * cloud.pitch_rad**2 * one.hs**2 / max(1, (body == rock.target_index).sum()))
+    gross = float((np.abs(error - middle) > 4.0).mean())
+    return {"iou": max(shares, default=0.0), "error_mrad": [middle, robust, gross, cover]}
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the figures of one kind of cloud."""
+    accepted = [r for r in rows if "wrong" in r]
+    refused = [r for r in rows if "wrong" not in r]
+    unsafe = [r for r in accepted if r["wrong"]]
+    false = [r for r in refused if r["safe_place"]]
+    possible = len(accepted) - len(unsafe) + len(false)
+    errors = np.array([r["error_m"] for r in accepted])
+    taken = np.array([r["off_plan_m"] for r in accepted])
+    return {
+        "rocks": len(rows),
+        "decisions": dict(Counter(r["decision"] for r in rows)),
+        "unsafe": len(unsafe),
+        "unsafe_why": dict(Counter(w for r in unsafe for w in r["wrong"])),
+        "unsafe_seeds": [r["seed"] for r in unsafe],
+        "refused": len(refused),
+        "false_refusals": len(false),
+        "false_refusal_share": len(false) / max(1, possible),
+        "false_decisions": dict(Counter(r["decision"] for r in false)),
+        "first_reasons_of_refused": dict(Counter(r["reasons"][0] for r in refused).most_common()),
+        "first_reasons_of_near": dict(
+            Counter(r["reasons"][0] for r in accepted if r["decision"] == "place-near").most_common()
+        ),
+        "error_cm": _quantiles(100 * errors),
+        "error_designated_cm": _quantiles(
+            100 * errors[np.array([r["decision"] == "place" for r in accepted], dtype=bool)]
+        ),
+        "contact_off_plan_mm": _quantiles(1000 * taken),
+        "iou": _quantiles(np.array([r["iou"] for r in rows if "iou" in r])),
+        "iou_mean": float(np.mean([r["iou"] for r in rows if "iou" in r])),
+        "disparity_mrad": np.mean([r["error_mrad"] for r in rows if "iou" in r], axis=0).round(3).tolist(),
+        "plan_s": _quantiles(np.array([r["plan_s"] for r in rows])),
+    }
+
+
+def _quantiles(values: Array) -> dict[str, float]:
+    if not len(values):
+        return {}
+    marks = {"median": 0.5, "p90": 0.9, "p99": 0.99, "max": 1.0}
+    return {name: round(float(np.quantile(values, q)), 3) for name, q in marks.items()}
+
+
+def main() -> None:
+    """Run the trials and write their rows, so that a run that was stopped goes on."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--rocks", type=int, default=1000, help="with the cheap model of stereo")
+    parser.add_argument("--rendered", type=int, default=120, help="with dense stereo on rendered pairs")
+    parser.add_argument("--first-seed", type=int, default=EVALUATION)
+    parser.add_argument("--folder", type=Path, default=Path("/tmp/outcrop-placement"))
+    parser.add_argument("--out", type=Path)
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    result: dict[str, Any] = {"first_seed": options.first_seed}
+    for kind, count in (("rendered", options.rendered), ("cast", options.rocks)):
+        rows = _rows(options.folder / f"{kind}_{options.first_seed}.jsonl", options.first_seed, count, kind)
+        if rows:
+            result[kind] = summary(rows)
+            print(kind, json.dumps(result[kind], indent=1), flush=True)
+    if options.out is not None:
+        options.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+def _rows(path: Path, first: int, count: int, kind: str) -> list[dict[str, Any]]:
+    known = {}
+    if path.is_file():
+        known = {row["seed"]: row for row in map(json.loads, path.read_text().splitlines())}
+    with path.open("a", encoding="utf-8") as stream:
+        for seed in range(first, first + count):
+            if seed in known:
+                continue
+            known[seed] = trial(seed, kind == "rendered")
+            stream.write(json.dumps(known[seed]) + "\n")
+            stream.flush()
+            if len(known) % 50 == 0:
+                print(f"{kind}: {len(known)} of {count}", flush=True)
+    return [known[seed] for seed in range(first, first + count)]
+
+
+if __name__ == "__main__":
+    main()
