@@ -125,6 +125,16 @@ class MissionChange(Body):
     notes: Text = Field(default_factory=_unset)
     rover_profile: Name = Field(default_factory=_unset)
     anchor_frame_id: Id | None = None
+    calibration: dict[str, Any] | None = Field(
+        default=None, description="a calibration/1 document; null for the numbers of the rover profile"
+    )
+
+
+class MissionCalibrate(Body):
+    """Runs to learn from; all recorded ones of the mission when there are none."""
+
+    run_ids: Annotated[list[Id], Field(max_length=10_000)] = Field(default_factory=list)
+    name: Annotated[str, Field(max_length=200)] = ""
 
 
 class MissionCopy(Body):

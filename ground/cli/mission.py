@@ -36,6 +36,45 @@ def register(app: typer.Typer) -> None:
             f"{count.observation_requests} observation requests"
         )
 
+    @group.command("calibrate")
+    def calibrate_command(
+        mission: str = typer.Argument(...),
+        runs: list[Path] = typer.Argument(
+            None, help="run folders on the mission's terrain; its own runs when none are given"
+        ),
+        name: str = typer.Option("", help="name of the calibration"),
+        out: Path | None = typer.Option(
+            None, help="file to write the calibration to as well (calibration/1)"
+        ),
+    ) -> None:
+        """Learn lost tracks, times and energies of drives from recorded runs. Needs no server."""
+        import json
+
+        from ground.cli.repository import open_or_fail
+        from ground.errors import GroundError
+        from ground.services.actor import SYSTEM_ACTOR
+        from ground.services.calibrate_mission import calibrate_from_folders, calibrate_mission
+
+        repo = open_or_fail()
+        try:
+            if runs:
+                done = calibrate_from_folders(repo, SYSTEM_ACTOR, mission, runs, name=name)
+            else:
+                done = calibrate_mission(repo, SYSTEM_ACTOR, mission, name=name)
+        except GroundError as err:
+            fail(err.message)
+        found = done.calibration or {}
+        if out is not None:
+            out.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+        typer.echo(
+            f"{found['name']}: {found['legs']} legs, {found['losses']} of {found['tracks']} tracks lost; "
+            f"a leg takes {found['fixed_s']:.0f} s and {found['drive_factor']:.1f} times its driving time"
+        )
+        for where in ("inside", "outside", "occluded"):
+            rate, error = found[f"{where}_per_m"], found[f"{where}_se_per_m"]
+            spread = f"+- {error:.4f}" if error else "(not seen in the runs)"
+            typer.echo(f"  {where:9s} {rate:.4f} lost tracks per metre {spread}")
+
     @group.command("export")
     def export_command(
         mission: str = typer.Argument(...), target: Path = typer.Argument(..., help="zip to write")

@@ -109,6 +109,8 @@ class MissionRow(Row):
     rover_profile: Mapped[str] = mapped_column(String(80))
     anchor_frame_id: Mapped[str | None] = mapped_column(String(40))
     """The site whose frame, east-north-up, is the one of terrain, targets and keep-outs."""
+    calibration: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    """`calibration/1` of the path network; the rover profile's numbers when there is none."""
 
 
 class SolRow(Row):

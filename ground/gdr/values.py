@@ -110,6 +110,7 @@ class Mission:
     copied_from: str | None
     rover_profile: str
     anchor_frame_id: str | None
+    calibration: dict[str, Any] | None
     counts: Counts
     author: str
     created_utc: datetime

@@ -16,6 +16,7 @@ from ground.services.actor import Actor
 from ground.services.checks import (
     free_name,
     require_after,
+    require_calibration,
     require_polygon,
     require_profile,
     require_window,
@@ -87,6 +88,8 @@ def _columns(
         case "mission":
             if "rover_profile" in given:
                 require_profile(given["rover_profile"])
+            if given.get("calibration") is not None:
+                columns["calibration"] = require_calibration(given["calibration"])
             if "anchor_frame_id" in given and given["anchor_frame_id"] != row.anchor_frame_id:
                 require_anchor(session, row.id, given["anchor_frame_id"])
         case "target":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -136,3 +137,15 @@ def require_profile(name: str) -> None:
             f"there is no rover profile {name!r}; there are {', '.join(profile_names())}",
             pointer="/rover_profile",
         )
+
+
+def require_calibration(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a `calibration/1` document with all its members; raise if it is none."""
+    from planner.errors import PlannerError
+    from planner.path_network import calibration_from_json, calibration_to_json
+
+    try:
+        checked: dict[str, Any] = json.loads(calibration_to_json(calibration_from_json(json.dumps(document))))
+    except PlannerError as err:
+        raise InvalidInputError(str(err), pointer="/calibration") from err
+    return checked

@@ -82,6 +82,7 @@ def day_inputs(
         "mission_id": mission.id,
         "terrain_dir": str(repo.terrain_dir(ground.id)),
         "rover_profile": mission.rover_profile,
+        "calibration": mission.calibration,
         "limits": {
             "name": f"{mission.name} sol {sol.number}",
             "start": sol.start_pose,

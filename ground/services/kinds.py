@@ -50,7 +50,7 @@ _ALL = (
         m.MissionRow,
         views.show_missions,
         Action.EDIT_MISSION,
-        frozenset({"name", "notes", "rover_profile", "anchor_frame_id"}),
+        frozenset({"name", "notes", "rover_profile", "anchor_frame_id", "calibration"}),
         undoable=True,
         related=True,
     ),

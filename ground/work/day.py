@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,11 +44,14 @@ def prepare(payload: dict[str, Any], report: Report) -> PreparedDay:
     """
     from ground.services.terrains import load_cached
     from planner.errors import PlannerError
+    from planner.path_network import calibration_from_json
     from rover_iface.errors import RoverError
     from rover_iface.profile import load_profile
 
     limits = payload["limits"]
+    document = payload.get("calibration")  # jobs of before missions had one lack it
     try:
+        calibration = None if document is None else calibration_from_json(json.dumps(document))
         return prepare_day(
             load_cached(Path(payload["terrain_dir"])),
             load_profile(payload["rover_profile"]),
@@ -81,6 +85,7 @@ def prepare(payload: dict[str, Any], report: Report) -> PreparedDay:
                 for r in payload["requests"]
             ],
             [DayKeepOut(k["id"], tuple((e, n) for e, n in k["polygon_m"])) for k in payload["keep_outs"]],
+            calibration=calibration,
             report=report,
         )
     except (PlannerError, RoverError) as err:

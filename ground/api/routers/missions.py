@@ -15,6 +15,7 @@ from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, answer, api_ro
 from ground.api.problems import responses
 from ground.api.schemas import (
     ArchiveImport,
+    MissionCalibrate,
     MissionChange,
     MissionCopy,
     MissionCreate,
@@ -76,6 +77,16 @@ async def copy_mission(ask: Asked, mission_id: Id, body: MissionCopy) -> Respons
 
     mission = await ask.do(copy_mission, mission_id, name=body.name, notes=body.notes)
     return created(mission, f"/api/v1/missions/{mission.id}")
+
+
+@router.post(
+    "/missions/{mission_id}/calibrate", response_model=v.Mission, responses=responses(400, 404, 409, 422)
+)
+async def calibrate_mission(ask: Asked, mission_id: Id, body: MissionCalibrate) -> Response:
+    """Learn loss, duration and energy parameters from recorded runs; plans made from now on use them."""
+    from ground.services.calibrate_mission import calibrate_mission
+
+    return answer(await ask.do(calibrate_mission, mission_id, run_ids=body.run_ids, name=body.name))
 
 
 @router.get("/missions/{mission_id}/terrain", response_model=v.Terrain, responses=responses(404, 422))

@@ -355,6 +355,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/missions/{mission_id}/calibrate": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Calibrate Mission
+         * @description Learn loss, duration and energy parameters from recorded runs; plans made from now on use them.
+         */
+        post: operations["calibrate_mission"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/missions/{mission_id}/comments": {
         parameters: {
             query?: never;
@@ -2862,6 +2882,10 @@ export interface components {
             anchor_frame_id: string | null;
             /** Author */
             author: string;
+            /** Calibration */
+            calibration: {
+                [key: string]: unknown;
+            } | null;
             /** Copied From */
             copied_from: string | null;
             counts: components["schemas"]["Counts"];
@@ -2890,10 +2914,30 @@ export interface components {
             /** Terrain Name */
             terrain_name: string;
         };
+        /**
+         * MissionCalibrate
+         * @description Runs to learn from; all recorded ones of the mission when there are none.
+         */
+        MissionCalibrate: {
+            /**
+             * Name
+             * @default
+             */
+            name?: string;
+            /** Run Ids */
+            run_ids?: string[];
+        };
         /** MissionChange */
         MissionChange: {
             /** Anchor Frame Id */
             anchor_frame_id?: string | null;
+            /**
+             * Calibration
+             * @description a calibration/1 document; null for the numbers of the rover profile
+             */
+            calibration?: {
+                [key: string]: unknown;
+            } | null;
             /** Name */
             name?: string;
             /** Notes */
@@ -6750,6 +6794,86 @@ export interface operations {
             };
             /** @description Not found */
             404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Unusable request */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+        };
+    };
+    calibrate_mission: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                mission_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["MissionCalibrate"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Mission"];
+                };
+            };
+            /** @description Malformed request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not authenticated */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Not found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["ProblemDocument"];
+                };
+            };
+            /** @description Conflict */
+            409: {
                 headers: {
                     [name: string]: unknown;
                 };

@@ -1,0 +1,134 @@
+"""A mission learns from recorded runs, and what is planned from then on stands on what it learned."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.errors import InvalidInputError
+from ground.gdr.models import MissionRow
+from ground.gdr.repository import Repository
+from ground.gdr.values import Instrument, Mission
+from ground.services.calibrate_mission import calibrate_from_folders, calibrate_mission
+from ground.services.create_request import create_request
+from ground.services.create_target import create_target
+from ground.services.day_inputs import choose_sol, day_inputs
+from ground.services.inputs_digest import inputs_digest
+from ground.work.day import prepare
+from tests.ground.conftest import PLANNER, Api
+
+
+def recorded(folder: Path, number: int, *, lost: bool) -> Path:
+    """Write what a rover on terrain records of one drive of 2 to 4 m past a target 3 m aside."""
+    out = folder / f"run{number}"
+    (out / "products").mkdir(parents=True)
+    length = 2.0 + number % 3
+    end_s = 200.0 + 100.0 * length
+    journal = [
+        {"k": "step", "t": 20_000, "events": []},
+        {"k": "send", "id": ["r", "drive", 1], "action": "navigate", "parameters": {"x": length}},
+        {
+            "k": "step",
+            "t": 1000 * end_s,
+            "events": [
+                {
+                    "e": "result",
+                    "t": 1000 * end_s,
+                    "command": ["r", "drive", 1],
+                    "success": True,
+                    "values": {"energy_j": 9000.0 * length},
+                }
+            ],
+        },
+    ]
+    (out / "journal.jsonl").write_text("\n".join(map(json.dumps, journal)))
+    odometry = [
+        {"t_s": t, "believed": [x, 0.0, 0.0, 0.0], "true": [x, 0.0, 0.0, 0.0]}
+        for t, x in ((0.0, 0.0), (end_s, length))
+    ]
+    rows = [
+        {"t_s": t, "target": "T1", "state": state, "position_m": [3.0, 3.0, 0.5]}
+        for t, state in ((20.0, "tracked"), (end_s - 1.0, "failed" if lost else "tracked"))
+    ]
+    (out / "products" / "0001-drive-odometry.json").write_text(json.dumps(odometry))
+    (out / "products" / "0002-drive-tracking.json").write_text(json.dumps(rows))
+    return out
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> list[Path]:
+    return [recorded(tmp_path, k, lost=k % 4 == 0) for k in range(16)]
+
+
+def _p_lose(repo: Repository, mission_id: str) -> float:
+    with repo.database.read() as session:
+        row = session.get_one(MissionRow, mission_id)
+        payload = day_inputs(repo, session, row, choose_sol(session, mission_id, None))
+    day = prepare(payload, lambda _share, _what: None)
+    return max(p for route in day.network.routes for p in route.p_lose.values())
+
+
+def test_a_mission_plans_with_what_its_runs_taught(
+    repo: Repository, mission: Mission, folders: list[Path]
+) -> None:
+    target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
+    create_request(
+        repo,
+        PLANNER,
+        mission.id,
+        target_id=target.id,
+        instrument=Instrument.MICROSCOPIC_IMAGER,
+        value=5.0,
+        tracked=True,
+    )
+    with repo.database.read() as session:
+        before = inputs_digest(session, mission.id)
+    odds = _p_lose(repo, mission.id)
+    assert mission.calibration is None
+    done = calibrate_from_folders(repo, PLANNER, mission.id, folders)
+    found = done.calibration
+    assert found is not None
+    assert (found["legs"], found["tracks"], found["losses"]) == (16, 16, 4)
+    assert "16 legs of 16 recorded runs of rover profile k9" in found["source"]
+
+    assert 0.02 < max(found["inside_per_m"], found["outside_per_m"]) < 0.5
+    assert _p_lose(repo, mission.id) > 2 * odds
+    with repo.database.read() as session:
+        assert inputs_digest(session, mission.id) != before
+
+
+def test_it_is_shown_set_and_taken_back_over_the_interface(
+    api: Api, mission: Mission, folders: list[Path]
+) -> None:
+    path = f"/missions/{mission.id}"
+    refused = api("POST", f"{path}/calibrate", {"run_ids": ["run_missing"]})
+    assert refused.status_code == 422
+    assert "there is no run run_missing" in refused.text
+    calibrate_from_folders(api.repo, PLANNER, mission.id, folders, name="yard")
+    shown = api.get(path)["calibration"]
+    assert (shown["format"], shown["name"]) == ("calibration/1", "yard")
+
+    def change(document: dict[str, Any] | None) -> Any:
+        etag = api("GET", path).headers["etag"]
+        return api("PATCH", path, {"calibration": document}, headers={"If-Match": etag})
+
+    wrong = change({**shown, "inside_per_m": -1.0})
+    assert wrong.status_code == 422
+    assert "inside_per_m is -1.0" in wrong.text
+    assert change({**shown, "name": "by hand"}).json()["calibration"]["name"] == "by hand"
+    assert change(None).json()["calibration"] is None
+
+
+def test_what_holds_no_legs_is_named(
+    repo: Repository, mission: Mission, folders: list[Path], tmp_path: Path
+) -> None:
+    (tmp_path / "abstract").mkdir()
+    with pytest.raises(InvalidInputError, match="abstract: no legs"):
+        calibrate_from_folders(repo, PLANNER, mission.id, [*folders, tmp_path / "abstract"])
+    with pytest.raises(InvalidInputError, match="0 legs"):
+        calibrate_mission(repo, PLANNER, mission.id)
+    with pytest.raises(InvalidInputError, match="there is no run gone"):
+        calibrate_mission(repo, PLANNER, mission.id, run_ids=["gone"])
