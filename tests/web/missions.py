@@ -24,7 +24,7 @@ def ask(server: Server, path: str, body: dict[str, Any] | None = None) -> Any:
         None if body is None else json.dumps(body).encode(),
         {"X-Outcrop-Person": "Planner", "Content-Type": "application/json", "Prefer": "wait=60"},
     )
-    with urlopen(request, timeout=90) as answer:
+    with urlopen(request, timeout=300) as answer:
         return json.load(answer)
 
 

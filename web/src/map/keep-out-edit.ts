@@ -222,18 +222,18 @@ export class KeepOutEdit {
   }
 }
 
-/** Drags the selected keep-out by its inside. */
+/** Drags the selected keep-out by its inside. Its own outline would catch the pointer: it is taken as it is, unsnapped. */
 class WholeDrag extends PointerInteraction {
   constructor(private readonly edit: KeepOutEdit) {
     super({ stopDown: (handled) => handled });
   }
 
   override handleDownEvent(event: MapBrowserEvent): boolean {
-    return (event.originalEvent as PointerEvent).button === 0 && this.edit.beginWhole(event.coordinate as Point);
+    return (event.originalEvent as PointerEvent).button === 0 && this.edit.beginWhole(unsnapped(event));
   }
 
   override handleDragEvent(event: MapBrowserEvent): void {
-    this.edit.carry(event.coordinate as Point);
+    this.edit.carry(unsnapped(event));
   }
 
   override handleUpEvent(): boolean {
@@ -241,6 +241,8 @@ class WholeDrag extends PointerInteraction {
     return false;
   }
 }
+
+const unsnapped = (event: MapBrowserEvent): Point => event.map.getEventCoordinate(event.originalEvent as PointerEvent) as Point;
 
 const ringOf = (feature: Feature<Polygon>): Point[] => (feature.getGeometry()?.getCoordinates()[0] ?? []).slice(0, -1) as Point[];
 
