@@ -242,10 +242,10 @@ class StereoModel:
     disparity_rad: float = 0.0011
     shared_px: float = 2.5
     wrong_above: float = 2.6
-    lost_lit: float = 0.01
-    lost_shade: float = 0.12
+    lost_lit: float = 0.003
+    lost_shade: float = 0.15
     lost_slant: float = 0.20
-    hole_px: float = 5.0
+    hole_px: float = 10.0
 
 
 def _field(rng: np.random.Generator, shape: tuple[int, ...], sigma_px: float) -> Array:

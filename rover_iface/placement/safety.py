@@ -73,7 +73,8 @@ class SafetyLimits:
     least_rock_share
         Share of the points under the tool that belong to the same rock.
     most_slope_rad
-        Angle between normal and approach axis, or between normal and tool as the arm can hold it.
+        Angle between normal and approach axis, or between normal and tool as the arm can hold it; the
+        normal's uncertainty is added.
     tool_length_m
         Up to this height over the surface nothing may stand beside the tool.
     search_m
@@ -89,13 +90,13 @@ class SafetyLimits:
     most_rms_m: float = 0.006
     sigmas: float = 2.0
     most_normal_rad: float = math.radians(12.0)
-    least_share: float = 0.85
-    most_hole_m: float = 0.018
+    least_share: float = 0.90
+    most_hole_m: float = 0.014
     edge_px: int = 4
     edge_jump_m: float = 0.035
     most_view_rad: float = math.radians(70.0)
     least_rock_share: float = 0.95
-    most_slope_rad: float = math.radians(12.0)
+    most_slope_rad: float = math.radians(14.0)
     tool_length_m: float = 0.14
     search_m: float = 0.15
     grid_m: float = 0.008
@@ -207,7 +208,8 @@ def _search(
                 first = judged
             out_of_reach = out_of_reach or judged
             continue
-        tilt = answer.tool_tilt_rad
+        assert judged.measures is not None
+        tilt = answer.tool_tilt_rad + check.limits.sigmas * judged.measures.normal_sigma_rad
         most = check.limits.most_slope_rad
         if tilt > most:
             judged = judged.with_finding(Finding(Reason.SLOPE, tilt, most, "rad"))
@@ -319,7 +321,7 @@ class PatchCheck:
         near = near[self.labels[near] == self.label]
         # fine round the designated point, coarser further off
         away = np.linalg.norm(cloud.points[near] - at, axis=1)
-        coarse = np.where(away < self.limits.search_m / 4.0, 1.0, 2.0)
+        coarse = np.where(away < self.limits.search_m / 4.0, 1.0, 2.5)
         cells = np.floor(cloud.points[near] / (self.limits.grid_m * coarse)[:, None]).astype(np.int64)
         near = near[np.unique(np.column_stack((cells, coarse)), axis=0, return_index=True)[1]]
         order = near[np.argsort(np.linalg.norm(cloud.points[near] - at, axis=1))]
@@ -407,7 +409,7 @@ class PatchCheck:
             (Reason.ROUGHNESS, rms, limits.most_rms_m, "m"),
             (Reason.CLEARANCE, m.beside_m, limits.most_protrusion_m, "m"),
             (Reason.NORMAL, limits.sigmas * m.normal_sigma_rad, limits.most_normal_rad, "rad"),
-            (Reason.SLOPE, m.slope_rad, limits.most_slope_rad, "rad"),
+            (Reason.SLOPE, m.slope_rad + limits.sigmas * m.normal_sigma_rad, limits.most_slope_rad, "rad"),
         )
         least = (Reason.STEREO_SHARE, Reason.OFF_ROCK)
         return tuple(

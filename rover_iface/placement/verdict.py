@@ -61,7 +61,7 @@ _TEXT = {
     Reason.OFF_ROCK: "share of the points under the tool that belong to the rock",
     Reason.NORMAL: "uncertainty of the surface normal",
     Reason.CLEARANCE: "height beside the tool over the plane",
-    Reason.SLOPE: "angle between surface normal and approach axis",
+    Reason.SLOPE: "angle between surface normal and tool, with its uncertainty",
     Reason.ARM: "the arm",
     Reason.NO_BASE: "no place to stand",
 }
