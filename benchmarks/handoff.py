@@ -133,8 +133,14 @@ def _about(centre: Array, turn: Array) -> Transform:
 Say = Callable[[str], None]
 
 
-def methods_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
-    """Return Table 1: each published method from near and far."""
+def methods_study(
+    worlds: list[int], folder: Path, say: Say, keep: Callable[[dict[str, Any]], None]
+) -> dict[str, Any]:
+    """Return Table 1: each published method from near and far.
+
+    `keep` gets what is known after each world.
+    """
+    found: dict[str, Any] = {}
     errors: dict[str, dict[str, list[float | None]]] = {name: {"near": [], "far": []} for name in METHODS}
     for seed in worlds:
         world = World(approach(seed, folder), miscalibrated=True)
@@ -143,15 +149,17 @@ def methods_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
             given, true, _ = world.trial(point, rng)
             for which in ("near", "far"):
                 for name in METHODS:
-                    found = hand_off(name, which, given)
+                    answer = hand_off(name, which, given)
                     errors[name][which].append(
-                        None if found is None else float(np.hypot(*(found.pixel - true)))
+                        None if answer is None else float(np.hypot(*(answer.pixel - true)))
                     )
         say(f"  methods, world {seed}")
-    return {
-        "trials": len(errors["pure kinematic"]["near"]),
-        "table": {n: {w: _summary(e) for w, e in by.items()} for n, by in errors.items()},
-    }
+        found = {
+            "trials": len(errors["pure kinematic"]["near"]),
+            "table": {n: {w: _summary(e) for w, e in by.items()} for n, by in errors.items()},
+        }
+        keep(found)
+    return found
 
 
 def _summary(errors: list[float | None]) -> dict[str, float | None]:
@@ -381,7 +389,7 @@ def main() -> None:
         arguments.results.write_text(json.dumps(results, indent=1) + "\n")
 
     work: dict[str, Callable[[], Any]] = {
-        "methods": lambda: methods_study(worlds, folder, say),
+        "methods": lambda: methods_study(worlds, folder, say, lambda found: keep("methods", found)),
         "cascade": lambda: cascade_study(
             worlds, arguments.draws, folder, say, lambda found: keep("cascade", found)
         ),
