@@ -1,0 +1,329 @@
+"""Segmentation and placement on clouds whose truth is known in closed form."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from rover_iface.errors import PlacementError
+from rover_iface.placement import (
+    Decision,
+    Reason,
+    SafetyLimits,
+    SurfaceCloud,
+    cloud_of_points,
+    plan_placement,
+)
+from rover_iface.placement.arm import ArmLimit, ArmRefusal
+from rover_iface.placement.ground_plane import fit_ground_plane
+from rover_iface.placement.safety import away_from_edges
+from rover_iface.placement.segmentation import Segmentation, segment
+from rover_iface.profile import RoverProfile, load_profile
+from tests.shared import shared
+
+Array = npt.NDArray[np.float64]
+
+EYE = np.array([0.5, 0.06, 0.55])
+ROCKS = ((0.95, 0.0, 0.15, 0.16), (1.35, -0.5, 0.15, 0.12), (1.3, 0.5, 0.12, 0.15))
+"""x, y, half width and height of the dome-shaped rocks."""
+
+
+def raster(bump: float = 0.0, tilt: float = 0.0, noise: float = 0.002) -> tuple[Array, npt.NDArray[np.int64]]:
+    """A raster of points on a plane with domes; which dome each is on. `bump` stands on top of the first."""
+    azimuth, elevation = np.meshgrid(np.linspace(0.62, -0.62, 260), np.linspace(-0.25, -1.05, 170))
+    ray = np.stack(
+        (
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ),
+        axis=-1,
+    )
+    far = -EYE[2] / (ray[..., 2] - tilt * ray[..., 0])
+    body = np.full(far.shape, -1)
+    for number, (x, y, half, height) in enumerate(ROCKS):
+        middle, scale = np.array([x, y, tilt * x]), np.array([half, half, height])
+        distance = _dome(ray, middle, scale)
+        if number == 0 and bump:
+            top = np.array([x - 0.07, y, height * 0.82])
+            distance = np.minimum(distance, _dome(ray, top, np.array([0.02, 0.02, bump + 0.02])))
+        body = np.where(distance < far, number, body)
+        far = np.minimum(far, distance)
+    rng = np.random.default_rng(5)
+    points = EYE + ray * (far + rng.normal(0.0, noise, far.shape))[..., None]
+    return points, body.astype(np.int64)
+
+
+def _dome(ray: Array, middle: Array, scale: Array) -> Array:
+    start, way = (EYE - middle) / scale, ray / scale
+    a, b = (way**2).sum(axis=-1), (way * start).sum(axis=-1)
+    root = b * b - a * ((start**2).sum() - 1.0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(root > 0, (-b - np.sqrt(root)) / a, np.inf))
+
+
+@lru_cache(maxsize=1)
+def scene() -> tuple[SurfaceCloud, npt.NDArray[np.int64], Segmentation]:
+    points, body = raster()
+    cloud = cloud_of_points(points, sigma_m=0.002, eye=EYE)
+    return cloud, body.ravel(), segment(cloud)
+
+
+@pytest.fixture(scope="module")
+def k9() -> RoverProfile:
+    return load_profile("k9")
+
+
+def on_first_rock() -> Array:
+    """The dome's point that faces the eye."""
+    cloud, body, _ = scene()
+    own = cloud.points[body == 0]
+    return np.asarray(own[np.argmax(own @ np.array([-0.5, 0.0, 1.0]))])
+
+
+def test_every_rock_is_found_as_one_segment_that_covers_it() -> None:
+    _, body, found = scene()
+    assert len(found.rocks) == len(ROCKS)
+    for number in range(len(ROCKS)):
+        own = body == number
+        label = np.bincount(found.labels[own & (found.labels >= 0)]).argmax()
+        one = found.labels == label
+        assert (own & one).sum() / (own | one).sum() > 0.85
+
+
+def test_a_rock_tells_its_height_extent_and_place() -> None:
+    _, _, found = scene()
+    nearest = found.rocks[0]
+    assert nearest.height_m == pytest.approx(ROCKS[0][3], abs=0.02)
+    assert nearest.extent_m[0] == pytest.approx(2 * ROCKS[0][2], abs=0.05)
+    assert np.hypot(*(nearest.centroid[:2] - ROCKS[0][:2])) < 0.10
+    assert np.abs(nearest.outline[:, 2]).max() < 0.02
+    assert nearest.gain > 0
+
+
+def test_the_plane_is_that_of_tilted_ground() -> None:
+    points, _ = raster(tilt=0.1)
+    plane = fit_ground_plane(cloud_of_points(points, sigma_m=0.002, eye=EYE))
+    assert plane is not None
+    slope = math.degrees(math.acos(plane.normal @ np.array([-0.1, 0.0, 1.0]) / math.hypot(1.0, 0.1)))
+    assert slope < 1.0
+
+
+def test_points_without_order_give_the_same_rocks() -> None:
+    cloud, _, organised = scene()
+    keep = np.random.default_rng(1).permutation(len(cloud))[:15_000]
+    found = segment(cloud_of_points(cloud.points[keep], sigma_m=0.002, eye=EYE))
+    assert len(found.rocks) == len(organised.rocks)
+    agree = (found.labels >= 0) == (organised.labels[keep] >= 0)
+    assert agree.mean() > 0.97
+
+
+def test_flat_ground_holds_no_rock() -> None:
+    x, y = np.meshgrid(np.linspace(0.7, 2.0, 120), np.linspace(-0.6, 0.6, 120))
+    z = 0.003 * np.random.default_rng(3).standard_normal(x.shape)
+    found = segment(cloud_of_points(np.stack((x, y, z), axis=-1), sigma_m=0.003, eye=EYE))
+    assert found.plane is not None
+    assert not found.rocks
+    assert found.plane.normal[2] > 0.999
+
+
+def test_a_wall_is_no_ground(k9: RoverProfile) -> None:
+    y, z = np.meshgrid(np.linspace(-0.5, 0.5, 100), np.linspace(0.0, 1.0, 100))
+    wall = cloud_of_points(np.stack((np.full_like(y, 1.0), y, z), axis=-1), sigma_m=0.003, eye=EYE)
+    found = segment(wall)
+    assert found.ground is None
+    assert (found.labels == -1).all()
+    verdict = plan_placement(wall, (1.0, 0.0, 0.4), k9)
+    assert (verdict.decision, verdict.reason) == (Decision.REFUSE, Reason.NO_GROUND)
+
+
+def test_the_designated_point_is_taken_when_it_is_safe(k9: RoverProfile) -> None:
+    cloud, _, found = scene()
+    at = on_first_rock()
+    verdict = plan_placement(cloud, at, k9, segmentation=found)
+    assert verdict.decision is Decision.PLACE
+    assert verdict.point is not None
+    assert verdict.normal is not None
+    assert np.linalg.norm(verdict.point - at) < 0.015
+    middle, half, height = np.array([*ROCKS[0][:2], 0.0]), ROCKS[0][2], ROCKS[0][3]
+    true = (at - middle) / np.array([half, half, height]) ** 2
+    assert math.degrees(math.acos(verdict.normal @ true / np.linalg.norm(true))) < 8.0
+    assert verdict.as_dict()["decision"] == "place"
+
+
+def test_a_spike_is_left_for_a_safe_point_of_the_same_rock(k9: RoverProfile) -> None:
+    points, body = raster(bump=0.05)
+    cloud = cloud_of_points(points, sigma_m=0.002, eye=EYE)
+    spike = np.array([ROCKS[0][0] - 0.07, 0.0, ROCKS[0][3] * 0.82 + 0.03])
+    limits = SafetyLimits(edge_px=0, most_hole_m=0.03)
+    verdict = plan_placement(cloud, spike, k9, limits=limits)
+    assert verdict.decision in (Decision.PLACE_NEAR, Decision.MOVE_BASE)
+    assert {Reason.PROTRUSION, Reason.ROUGHNESS, Reason.EDGE} & {f.reason for f in verdict.findings}
+    assert verdict.point is not None
+    nearest = int(cloud.tree.query(verdict.point)[1])
+    assert body.ravel()[nearest] == 0
+    assert np.linalg.norm(verdict.point[:2] - spike[:2]) > 0.03
+
+
+def test_a_hole_in_the_stereo_is_named_with_its_size(k9: RoverProfile) -> None:
+    cloud, _, _ = scene()
+    at = on_first_rock()
+    keep = np.linalg.norm(cloud.points - at, axis=1) > 0.02
+    holed = cloud.subset(keep)
+    verdict = plan_placement(holed, at, k9, limits=SafetyLimits(search_m=0.04))
+    by_reason = {f.reason: f for f in verdict.findings}
+    assert Reason.STEREO_HOLE in by_reason
+    assert by_reason[Reason.STEREO_HOLE].value == pytest.approx(0.04, abs=0.012)
+    assert "mm" in by_reason[Reason.STEREO_HOLE].text
+
+
+def test_a_surface_seen_too_obliquely_is_refused(k9: RoverProfile) -> None:
+    cloud, _, found = scene()
+    verdict = plan_placement(
+        cloud,
+        on_first_rock(),
+        k9,
+        segmentation=found,
+        limits=SafetyLimits(most_view_rad=math.radians(2.0)),
+    )
+    assert verdict.decision is Decision.REFUSE
+    assert Reason.VIEW_ANGLE in {f.reason for f in verdict.findings}
+
+
+def test_the_arm_has_the_last_word(k9: RoverProfile) -> None:
+    cloud, _, found = scene()
+    asked = []
+
+    def arm(point: Array, normal: Array) -> ArmRefusal:
+        asked.append(point)
+        return ArmRefusal(ArmLimit.COLLISION, "the forearm would come 7 mm closer than allowed")
+
+    verdict = plan_placement(cloud, on_first_rock(), k9, segmentation=found, arm=arm)
+    assert asked
+    assert verdict.decision in (Decision.MOVE_BASE, Decision.REFUSE)
+    assert Reason.ARM in {f.reason for f in verdict.findings}
+    assert "7 mm" in verdict.text
+
+
+def test_a_point_out_of_reach_tells_how_the_rover_must_move(k9: RoverProfile) -> None:
+    cloud, body, found = scene()
+    own = cloud.points[body == 1]
+    at = own[np.argmax(own[:, 2] - 0.3 * own[:, 0])]
+    verdict = plan_placement(cloud, at, k9, segmentation=found)
+    assert verdict.decision is Decision.MOVE_BASE
+    move = verdict.base_move
+    assert move is not None
+    assert 0.05 < move.distance_m < 2.0
+    c, s = math.cos(move.pose.heading), math.sin(move.pose.heading)
+    away = np.array([c * (at[0] - move.pose.x) + s * (at[1] - move.pose.y)])
+    assert 0.3 < away[0] < k9.arm.shoulder_m[0] + k9.arm.reach_m
+
+
+def test_edges_of_the_foreground_are_not_trusted() -> None:
+    far = np.full((20, 40), 2.0)
+    far[:, :20] = 1.0
+    far[:, 22:25] = np.nan
+    x, y = np.meshgrid(np.linspace(-0.2, 0.2, 40), np.linspace(-0.1, 0.1, 20))
+    ray = np.stack((np.ones_like(x), x, y), axis=-1)
+    cloud = cloud_of_points(ray * far[..., None], eye=(0.0, 0.0, 0.0))
+    trusted = away_from_edges(cloud, 3, 0.05)
+    assert cloud.pixels is not None
+    column = cloud.pixels[:, 0]
+    assert not trusted[(column >= 17) & (column < 20)].any()
+    assert trusted[column < 16].all()
+    assert trusted[column > 25].all()
+
+
+# ---- what comes in broken
+
+
+def test_an_empty_cloud_is_a_refusal(k9: RoverProfile) -> None:
+    verdict = plan_placement(cloud_of_points(np.empty((0, 3))), (1.0, 0.0, 0.0), k9)
+    assert (verdict.decision, verdict.reason) == (Decision.REFUSE, Reason.NO_POINTS)
+    assert not verdict.accepted
+
+
+def test_missing_pixels_are_left_out() -> None:
+    points, _ = raster()
+    points[40:60, 100:140] = np.nan
+    cloud = cloud_of_points(points, eye=EYE)
+    assert len(cloud) == points.shape[0] * points.shape[1] - 20 * 40
+    assert np.isfinite(cloud.points).all()
+
+
+def test_points_that_are_not_finite_are_no_cloud() -> None:
+    with pytest.raises(PlacementError, match=r"1 of 2 points are not finite"):
+        SurfaceCloud(np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), np.zeros((2, 3, 3)))
+
+
+@pytest.mark.parametrize(
+    ("at", "reason"),
+    [((6.0, 0.0, 0.0), Reason.OUTSIDE_CLOUD), ((1.25, -0.05, 0.0), Reason.NO_ROCK)],
+)
+def test_a_point_beside_the_cloud_or_the_rocks_is_refused(
+    k9: RoverProfile, at: tuple[float, float, float], reason: Reason
+) -> None:
+    cloud, _, found = scene()
+    verdict = plan_placement(cloud, at, k9, segmentation=found, limits=SafetyLimits(search_m=0.05))
+    assert (verdict.decision, verdict.reason) == (Decision.REFUSE, reason)
+    assert verdict.findings[0].value > verdict.findings[0].limit
+
+
+def test_ground_is_taken_when_it_is_asked_for(k9: RoverProfile) -> None:
+    cloud, body, found = scene()
+    ground = cloud.points[body < 0]
+    at = ground[np.argmin(np.linalg.norm(ground - np.array([0.85, 0.3, 0.0]), axis=1))]
+    refused = plan_placement(cloud, at, k9, segmentation=found, limits=SafetyLimits(search_m=0.03))
+    taken = plan_placement(cloud, at, k9, segmentation=found, rock_only=False)
+    assert refused.reason is Reason.NO_ROCK
+    assert taken.accepted
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda: SafetyLimits(tool_radius_m=-0.03), r"tool radius is -0\.03 m; it must be positive"),
+        (lambda: SafetyLimits(search_m=-1.0), r"search_m is -1\.0 m"),
+        (lambda: SafetyLimits(least_share=1.5), r"1\.5"),
+        (lambda: cloud_of_points(np.zeros((4, 2))), r"\(4, 2\)"),
+        (lambda: cloud_of_points(np.zeros((4, 3)), sigma_m=0.0), r"sigma_m is 0\.0 m"),
+    ],
+)
+def test_misuse_names_the_value_and_the_limit(made: object, message: str) -> None:
+    with pytest.raises(PlacementError, match=message):
+        made()  # type: ignore[operator]
+
+
+def test_a_designated_point_must_be_three_finite_numbers(k9: RoverProfile) -> None:
+    cloud, _, _ = scene()
+    with pytest.raises(PlacementError, match="designated point"):
+        plan_placement(cloud, (math.nan, 0.0, 0.0), k9)
+    with pytest.raises(PlacementError, match="labels"):
+        plan_placement(cloud.subset(np.arange(50)), (1.0, 0.0, 0.0), k9, segmentation=scene()[2])
+
+
+# ---- a real cloud
+
+
+def test_ground_and_rocks_are_found_before_spirit() -> None:
+    cloud = spirit_cloud()
+    found = segment(cloud)
+    assert found.plane is not None
+    assert found.plane.share > 0.6
+    assert 3 <= len(found.rocks) <= 40
+    high = found.height_m > 0.08
+    assert (found.labels[high] >= 0).mean() > 0.8
+    assert (found.labels[np.abs(found.height_m) < 0.02] < 0).mean() > 0.9
+
+
+def spirit_cloud() -> SurfaceCloud:
+    """The front Hazcam's points of sol 1352, turned from north-east-down to east-north-up."""
+    raw = shared("data/terrain/mer_spirit/front_hazcam_sol1352_site131.ply").read_bytes()
+    body = raw[raw.index(b"end_header\n") + len(b"end_header\n") :]
+    ned = np.frombuffer(body, "<f4").reshape(-1, 3).astype(np.float64)
+    enu = np.column_stack((ned[:, 1], ned[:, 0], -ned[:, 2]))
+    return cloud_of_points(enu, sigma_m=0.006)
