@@ -1,10 +1,12 @@
 """A day with five tracked targets, planned, emitted as CRL, flown by the executive on the `subframe` rover.
 
     .venv/bin/python benchmarks/subframe_day.py --seed 1 --out /tmp/day [--docs docs]
+    .venv/bin/python benchmarks/subframe_day.py --seeds 1 2 3 4 5 --out /tmp/days [--docs docs]
 
-Every stage is timed, in wall and in CPU seconds; the bar is 120 s on two cores from terrain to products. The
-rover's world has rocks that the map has not and softer soil. For the same day with ten targets and a planner
-that chooses among them: `outcrop demo --rover subframe`.
+The second form compares days: what was placed, lost and refused on each, and why. Every stage is timed, in
+wall and in CPU seconds; the bar is 120 s on two cores from terrain to products. The rover's world has rocks
+that the map has not and softer soil. For the same day with ten targets and a planner that chooses among
+them: `outcrop demo --rover subframe`.
 """
 
 from __future__ import annotations
@@ -39,6 +41,7 @@ from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.terrain import Terrain, generate_terrain
 
 BEGIN, END = "<!-- begin:day -->", "<!-- end:day -->"
+BEGIN_SEEDS, END_SEEDS = "<!-- begin:days -->", "<!-- end:days -->"
 TARGETS = 5
 WORLD_ERROR = {"unmapped_rocks_per_m2": 0.01, "softer": 1.2}
 
@@ -99,6 +102,7 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
         "images_of_requests": sum(row["path"].endswith(".png") and "request" in row["label"] for row in rows),
         "products": len(rows),
         "triangles": triangles,
+        "failures": failures(out),
         "stages": spent,
     }
 
@@ -107,6 +111,39 @@ def flight_ends(out: Path) -> list[list[Any]]:
     """Return `[t_s, node, outcome]` of every node that ended."""
     records = (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines())
     return [[r[0], r[2], r[3]] for r in records if r[1] == "end"]
+
+
+def failures(out: Path) -> list[str]:
+    """Return task and reason of every drive and placement that failed."""
+    found = []
+    for line in (out / "journal.jsonl").read_text("utf-8").splitlines():
+        for event in json.loads(line).get("events", ()):
+            if event["e"] == "result" and not event["success"]:
+                reason = event["reason"].split("; ")[0]
+                found.append(f"{event['command'][1]}: {reason}")
+    return found
+
+
+def comparison(results: list[dict[str, Any]]) -> str:
+    """Return days of several seeds as a Markdown table."""
+    rows = [
+        ("seed", "driven", "updates", "median error", "placed", "tracks lost", "what failed"),
+        ("---",) * 7,
+    ]
+    for r in results:
+        errors = sorted(r["tracked_error_m"])
+        rows.append(
+            (
+                str(r["seed"]),
+                f"{r['driven_m']:.0f} m",
+                str(r["updates"]),
+                f"{100 * errors[len(errors) // 2]:.1f} cm" if errors else "-",
+                f"{r['placed']} of {r['targets']}",
+                ", ".join(r["lost"]) or "none",
+                "; ".join(r["failures"]) or "nothing",
+            )
+        )
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
 def visible_targets(
@@ -170,22 +207,36 @@ def table(result: dict[str, Any]) -> str:
     )
 
 
+def into_page(docs: Path, marks: tuple[str, str], text: str) -> None:
+    """Put a text between two marks of simulator.md."""
+    page = docs / "simulator.md"
+    before, rest = page.read_text(encoding="utf-8").split(marks[0])
+    page.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{rest.split(marks[1])[1]}", encoding="utf-8")
+
+
 def main() -> None:
-    """Fly the day, print the table, and with --docs put it into docs/simulator.md."""
+    """Fly the day or days, print the table, and with --docs put it into docs/simulator.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, nargs="+", help="compare the days of these seeds")
     parser.add_argument("--targets", type=int, default=TARGETS)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--docs", type=Path)
     arguments = parser.parse_args()
-    text = table(fly_day(arguments.seed, arguments.out, arguments.targets))
+    if arguments.seeds:
+        results = []
+        for seed in arguments.seeds:
+            results.append(fly_day(seed, arguments.out / str(seed), arguments.targets))
+            print(f"seed {seed}: {results[-1]['placed']} placed", flush=True)
+        text, marks = comparison(results), (BEGIN_SEEDS, END_SEEDS)
+    else:
+        text = table(fly_day(arguments.seed, arguments.out, arguments.targets))
+        marks = (BEGIN, END)
     print(text)
     if arguments.docs is not None:
-        page = arguments.docs / "simulator.md"
-        before, rest = page.read_text(encoding="utf-8").split(BEGIN)
-        page.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        into_page(arguments.docs, marks, text)
 
 
 if __name__ == "__main__":
