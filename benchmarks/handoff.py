@@ -54,12 +54,12 @@ def exposed(image: Image, rng: np.random.Generator) -> Image:
     """Return a picture with another gain and contrast than its pair expects."""
     gain, power = float(rng.uniform(0.7, 1.4)), float(rng.uniform(0.75, 1.3))
     noisy = gain * image**power + rng.normal(0.0, 0.004, image.shape)
-    return np.clip(noisy, 0.0, 1.0).astype(np.float32)
+    return np.asarray(np.clip(noisy, 0.0, 1.0), dtype=np.float32)
 
 
 def washed_out(image: Image) -> Image:
     """Return a badly overexposed picture."""
-    return np.clip(2.2 * image + 0.12, 0.0, 1.0).astype(np.float32)
+    return np.asarray(np.clip(2.2 * image + 0.12, 0.0, 1.0), dtype=np.float32)
 
 
 class World:
@@ -356,7 +356,7 @@ def _cascade(results: dict[str, Any]) -> str:
 def _pancam(results: dict[str, Any]) -> str:
     e = results["pancam"]
     return (
-        f"{e['targets']} targets on rocks, {e['refused']} refused (correlation below 0.7): "
+        f"{e['targets']} targets on rocks, {e['refused']} refused (windows apart, or correlation below 0.7): "
         f"{e['within_half_percent']:.1f} % of the rest within 0.5 px, median {e['median_px']:.2f}, "
         f"99 % within {e['p99_px']:.2f}, worst {e['max_px']:.2f} px."
     )

@@ -43,8 +43,8 @@ TEMPLATE_PX = 21
 SEARCH_PX = 61
 SPREAD_PX = 2
 FEATURES = 1500
-WINDOW_PX = 31
-"""Window that is shrunk from pancam to navcam: 21 px leave 3 % of the targets more than half a pixel off."""
+WINDOWS_PX, WINDOWS_AGREE_PX = (21, 31), 0.5
+"""Windows that are shrunk from pancam to navcam, and how far apart they may find the target."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,8 @@ class Side:
             points = np.asarray(motion.apply(self.cloud.points), dtype=np.float64)
             moved = replace(self.cloud, points=points, camera=self.cloud.camera.transformed(motion))
             out.__dict__["cloud"] = moved
+        if "surface" in self.__dict__ and self.surface is not None:
+            out.__dict__["surface"] = self.surface.moved(motion)
         if "picture_features" in self.__dict__:
             out.__dict__["picture_features"] = self.picture_features
         return out
@@ -262,8 +264,9 @@ def scaled_window(
 ) -> Found | None:
     """Return the target in the navcam by the pancam window shrunk to the navcam's field of view.
 
-    `point` (3,) is where the target is believed, frame of the cameras: it tells scale and search. None
-    where the window does not lie in both images. A correlation below 0.7 should not be believed.
+    `point` (3,) is where the target is believed, frame of the cameras: it tells scale and search. The place
+    is that of two windows; None where they do not lie in both images or are found apart. A correlation
+    below 0.7 should not be believed.
     """
     import cv2
 
@@ -278,11 +281,19 @@ def scaled_window(
     expected = np.asarray(navcam_camera.project(place))
     if not np.isfinite(expected).all():
         return None
-    matcher = TemplateMatcher(NccOptions(template_px=WINDOW_PX, search_px=search_px))
     source = Template(smooth, pancam_camera, at, place, toward / away, away, 0.0)
-    template = matcher.predict(source, navcam_camera, expected, place)
-    found = None if template is None else matcher.search(navcam, template, expected)
-    return None if found is None else Found(found[0], found[1])
+    found = []
+    for window_px in WINDOWS_PX:
+        matcher = TemplateMatcher(NccOptions(template_px=window_px, search_px=search_px))
+        template = matcher.predict(source, navcam_camera, expected, place)
+        match = None if template is None else matcher.search(navcam, template, expected)
+        if match is None:
+            return None
+        found.append(match)
+    (one, score), (two, other) = found
+    if float(np.hypot(*(one - two))) > WINDOWS_AGREE_PX:
+        return None
+    return Found(0.5 * (one + two), min(score, other))
 
 
 # ---- parts
