@@ -92,7 +92,7 @@ class SafetyLimits:
     most_normal_rad: float = math.radians(12.0)
     least_share: float = 0.90
     most_hole_m: float = 0.014
-    edge_px: int = 4
+    edge_px: int = 3
     edge_jump_m: float = 0.035
     most_view_rad: float = math.radians(70.0)
     least_rock_share: float = 0.95

@@ -88,8 +88,8 @@ class SegmentationOptions:
     jump: float = 6.0
     patch_px: float = 9.0
     least_steepness: float = 0.2
-    saddle_m: float = 0.03
-    saddle_share: float = 0.25
+    saddle_m: float = 0.05
+    saddle_share: float = 0.5
     rounds: int = 6
 
     def __post_init__(self) -> None:
