@@ -230,7 +230,7 @@ def plot(result: Mapping[str, Any], path: Path) -> None:
             axes.plot(at, [r["confidence"] for r in rows], marker=".", ms=4, lw=1.2, label=name)
     axes.axhline(0.5, color="0.6", lw=0.8, ls="--")
     axes.set(xlabel="distance driven, m", ylabel="confidence", ylim=(-0.03, 1.05))
-    axes.legend(ncols=5, loc="lower left", fontsize=8)
+    axes.legend(ncols=5, loc="lower right", fontsize=8)
     figure.tight_layout()
     figure.savefig(path)
     plt.close(figure)
