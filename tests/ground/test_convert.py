@@ -159,9 +159,9 @@ def test_request_that_names_what_does_not_exist_is_refused(request_: DayRequest,
 
 
 def test_heights_of_the_network_are_those_of_the_terrain() -> None:
-    from ground.convert import _heights
+    from ground.convert import network_heights
 
-    grid = _heights(_terrain(), [(0.0, 0.0), (4.0, 9.0)])
+    grid = network_heights(_terrain(), [(0.0, 0.0), (4.0, 9.0)])
     for row, column in ((0, 0), (3, 40), (grid.heights_m.shape[0] - 1, 5)):
         east = grid.origin_east_m + column * grid.spacing_m
         north = grid.origin_north_m - row * grid.spacing_m
