@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.cameras.panorama import Panorama
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.frames import Pose
 from rover_iface.localization.ground_points import (
@@ -251,26 +252,28 @@ def true_shape(rock: Rock) -> tuple[float, float, float]:
     return rock.height, 0.5 * rock.diameter * math.sqrt(rock.elongation), float(area[above].sum())
 
 
-def _rendered_ends(leg: Leg, seed: int, *, models: bool) -> tuple[tuple[Seen, Seen], tuple[Array, Array]]:
-    """Return both ends as seen in rendered navcam panoramas, 1024 x 1024, three wedges of 45 degrees each."""
+def rendered_panorama(leg: Leg, end: int, *, seed: int) -> Panorama:
+    """Return the navcam panorama of one end, 1024 x 1024, three wedges of 45 degrees."""
     rig = CameraRig(load_cameras("mer"), (0.0, 0.0, MAST_M - 0.15))
-    renderer = Renderer(leg.scene)
-    sun = Sun.from_angles(math.radians(200.0), math.radians(45.0))
+    x, y, z = leg.eyes[end]
+    return take_panorama(
+        Renderer(leg.scene),
+        rig,
+        Pose(x, y, z - MAST_M, leg.looks[end]),
+        Sun.from_angles(math.radians(200.0), math.radians(45.0)),
+        from_azimuth_rad=math.radians(60.0),
+        span_rad=math.radians(120.0),
+        tilts_rad=(-0.2,),
+        overlap=0.05,
+        seed=seed,
+    )
+
+
+def _rendered_ends(leg: Leg, seed: int, *, models: bool) -> tuple[tuple[Seen, Seen], tuple[Array, Array]]:
+    """Return both ends as seen in rendered navcam panoramas."""
     ends, eyes = [], []
     for end in (0, 1):
-        x, y, z = leg.eyes[end]
-        panorama = take_panorama(
-            renderer,
-            rig,
-            Pose(x, y, z - MAST_M, leg.looks[end]),
-            sun,
-            from_azimuth_rad=math.radians(60.0),
-            span_rad=math.radians(120.0),
-            tilts_rad=(-0.2,),
-            overlap=0.05,
-            seed=seed,
-        )
-        seen = points_of_panorama(panorama)
+        seen = points_of_panorama(rendered_panorama(leg, end, seed=seed))
         local = GroundPoints(seen.points - seen.eye, np.zeros(3), seen.range_factor)
         rocks = extract_rocks(local, models=models)
         visible = visible_rocks(leg, end, look(leg, end), 24.0)

@@ -88,7 +88,7 @@ export function movedBy(stop: Stop): number {
 }
 
 /** The rows of a picture in which rocks are, with some ground round them. */
-export function rowsOf(picture: Picture, rows: readonly number[], margin = 60): { top: number; height: number } {
+export function rowsOf(picture: Picture, rows: readonly number[], margin = 100): { top: number; height: number } {
   const top = Math.max(0, Math.min(...rows, picture.height) - margin);
   const bottom = Math.min(picture.height, Math.max(...rows, 0) + margin);
   return bottom - top < 2 * margin ? { top: 0, height: picture.height } : { top, height: bottom - top };
