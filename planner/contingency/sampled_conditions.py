@@ -1,0 +1,93 @@
+"""The condition under which another plan wins most, from what it wins in each of a number of futures.
+
+The counterpart of `conditions` where no grid holds the states: futures that come to a point stand in order of
+time or energy, and the best run of them is found exactly; at most one test on a track goes before.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.contingency.conditions import Choice
+from planner.evaluate.model import Floats, Ints, Model, Truths
+from planner.plan_tree import Comparison, Condition, EnergyCondition, TimeCondition, TrackedCondition
+
+SIMPLER = 1.02
+"""An additional test must win by this factor."""
+
+
+class Arrivals:
+    """Futures that come to a point: time, energy and tracks there, each of shape (count,)."""
+
+    def __init__(self, time_s: Floats, energy_j: Floats, tracked: Ints) -> None:
+        self.time_s, self.energy_j, self.tracked = time_s, energy_j, tracked
+        self.by_time = np.argsort(time_s, kind="stable")
+        self.by_energy = np.argsort(energy_j, kind="stable")
+
+    def kept(self, place: int) -> Truths:
+        """Return which futures still track the target at a place."""
+        return np.asarray((self.tracked >> place) & 1 == 1)
+
+
+def fitted_condition(model: Model, arrivals: Arrivals, gains: Floats, tracks: list[int]) -> Choice:
+    """Return the condition that collects most of `gains` (count,), and how much that is in sum.
+
+    `tracks` are the places whose track may be tested.
+    """
+    best = _on_resources(arrivals, gains, None)
+    for place in tracks:
+        kept = arrivals.kept(place)
+        if kept.all() or not kept.any():
+            continue
+        for truth in (False, True):
+            within = kept if truth else ~kept
+            if float(np.maximum(gains[within], 0.0).sum()) <= best.gain * SIMPLER:
+                continue
+            choice = _on_resources(arrivals, gains, within)
+            if choice.gain > best.gain * SIMPLER:
+                test = TrackedCondition(model.target_ids[place - 1], truth)
+                best = Choice(choice.gain, (test, *choice.when))
+    return best
+
+
+def _on_resources(arrivals: Arrivals, gains: Floats, within: Truths | None) -> Choice:
+    """Return the best test on time or energy among the futures within a part."""
+    whole = float(gains.sum() if within is None else gains[within].sum())
+    best = Choice(max(whole, 0.0), ())
+    for order, values, kind in (
+        (arrivals.by_time, arrivals.time_s, TimeCondition),
+        (arrivals.by_energy, arrivals.energy_j, EnergyCondition),
+    ):
+        chosen = order if within is None else order[within[order]]
+        if len(chosen) < 2:
+            continue
+        low, high, gain = _best_run(gains[chosen])
+        if gain <= best.gain * SIMPLER + 1e-9:
+            continue
+        line = values[chosen]
+        when: list[Condition] = []
+        if low > 0:
+            when.append(kind(Comparison.GE, _between(line, low)))
+        if high < len(line):
+            when.append(kind(Comparison.LT, _between(line, high)))
+        best = Choice(gain, tuple(when))
+    return best
+
+
+def _best_run(gains: Floats) -> tuple[int, int, float]:
+    """Return the run low..high-1 of largest sum; a run with one open end when that is nearly as good."""
+    total = np.concatenate([[0.0], np.cumsum(gains)])
+    start = int(np.argmin(total))
+    best = (start, len(gains), float(total[-1] - total[start]))
+    end = int(np.argmax(total))
+    if float(total[end]) > best[2]:
+        best = (0, end, float(total[end]))
+    rises = total - np.minimum.accumulate(total)
+    high = int(np.argmax(rises))
+    if float(rises[high]) > best[2] * SIMPLER:
+        best = (int(np.argmin(total[: high + 1])), high, float(rises[high]))
+    return best
+
+
+def _between(line: Floats, k: int) -> float:
+    return round(float(line[k - 1] + line[k]) / 2.0, 3)
