@@ -123,9 +123,10 @@ def _second_checkout(found: dict[str, Any]) -> str:
         values = sorted(unit * r[key] for r in runs)
         middle = (statistics.median(values), values[0], values[-1])
         rows.append([label, flight, *(format(v, form) for v in middle)])
+    steps = sorted({r["steps"] for r in runs})
     low, high = (f([r["magnification"][n] for r in runs]) for n, f in enumerate((min, max)))
     return (
-        f"\nSecond checkout, {len(runs)} replays of {runs[0]['steps']} steps to a rock of 12 cm, "
+        f"\nSecond checkout, {len(runs)} replays of {' or '.join(map(str, steps))} steps to a rock of 12 cm, "
         f"{sum(r['tracked'] for r in runs)} tracked at every stop; magnification {low:.2f} to {high:.2f} "
         f"(flight: 1.09 to 1.13). Injected: 2 % of odometry ({100 * errors['odometry_m']:.1f} cm), heading "
         f"drift of {math.degrees(errors['heading_sd']):.2f}° per √m ({100 * errors['heading_m']:.1f} cm), "
