@@ -21,9 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.perception_report import fill, table
-from benchmarks.perception_worlds import TRAINING, Sequence, Shot, approach
+from benchmarks.perception_worlds import TRAINING, Sequence, approach
 from benchmarks.tracking_worlds import PIVOT, Array
 from rover_iface.cameras.model import CameraModel
 from rover_iface.frames import Transform
@@ -125,9 +126,9 @@ def some(sequence: Sequence, count: int) -> list[Array]:
     return [points[n] for n in np.linspace(0, len(points) - 1, count).round().astype(int)]
 
 
-def _about(centre: Array, turn: Array) -> Transform:
-    rotation = small_rotation(turn)
-    return Transform(rotation, centre - rotation @ centre)
+def _about(centre: npt.ArrayLike, turn: npt.ArrayLike) -> Transform:
+    middle, rotation = np.asarray(centre), small_rotation(np.asarray(turn, dtype=np.float64))
+    return Transform(rotation, middle - rotation @ middle)
 
 
 Say = Callable[[str], None]
@@ -265,7 +266,7 @@ def pancam_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
                     continue
                 point = pancam.at((x, y))
                 true = np.asarray(halt.left.true.project(point))
-                hidden = np.linalg.norm(_seen(halt.left, true) - point) > 0.03
+                hidden = np.linalg.norm(halt.left.at(true) - point) > 0.03
                 if hidden or not halt.left.true.sees(point, 40.0):
                     continue
                 error = _about(halt.left.true.C, rng.normal(0.0, math.radians(0.3), 3))
@@ -292,10 +293,6 @@ def pancam_study(worlds: list[int], folder: Path, say: Say) -> dict[str, Any]:
         "p99_px": float(np.percentile(values, 99)),
         "max_px": float(values.max()),
     }
-
-
-def _seen(shot: Shot, pixel: Array) -> Array:
-    return shot.at(pixel)
 
 
 def _methods(results: dict[str, Any]) -> str:
@@ -402,7 +399,11 @@ def main() -> None:
         keep(name, found)
     if arguments.out:
         results = json.loads(arguments.results.read_text())
-        makers = {"methods": _methods, "cascade": _cascade, "pancam": _pancam}
+        makers: dict[str, Callable[[dict[str, Any]], str]] = {
+            "methods": _methods,
+            "cascade": _cascade,
+            "pancam": _pancam,
+        }
         fill(arguments.out / "handoff.md", results, makers)
 
 
