@@ -318,13 +318,14 @@ def table(
     lines += [
         "",
         f"Chi-square {square:.1f} over {len(rows) - 1} bins; the rover profile had expected "
-        f"{uncalibrated:.1f} losses.",
+        f"{uncalibrated:.1f}\nlosses.",
     ]
     if times:
         said, took = np.array(times).T
         lines[-1] += (
             f" Drives took {took.mean():.0f} s in the mean, {said.mean():.0f} s predicted "
-            f"(error of the measured mean {took.std() / math.sqrt(len(took)):.0f} s, {len(took)} drives)."
+            f"(standard\nerror of the measured mean {took.std() / math.sqrt(len(took)):.0f} s, "
+            f"{len(took)} drives)."
         )
     return "\n".join(lines)
 
@@ -338,18 +339,23 @@ def plot(odds: list[Odds], path: Path) -> None:
 
     figure, axes = plt.subplots(figsize=(5.2, 5), layout="constrained")
     rows = [row for row in binned(odds) if row[0] != "all"]
-    for name, count, expected, seen, z in rows:
-        p = expected / count
-        deviation = abs((seen - expected) / z) / count if z else math.sqrt(p * (1 - p) / count)
-        axes.errorbar(p, seen / count, yerr=3 * deviation, fmt="o", color="tab:blue", capsize=3)
-        axes.annotate(f"{seen} of {count}", (p, seen / count), textcoords="offset points", xytext=(8, -4))
-        del name
-    axes.plot([0, 1], [0, 1], "k--", lw=1)
-    most = max((max(e / n, s / n) for _, n, e, s, _ in rows), default=1.0)
+    p = np.array([expected / count for _, count, expected, _, _ in rows])
+    share = np.array([seen / count for _, count, _, seen, _ in rows])
+    count = np.array([row[1] for row in rows])
+    three = 3 * np.sqrt(p * (1 - p) / count)
+    low = np.minimum(three, p)
+    axes.errorbar(p, p, yerr=[low, three], fmt="none", color="0.6", capsize=3, label="three deviations")
+    axes.plot([0, 1], [0, 1], "k--", lw=1, label="as predicted")
+    axes.plot(p, share, "o", color="tab:blue", label="seen")
+    for x, y, (_, tracks, _, seen, _) in zip(p, share, rows, strict=True):
+        axes.annotate(f"{seen} of {tracks}", (x, y), textcoords="offset points", xytext=(7, 5))
     axes.set(
-        xlabel="predicted chance that a track is lost", ylabel="share of tracks lost (bars: 3 deviations)",
-        xlim=(0, min(1.0, 1.3 * most)), ylim=(0, min(1.0, 1.6 * most)),
-    )  # fmt: skip
+        xlabel="predicted chance that a track is lost",
+        ylabel="share of tracks lost on other sites",
+        xlim=(0, min(1.0, 1.4 * float(p.max()))),
+        ylim=(0, min(1.0, 1.1 * float((p + three).max()))),
+    )
+    axes.legend(loc="upper left")
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
