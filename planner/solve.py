@@ -14,16 +14,17 @@ import numpy as np
 from planner.contingency.bounds import upper_bound
 from planner.contingency.branching import Search, SearchLimits, plan_optimal
 from planner.contingency.chance import keeps_to, plans_within
-from planner.contingency.long_routes import best_long_route
+from planner.contingency.long_routes import plan_long
 from planner.contingency.pico2005 import plan_pico2005
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import Reduction, reduce_problem, several
+from planner.contingency.sampled_branches import Curve, Growth
 from planner.contingency.seeding import mean_seed, route_steps, track_steps
 from planner.errors import PlannerError
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate, simulate
-from planner.evaluate.notes import annotate
+from planner.evaluate.notes import annotate, annotate_sampled
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, Evaluator
 from planner.plan_edits import fitted, without_option
@@ -35,13 +36,11 @@ from planner.plan_tree import (
     TrackStart,
     Visit,
     count_branches,
+    planned_observations,
     with_ids,
 )
 from planner.problem import Problem
 from planner.threads import one_blas_thread
-
-Curve = list[tuple[float, Plan]]
-"""Value and plan with at most 0, 1, 2, ... branches."""
 
 STRATEGIES = ("optimal", "pico2005")
 DEFAULT_BRANCHES = 6
@@ -53,7 +52,7 @@ QUICK_GRID = (25, 15)
 MANY_LIVE_SETS = 5_000
 NOTES_GRID = (61, 37)
 MAX_NOTED_TRACKS = 9
-"""With more targets tracked, distributions at the steps have too many states to be noted."""
+"""With more targets tracked a grid has too many states for notes on the steps: they are sampled."""
 
 BOUND_S = 4.0
 QUICK_PLANS = 2
@@ -124,6 +123,16 @@ class PlanResult:
     @property
     def branches(self) -> int:
         return self.tree.branches
+
+
+@dataclass(frozen=True, eq=False)
+class _Checked:
+    """A plan with what it earns on fresh futures, and the values by number of branches."""
+
+    model: Model
+    plan: Plan
+    check: Estimate
+    values: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,6 +273,13 @@ class _Work:
                 return self.answer(PlanStatus.INFEASIBLE, (), missing, reduction)
         if small.t_max_s <= 0.0 or small.e_max_j <= 0.0:
             return self.answer(PlanStatus.EMPTY, (), self.why_empty(), reduction)
+        long: _Checked | None = None
+        if not reduction.exact and not must and self.strategy == "optimal":
+            long = self.long_plan()
+            if long is not None and len(planned_observations(long.plan)) > len(
+                reduction.problem.observations
+            ):
+                return self.answer_long(long, reduction)
         pressed = self.pressed(small)
         allowed = problem.max_overrun_probability
         search: Search | None = None
@@ -283,39 +299,51 @@ class _Work:
                     f"{allowed:g} to end over a budget"
                 )
                 return self.answer(PlanStatus.INFEASIBLE, (), (reason,), reduction)
-        if not reduction.exact and not must and self.strategy == "optimal" and not self.clock.cancelled():
-            longer = self.long_route(check)
-            if longer is not None:
-                small, plan, check = longer
-                values, search = [check.mean] * (self.max_branches + 1), None
+        if long is not None and long.check.mean > (0.0 if check is None else check.mean):
+            return self.answer_long(long, reduction)
         if not plan:
             status = PlanStatus.TIMEOUT if self.clock.stop() and not self.first_plan_s else PlanStatus.EMPTY
             return self.answer(status, (), self.why_empty(), reduction)
         return self.answer(PlanStatus.PLANNED, plan, (), reduction, small, check, values, search)
 
-    def long_route(self, check: Estimate | None) -> tuple[Model, Plan, Estimate] | None:
-        """Return a plan for more observations than a table holds, if it earns more than what was checked."""
-        found = best_long_route(
+    def long_plan(self) -> _Checked | None:
+        """Return a plan for more observations than a table holds, as it holds up on fresh futures."""
+        limits = Growth(0 if self.quick else self.max_branches, self.seed + 3, self.iterations)
+        found = plan_long(
             self.problem,
-            seed=self.seed + 3,
-            should_stop=lambda: self.clock.stop(0.8 if not self.quick else 0.6),
+            limits,
+            warm=self.warm,
+            should_stop=lambda: self.clock.stop(0.6 if self.quick else 0.75),
+            told=self.told,
         )
         if found is None:
             return None
-        model = Model.of(found.problem)
-        futures = simulate(model, found.plan, CHECK_FUTURES, seed=self.seed + 1).estimate()
-        allowed = self.problem.max_overrun_probability
-        if futures.mean <= (0.0 if check is None else check.mean):
+        model, allowed = found.model, self.problem.max_overrun_probability
+        best: _Checked | None = None
+        earned = np.zeros(CHECK_FUTURES)
+        values: list[float] = []
+        for _, plan in found.curve:
+            if plan and (best is None or plan != best.plan):
+                futures = simulate(model, plan, CHECK_FUTURES, seed=self.seed + 1)
+                if float(np.mean(futures.utility - earned)) > 0.0 and (
+                    allowed is None or keeps_to(model, plan, allowed, seed=self.seed + 2)
+                ):
+                    best, earned = _Checked(model, plan, futures.estimate(), ()), futures.utility
+            values.append(best.check.mean if best else 0.0)
+        if best is None:
             return None
-        if allowed is not None and not keeps_to(model, found.plan, allowed, seed=self.seed + 2):
-            return None
+        values += values[-1:] * (self.max_branches + 1 - len(values))
+        self.told(best.plan, best.check.mean)
+        return dataclasses.replace(best, values=tuple(values))
+
+    def answer_long(self, long: _Checked, reduction: Reduction) -> PlanResult:
         self.evaluator = "monte-carlo"
         self.notes = (
-            f"a route of {model.m} of {len(self.problem.observations)} observations, without branches: more "
-            "than a table of the optimal policy holds",
+            f"grown on sampled futures from a route that makes {len(planned_observations(long.plan))} of "
+            f"{len(self.problem.observations)} observations: more than a table of the optimal policy holds",
         )
-        self.told(found.plan, futures.mean)
-        return model, found.plan, futures
+        values = list(long.values)
+        return self.answer(PlanStatus.PLANNED, long.plan, (), reduction, long.model, long.check, values)
 
     def impossible(self, model: Model) -> tuple[str, ...]:
         """Return why what must be done cannot be; empty if a route on mean values holds it all."""
@@ -530,8 +558,10 @@ class _Work:
             upper = self.upper(reduction.whole())
         if model is not None and plan:
             many = sum(isinstance(step, TrackStart) for step in plan) > MAX_NOTED_TRACKS
-            grid = None if many else Grid(model, *NOTES_GRID)
-            tree = annotate(model, grid, tree)
+            if many:
+                tree = annotate_sampled(model, tree, seed=self.seed + 4)
+            else:
+                tree = annotate(model, Grid(model, *NOTES_GRID), tree)
         expected = values[-1] if values else 0.0
         lower = max(0.0, check.mean - 2.576 * check.standard_error) if check else 0.0
         result = PlanResult(

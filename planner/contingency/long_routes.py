@@ -1,21 +1,25 @@
-"""Plans without branches for problems that no table holds: routes on mean values, thinned out by Monte Carlo.
+"""Plans for problems that no table holds: routes on mean values, thinned out and branched by Monte Carlo.
 
 The table of the optimal policy holds about ten observations; a long day among many targets makes more. A
 route on mean values with less than the whole budgets leaves room for what goes wrong; how much less, and
-which of its observations are better left out, is settled on common random numbers.
+which of its observations are better left out, is settled on common random numbers. Branches are grown from
+the best such route (`sampled_branches`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 from planner.contingency.reduction import mean_route_of, only
+from planner.contingency.sampled_branches import Curve, Growth, grow_branches
 from planner.contingency.seeding import route_steps, track_steps
 from planner.evaluate.model import MAX_BITS, Model
 from planner.evaluate.monte_carlo import simulate
-from planner.plan_tree import OnFail, Plan
+from planner.plan_edits import fitted
+from planner.plan_tree import OnFail, Plan, count_branches, planned_observations
 from planner.problem import ObservationId, Problem
 
 SHARES = (1.0, 0.85, 0.7)
@@ -31,6 +35,74 @@ class LongRoute:
     problem: Problem
     plan: Plan
     value: float
+
+
+@dataclass(frozen=True, eq=False)
+class LongPlan:
+    """Plans with at most 0, 1, 2, ... branches for a part of a problem that a model can hold."""
+
+    model: Model
+    curve: Curve
+
+    def observations(self) -> int:
+        """Return how many observations the plan with most branches may make."""
+        return len(planned_observations(self.curve[-1][1]))
+
+
+def plan_long(
+    problem: Problem,
+    limits: Growth,
+    *,
+    warm: tuple[Plan, ...] = (),
+    should_stop: Callable[[], bool] = lambda: False,
+    told: Callable[[Plan, float], None] = lambda plan, value: None,
+) -> LongPlan | None:
+    """Return plans grown from the best route on mean values, or from a warm plan; None if there is neither.
+
+    With no branches allowed the best of route and warm plans is the answer, without polishing.
+    """
+    found = best_long_route(problem, seed=limits.seed, should_stop=should_stop)
+    starts = [plan for plan in (fitted(problem, w) for w in warm) if plan]
+    if found is not None:
+        told(found.plan, found.value)
+        starts.append(found.plan)
+    if not starts:
+        return None
+    names = set[ObservationId]().union(*(planned_observations(plan) for plan in starts))
+    model = Model.of(widened(problem, names))
+    valued = [
+        (float(simulate(model, plan, FUTURES, seed=limits.seed).utility.mean()), plan) for plan in starts
+    ]
+    value, start = max(valued, key=lambda pair: pair[0])
+    if limits.max_branches == 0 or count_branches(start) > limits.max_branches:
+        return LongPlan(model, [(value, start)])
+    return LongPlan(model, grow_branches(model, start, limits, should_stop=should_stop, told=told))
+
+
+def widened(problem: Problem, names: set[ObservationId]) -> Problem:
+    """Return the part of a problem with these observations and as many others as a model holds.
+
+    Those come first that are worth most for the time of the drive from the nearest of the targets held.
+    """
+    if len(problem.observations) <= MAX_BITS and len(problem.targets) <= MAX_BITS:
+        return problem
+    held = {o.target for o in problem.observations if o.id in names}
+    nearest: dict[str, float] = {}
+    for leg in problem.legs:
+        if leg.origin == "start" or leg.origin in held:
+            nearest[leg.to] = min(nearest.get(leg.to, math.inf), leg.time_s.mean)
+    others = sorted(
+        (o for o in problem.observations if o.id not in names and o.target in nearest),
+        key=lambda o: (-o.utility * o.p_success / (nearest[o.target] + o.time_s.mean + 1.0), o.id),
+    )
+    chosen = set(names)
+    for o in others:
+        if len(chosen) >= MAX_BITS:
+            break
+        if o.target in held or len(held) < MAX_BITS:
+            chosen.add(o.id)
+            held.add(o.target)
+    return only(problem, chosen)
 
 
 def best_long_route(

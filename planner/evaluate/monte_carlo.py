@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.evaluate.model import Floats, Model
+from planner.evaluate.model import Floats, Ints, Model
 from planner.evaluate.program import Program, compile_plan
-from planner.evaluate.rollout import flat_costs, flat_model, flat_program, no_table, roll
+from planner.evaluate.rollout import flat_costs, flat_model, flat_program, no_table, roll, unwatched
 from planner.plan_tree import Plan
 
 CHUNK = 4096
@@ -56,6 +56,26 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False)
+class Passages:
+    """Time, energy and tracks (bits of places) with which each future came to each row of the program.
+
+    Arrays of shape (futures, rows); the time is NaN where a future never came to a row.
+    """
+
+    time_s: Floats
+    energy_j: Floats
+    tracked: Ints
+
+    @staticmethod
+    def empty(futures: int, rows: int) -> Passages:
+        shape = futures, rows
+        return Passages(np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(shape, np.int64))
+
+    def part(self, low: int, high: int) -> tuple[Floats, Floats, Ints]:
+        return self.time_s[low:high], self.energy_j[low:high], self.tracked[low:high]
+
+
+@dataclass(frozen=True, eq=False)
 class Futures:
     """What a plan earned and used in each of the futures 0..N-1 of a seed; arrays of length N."""
 
@@ -64,6 +84,7 @@ class Futures:
     energy_j: Floats
     overrun: np.ndarray[tuple[int], np.dtype[np.bool_]]
     row_visits: np.ndarray[tuple[int], np.dtype[np.int64]]
+    seen: Passages | None = None
 
     def estimate(self) -> Estimate:
         """Return the summary, summed chunk by chunk so that it does not depend on the number of threads."""
@@ -90,11 +111,12 @@ def simulate(
     threads: int | None = None,
     correlation: Correlation | None = None,
     count_visits: bool = False,
+    watch: bool = False,
 ) -> Futures:
     """Run a plan through `futures` futures and return what each earned and used.
 
     The result depends on the plan, the seed and the number of futures only, never on `threads`. Future k of
-    a seed is the same whatever plan meets it.
+    a seed is the same whatever plan meets it. With `watch` the futures hold what was seen at each row.
     """
     program = plan if isinstance(plan, Program) else compile_plan(model, plan)
     how = correlation or Correlation()
@@ -111,6 +133,7 @@ def simulate(
     odds = (seed, how.day_factor_sd, how.slip_persistence, how.p_recover)
     table = no_table()
     unmarked = np.zeros((0, 0), np.bool_)
+    seen = Passages.empty(futures, len(program)) if watch else None
 
     def work(worker: int) -> None:
         for chunk in range(worker, -(-futures // CHUNK), workers):
@@ -118,7 +141,7 @@ def simulate(
             roll(
                 flat, amounts, arrays, odds, low, high - low, False, *table,
                 utility[low:high], time_s[low:high], energy_j[low:high], overrun[low:high], visits[worker],
-                unmarked,
+                unmarked, *(unwatched() if seen is None else seen.part(low, high)),
             )  # fmt: skip
 
     if workers == 1:
@@ -126,7 +149,7 @@ def simulate(
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, range(workers)))
-    return Futures(utility, time_s, energy_j, overrun, np.sum(visits, axis=0))
+    return Futures(utility, time_s, energy_j, overrun, np.sum(visits, axis=0), seen)
 
 
 def estimate(

@@ -9,13 +9,16 @@ import numpy as np
 
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Floats, Model
+from planner.evaluate.monte_carlo import simulate
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, State, TailValues, forward
-from planner.plan_edits import without_option
+from planner.plan_edits import replace_option, without_option
 from planner.plan_tree import Branch, OptionNotes, Path, PlanTree, StepNotes, TrackStart, walk
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 TABLE_POINTS = 5
+FUTURES = 20_000
+"""For notes that are sampled."""
 
 
 def _quantiles(values: Floats, weights: Floats) -> tuple[float, ...]:
@@ -25,10 +28,50 @@ def _quantiles(values: Floats, weights: Floats) -> tuple[float, ...]:
     return tuple(round(float(values[order][min(k, len(order) - 1)]), 3) for k in at)
 
 
-def annotate(model: Model, grid: Grid | None, tree: PlanTree) -> PlanTree:
+def annotate_sampled(model: Model, tree: PlanTree, *, seed: int) -> PlanTree:
+    """Return the tree with notes from sampled futures, for plans with too many states for a grid."""
+    program = compile_plan(model, tree.plan)
+    futures = simulate(model, program, FUTURES, seed=seed, watch=True)
+    assert futures.seen is not None
+    time_s, energy_j = futures.seen.time_s, futures.seen.energy_j
+    steps: dict[Path, StepNotes] = {}
+    options: dict[Path, OptionNotes] = {}
+    for path, step in walk(tree.plan):
+        row = program.step_row[path]
+        there = ~np.isnan(time_s[:, row])
+        if row and there.any():
+            steps[path] = StepNotes(
+                round(float(there.mean()), 6),
+                QUANTILES,
+                tuple(np.round(np.quantile(time_s[there, row], QUANTILES), 3).tolist()),
+                tuple(np.round(np.quantile(energy_j[there, row], QUANTILES), 3).tolist()),
+            )
+        for k, option in enumerate(step.options if isinstance(step, Branch) else ()):
+            here = (*path, k)
+            taken = ~np.isnan(time_s[:, program.option_entry[here]])
+            less = simulate(model, without_option(tree.plan, here), FUTURES, seed=seed).utility
+            ended = replace_option(tree.plan, here, replace(option, plan=()))
+            to_come = futures.utility - simulate(model, ended, FUTURES, seed=seed).utility
+            options[here] = OptionNotes(
+                round(float(taken.mean()), 6),
+                round(float((futures.utility - less).mean()), 6),
+                _sampled_table(time_s[taken, program.option_entry[here]], to_come[taken]),
+            )
+    return replace(tree, step_notes=steps, option_notes=options)
+
+
+def _sampled_table(time_s: Floats, to_come: Floats) -> tuple[tuple[float, float], ...]:
+    """Return a few points (time, mean utility still to come) over futures in order of time."""
+    parts = np.array_split(np.argsort(time_s, kind="stable"), TABLE_POINTS)
+    return tuple(
+        (round(float(time_s[part].mean()), 3), round(float(to_come[part].mean()), 4))
+        for part in parts
+        if len(part)
+    )
+
+
+def annotate(model: Model, grid: Grid, tree: PlanTree) -> PlanTree:
     """Return the tree with notes on its steps and options, from the distributions on a grid."""
-    if grid is None:
-        return tree
     program = compile_plan(model, tree.plan)
     flow = forward(grid, program)
     tails = TailValues(grid)

@@ -34,13 +34,17 @@ def roll(
     over: Any,
     visits: Any,
     visited: Any,
+    seen_t: Any,
+    seen_e: Any,
+    seen_tracked: Any,
 ) -> Any:
     """Fill utility, time, energy and overrun of `count` futures, and the rows that they went through.
 
     Times are in ticks, of which `per_s` make a second: whole milliseconds where `drawn`, so sums are exact.
     Where `drawn`, future f takes its amounts and uniforms from row f of the tables, and the success coin is
     tossed; else they are hashes of (seed, `first` + f, action), and an observation earns its mean, `worth`.
-    `visits` counts passages per row, `visited` marks rows per future; either may be empty.
+    `visits` counts passages per row, `visited` marks rows per future, the `seen` arrays hold time, energy and
+    tracks (bits) when a future came to a row; each may be empty.
 
     No fast mathematics: in tables of draws every comparison must fall as the executive's does.
     """
@@ -54,7 +58,7 @@ def roll(
     n1 = n + 1
     day_sigma = math.sqrt(math.log1p(day_sd * day_sd))
     fresh = math.sqrt(max(0.0, 1.0 - keep * keep))
-    counting, marking = visits.shape[0] > 0, visited.shape[0] > 0
+    counting, marking, watching = visits.shape[0] > 0, visited.shape[0] > 0, seen_t.shape[0] > 0
     for f in range(count):
         key = mix(uint64(seed) * uint64(0xD1342543DE82EF95) + uint64(first + f) + uint64(0x2545F4914F6CDD1D))
         key = mix(key ^ uint64(0x9E3779B97F4A7C15))
@@ -78,6 +82,10 @@ def roll(
                 visits[pc] += 1
             if marking:
                 visited[f, pc] = True
+            if watching:
+                seen_t[f, pc] = t / per_s
+                seen_e[f, pc] = g + hotel * (t / per_s)
+                seen_tracked[f, pc] = tracked
             if o == 0:
                 break
             i = arg[pc]
@@ -212,6 +220,11 @@ def flat_model(model: Model, worth: Floats) -> tuple[Any, ...]:
         model.p_success, model.is_place, model.predecessors, model.trackable, model.place_bits,
         model.target_bits, model.diminishing,
     )  # fmt: skip
+
+
+def unwatched() -> tuple[Any, ...]:
+    """Return the arrays of a run in which no row is watched."""
+    return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)
 
 
 def no_table() -> tuple[Floats, ...]:

@@ -1,0 +1,143 @@
+"""Branches grown on sampled futures: conditions, growth, and the answer on problems that no table holds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.contingency.long_routes import best_long_route, plan_long, widened
+from planner.contingency.reduction import fits_table
+from planner.contingency.sampled_branches import Growth, grow_branches
+from planner.contingency.sampled_conditions import Arrivals, fitted_condition
+from planner.evaluate.grid import Grid
+from planner.evaluate.model import MAX_BITS, Model
+from planner.evaluate.monte_carlo import simulate
+from planner.evaluate.notes import annotate, annotate_sampled
+from planner.evaluate.program import compile_plan
+from planner.plan_tree import (
+    Comparison,
+    Condition,
+    EnergyCondition,
+    PlanTree,
+    TimeCondition,
+    TrackedCondition,
+    count_branches,
+    planned_observations,
+)
+from planner.problem import Problem
+from planner.solve import solve
+from tests.planner.examples import example, observation, visits
+
+
+def _many(targets: int = 16, **more: object) -> Problem:
+    rng = np.random.default_rng(4)
+    places = [(float(rng.uniform(1, 14)), float(rng.uniform(-7, 7))) for _ in range(targets)]
+    rows = [
+        [observation(f"I{k}", utility=2.0 + k % 5), observation(f"P{k}", "place", utility=3.0 + k % 7)]
+        for k in range(targets)
+    ]
+    return example(
+        places=places, observations=rows, time_s=9000.0, loss=0.05, overrun_penalty=15.0, energy_j=1e6, **more
+    )
+
+
+def _holds(when: tuple[Condition, ...], arrivals: Arrivals, model: Model) -> np.ndarray:
+    mask = np.ones(len(arrivals.time_s), bool)
+    for condition in when:
+        match condition:
+            case TimeCondition(comparison, value):
+                mask &= (arrivals.time_s >= value) == (comparison is Comparison.GE)
+            case EnergyCondition(comparison, value):
+                mask &= (arrivals.energy_j >= value) == (comparison is Comparison.GE)
+            case TrackedCondition(target, value):
+                mask &= arrivals.kept(model.place_of[target]) == value
+            case _:
+                raise AssertionError
+    return mask
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_fitted_condition_collects_what_it_says_and_no_single_test_much_more(seed: int) -> None:
+    model = Model.of(example())
+    rng = np.random.default_rng(seed)
+    time_s, energy = rng.uniform(0, 5000, 300), rng.uniform(0, 4e5, 300)
+    tracked = rng.integers(0, 2, 300) << 1
+    gains = np.where(time_s > rng.uniform(0, 5000), 1.0, -1.0) + rng.normal(0, 0.3, 300)
+    gains += np.where(tracked == 0, 0.6, -0.6)
+    arrivals = Arrivals(time_s, energy, tracked)
+    choice = fitted_condition(model, arrivals, gains, [1])
+    assert choice.gain == pytest.approx(float(gains[_holds(choice.when, arrivals, model)].sum()), rel=1e-6)
+    for threshold in np.sort(time_s):
+        late = float(gains[time_s >= threshold].sum())
+        assert max(late, float(gains.sum()) - late) <= choice.gain * 1.05 + 1e-9
+
+
+def test_what_is_seen_at_a_step_is_what_the_plan_up_to_there_ends_with() -> None:
+    problem = example(loss=0.3)
+    model = Model.of(problem)
+    plan = visits(problem, "O1", "O2", "O3")
+    program = compile_plan(model, plan)
+    whole = simulate(model, program, 3000, seed=5, watch=True)
+    assert whole.seen is not None
+    for k in range(1, len(plan)):
+        part = simulate(model, plan[:k], 3000, seed=5)
+        seen = whole.seen.time_s[:, program.step_row[(k,)]]
+        there = ~np.isnan(seen)
+        assert there.any()
+        assert np.array_equal(seen[there], part.time_s[there])
+        assert part.overrun[~there].all()
+
+
+def test_sampled_notes_agree_with_those_from_a_grid() -> None:
+    problem = _many(3)
+    model = Model.of(problem)
+    start = best_long_route(problem, seed=1)
+    assert start is not None
+    plan = grow_branches(model, start.plan, Growth(2, 1, iterations=1500))[-1][1]
+    sampled = annotate_sampled(model, PlanTree("x", plan), seed=3)
+    exact = annotate(model, Grid(model, 61, 37), PlanTree("x", plan))
+    for path, note in exact.step_notes.items():
+        if note.p_reached > 0.05:
+            assert sampled.step_notes[path].p_reached == pytest.approx(note.p_reached, abs=0.02)
+            assert sampled.step_notes[path].time_s[2] == pytest.approx(
+                note.time_s[2], rel=0.03, abs=150.0
+            )  # a grid node
+    for path, option in exact.option_notes.items():
+        assert sampled.option_notes[path].p_taken == pytest.approx(option.p_taken, abs=0.02)
+        assert sampled.option_notes[path].gain == pytest.approx(option.gain, abs=0.1)
+
+
+def test_branches_grow_and_win_on_fresh_futures() -> None:
+    problem = _many()
+    assert not fits_table(problem)
+    found = plan_long(problem, Growth(1, 7, iterations=1500))
+    assert found is not None
+    fresh = [simulate(found.model, plan, 100_000, seed=99).utility.mean() for _, plan in found.curve]
+    assert [count_branches(plan) <= k for k, (_, plan) in enumerate(found.curve)] == [True] * len(found.curve)
+    assert count_branches(found.curve[-1][1]) > 0
+    assert fresh[-1] > fresh[0] * 1.005
+    again = plan_long(problem, Growth(1, 7, iterations=1500))
+    assert again is not None
+    assert again.curve == found.curve
+
+
+def test_a_problem_that_no_table_holds_gets_branches_notes_and_a_bound() -> None:
+    problem = _many()
+    result = solve(problem, max_branches=1, iterations=500)
+    assert result.status == "planned"
+    assert result.evaluator == "monte-carlo"
+    assert result.branches <= 1
+    assert result.lower <= result.expected_utility <= result.upper < 0.9 * problem.utility_sum
+    assert list(result.curve) == sorted(result.curve)
+    assert len(result.curve) == 2
+    assert result.tree.step_notes
+    assert len(result.tree.option_notes) == result.branches
+
+
+def test_a_part_of_a_very_large_problem_holds_the_route_and_as_much_else_as_fits() -> None:
+    problem = _many(40)
+    names = {o.id for o in problem.observations[70:]}
+    part = widened(problem, names)
+    assert len(part.observations) == MAX_BITS
+    assert names <= {o.id for o in part.observations}
+    assert planned_observations(()) == set()
