@@ -348,6 +348,7 @@ class FaultBody(Body):
         "camera-failure",
         "silent",
         "novelty",
+        "lens-dust",
     ]
     at_s: Seconds | None = None
     task: Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=_ONE_LINE)] | None = None

@@ -2456,7 +2456,7 @@ export interface components {
              * Kind
              * @enum {string}
              */
-            kind: "lose-target" | "shadow" | "slow-drive" | "slip-burst" | "stuck-wheel" | "low-battery" | "camera-failure" | "silent" | "novelty";
+            kind: "lose-target" | "shadow" | "slow-drive" | "slip-burst" | "stuck-wheel" | "low-battery" | "camera-failure" | "silent" | "novelty" | "lens-dust";
             /** Target Id */
             target_id?: string | null;
             /** Task */
