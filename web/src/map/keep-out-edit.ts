@@ -99,7 +99,7 @@ export class KeepOutEdit {
     for (const look of looks) {
       if (look.saved !== null) {
         const ghost = new Feature(new Polygon([closed(look.saved)]));
-        ghost.setStyle(new Style({ stroke: new Stroke({ color: `${COLORS.keepOut}99`, width: 1.2, lineDash: [2, 4] }) }));
+        ghost.setStyle(new Style({ stroke: new Stroke({ color: "rgba(255,255,255,0.8)", width: 1.4, lineDash: [3, 4] }) }));
         this.source.addFeature(ghost);
       }
       const feature = new Feature(new Polygon([closed(look.ring)]));
