@@ -276,7 +276,12 @@ def dense_stereo(
     baseline = float(np.linalg.norm(two.C - one.C))
     count = int(np.ceil(one.hs * baseline / nearest_m / 16.0)) * 16
     count = max(16, min(count, one.width // 2 // 16 * 16))
-    one, two = (c.window(-count, 0, c.width + count, c.height) for c in (one, two))
+    # the axis of a subframe's camera need not lie in its middle: keep what the left image shows
+    middle = (left.width - 1) / 2.0, (left.height - 1) / 2.0
+    origin, ray = left.back_project(middle)
+    across, down = one.project(origin + FAR_M * ray) - ((one.width - 1) / 2.0, (one.height - 1) / 2.0)
+    corner = round(float(across)) - count, round(float(down))
+    one, two = (c.window(*corner, c.width + count, c.height) for c in (one, two))
     # rays of a CAHVORE camera do not start in one point: warp for the ranges that matter
     focus = FAR_M if left.kind is not ModelKind.CAHVORE else 3.0 * nearest_m
     pair = [

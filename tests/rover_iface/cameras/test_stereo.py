@@ -7,10 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import load_cameras
 from rover_iface.cameras.stereo import PointStereo, dense_stereo, point_stereo, triangulate
 from rover_iface.errors import CameraError
 from rover_iface.frames import Pose
+from rover_iface.simulator.render.renderer import Frame
 from tests.rover_iface.render.scenes import SUN, picture, rig, rock_renderer
 
 
@@ -114,7 +116,8 @@ def test_without_a_partner_there_is_no_point() -> None:
 def test_a_dense_cloud_lies_on_the_ground_and_the_rock(preset: str, pair: str, nearest: float) -> None:
     cameras = rig(preset)
     pose = Pose(-4.0 if pair == "navcam" else -2.2, 0.0, 0.0)
-    frames, models = [], []
+    frames: list[Frame] = []
+    models: list[CameraModel] = []
     for side in ("left", "right"):
         camera = cameras.camera(f"{pair}_{side}", 0.0, -0.35)
         camera = camera.window(0, 0, camera.width, camera.height)
@@ -144,3 +147,33 @@ def test_a_dense_cloud_lies_on_the_ground_and_the_rock(preset: str, pair: str, n
         "ni,nij,nj->n", rays[near] / distance[near, None], spread, rays[near] / distance[near, None]
     )
     assert np.median(np.sqrt(along) / expected) == pytest.approx(0.5, abs=0.25)
+
+
+def test_subframes_cut_round_the_same_thing_give_a_cloud_of_their_whole_frame() -> None:
+    cameras = rig("k9")
+    pose = Pose(-4.0, 0.0, 0.0)
+    frames: list[Frame] = []
+    models: list[CameraModel] = []
+    for side, corner in (("left", 520), ("right", 440)):
+        camera = cameras.camera(f"navcam_{side}", 0.0, -0.35)
+        frames.append(
+            rock_renderer().render(
+                camera,
+                pose,
+                SUN,
+                window=(corner, 380, 240, 200),
+                sensor=cameras.mounted(f"navcam_{side}").sensor,
+                exposure=frames[0].exposure if frames else None,
+                seed=len(frames),
+            )
+        )
+        models.append(frames[-1].camera)
+    cloud = dense_stereo(frames[0].unit, frames[1].unit, models[0], models[1], nearest_m=2.0)
+    columns = models[0].project(cloud.points)[:, 0]
+    quarters = np.histogram(columns, bins=4, range=(0, 240))[0]
+    assert quarters.min() > 0.5 * quarters.max()
+    rays = cloud.points - models[0].C
+    distance = np.linalg.norm(rays, axis=1)
+    true = rock_renderer().scene.ranges(models[0].C, rays / distance[:, None])
+    expected = distance**2 / (cloud.camera.hs * cloud.baseline_m)
+    assert np.median(np.abs(true - distance) / expected) < 0.5
