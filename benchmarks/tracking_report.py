@@ -127,9 +127,9 @@ def _second_checkout(found: dict[str, Any]) -> str:
     steps = sorted({r["steps"] for r in runs})
     low, high = (f([r["magnification"][n] for r in runs]) for n, f in enumerate((min, max)))
     return (
-        f"\nSecond checkout, {len(replays)} replays to a rock of 12 cm. {len(runs)} were tracked at every one "
-        f"of {' or '.join(map(str, steps))} stops, of which the table tells; {len(replays) - len(runs)} was "
-        f"told as lost on the way. Magnification {low:.2f} to {high:.2f} "
+        f"\nSecond checkout, {len(replays)} replays to a rock of 12 cm. {len(runs)} were tracked at every "
+        f"one of {' or '.join(map(str, steps))} stops, of which the table tells; {len(replays) - len(runs)} "
+        f"was told as lost on the way. Magnification {low:.2f} to {high:.2f} "
         f"(flight: 1.09 to 1.13). Injected: 2 % of odometry ({100 * errors['odometry_m']:.1f} cm), heading "
         f"drift of {math.degrees(errors['heading_sd']):.2f}° per √m ({100 * errors['heading_m']:.1f} cm), "
         f"{errors['disparity_px']:.2f} px of stereo ({100 * errors['stereo_m']:.1f} cm at 9.65 m).\n\n"
