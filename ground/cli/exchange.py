@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from ground.cli.failure import fail
-from ground.cli.resources import PERSON, SERVER, connected
+from ground.cli.resources import PERSON, SERVER, connected, fetch
 
 
 def _form(path: Path, forms: tuple[str, ...]) -> str:
@@ -21,15 +21,6 @@ def _form(path: Path, forms: tuple[str, ...]) -> str:
 def register(app: typer.Typer) -> None:
     group = typer.Typer(help="Files in and out.", no_args_is_help=True)
     app.add_typer(group, name="exchange")
-
-    def fetch(url: str, out: Path, server: str, person: str | None) -> None:
-        with connected(server, person) as client:
-            content = client.request("GET", url).content
-        try:
-            out.write_bytes(content)
-        except OSError as err:
-            fail(f"{out} cannot be written: {err.strerror}")
-        typer.echo(f"{out}: {len(content)} bytes")
 
     @group.command("export-geometry")
     def export_geometry(

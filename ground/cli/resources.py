@@ -332,3 +332,14 @@ def _products(app: typer.Typer) -> None:
             target = out or Path(Path(found.file_name).name)
             target.write_bytes(client.product_file(product))
             typer.echo(str(target))
+
+
+def fetch(url: str, out: Path, server: str, person: str | None) -> None:
+    """Write what the server has at an address into a file."""
+    with connected(server, person) as client:
+        content = client.request("GET", url).content
+    try:
+        out.write_bytes(content)
+    except OSError as err:
+        fail(f"{out} cannot be written: {err.strerror}")
+    typer.echo(f"{out}: {len(content)} bytes")

@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from ground.cli.failure import fail
-from ground.cli.resources import PERSON, SERVER, connected, follow, group_of
+from ground.cli.resources import PERSON, SERVER, connected, fetch, follow, group_of
 
 
 def register(app: typer.Typer) -> None:
@@ -47,14 +47,8 @@ def _frames(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Write all sites, or the rover poses in one, as a frame file. Needs a server."""
-        with connected(server, person) as client:
-            asked = {} if site is None else {"site": str(site)}
-            content = client.request("GET", f"/missions/{mission}/frame-files/export", params=asked).content
-        try:
-            out.write_bytes(content)
-        except OSError as err:
-            fail(f"{out} cannot be written: {err.strerror}")
-        typer.echo(f"{out}: {len(content)} bytes")
+        asked = "" if site is None else f"?site={site}"
+        fetch(f"/missions/{mission}/frame-files/export{asked}", out, server, person)
 
     @group.command("files")
     def files(mission: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON) -> None:
