@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import select
@@ -220,26 +221,27 @@ def product_rows(session: Session, run: m.RunRow, items: Iterable[Mapping[str, A
         label = item["label"]
         request_id = label.get("request") if label.get("request") in requests else None
         named = label.get("target") if label.get("target") in targets else None
-        rows.append(
-            m.ProductRow(
-                id=item.get("id") or new_id("prd"),
-                author=run.author,
-                mission_id=run.mission_id,
-                run_id=run.id,
-                plan_id=run.plan_id,
-                task_id=str(label.get("task", ""))[:200],
-                request_id=request_id,
-                target_id=named or (requests[request_id] if request_id else None),
-                kind=str(label.get("kind", ""))[:80],
-                instrument=str(label.get("instrument", ""))[:80],
-                media=item["media"],
-                file_name=item["file_name"][:300],
-                size_bytes=item["size_bytes"],
-                sha256=item["sha256"],
-                t_s=float(label.get("t_s", 0.0)),
-                label=label,
-            )
+        row = m.ProductRow(
+            id=item.get("id") or new_id("prd"),
+            author=run.author,
+            mission_id=run.mission_id,
+            run_id=run.id,
+            plan_id=run.plan_id,
+            task_id=str(label.get("task", ""))[:200],
+            request_id=request_id,
+            target_id=named or (requests[request_id] if request_id else None),
+            kind=str(label.get("kind", ""))[:80],
+            instrument=str(label.get("instrument", ""))[:80],
+            media=item["media"],
+            file_name=item["file_name"][:300],
+            size_bytes=item["size_bytes"],
+            sha256=item["sha256"],
+            t_s=float(label.get("t_s", 0.0)),
+            label=label,
         )
+        if "created_utc" in item:
+            row.created_utc = datetime.fromisoformat(item["created_utc"])
+        rows.append(row)
     return rows
 
 

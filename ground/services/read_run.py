@@ -11,7 +11,7 @@ import orjson
 
 from ground.errors import NotFoundError, StateError
 from ground.gdr import values as v
-from ground.gdr.models import RunRow, utc_now
+from ground.gdr.models import RunRow
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.dry_run import product_rows
@@ -88,8 +88,6 @@ def _live_products(repo: Repository, run_id: str, items: list[dict[str, Any]]) -
         return []
     with repo.database.read() as session:
         rows = product_rows(session, session.get_one(RunRow, run_id), items)
-        for row in rows:
-            row.created_utc = utc_now()
         shown: list[v.Product] = show_products(session, rows)
     return [replace(p, file_url=f"/api/v1/runs/{run_id}/products/{p.id}/file") for p in shown]
 

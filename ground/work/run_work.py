@@ -18,6 +18,7 @@ from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.flight import Sample, fly, product_line
 from ground.gdr.files import FileStore
 from ground.gdr.ids import new_id
+from ground.gdr.models import utc_now
 from ground.jobs import WorkStoppedError
 from ground.link import Link
 from ground.rehearsal import Sent, heard, write_ground_view
@@ -99,7 +100,8 @@ class _Live:
 
     def product(self, product: Product) -> None:
         item = _store_product(self._control.parent, self._store, product_line(product))
-        self.products[product.path] = {**item, "id": new_id("prd")}
+        made = {"id": new_id("prd"), "created_utc": utc_now().isoformat()}
+        self.products[product.path] = {**item, **made}
         self._line("product", self.products[product.path])
 
     def _line(self, kind: str, data: Mapping[str, Any]) -> None:

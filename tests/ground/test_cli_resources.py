@@ -98,6 +98,8 @@ COMMANDS = {
     "get_observation_request_lineage": "request lineage",
     "get_product_lineage": "product lineage",
     "get_product_file": "product get",
+    "get_run_product_file": "product get",
+    "calibrate_mission": "mission calibrate",
     "export_mission": "mission export",
     "import_mission": "mission import",
     "export_geometry": "exchange export-geometry",

@@ -176,7 +176,7 @@ def test_a_long_day_makes_more_than_a_table_holds() -> None:
     result = solve(problem, max_branches=1, iterations=5)
     made = planned_observations(result.tree.plan)
     assert len(made) > 12
-    assert f"a route of {len(made)} of 16 observations, without branches" in result.reasons[0]
+    assert f"from a route that makes {len(made)} of 16 observations" in result.reasons[0]
     assert result.evaluator == "monte-carlo"
     assert result.lower <= result.expected_utility <= result.upper
     assert result.expected_utility > 0.9 * 3.0 * len(made)
