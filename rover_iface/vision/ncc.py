@@ -208,6 +208,7 @@ class NccTracker:
         """Return the pixel of the best match and its drift variance, px^2; None when there is no match."""
         options, last, camera = self.options, track.last, view.left_camera
         prediction = camera.project(last.point)
+        judged.scores["template_px"] = float(options.template_px)
         if not np.isfinite(prediction).all():
             judged.limit(-1.0, "target is behind the camera")
             return None

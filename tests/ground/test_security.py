@@ -352,6 +352,19 @@ BODIES: dict[str, Any] = {
     "approve_plan": {"crl_sha256": "0" * 64},
     "create_waiver": {"rule": "FR-TILT", "reason": "x"},
     "create_person": {"name": "Eve"},
+    "create_frame": {"name": "SITE_FRAME", "counter": [2]},
+    "create_solution": {
+        "label": "L",
+        "reference_id": "frame_id",
+        "offset_m": [0.0, 0.0, 0.0],
+        "quaternion": [1.0, 0.0, 0.0, 0.0],
+    },
+    "import_frames": {"upload_id": "none"},
+    "create_site_map": {"frame_id": "frame_id", "upload_id": "none"},
+    "create_traverse": {
+        "name": "N",
+        "stops": [{"frame_id": "frame_id", "upload_id": "none"}, {"frame_id": "F", "upload_id": "none"}],
+    },
 }
 
 
@@ -394,6 +407,50 @@ def test_every_role_may_do_at_every_endpoint_what_its_rights_say_and_no_more(
             )
         )
         session.add(m.KeepOutRow(id="keep_out_id", name="K", polygon_m=[], **common))
+        session.add(
+            m.FrameRow(
+                id="frame_id",
+                key="SITE_FRAME 1",
+                name="SITE_FRAME",
+                counter=[1],
+                level="site",
+                site=1,
+                **common,
+            )
+        )
+        session.flush()
+        session.add(
+            m.SolutionRow(
+                id="solution_id",
+                frame_id="frame_id",
+                reference_id="frame_id",
+                label="L",
+                offset_m=[0.0, 0.0, 0.0],
+                quaternion=[1.0, 0.0, 0.0, 0.0],
+                added_utc=m.utc_now(),
+                position=1,
+                source={"kind": "by_hand"},
+                **common,
+            )
+        )
+        session.add(
+            m.SiteMapRow(
+                id="site_map_id",
+                name="M",
+                frame_id="frame_id",
+                in_frame={},
+                outline_m=[],
+                sigma_m=0.0,
+                file_name="m.tif",
+                media="image/tiff",
+                size_bytes=0,
+                sha256="",
+                **common,
+            )
+        )
+        session.add(
+            m.TraverseRow(id="traverse_id", name="N", job_id="job_id", stops=[], solution_ids=[], **common)
+        )
         session.add(m.CommentRow(id="comment_id", subject_kind="mission", subject_id="", text="", **common))
         session.add(
             m.JobRow(
