@@ -9,7 +9,7 @@ import typer
 
 from ground.cli.failure import fail
 from ground.cli.records import members, show
-from ground.cli.resources import PERSON, SERVER, connected, follow, group_of
+from ground.cli.resources import PERSON, SERVER, connected, fetch, follow, group_of
 
 
 def register(app: typer.Typer) -> None:
@@ -51,13 +51,7 @@ def _review(group: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Write the report of a plan for the uplink meeting as one HTML page. Needs a server."""
-        with connected(server, person) as client:
-            content = client.request("GET", f"/plans/{plan}/report").content
-        try:
-            out.write_bytes(content)
-        except OSError as err:
-            fail(f"{out} cannot be written: {err.strerror}")
-        typer.echo(f"{out}: {len(content)} bytes")
+        fetch(f"/plans/{plan}/report", out, server, person)
 
     @group.command("summary")
     def summary(plan: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON) -> None:

@@ -157,13 +157,7 @@ def _maps(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Write the GeoTIFF of a map. Needs a server."""
-        with connected(server, person) as client:
-            content = client.request("GET", f"/site-maps/{identifier}/file").content
-        try:
-            out.write_bytes(content)
-        except OSError as err:
-            fail(f"{out} cannot be written: {err.strerror}")
-        typer.echo(f"{out}: {len(content)} bytes")
+        fetch(f"/site-maps/{identifier}/file", out, server, person)
 
 
 def _traverses(app: typer.Typer) -> None:
@@ -224,10 +218,4 @@ def _traverses(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Write what a stop of a traverse saw, as one picture. Needs a server."""
-        with connected(server, person) as client:
-            content = client.request("GET", f"/traverses/{identifier}/pictures/{stop}").content
-        try:
-            out.write_bytes(content)
-        except OSError as err:
-            fail(f"{out} cannot be written: {err.strerror}")
-        typer.echo(f"{out}: {len(content)} bytes")
+        fetch(f"/traverses/{identifier}/pictures/{stop}", out, server, person)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from importlib import import_module
 from typing import Any
 
 logger = logging.getLogger(__name__)
@@ -60,12 +61,12 @@ def warm_up() -> float:
 
     It is for a thread or a process with nothing else to do: nothing is kept but what Python and numba keep.
     """
-    import shapely  # noqa: F401 - a moved keep-out needs it at once
-
-    import planner.path_network.build  # noqa: F401
     from ground.work.what_if import Changes, candidates, changed_problem, what_if
     from planner.problem import problem_from_dict
     from planner.solve import solve
+
+    for needed_by_a_moved_keep_out in ("shapely", "planner.path_network.build"):
+        import_module(needed_by_a_moved_keep_out)
 
     began = time.thread_time()
     problem = problem_from_dict(small_day())
