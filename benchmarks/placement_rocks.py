@@ -20,7 +20,7 @@ from rover_iface.cameras.stereo import Cloud, dense_stereo
 from rover_iface.placement.cloud import SurfaceCloud, cloud_of_stereo
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
-from rover_iface.terrain.generate import spectral_noise
+from rover_iface.terrain.fractal import spectral_noise
 from rover_iface.terrain.rocks import Rock, icosphere, rock_meshes
 
 Array = npt.NDArray[np.float64]

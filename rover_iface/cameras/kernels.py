@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
-from rover_iface.cameras.model import Array
+Array = npt.NDArray[np.float64]
 
 CAHV, CAHVOR, CAHVORE = 0, 1, 2
 PARAMETERS = 26

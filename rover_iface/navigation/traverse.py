@@ -16,7 +16,8 @@ from rover_iface.navigation.sensor import GroundRaster, StereoSensor
 from rover_iface.profile import RoverProfile
 from rover_iface.simulator.chassis import Chassis
 from rover_iface.simulator.world import Soil
-from rover_iface.terrain.generate import Recipe, generate_terrain
+from rover_iface.terrain.generate import generate_terrain
+from rover_iface.terrain.landscape import Recipe
 from rover_iface.terrain.terrain import Terrain
 
 

@@ -1,7 +1,8 @@
 """Terrain: elevation, ortho image and rocks; loaded, generated, queried."""
 
-from rover_iface.terrain.generate import Recipe, generate_terrain
+from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.grid import HeightGrid, HeightLayer, Ortho
+from rover_iface.terrain.landscape import Recipe
 from rover_iface.terrain.load import load_terrain, write_terrain
 from rover_iface.terrain.rocks import Mesh, Rock
 from rover_iface.terrain.terrain import Terrain, stereo_covariance

@@ -7,15 +7,13 @@ dust 200, 160, 133): reddish dust, darker sand, paler bedrock slabs, greyer rock
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_iface.terrain.fractal import smooth_step, spectral_noise
+from rover_iface.terrain.landscape import Landscape
 from rover_iface.terrain.rocks import Rock, raise_rocks
-
-if TYPE_CHECKING:
-    from rover_iface.terrain.generate import _Site
 
 Array = NDArray[np.floating]
 
@@ -30,9 +28,8 @@ _ROCK = np.array([126.0, 104.0, 91.0])
 _SHADOW = np.array([0.50, 0.46, 0.42])
 
 
-def paint(site: _Site, rocks: list[Rock], extent_m: float, pixel_m: float) -> NDArray[np.uint8]:
+def paint(site: Landscape, rocks: list[Rock], extent_m: float, pixel_m: float) -> NDArray[np.uint8]:
     """Return the ortho image [rows, columns, 3], row 0 in the north, of a square round the origin."""
-    from rover_iface.terrain.generate import _smooth_step, spectral_noise
     from rover_iface.terrain.raster import cast_shadow
 
     count = round(extent_m / pixel_m)
@@ -47,22 +44,22 @@ def paint(site: _Site, rocks: list[Rock], extent_m: float, pixel_m: float) -> ND
     speckle = np.roll(grain[::-1, ::-1], (137, 211), axis=(0, 1))
     # Small stones below the size of modelled rocks: peaks of the grain stand out of the ground.
     tone, cover = site.tone.at(axis, axis), site.cover.at(axis, axis)
-    stony = _smooth_step(0.5 + 0.55 * cover)
+    stony = smooth_step(0.5 + 0.55 * cover)
     stones = np.clip(grain + 0.5 * speckle - 1.55, 0, None) * stony
     sandy = np.zeros_like(ground)
     slabs = np.zeros_like(ground)
     if site.recipe.outcrop:
-        slabs = site._outcrop_mask(axis, axis)
+        slabs = site.outcrop_mask(axis, axis)
     if site.recipe.ripples:
-        sandy = site._ripple_mask(axis, axis) * (1 - slabs)
+        sandy = site.ripple_mask(axis, axis) * (1 - slabs)
     stones *= (1 - 0.95 * sandy) * (1 - 0.6 * slabs)
     relief = ground + 0.5 * pixel_m * np.minimum(stones, 1.6) + 0.05 * pixel_m * grain * (1 - 0.6 * sandy)
     surface = raise_rocks(relief, west, west, pixel_m, rocks)
     stone = surface - relief
     is_rock = stone > 0.004
 
-    colour = _mix(_SOIL, _DUST, _smooth_step(0.45 + 0.28 * tone))
-    colour = _blend(colour, _SAND, 0.55 * _smooth_step(0.3 - 0.5 * cover))
+    colour = _mix(_SOIL, _DUST, smooth_step(0.45 + 0.28 * tone))
+    colour = _blend(colour, _SAND, 0.55 * smooth_step(0.3 - 0.5 * cover))
     if site.recipe.ripples:
         crest = site._ripple(axis, axis)
         colour = _blend(colour, _SAND, sandy * (0.75 - 0.45 * crest))
@@ -70,8 +67,8 @@ def paint(site: _Site, rocks: list[Rock], extent_m: float, pixel_m: float) -> ND
         crack, label = site.cracks(axis, axis)
         plate = _SLAB[None, None, :] * (0.90 + 0.18 * label + 0.03 * grain)[..., None]
         # Sand lies in the low parts and in the cracks.
-        buried = np.clip(_smooth_step(0.25 - 0.9 * site.detail.at(axis, axis) + 0.25 * tone), 0, 0.85)
-        open_ = slabs * (1 - buried) * _smooth_step((crack - 0.012) / 0.045)
+        buried = np.clip(smooth_step(0.25 - 0.9 * site.detail.at(axis, axis) + 0.25 * tone), 0, 0.85)
+        open_ = slabs * (1 - buried) * smooth_step((crack - 0.012) / 0.045)
         colour = colour * (1 - open_[..., None]) + plate * open_[..., None]
     if site.recipe.tracks:
         # Pressed soil is smooth and darker: the bright dust is gone.
