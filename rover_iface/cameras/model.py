@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -32,6 +33,12 @@ def _vector(name: str, value: npt.ArrayLike | None) -> Array:
         raise CameraError(f"camera vector {name} is {value!r}; it must be three finite numbers")
     vector.setflags(write=False)
     return vector
+
+
+def _product_length(a: Array, b: Array) -> float:
+    """Return the length of a vector product; numpy's takes a hundred times as long."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return math.hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
 def _largest_squared_radius(radial: Array) -> float:
@@ -123,12 +130,12 @@ class CameraModel:
     @property
     def hs(self) -> float:
         """Return the horizontal focal length, pixels. Kim et al. 2009, eq. 7."""
-        return float(np.linalg.norm(np.cross(self.A, self.H)))
+        return _product_length(self.A, self.H)
 
     @property
     def vs(self) -> float:
         """Return the vertical focal length, pixels."""
-        return float(np.linalg.norm(np.cross(self.A, self.V)))
+        return _product_length(self.A, self.V)
 
     @property
     def hc(self) -> float:

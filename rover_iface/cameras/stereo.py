@@ -76,36 +76,14 @@ def triangulate(
     Least squares over the four coordinates by Gauss and Newton from the middle of the shortest line between
     the rays; NaN where the rays do not meet in front of the cameras.
     """
+    from rover_iface.cameras import triangulation_kernels as k
+
     a, b = np.asarray(left_px, dtype=np.float64), np.asarray(right_px, dtype=np.float64)
     shape = a.shape[:-1]
-    a, b = a.reshape(-1, 2), b.reshape(-1, 2)
-    o1, d1 = left.back_project(a)
-    o2, d2 = right.back_project(b)
-    gap = o2 - o1
-    c = (d1 * d2).sum(axis=1)
-    den = 1.0 - c * c
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t1 = ((gap * d1).sum(axis=1) - c * (gap * d2).sum(axis=1)) / den
-        t2 = (c * (gap * d1).sum(axis=1) - (gap * d2).sum(axis=1)) / den
-    points = 0.5 * (o1 + t1[:, None] * d1 + o2 + t2[:, None] * d2)
-    points[~((t1 > 0) & (t2 > 0))] = np.nan
-    normal_matrix = np.full((len(a), 3, 3), np.nan)
-    for _ in range(3):
-        j = np.concatenate((left.jacobian(points), right.jacobian(points)), axis=1)
-        r = np.concatenate((a - left.project(points), b - right.project(points)), axis=1)
-        good = np.isfinite(j).all(axis=(1, 2)) & np.isfinite(r).all(axis=1)
-        points[~good] = np.nan
-        if not good.any():
-            break
-        jt = np.swapaxes(j[good], 1, 2)
-        normal_matrix[good] = jt @ j[good]
-        step = np.linalg.solve(normal_matrix[good], (jt @ r[good][..., None]))[..., 0]
-        points[good] += step
-    covariance = np.full((len(a), 3, 3), np.nan)
-    good = np.isfinite(points).all(axis=1)
-    if good.any():
-        covariance[good] = sigma_px**2 * np.linalg.inv(normal_matrix[good])
-    return points.reshape(*shape, 3), covariance.reshape(*shape, 3, 3)
+    a, b = np.ascontiguousarray(a.reshape(-1, 2)), np.ascontiguousarray(b.reshape(-1, 2))
+    points, inverses = np.empty((len(a), 3)), np.empty((len(a), 3, 3))
+    k.triangulate_many(left.packed, right.packed, a, b, points, inverses)
+    return points.reshape(*shape, 3), sigma_px**2 * inverses.reshape(*shape, 3, 3)
 
 
 def point_stereo(
@@ -126,6 +104,7 @@ def point_stereo(
     together with the slant of the patch, so that a tilted face is matched to a fraction of a pixel.
     """
     from rover_iface.cameras import stereo_kernels as k
+    from rover_iface.cameras import triangulation_kernels
 
     options = options or PointStereo()
     at = np.asarray(pixel, dtype=np.float64)
@@ -171,7 +150,8 @@ def point_stereo(
     points, covariances = triangulate(left, right, at[None], right_px[None], sigma_px=options.sigma_px)
     if not np.isfinite(points).all():
         return None
-    normal = _plane_normal(left, at, plane)
+    normal = np.empty(3)
+    triangulation_kernels.plane_normal(left.packed, float(at[0]), float(at[1]), plane, normal)
     return PointMatch(at, right_px, float(score), points[0], covariances[0], normal)
 
 
@@ -181,17 +161,6 @@ def _room(at: Array, shape: tuple[int, ...]) -> float:
 
 def _inside(at: Array, shape: tuple[int, ...], half: int) -> bool:
     return bool(np.isfinite(at).all()) and _room(at, shape) >= half
-
-
-def _plane_normal(left: CameraModel, at: Array, plane: Array) -> Array:
-    """Return the unit normal of the patch whose inverse range is plane[0] + plane[1:] . (pixel - at)."""
-    corners = at + np.array([[0.0, 0.0], [8.0, 0.0], [0.0, 8.0]])
-    origins, rays = left.back_project(corners)
-    inverse = plane[0] + (corners - at) @ plane[1:]
-    points = origins + rays / np.maximum(inverse, 1e-4)[:, None]
-    normal = np.cross(points[1] - points[0], points[2] - points[0])
-    normal /= np.linalg.norm(normal)
-    return np.asarray(-normal if normal @ rays[0] > 0 else normal)
 
 
 @dataclass(frozen=True, slots=True)
