@@ -4,6 +4,7 @@ GroundError
 ├── NotFoundError            there is no such thing (or not for this person)
 ├── InvalidInputError        a member of what was sent cannot be used
 │   ├── OutsideTerrainError  a point off the mission's terrain
+│   ├── UnobservedGroundError  ground whose height was filled in, not seen
 │   ├── UnreachableError     a request without any observation point
 │   ├── TerrainFileError     a terrain that cannot be read, with the reason
 │   └── ArchiveError         an archive or package that is damaged, unsafe or of another form
@@ -47,6 +48,10 @@ class InvalidInputError(GroundError):
 
 class OutsideTerrainError(InvalidInputError):
     """A point off the mission's terrain."""
+
+
+class UnobservedGroundError(InvalidInputError):
+    """Ground whose height was filled in, not seen by a camera."""
 
 
 class UnreachableError(InvalidInputError):

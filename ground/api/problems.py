@@ -23,6 +23,7 @@ STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
     errors.NotFoundError: (404, "not-found", "There is no such thing"),
     errors.InvalidInputError: (422, "invalid-input", "The request cannot be used"),
     errors.OutsideTerrainError: (422, "outside-terrain", "The point is off the terrain"),
+    errors.UnobservedGroundError: (422, "unobserved-ground", "The ground there was never observed"),
     errors.UnreachableError: (422, "target-unreachable", "No observation point reaches the target"),
     errors.TerrainFileError: (422, "terrain-unusable", "The terrain cannot be read"),
     errors.ArchiveError: (422, "archive-unusable", "The archive cannot be used"),

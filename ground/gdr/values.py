@@ -150,7 +150,10 @@ class Terrain:
 
 @dataclass(frozen=True, slots=True)
 class TerrainPoint:
-    """The ground at one point, asked of the full-resolution terrain; `covariance_m2` is row by row."""
+    """The ground at one point, asked of the full-resolution terrain; `covariance_m2` is row by row.
+
+    `observed` is whether a camera ever saw it, `in_view` whether the mast at the start pose sees it.
+    """
 
     east_m: float
     north_m: float
@@ -160,6 +163,7 @@ class TerrainPoint:
     covariance_m2: list[list[float]]
     range_m: float
     observed: bool
+    in_view: bool
     layer: str
 
 

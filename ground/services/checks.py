@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from ground.errors import InvalidInputError, NameTakenError, OutsideTerrainError
+from ground.errors import InvalidInputError, NameTakenError, OutsideTerrainError, UnobservedGroundError
 from ground.gdr import models as m
 from ground.gdr import values as v
 from ground.gdr.repository import Repository
@@ -19,10 +19,24 @@ from ground.services.terrains import ground_at, mission_terrain, terrain_row
 def target_columns(
     repo: Repository, session: Session, mission_id: str, east_m: float, north_m: float
 ) -> dict[str, Any]:
-    """Return what the terrain says of a target's point."""
+    """Return what the terrain says of a target's point.
+
+    Raises
+    ------
+    OutsideTerrainError
+        If the terrain has no height there.
+    UnobservedGroundError
+        If it has one that no camera saw.
+    """
     terrain = mission_terrain(repo, session, mission_id)
     start = v.Pose(**terrain_row(session, mission_id).description["start_pose"])
     point = ground_at(terrain, east_m, north_m, start)
+    if not point.observed:
+        raise UnobservedGroundError(
+            f"the ground at ({east_m:.2f}, {north_m:.2f}) was never observed, its height is filled in; "
+            "a target has to be a point that was seen",
+            pointer="/east_m",
+        )
     return {
         "east_m": east_m,
         "north_m": north_m,

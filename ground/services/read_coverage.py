@@ -11,7 +11,14 @@ from ground.gdr import values as v
 from ground.gdr.repository import Repository
 from ground.services.actor import Action, Actor
 from ground.services.read_terrain import HeightTile
-from ground.services.terrains import BASELINE_M, CAMERA_HEIGHT_M, FOCAL_PX, mission_terrain, terrain_row
+from ground.services.terrains import (
+    BASELINE_M,
+    CAMERA_HEIGHT_M,
+    FOCAL_PX,
+    SINK_M,
+    mission_terrain,
+    terrain_row,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,7 +31,6 @@ UNKNOWN, HIDDEN, FIRST_SEEN = 0, 1, 2
 
 RAYS = 1440
 NEAR_M = 0.5
-SINK_M = 0.01
 
 
 def read_coverage(

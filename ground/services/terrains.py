@@ -31,6 +31,9 @@ FOCAL_PX = 1300.0
 BASELINE_M = 0.30
 """Science camera pair on the mast of the K9 rover, from which the site panorama is taken."""
 
+SINK_M = 0.01
+"""How far a point may lie under the line of sight before it counts as hidden."""
+
 
 def load_cached(folder: Path) -> Terrain:
     """Return the terrain in a folder; the last few stay in memory."""
@@ -217,6 +220,9 @@ def ground_at(terrain: Terrain, east_m: float, north_m: float, eye: v.Pose) -> v
         covariance_m2=[[float(c) for c in line] for line in covariance],
         range_m=distance,
         observed=bool(terrain.observed(east_m, north_m)),
+        in_view=bool(
+            terrain.line_of_sight(camera, (east_m, north_m, up), clearance_m=SINK_M, end_gap_m=0.05)
+        ),
         layer=layer,
     )
 

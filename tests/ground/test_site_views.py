@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import httpx
@@ -17,8 +18,9 @@ from rover_iface.cameras.panorama import camera_from_document
 from rover_iface.cameras.rig import load_cameras
 from rover_iface.profile import load_profile
 from rover_iface.soltime import SunClock
+from rover_iface.terrain import load_terrain, write_terrain
 from tests.ground.conftest import Api, yard
-from tests.ground.test_missions_api import TARGET, problem
+from tests.ground.test_missions_api import TARGET, problem, upload
 
 
 @pytest.fixture
@@ -73,6 +75,48 @@ def test_coverage_tells_hidden_ground_from_seen_and_how_well_it_is_known(
     assert at(4.19, 1.05) == 1
     assert at(5.2, 1.3) > 1
     assert at(12.0, 0.0) > at(6.0, 0.0) > at(3.0, 0.0), "depth is known worse with distance"
+
+
+def test_a_point_behind_a_rock_is_said_to_be_out_of_view_and_may_still_be_a_target(
+    sqlite_api: Api, site: Mission
+) -> None:
+    """As in the coverage: the boulder at (4, 1) hides 0.4 m behind it."""
+    point = f"/missions/{site.id}/terrain/point"
+    assert sqlite_api.get(f"{point}?east_m=3&north_m=0.75")["in_view"]
+    assert not sqlite_api.get(f"{point}?east_m=4.19&north_m=1.05")["in_view"]
+    sqlite_api.post(f"/missions/{site.id}/targets", {"east_m": 4.19, "north_m": 1.05})
+
+
+@pytest.fixture
+def half_seen(sqlite_api: Api, terrain_folder: Path, tmp_path: Path) -> Mission:
+    """The yard, but nobody ever saw what lies more than 6 m east."""
+    terrain = load_terrain(terrain_folder)
+    layer = terrain.layers[0]
+    mask = np.ones(layer.heights.shape, dtype=bool)
+    mask[:, round((6.0 - layer.west) / layer.spacing) :] = False
+    write_terrain(replace(terrain, layers=(replace(layer, mask=mask),)), tmp_path / "half")
+    return yard(sqlite_api.repo, tmp_path / "half", "Half seen")
+
+
+def test_a_target_on_ground_that_was_never_observed_is_refused_wherever_it_comes_from(
+    sqlite_api: Api, half_seen: Mission
+) -> None:
+    targets = f"/missions/{half_seen.id}/targets"
+    for seen, east in ((True, 5.5), (False, 7.0)):
+        point = sqlite_api.get(f"/missions/{half_seen.id}/terrain/point?east_m={east}&north_m=2")
+        assert point["observed"] is seen
+    answer = sqlite_api("POST", targets, {"east_m": 7.0, "north_m": 2.0})
+    document = problem(answer, 422, "unobserved-ground")
+    assert "the ground at (7.00, 2.00) was never observed" in document["detail"]
+    assert document["errors"][0]["pointer"] == "/east_m"
+    made = sqlite_api.post(targets, {"east_m": 5.5, "north_m": 2.0})
+    moved = sqlite_api("PATCH", f"/targets/{made['id']}", {"east_m": 7.0}, headers={"If-Match": "*"})
+    problem(moved, 422, "unobserved-ground")
+    file = upload(sqlite_api, "g.csv", b"kind,name,east_m,north_m\ntarget,A,7.0,2.0\n")
+    imported = sqlite_api("POST", f"/missions/{half_seen.id}/geometry", {"upload_id": file})
+    assert imported.status_code == 422
+    assert "was never observed" in imported.text
+    assert [t["name"] for t in sqlite_api.get(targets)["items"]] == [made["name"]]
 
 
 def test_the_panorama_shows_what_a_pick_in_it_hits(sqlite_api: Api, site: Mission) -> None:

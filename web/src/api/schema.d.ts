@@ -4703,12 +4703,16 @@ export interface components {
         /**
          * TerrainPoint
          * @description The ground at one point, asked of the full-resolution terrain; `covariance_m2` is row by row.
+         *
+         *     `observed` is whether a camera ever saw it, `in_view` whether the mast at the start pose sees it.
          */
         TerrainPoint: {
             /** Covariance M2 */
             covariance_m2: number[][];
             /** East M */
             east_m: number;
+            /** In View */
+            in_view: boolean;
             /** Layer */
             layer: string;
             /** Normal */

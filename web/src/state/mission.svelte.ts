@@ -489,7 +489,7 @@ export class MissionState {
   /** Ask for a plan and open it when its job is under way. */
   async makePlan(order: PlanCreate): Promise<Job | null> {
     if (this.orderProblem !== "") {
-      app.toast("bad", "No plan was asked for", `Risk of an overrun: ${this.orderProblem}.`);
+      app.toast("bad", "No plan was asked for", `Overrun risk: ${this.orderProblem}.`);
       return null;
     }
     return await app.attempt("Planning", async () => {
