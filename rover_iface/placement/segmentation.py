@@ -75,6 +75,9 @@ class SegmentationOptions:
         saddle.
     rounds
         Turns of expectation and maximisation at most.
+    thinning
+        Of an organised cloud only every so many columns and rows are worked on; the points between take the
+        label of the nearest that was. Costs a border of half as many pixels, wins the square of it in time.
     """
 
     ground: GroundOptions = field(default_factory=GroundOptions)
@@ -91,6 +94,7 @@ class SegmentationOptions:
     saddle_m: float = 0.05
     saddle_share: float = 0.5
     rounds: int = 6
+    thinning: int = 1
 
     def __post_init__(self) -> None:
         if not (self.roughness_m > 0 and self.least_height_m > 0 and self.rounds >= 1):
@@ -98,6 +102,8 @@ class SegmentationOptions:
                 f"segmentation: roughness {self.roughness_m} m, least height {self.least_height_m} m, "
                 f"{self.rounds} rounds; all must be positive"
             )
+        if self.thinning < 1:
+            raise PlacementError(f"segmentation: thinning is {self.thinning}; it must be at least 1")
         if not 0 < self.rock_share < 1:
             raise PlacementError(f"segmentation: rock share is {self.rock_share}; 0 to 1, both excluded")
 
@@ -181,6 +187,8 @@ def segment(
     An empty cloud, or one without a ground plane, is a segmentation without rocks and without ground.
     """
     options = options or SegmentationOptions()
+    if options.thinning > 1 and cloud.pixels is not None and len(cloud):
+        return _of_thinned(cloud, options, seed)
     plane = fit_ground_plane(cloud, options.ground, seed=seed)
     if plane is None:
         nothing = np.zeros(len(cloud))
@@ -188,6 +196,30 @@ def segment(
             np.full(len(cloud), GROUND), nothing, nothing.copy(), (), None, math.nan, -math.inf, 0
         )
     return _Mixture(cloud, plane, options).run()
+
+
+def _of_thinned(cloud: SurfaceCloud, options: SegmentationOptions, seed: int) -> Segmentation:
+    """Return the segmentation of every `thinning`-th column and row, spread over the points between."""
+    from scipy.spatial import cKDTree
+
+    assert cloud.pixels is not None
+    kept = np.flatnonzero((cloud.pixels % options.thinning == 0).all(axis=1))
+    part = segment(cloud.subset(kept), replace(options, thinning=1), seed=seed)
+    if part.ground is None:
+        nothing = np.zeros(len(cloud))
+        return replace(
+            part, labels=np.full(len(cloud), GROUND), rock_probability=nothing, height_m=nothing.copy()
+        )
+    nearest = cKDTree(cloud.points[kept]).query(cloud.points)[1]
+    labels = part.labels[nearest]
+    points = np.bincount(labels[labels >= 0], minlength=len(part.rocks))
+    return replace(
+        part,
+        labels=labels,
+        rock_probability=part.rock_probability[nearest],
+        height_m=part.ground.height_over(cloud.points),
+        rocks=tuple(replace(rock, points=int(points[rock.label])) for rock in part.rocks),
+    )
 
 
 class _Mixture:

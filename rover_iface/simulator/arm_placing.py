@@ -19,7 +19,8 @@ from rover_iface.frames import Transform
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
 from rover_iface.placement.cloud import SurfaceCloud, cloud_of_stereo
-from rover_iface.placement.safety import SafetyLimits, plan_placement
+from rover_iface.placement.safety import plan_placement
+from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
 from rover_iface.placement.verdict import PlacementVerdict
 from rover_iface.profile import Instrument

@@ -20,8 +20,8 @@ from rover_iface.placement import (
 )
 from rover_iface.placement.arm import ArmLimit, ArmRefusal
 from rover_iface.placement.ground_plane import fit_ground_plane
-from rover_iface.placement.safety import away_from_edges
-from rover_iface.placement.segmentation import Segmentation, segment
+from rover_iface.placement.patch_check import away_from_edges
+from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
 from rover_iface.profile import RoverProfile, load_profile
 from tests.shared import shared
 
@@ -120,6 +120,15 @@ def test_points_without_order_give_the_same_rocks() -> None:
     assert len(found.rocks) == len(organised.rocks)
     agree = (found.labels >= 0) == (organised.labels[keep] >= 0)
     assert agree.mean() > 0.97
+
+
+def test_a_thinned_cloud_gives_the_same_rocks_for_every_point() -> None:
+    cloud, _, whole = scene()
+    found = segment(cloud, SegmentationOptions(thinning=2))
+    assert len(found.labels) == len(found.height_m) == len(cloud)
+    assert len(found.rocks) == len(whole.rocks)
+    assert ((found.labels >= 0) == (whole.labels >= 0)).mean() > 0.98
+    assert [r.points for r in found.rocks] == [int((found.labels == r.label).sum()) for r in found.rocks]
 
 
 def test_flat_ground_holds_no_rock() -> None:
@@ -289,6 +298,7 @@ def test_ground_is_taken_when_it_is_asked_for(k9: RoverProfile) -> None:
         (lambda: SafetyLimits(tool_radius_m=-0.03), r"tool radius is -0\.03 m; it must be positive"),
         (lambda: SafetyLimits(search_m=-1.0), r"search_m is -1\.0 m"),
         (lambda: SafetyLimits(least_share=1.5), r"1\.5"),
+        (lambda: SegmentationOptions(thinning=0), r"thinning is 0; it must be at least 1"),
         (lambda: cloud_of_points(np.zeros((4, 2))), r"\(4, 2\)"),
         (lambda: cloud_of_points(np.zeros((4, 3)), sigma_m=0.0), r"sigma_m is 0\.0 m"),
     ],

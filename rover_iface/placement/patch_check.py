@@ -1,0 +1,236 @@
+"""The surface under the tool at a point: what is measured of it, and which limits it breaks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.placement import patch_kernels as kernels
+from rover_iface.placement.cloud import Array, SurfaceCloud
+from rover_iface.placement.safety_limits import SafetyLimits
+from rover_iface.placement.verdict import Finding, PatchMeasures, Reason
+from rover_iface.profile import RoverProfile
+
+BALL = 3.0
+"""Points within so many radii of the tool are looked at: what lies deep under it is no support, but seen."""
+
+LEAST_POINTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A point, the surface under the tool there, and what is wrong with it."""
+
+    point: Array
+    normal: Array | None
+    measures: PatchMeasures | None
+    findings: tuple[Finding, ...]
+
+    def with_finding(self, finding: Finding) -> Judged:
+        """Return the same with one more finding."""
+        return Judged(self.point, self.normal, self.measures, (*self.findings, finding))
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """The part of a cloud round a place: only it is searched for the points under the tool."""
+
+    middle: Array
+    radius_m: float
+    cloud: SurfaceCloud
+    mine: npt.NDArray[np.bool_]
+    trusted: npt.NDArray[np.bool_]
+    weight: Array
+    spacing_m: Array
+
+
+class PatchCheck:
+    """Judges points of one rock (or of the ground) of a cloud.
+
+    Parameters
+    ----------
+    labels, label
+        (n,) of the cloud's points, and the one that the tool must stand on.
+    axis
+        (3,), approach axis, or None.
+    """
+
+    def __init__(
+        self,
+        cloud: SurfaceCloud,
+        labels: npt.NDArray[np.int64],
+        label: int,
+        profile: RoverProfile,
+        limits: SafetyLimits,
+        axis: Array | None = None,
+    ) -> None:
+        self.cloud, self.labels, self.label, self.limits, self.axis = cloud, labels, label, limits, axis
+        self.radius_m = limits.tool_radius_m or profile.arm.tool_radius_m
+        self.trusted = away_from_edges(cloud, limits.edge_px, limits.edge_jump_m)
+        self._last: _Window | None = None
+
+    def candidates(self, at: Array) -> list[Array]:
+        """Return the points to be tried: the surface at the designated one, then one for each cell of
+        `grid_m` of the same rock, by distance."""
+        cloud = self.cloud
+        near = np.asarray(
+            cloud.tree.query_ball_point(at, max(self.limits.search_m, self.limits.grid_m)), dtype=np.int64
+        )
+        near = near[self.labels[near] == self.label]
+        # fine round the designated point, coarser further off
+        away = np.linalg.norm(cloud.points[near] - at, axis=1)
+        coarse = np.where(away < self.limits.search_m / 4.0, 1.0, 2.5)
+        cells = np.floor(cloud.points[near] / (self.limits.grid_m * coarse)[:, None]).astype(np.int64)
+        near = near[np.unique(np.column_stack((cells, coarse)), axis=0, return_index=True)[1]]
+        order = near[np.argsort(np.linalg.norm(cloud.points[near] - at, axis=1))]
+        return [at, *cloud.points[order]]
+
+    def judge(self, point: Array) -> Judged:
+        """Return what the tool would stand on at a point (3,) near the surface, and every limit that it
+        breaks.
+
+        The point returned is the one on the fitted plane.
+        """
+        reach = self.radius_m + self.limits.margin_m
+        window = self._window(point, BALL * reach)
+        cloud = window.cloud
+        inner = kernels.in_ball(cloud.points, point, reach)
+        own = inner[window.mine[inner] & window.trusted[inner]]
+        if len(own) < LEAST_POINTS:
+            few = Finding(Reason.FEW_POINTS, float(len(own)), float(LEAST_POINTS))
+            return Judged(point, None, None, (few,))
+        eye = cloud.eye
+        outward = np.asarray(cloud.up) if eye is None else (eye - point) / np.linalg.norm(eye - point)
+        middle, normal = kernels.fit_plane(cloud.points[own], window.weight[own], outward)
+        on_plane = point - ((point - middle) @ normal) * normal
+        measures = self._measure(window, on_plane, normal, outward)
+        return Judged(on_plane, normal, measures, self._findings(measures))
+
+    def _window(self, point: Array, radius_m: float) -> _Window:
+        """Return the points within `radius_m` of `point`, and as far round it as others will be asked for."""
+        last = self._last
+        if last is not None and np.linalg.norm(point - last.middle) + radius_m < last.radius_m:
+            return last
+        wide = self.limits.search_m + 1.2 * radius_m
+        index = kernels.in_ball(self.cloud.points, np.asarray(point, dtype=np.float64), wide)
+        part = self.cloud.subset(index)
+        self._last = _Window(
+            np.asarray(point),
+            wide,
+            part,
+            self.labels[index] == self.label,
+            self.trusted[index],
+            1.0 / np.maximum(np.trace(part.covariances, axis1=1, axis2=2), 1e-12),
+            self.cloud.spacing_m[index],
+        )
+        return self._last
+
+    def _measure(self, window: _Window, at: Array, normal: Array, outward: Array) -> PatchMeasures:
+        cloud, limits = window.cloud, self.limits
+        reach = self.radius_m + limits.margin_m
+        ball = kernels.in_ball(cloud.points, at, BALL * reach)
+        across, height = kernels.across_and_height(cloud.points[ball], at, normal)
+        # what lies in the cylinder under the tool, however deep
+        under, protrusion, depth, rms, beside = kernels.relief(
+            across, height, reach, limits.margin_m, limits.tool_length_m
+        )
+        surface = ball[under]
+        sigma = kernels.median_sigma(cloud.covariances, surface, normal)
+        share, hole = self._gaps(window, surface[window.trusted[surface]], at, normal)
+        return PatchMeasures(
+            points=len(surface),
+            valid_share=share,
+            hole_m=hole,
+            protrusion_m=protrusion,
+            depth_m=depth,
+            rms_m=rms,
+            sigma_m=sigma,
+            normal_sigma_rad=self._normal_sigma(cloud.points, surface, normal, sigma),
+            view_angle_rad=_angle(normal, outward) if cloud.eye is not None else 0.0,
+            rock_share=float(window.mine[surface].mean()),
+            beside_m=beside,
+            slope_rad=0.0 if self.axis is None else _angle(normal, self.axis),
+        )
+
+    def _gaps(
+        self, window: _Window, index: npt.NDArray[np.int64], at: Array, normal: Array
+    ) -> tuple[float, float]:
+        """Return the share of the tool's disc within a pixel of a chosen point, and the diameter of the
+        largest hole.
+
+        A pixel on an oblique surface is as long as its slant makes it, at most three times its width.
+        """
+        radius = self.radius_m + self.limits.margin_m
+        if not len(index):
+            return 0.0, 2.0 * radius
+        pixel = float(np.median(window.spacing_m[index]))
+        eye = window.cloud.eye
+        if eye is not None:
+            slant = abs(float((eye - at) @ normal)) / float(np.linalg.norm(eye - at))
+            pixel /= max(slant, 1.0 / 3.0)
+        share, hole = kernels.disc_gaps(window.cloud.points[index], at, normal, radius, pixel)
+        return float(share), min(float(hole), 2.0 * radius)
+
+    def _normal_sigma(
+        self, points: Array, surface: npt.NDArray[np.int64], normal: Array, sigma: float
+    ) -> float:
+        """Return the normal's uncertainty: errors are shared by patches of 5 x 5 pixels."""
+        lever2 = kernels.middle_lever(points, surface, normal)
+        patches = max(3.0, len(surface) / 25.0)
+        return float(math.atan(sigma / math.sqrt(max(lever2 * patches, 1e-12))))
+
+    def _findings(self, m: PatchMeasures) -> tuple[Finding, ...]:
+        limits = self.limits
+        sure = limits.sigmas * m.sigma_m / math.sqrt(max(1.0, m.points / 25.0))
+        rms = math.sqrt(max(0.0, m.rms_m**2 - m.sigma_m**2))
+        pairs = (
+            (Reason.STEREO_SHARE, m.valid_share, limits.least_share, ""),
+            (Reason.STEREO_HOLE, m.hole_m, limits.most_hole_m, "m"),
+            (Reason.VIEW_ANGLE, m.view_angle_rad, limits.most_view_rad, "rad"),
+            (Reason.OFF_ROCK, m.rock_share, limits.least_rock_share, ""),
+            (Reason.EDGE, m.depth_m + sure, limits.most_depth_m, "m"),
+            (Reason.PROTRUSION, m.protrusion_m + sure, limits.most_protrusion_m, "m"),
+            (Reason.ROUGHNESS, rms, limits.most_rms_m, "m"),
+            (Reason.CLEARANCE, m.beside_m, limits.most_protrusion_m, "m"),
+            (Reason.NORMAL, limits.sigmas * m.normal_sigma_rad, limits.most_normal_rad, "rad"),
+            (Reason.SLOPE, m.slope_rad + limits.sigmas * m.normal_sigma_rad, limits.most_slope_rad, "rad"),
+        )
+        least = (Reason.STEREO_SHARE, Reason.OFF_ROCK)
+        return tuple(
+            Finding(reason, value, limit, unit)
+            for reason, value, limit, unit in pairs
+            if (value < limit if reason in least else not value <= limit)
+        )
+
+
+def away_from_edges(cloud: SurfaceCloud, edge_px: int, jump_m: float) -> npt.NDArray[np.bool_]:
+    """Return which points (n,) have nothing `jump_m` farther away within `edge_px` pixels.
+
+    A gap counts as far as the farther of its two ends along the row. Clouds without order have no edges.
+    """
+    from scipy.ndimage import maximum_filter
+
+    if cloud.pixels is None or cloud.eye is None or edge_px < 1 or len(cloud) == 0:
+        return np.ones(len(cloud), bool)
+    x, y = (cloud.pixels - cloud.pixels.min(axis=0)).T
+    far = np.linalg.norm(cloud.points - cloud.eye, axis=1)
+    raster = np.full((int(y.max()) + 1, int(x.max()) + 1), np.nan)
+    raster[y, x] = far
+    ends = np.fmax(_carried(raster), _carried(raster[:, ::-1])[:, ::-1])
+    filled = np.where(np.isnan(raster), np.nan_to_num(ends, nan=0.0), raster)
+    behind = maximum_filter(filled, size=2 * edge_px + 1)
+    return np.asarray(behind[y, x] < far + jump_m)
+
+
+def _carried(raster: Array) -> Array:
+    """Return the raster with each gap filled by the last known value to its left."""
+    known = ~np.isnan(raster)
+    last = np.maximum.accumulate(np.where(known, np.arange(raster.shape[1]), 0), axis=1)
+    return np.take_along_axis(raster, last, axis=1)
+
+
+def _angle(a: Array, b: Array) -> float:
+    return math.acos(float(np.clip(a @ b, -1.0, 1.0)))

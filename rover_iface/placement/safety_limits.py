@@ -1,0 +1,80 @@
+"""What a placement of the tool must keep."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rover_iface.errors import PlacementError
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyLimits:
+    """What a placement must keep.
+
+    Attributes
+    ----------
+    tool_radius_m
+        Of the circle round the contact face; the profile's when None.
+    margin_m
+        Added to the radius: the tool may come down this far from where it was meant to.
+    most_protrusion_m, most_depth_m
+        How far the surface under the tool may stand over the plane, and fall below it.
+    most_rms_m
+        Root mean square deviation from the plane, above what stereo errs.
+    sigmas
+        How many standard deviations of stereo's error are counted against the placement.
+    most_normal_rad
+        Uncertainty of the normal, that many standard deviations.
+    least_share, most_hole_m
+        Share of the area with valid stereo, diameter of the largest hole.
+    edge_px, edge_jump_m
+        Points within so many pixels of a step of this size behind them are not counted as seen: block
+        matching draws the foreground over its edge.
+    most_view_rad
+        Angle between line of sight and normal.
+    least_rock_share
+        Share of the points under the tool that belong to the same rock.
+    most_slope_rad
+        Angle between normal and approach axis, or between normal and tool as the arm can hold it; the
+        normal's uncertainty is added.
+    tool_length_m
+        Up to this height over the surface nothing may stand beside the tool.
+    search_m
+        How far from the designated point another may be taken.
+    grid_m
+        Distance between the points that are tried.
+    """
+
+    tool_radius_m: float | None = None
+    margin_m: float = 0.008
+    most_protrusion_m: float = 0.020
+    most_depth_m: float = 0.020
+    most_rms_m: float = 0.006
+    sigmas: float = 2.0
+    most_normal_rad: float = math.radians(12.0)
+    least_share: float = 0.90
+    most_hole_m: float = 0.014
+    edge_px: int = 3
+    edge_jump_m: float = 0.035
+    most_view_rad: float = math.radians(70.0)
+    least_rock_share: float = 0.95
+    most_slope_rad: float = math.radians(14.0)
+    tool_length_m: float = 0.14
+    search_m: float = 0.15
+    grid_m: float = 0.008
+
+    def __post_init__(self) -> None:
+        if self.tool_radius_m is not None and not self.tool_radius_m > 0:
+            raise PlacementError(f"tool radius is {self.tool_radius_m} m; it must be positive")
+        for name in ("margin_m", "search_m"):
+            if getattr(self, name) < 0:
+                raise PlacementError(f"{name} is {getattr(self, name)} m; it must not be negative")
+        for name in ("most_protrusion_m", "most_depth_m", "most_rms_m", "most_hole_m", "grid_m"):
+            if not getattr(self, name) > 0:
+                raise PlacementError(f"{name} is {getattr(self, name)} m; it must be positive")
+        if not 0 < self.least_share <= 1 or not 0 <= self.least_rock_share <= 1:
+            raise PlacementError(
+                f"shares of valid stereo {self.least_share} and of rock {self.least_rock_share} "
+                "must lie between 0 and 1"
+            )
