@@ -1,7 +1,8 @@
-"""Hazcam views of generated ground that the studies of segmentation and placement share.
+"""Views of generated ground that the studies of segmentation and placement share.
 
 One view is a stereo pair from a pose of the K9 on rocky ground, with the body and the range behind each
-pixel. Pairs are rendered once and kept in a folder for later studies.
+pixel: of the hazcams, or of the navcams from the same pose with the mast tilted to the ground before the
+rover. Pairs are rendered once and kept in a folder for later studies.
 """
 
 from __future__ import annotations
@@ -26,12 +27,15 @@ from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.terrain import Terrain
 
-VERSION = 1
+VERSION = 2
 VIEWS_PER_WORLD = 4
+MAST_M = (0.15, 0.0, 1.45)
+NAVCAM_TILT_RAD = math.radians(-26.0)
+"""The navcams' frame then holds the ground from 1.5 to 11 m before the mast."""
 
 
 @dataclass(frozen=True)
-class HazcamView:
+class StereoView:
     """A stereo pair and its truth; cameras in the rover frame.
 
     `body` is the number of the rock behind each pixel of the left image (-1: none), an index into `rocks`,
@@ -39,6 +43,7 @@ class HazcamView:
     """
 
     seed: int
+    sensor: str
     left: npt.NDArray[np.uint8]
     right: npt.NDArray[np.uint8]
     left_camera: CameraModel
@@ -75,23 +80,28 @@ def world(seed: int) -> Terrain:
     )
 
 
-def views(seed: int, folder: Path, count: int = VIEWS_PER_WORLD) -> list[HazcamView]:
-    """Return the views of one world, rendered now or kept in `folder` from an earlier study."""
-    kept = folder / f"placement_{VERSION}_{seed}_{count}.pickle"
+def views(
+    seed: int, folder: Path, count: int = VIEWS_PER_WORLD, *, sensor: str = "hazcam"
+) -> list[StereoView]:
+    """Return the views of one world, rendered now or kept in `folder` from an earlier study.
+
+    `sensor` is `hazcam` or `navcam`; both see the same ground from the same poses.
+    """
+    kept = folder / f"placement_{VERSION}_{seed}_{count}_{sensor}.pickle"
     if kept.is_file():
         with kept.open("rb") as stream:
-            found: list[HazcamView] = pickle.load(stream)
+            found: list[StereoView] = pickle.load(stream)
         return found
-    made = list(_render(seed, count))
+    made = list(_render(seed, count, sensor))
     folder.mkdir(parents=True, exist_ok=True)
     with kept.open("wb") as stream:
         pickle.dump(made, stream)
     return made
 
 
-def _render(seed: int, count: int) -> Iterator[HazcamView]:
+def _render(seed: int, count: int, sensor: str) -> Iterator[StereoView]:
     terrain, profile = world(seed), load_profile("k9")
-    rig = CameraRig(load_cameras("k9"), (0.15, 0.0, 1.45))
+    rig = CameraRig(load_cameras("k9"), MAST_M)
     renderer = Renderer(scene_from_terrain(terrain, (0.0, 0.0), radius_m=12.0, far_m=24.0, seed=seed))
     rng = np.random.default_rng([seed, 0x9EE])
     made = 0
@@ -101,42 +111,52 @@ def _render(seed: int, count: int) -> Iterator[HazcamView]:
         sun = Sun.from_angles(rng.uniform(0, math.tau), math.radians(float(rng.uniform(25, 65))))
         if _blocked(terrain, pose):
             continue
-        left, right = rig.mounted("hazcam_left"), rig.mounted("hazcam_right")
+        noise = (int(rng.integers(1 << 30)), int(rng.integers(1 << 30)))
         try:
-            one = renderer.render(left.model, pose, sun, sensor=left.sensor, seed=int(rng.integers(1 << 30)))
-            two = renderer.render(
-                right.model,
-                pose,
-                sun,
-                sensor=right.sensor,
-                exposure=one.exposure,
-                seed=int(rng.integers(1 << 30)),
-            )
+            yield _view(seed, sensor, terrain, renderer, rig, pose, sun, noise)
         except RenderError:
             continue
-        truth = one.truth
-        names = {r.id: (r.id, r.diameter, r.height) for r in terrain.rocks}
-        index = np.full(len(truth.ids) + 1, -1, np.int32)
-        rocks: list[tuple[str, float, float]] = []
-        for k in np.unique(truth.object_index):
-            if k >= 0 and truth.ids[k] in names:
-                index[k] = len(rocks)
-                rocks.append(names[truth.ids[k]])
-        yield HazcamView(
-            seed,
-            one.image8,
-            two.image8,
-            left.model,
-            right.model,
-            pose,
-            truth.range_m,
-            index[truth.object_index],
-            truth.lit,
-            tuple(rocks),
-        )
         made += 1
         if made == count:
             return
+
+
+def _view(
+    seed: int,
+    sensor: str,
+    terrain: Terrain,
+    renderer: Renderer,
+    rig: CameraRig,
+    pose: Pose,
+    sun: Sun,
+    noise: tuple[int, int],
+) -> StereoView:
+    names = (f"{sensor}_left", f"{sensor}_right")
+    left, right = (rig.camera(name, 0.0, NAVCAM_TILT_RAD) for name in names)
+    chip = rig.mounted(names[0]).sensor
+    one = renderer.render(left, pose, sun, sensor=chip, seed=noise[0])
+    two = renderer.render(right, pose, sun, sensor=chip, exposure=one.exposure, seed=noise[1])
+    truth = one.truth
+    known = {r.id: (r.id, r.diameter, r.height) for r in terrain.rocks}
+    index = np.full(len(truth.ids) + 1, -1, np.int32)
+    rocks: list[tuple[str, float, float]] = []
+    for k in np.unique(truth.object_index):
+        if k >= 0 and truth.ids[k] in known:
+            index[k] = len(rocks)
+            rocks.append(known[truth.ids[k]])
+    return StereoView(
+        seed,
+        sensor,
+        one.image8,
+        two.image8,
+        left,
+        right,
+        pose,
+        truth.range_m,
+        index[truth.object_index],
+        truth.lit,
+        tuple(rocks),
+    )
 
 
 def _blocked(terrain: Terrain, pose: Pose) -> bool:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.placement_worlds import VIEWS_PER_WORLD, HazcamView, views
+from benchmarks.placement_worlds import VIEWS_PER_WORLD, StereoView, views
 from rover_iface.cameras.stereo import dense_stereo
 from rover_iface.placement.cloud import SurfaceCloud, cloud_of_stereo
 from rover_iface.placement.segmentation import SegmentationOptions, segment
@@ -31,13 +31,13 @@ SCALE, NEAREST_M, FARTHEST_M, FIELD_RAD = 1.5, 0.35, 5.0, math.radians(50.0)
 BINS_M = ((0.0, 1.2), (1.2, 2.0), (2.0, 3.0), (3.0, 4.0))
 
 
-def cloud_of_view(view: HazcamView) -> SurfaceCloud:
+def cloud_of_view(view: StereoView) -> SurfaceCloud:
     """Return the cloud of a view, rover frame."""
     stereo = dense_stereo(*view.images, view.left_camera, view.right_camera, nearest_m=NEAREST_M, scale=SCALE)
     return cloud_of_stereo(stereo, farthest_m=FARTHEST_M, field_rad=FIELD_RAD)
 
 
-def bodies_of_points(view: HazcamView, cloud: SurfaceCloud) -> npt.NDArray[np.int64]:
+def bodies_of_points(view: StereoView, cloud: SurfaceCloud) -> npt.NDArray[np.int64]:
     """Return (n,) the rock that the ray of each point meets, -1 for none."""
     pixels = np.round(view.left_camera.project(cloud.points))
     with np.errstate(invalid="ignore"):
@@ -48,7 +48,7 @@ def bodies_of_points(view: HazcamView, cloud: SurfaceCloud) -> npt.NDArray[np.in
 
 
 def rocks_of_view(
-    view: HazcamView,
+    view: StereoView,
     *,
     least_m: float = 0.15,
     farthest_m: float = 4.0,
