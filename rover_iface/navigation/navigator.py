@@ -77,11 +77,13 @@ class Progress:
     """Tells when a drive is as near its goal as the ground allows.
 
     Far from the goal a way round may lead away from it for long, so only within `near_m` of it do `patience`
-    looks without a gain of 10 cm end a drive.
+    looks without a gain of 10 cm end a drive; farther off it takes `far_patience`, without which a rover shut
+    in by rocks wanders until it has used up its looks.
     """
 
     near_m: float
     patience: int = 6
+    far_patience: int = 150
     nearest_m: float = math.inf
     _since: int = 0
 
@@ -91,7 +93,7 @@ class Progress:
             self.nearest_m, self._since = left_m, 0
             return False
         self._since += 1
-        return left_m <= self.near_m and self._since >= self.patience
+        return self._since >= (self.patience if left_m <= self.near_m else self.far_patience)
 
 
 @dataclass

@@ -23,6 +23,8 @@ from rover_iface.telemetry import TrackState
 Array = NDArray[np.floating]
 
 NEAR_M = 1.2
+LOOKS, LOOKS_PER_M = 20, 5.0
+"""Looks that bring a drive no nearer to its goal, however far off it is, before it is given up."""
 
 
 class Sight(Protocol):
@@ -108,7 +110,8 @@ class Driving:
         begin_j, begin_m = self.host.drawn_j, self.body.chassis.travelled_m
         goal, heading = self._goal(command, name)
         self._navigator = None
-        progress, looks = Progress(NEAR_M), 0
+        far = math.hypot(goal[0] - self.body.believed.x, goal[1] - self.body.believed.y)
+        progress, looks = Progress(NEAR_M, far_patience=LOOKS + round(LOOKS_PER_M * far)), 0
         reason = "too many looks"
         while looks < 150:
             goal, heading = self._goal(command, name)

@@ -269,6 +269,8 @@ def test_a_hundred_random_traverses_of_twenty_metres() -> None:
 def test_a_way_round_may_lead_away_for_long_but_not_close_to_the_goal() -> None:
     far = Progress(near_m=1.0)
     assert not any(far.stalled(left) for left in [5.0, *[6.0] * 40])
+    shut_in = Progress(near_m=1.0, far_patience=20)
+    assert [shut_in.stalled(3.0 + 0.01 * k) for k in range(22)] == [False] * 20 + [True] * 2
     near = Progress(near_m=1.0)
     assert [near.stalled(left) for left in [0.9] * 8] == [False] * 6 + [True] * 2
     gaining = Progress(near_m=1.0)
