@@ -176,14 +176,20 @@ class Kilometre:
 
 
 def kilometre(
-    legs: Sequence[TiedLeg], seed: int, steps: Sequence[tuple[Transform, Step]], *, length_m: float = 1000.0
+    legs: Sequence[TiedLeg],
+    seed: int,
+    steps: Sequence[tuple[Transform, Step]],
+    *,
+    length_m: float = 1000.0,
+    sightings: int = 1,
 ) -> Kilometre:
     """Return a traverse over legs in random order, with odometry drawn anew.
 
     The wheels are off by 5 % of the way, half of the variance the same on the whole run; the pictures by what
-    the feature steps were off (drawn from them), and 1 % of scale; roll and pitch are measured to 0.3 and the
-    heading at each site (sun) to 1 degree.
+    the feature steps were off (drawn from them), and 0.5 % of scale; roll and pitch are measured to 0.3 and
+    the heading at each site to 1 degree by each of so many sightings of the sun.
     """
+    sun_sigma = SUN_SIGMA / math.sqrt(sightings)
     rng = np.random.default_rng([seed, 0x1000])
     errors = np.array([small_motion(true, step.old_from_new) for true, step in steps])
     # with either sign: the mean of a hundred steps is chance, and over a thousand steps would be a bias
@@ -191,9 +197,9 @@ def kilometre(
     claimed = np.mean([step.covariance for _, step in steps], axis=0)
     bias, scale = rng.normal(0, WHEEL_SHARE / math.sqrt(2)), rng.normal(0, VO_SCALE)
     order, course = [int(k) for k in rng.permutation(len(legs))], 0.0
-    true = [Transform(rotation_rpy(*rng.normal(0, TILT_SIGMA, 2), rng.normal(0, SUN_SIGMA)), np.zeros(3))]
+    true = [Transform(rotation_rpy(*rng.normal(0, TILT_SIGMA, 2), rng.normal(0, sun_sigma)), np.zeros(3))]
     adjustment = BundleAdjustment()
-    start = np.diag([TILT_SIGMA, TILT_SIGMA, SUN_SIGMA, 1e-4, 1e-4, 1e-4]) ** 2
+    start = np.diag([TILT_SIGMA, TILT_SIGMA, sun_sigma, 1e-4, 1e-4, 1e-4]) ** 2
     believed = Transform.identity()
     adjustment.add_pose(0, believed, covariance=start)
     wheels, odometry, chain = [np.zeros(3)], [believed], [(Transform.identity(), start)]
@@ -204,7 +210,7 @@ def kilometre(
         way = turn @ leg.shift
         level = float(np.hypot(*way[:2]))
         travelled += level
-        attitude = rotation_rpy(*rng.normal(0, TILT_SIGMA, 2), rng.normal(0, SUN_SIGMA))
+        attitude = rotation_rpy(*rng.normal(0, TILT_SIGMA, 2), rng.normal(0, sun_sigma))
         true.append(Transform(attitude, true[-1].translation + way))
         # wheels: along the way as believed at the last site, where the sun gave the heading
         slip = bias + rng.normal(0, WHEEL_SHARE / math.sqrt(2))
@@ -224,7 +230,7 @@ def kilometre(
         before.append(total.rotation @ covariance[3:, 3:] @ total.rotation.T)
         adjustment.add_pose(site, odometry[-1])
         adjustment.add_motion(site - 1, site, walked, spread)
-        adjustment.add_attitude(site, Transform.identity(), (TILT_SIGMA, TILT_SIGMA, SUN_SIGMA))
+        adjustment.add_attitude(site, Transform.identity(), (TILT_SIGMA, TILT_SIGMA, sun_sigma))
         refused += not leg.accepted
         for number, (one, two) in enumerate(zip(leg.first, leg.second, strict=True)):
             name = (site, number)
