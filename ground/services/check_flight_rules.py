@@ -77,7 +77,7 @@ def _tilt(case: Case, limit: float) -> Verdict:
 
 def _energy_floor(case: Case, limit: float) -> Verdict:
     left = case.sol.battery_j - case.problem["budget"]["energy_j"] - case.sol.energy_floor_j
-    return left >= limit, left, f"left above the floor of {case.sol.energy_floor_j:g} J"
+    return left >= limit, left, f"left above the floor of {case.sol.energy_floor_j / 3600.0:.3g} Wh"
 
 
 def _overrun(case: Case, limit: float) -> Verdict:
@@ -110,8 +110,14 @@ def _time_of_day(case: Case, limit: float) -> Verdict:
     return (
         end_h <= limit,
         end_h,
-        f"latest end, local mean solar time; the plan begins at {case.sol.start_lmst_h:g} h",
+        f"latest end; the plan begins at {_lmst(case.sol.start_lmst_h)}",
     )
+
+
+def _lmst(hours: float) -> str:
+    """Return a local mean solar time as people write it: `09:30 LMST`."""
+    minutes = round(hours * 60.0)
+    return f"{minutes // 60:02d}:{minutes % 60:02d} LMST"
 
 
 def _crl(case: Case, limit: float) -> Verdict:

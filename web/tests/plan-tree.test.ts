@@ -148,3 +148,41 @@ describe("a plan of 300 activities and 50 branches", () => {
     expect(byTime(big, () => 100).bars).toHaveLength(300);
   });
 });
+
+describe("an option that is taken because a track is lost", () => {
+  const lines = linesOf({
+    format: "plan-tree/2",
+    plan: [
+      { op: "navigate", to: "A", p_reached: 1, quantiles: quantiles(0, 0, 0) },
+      {
+        op: "branch",
+        p_reached: 1,
+        options: [
+          {
+            id: "lost",
+            when: [{ var: "tracked", target: "B", is: false }],
+            p_taken: 0.1,
+            plan: [
+              { op: "navigate", to: "B", require_tracked: true, p_reached: 0.1, quantiles: quantiles(90, 90, 90) },
+              { op: "observe", target: "B", observation: "b1", p_reached: 0.1, quantiles: quantiles(90, 90, 90) },
+              { op: "navigate", to: "C", p_reached: 0.1, quantiles: quantiles(90, 90, 90) },
+              { op: "observe", target: "C", observation: "c1", p_reached: 0.1, quantiles: quantiles(150, 160, 170) },
+            ],
+          },
+        ],
+      },
+      { op: "navigate", to: "B", require_tracked: true, p_reached: 0.9, quantiles: quantiles(90, 90, 90) },
+      { op: "observe", target: "B", observation: "b1", p_reached: 0.9, quantiles: quantiles(120, 130, 140) },
+    ],
+  });
+
+  it("neither drives to that target nor counts for its request, and the next drive leaves from where it stands", () => {
+    expect(lines[1]?.steps.map((step) => [step.target, step.idle])).toEqual([["B", true], ["B", true], ["C", false], ["C", false]]);
+    expect(legsOf(lines).filter((leg) => leg.line === "lost").map((leg) => [leg.from, leg.to])).toEqual([["A", "C"]]);
+    expect(reachOf(lines).get("b1")).toBeCloseTo(0.9);
+  });
+
+  it("has no bars for what it skips", () => {
+    expect(byTime(lines, () => 10).bars.filter((bar) => bar.step.line === "lost").map((bar) => bar.step.target)).toEqual(["C", "C"]);
+  });
+});

@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { backProject, type CameraModel, cameraOf, clipMatrix, ellipseInImage, isLinear, moved, project, type Vector, warp } from "../src/lib/camera";
 import { coverageColour, edges, HIDDEN, slopeRaster, UNKNOWN } from "../src/lib/overlay";
 import { axesOf, marksIn } from "../src/lib/image-marks";
-import { azimuthOf, directionAt, loadingOrder, placeOf, type Strip } from "../src/lib/panorama";
+import { azimuthOf, directionAt, loadingOrder, named, placeOf, type Strip } from "../src/lib/panorama";
 import { linesOf, legsOf, type PlanTree } from "../src/lib/plan-tree";
 import { scaleBar } from "../src/lib/scale-bar";
 import { terrainProblem } from "../src/lib/terrain-files";
@@ -269,5 +269,20 @@ describe("files of a terrain", () => {
     expect(terrainProblem(file("dem.tif", 0), null)).toBe("dem.tif is empty");
     expect(terrainProblem(file("site.zip"), file("ortho.png"))).toContain("GeoTIFF only");
     expect(terrainProblem(file("dem.tif"), file("a.gif"))).toContain("a.gif is no image");
+  });
+});
+
+describe("names in the panorama", () => {
+  const mark = (name: string, x: number, y: number, selected = false) => ({ name, at: [x, y] as const, selected });
+
+  it("are left away where they would lie over another, never that of the selected target", () => {
+    expect(named([mark("A", 0, 0), mark("B", 200, 0)], 1)).toEqual([true, true]);
+    expect(named([mark("Adirondack", 0, 0), mark("Bonneville", 20, 4)], 1)).toEqual([true, false]);
+    expect(named([mark("Adirondack", 0, 0), mark("Bonneville", 20, 4, true)], 1)).toEqual([false, true]);
+  });
+
+  it("come back when one looks closer", () => {
+    const pair = [mark("Adirondack", 0, 0), mark("Bonneville", 20, 4)];
+    expect(named(pair, 4)).toEqual([true, true]);
   });
 });

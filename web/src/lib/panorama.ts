@@ -54,3 +54,29 @@ export function loadingOrder(strip: Strip, azimuth: number): number[] {
 }
 
 export const azimuthOf = (heading: number): number => wrapped(Math.PI / 2 - heading);
+
+export interface Mark {
+  name: string;
+  at: readonly [number, number];
+  selected: boolean;
+}
+
+const LETTER_PX = 6.4;
+const LABEL_PX = { left: 10, most: 150, height: 15 };
+
+/** Which marks have room for their names at a scale, so that none lies over another; the selected one always has. */
+export function named(marks: readonly Mark[], scale: number): boolean[] {
+  const taken: { x0: number; x1: number; y: number }[] = [];
+  const shown = marks.map(() => false);
+  const order = marks.map((_, k) => k).sort((a, b) => Number(marks[b]?.selected) - Number(marks[a]?.selected));
+  for (const k of order) {
+    const mark = marks[k] as Mark;
+    const x0 = mark.at[0] * scale + LABEL_PX.left;
+    const y = mark.at[1] * scale;
+    const x1 = x0 + Math.min(LABEL_PX.most, LETTER_PX * mark.name.length);
+    if (taken.some((other) => x0 < other.x1 && x1 > other.x0 && Math.abs(y - other.y) < LABEL_PX.height)) continue;
+    taken.push({ x0, x1, y });
+    shown[k] = true;
+  }
+  return shown;
+}

@@ -20,6 +20,7 @@ export interface TreeStep {
   target?: string;
   to?: string;
   observation?: string;
+  require_tracked?: boolean;
   wait_until_s?: number;
   on_fail?: "stop" | "skip";
   p_reached?: number;
@@ -53,6 +54,8 @@ export interface Step {
   waitUntil: number | null;
   onFail: "stop" | "skip";
   p: number;
+  /** The line is taken because the track that this step needs is lost: skipped unless it is found again. */
+  idle: boolean;
   time: Band | null;
   energy: Band | null;
   /** Lines that leave the plan at this step, in order of their test. */
@@ -111,21 +114,30 @@ export function linesOf(tree: PlanTree): Line[] {
   const lines: Line[] = [];
   let unnamed = 0;
 
-  function add(id: string, steps: TreeStep[], head: Omit<Line, "id" | "steps">): void {
+  function add(id: string, steps: TreeStep[], head: Omit<Line, "id" | "steps">, before: ReadonlySet<string>): void {
     const line: Line = { ...head, id, steps: [] };
     lines.push(line);
     let p = head.p;
+    const lost = new Set(before);
+    for (const c of head.when) if (c.var === "tracked" && c.is === false && c.target !== undefined) lost.add(c.target);
+    /** Target of a drive that is not made, until the next one. */
+    let missed: string | null = null;
     steps.forEach((raw, index) => {
       p = raw.p_reached ?? p;
+      const target = raw.target ?? raw.to ?? null;
+      if (raw.op === "track_start" && target !== null) lost.delete(target);
+      if (raw.op === "navigate") missed = raw.require_tracked === true && target !== null && lost.has(target) ? target : null;
+      const idle = missed !== null && (raw.op === "navigate" || raw.op === "observe") && target === missed;
       const step: Step = {
         key: `${id}/${index}`,
         line: id,
         op: raw.op,
-        target: raw.target ?? raw.to ?? null,
+        target,
         request: raw.observation ?? null,
         waitUntil: raw.wait_until_s ?? null,
         onFail: raw.on_fail ?? "stop",
-        p,
+        p: idle ? 0 : p,
+        idle,
         time: band(raw.quantiles, "time_s"),
         energy: band(raw.quantiles, "energy_j"),
         forks: [],
@@ -143,7 +155,7 @@ export function linesOf(tree: PlanTree): Line[] {
           p: option.p_taken ?? p,
           gain: option.gain ?? null,
           utility: option.utility_table ?? [],
-        });
+        }, lost);
       }
       if (raw.op === "branch" && raw.p_reached === undefined) {
         const taken = step.forks.reduce((sum, id) => sum + (lines.find((l) => l.id === id)?.p ?? 0), 0);
@@ -152,7 +164,7 @@ export function linesOf(tree: PlanTree): Line[] {
     });
   }
 
-  add(MAIN, tree.plan, { depth: 0, parent: null, from: null, when: [], p: 1, gain: null, utility: [] });
+  add(MAIN, tree.plan, { depth: 0, parent: null, from: null, when: [], p: 1, gain: null, utility: [] }, new Set());
   return lines;
 }
 
@@ -173,7 +185,7 @@ export function legsOf(lines: Line[]): Leg[] {
   for (const line of lines) {
     let place = line.from === null ? null : (placeAt.get(line.from) ?? null);
     for (const step of line.steps) {
-      if ((step.op === "navigate" || step.op === "visit") && step.target !== null && step.target !== place) {
+      if (!step.idle && (step.op === "navigate" || step.op === "visit") && step.target !== null && step.target !== place) {
         legs.push({ line: line.id, depth: line.depth, step: step.key, from: place, to: step.target, p: step.p });
         place = step.target;
       }

@@ -45,19 +45,20 @@ export function byTime(lines: readonly Line[], tail: (step: Step) => number): La
   for (const line of lines) {
     const row = rowOf.get(line.id) ?? 0;
     let last = line.from === null ? 0 : (begins.get(line.from) ?? 0);
+    const shown = (step: Step): boolean => drawn(step) && !step.idle;
     line.steps.forEach((step, k) => {
       const start = Math.max(last, step.time?.mid ?? last);
       const next = line.steps.slice(k + 1).find((later) => later.time !== null);
       const end = Math.max(start, next?.time?.mid ?? start + (drawn(step) ? tail(step) : 0));
       begins.set(step.key, start);
-      if (drawn(step)) {
+      if (shown(step)) {
         bars.push({ step, row, start, end });
         extent = Math.max(extent, end, step.time?.high ?? 0);
         last = step.time === null ? end : start;
       }
     });
     if (line.from !== null) {
-      const first = line.steps.find(drawn);
+      const first = line.steps.find(shown);
       const at = begins.get(line.from) ?? 0;
       forks.push({
         line,
