@@ -92,9 +92,10 @@ TESTED = ("shipped", "surfaces alone", "published")
 
 def _registration(results: dict[str, Any]) -> str:
     found = results["registration"]
-    pairs = list(found["shipped"])
+    engines = found["engines"]
+    pairs = list(engines["shipped"])
     rows = []
-    for engine, by in found.items():
+    for engine, by in engines.items():
         for pair in pairs:
             e = by[pair]
             kept = "-"
@@ -109,8 +110,13 @@ def _registration(results: dict[str, Any]) -> str:
                     f"{e['within_1_percent']:.0f}",
                     share,
                     kept,
-                    f"{e['cpu_s']:.2f}",
+                    f"{e['cpu_s']:.2f} / {e['cpu_max_s']:.2f}",
                 ]
             )
+    worlds = f"{len(found['worlds'])} worlds ({found['worlds'][0]} to {found['worlds'][-1]})"
+    made = f"{found['surface_cpu_s']:.2f} and {found['features_cpu_s']:.2f} CPU s"
     head = ["engine", "surfaces", "trials", "within 1 cm, %", "accepted, %", "accepted: error cm", "CPU s"]
-    return table(head, rows)
+    return (
+        f"{worlds}. Errors: median / 95 % / worst; CPU s: median / worst. What a view is asked for once, its "
+        f"surface and its features, takes {made} (median) and is not in them.\n\n"
+    ) + table(head, rows)

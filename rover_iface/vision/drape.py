@@ -24,7 +24,7 @@ from rover_iface.vision.tracker import Image, StereoView
 
 SIGMA_PX = 0.3
 """Error of the place of a patch in the pair's left image."""
-TEMPLATE_PX, CONTEXT_PX = 15, 25
+TEMPLATE_PX = 15
 FEATURE_RATIO, FEATURE_GATE_PX, FEATURE_REACH_PX = 0.85, 200.0, 4.0
 
 
@@ -38,6 +38,8 @@ class DrapeOptions:
         How many, and how far from the middle.
     clear_px
         How near to the middle none is taken.
+    context_px
+        Window over which the best places of a patch are compared.
     search_px
         Search round the prediction, of one pass after the other.
     least_score
@@ -58,6 +60,7 @@ class DrapeOptions:
     patches: int = 60
     reach_m: float = 0.35
     clear_px: float = 10.0
+    context_px: int = 25
     search_px: tuple[int, ...] = (14, 5)
     least_score: float = 0.4
     inlier_px: float = 1.2
@@ -122,12 +125,12 @@ def find_patches(
 
     camera = scene.left_camera
     near = cloud.points[np.linalg.norm(cloud.points - middle, axis=1) < options.reach_m]
-    near = near[standing.sees(near, CONTEXT_PX / 2)]
+    near = near[standing.sees(near, options.context_px / 2)]
     pixels = np.round(camera.project(np.vstack((near, middle))))
     if len(near) < 20 or not np.isfinite(pixels[-1]).all():
         return []
     mask = np.zeros(scene.left.shape, np.uint8)
-    margin = CONTEXT_PX // 2
+    margin = options.context_px // 2
     rows, columns = scene.left.shape
     held = (pixels >= margin).all(axis=1) & (pixels < np.array([columns, rows]) - margin).all(axis=1)
     inside = pixels[held].astype(np.int64)
@@ -148,7 +151,13 @@ def find_patches(
 
 
 def find_draped(
-    image: Image, camera: CameraModel, source_px: Array, scene: StereoView, patch: PointMatch, search_px: int
+    image: Image,
+    camera: CameraModel,
+    source_px: Array,
+    scene: StereoView,
+    patch: PointMatch,
+    search_px: int,
+    context_px: int,
 ) -> tuple[Array, float] | None:
     """Return where the pair's left image shows what the other camera has at `source_px`, and its correlation.
 
@@ -162,7 +171,7 @@ def find_draped(
     away = float(np.linalg.norm(patch.point - camera.C))
     source = Template(image, camera, source_px, patch.point, patch.normal, away, 0.0)
     matcher = TemplateMatcher(
-        NccOptions(search_px=search_px, template_px=TEMPLATE_PX, context_px=CONTEXT_PX, coarse=False)
+        NccOptions(search_px=search_px, template_px=TEMPLATE_PX, context_px=context_px, coarse=False)
     )
     expected = np.asarray(scene.left_camera.project(patch.point))
     template = matcher.predict(source, scene.left_camera, expected, patch.point)
@@ -232,7 +241,7 @@ def _pass(
         source_px = np.asarray(standing.project(patch.point))
         if not np.isfinite(source_px).all():
             continue
-        found = find_draped(image, standing, source_px, scene, patch, search_px)
+        found = find_draped(image, standing, source_px, scene, patch, search_px, options.context_px)
         if found is None or found[1] < options.least_score:
             continue
         point = on_plane(scene.left_camera, found[0], patch)

@@ -51,11 +51,13 @@ WINDOWS_PX, WINDOWS_AGREE_PX = (21, 31), 0.5
 class Side:
     """A stereo pair with its dense cloud, made when first asked for.
 
-    `nearest_m` is the least depth that its stereo looks for.
+    `nearest_m` is the least depth that its stereo looks for; `unmoved` the same pair in another frame, whose
+    pictures and features are these.
     """
 
     view: StereoView
     nearest_m: float
+    unmoved: Side | None = None
 
     @cached_property
     def cloud(self) -> Cloud | None:
@@ -82,6 +84,8 @@ class Side:
     @cached_property
     def picture_features(self) -> tuple[Array, Descriptors]:
         """Return pixels (n, 2) and descriptors (n, 128) of the left image's features."""
+        if self.unmoved is not None:
+            return self.unmoved.picture_features
         return detect(self.view.left, FEATURES)
 
     def moved(self, motion: Transform) -> Side:
@@ -94,6 +98,7 @@ class Side:
                 right_camera=v.right_camera.transformed(motion),
             ),
             self.nearest_m,
+            self if self.unmoved is None else self.unmoved,
         )
         if "cloud" in self.__dict__ and self.cloud is not None:
             points = np.asarray(motion.apply(self.cloud.points), dtype=np.float64)
@@ -101,12 +106,13 @@ class Side:
             out.__dict__["cloud"] = moved
         if "surface" in self.__dict__ and self.surface is not None:
             out.__dict__["surface"] = self.surface.moved(motion)
-        if "picture_features" in self.__dict__:
-            out.__dict__["picture_features"] = self.picture_features
         return out
 
-    def point(self, pixel: Array, expected_m: float | None = None) -> PointMatch | None:
-        """Return the surface point under a pixel of the left image by point stereo."""
+    def point(self, pixel: Array, expected_m: float | None = None, spread: float = 0.25) -> PointMatch | None:
+        """Return the surface point under a pixel of the left image by point stereo.
+
+        It is looked for within a share `spread` of the expected range.
+        """
         v = self.view
         return point_stereo(
             v.left,
@@ -115,7 +121,7 @@ class Side:
             v.right_camera,
             pixel,
             expected_range_m=expected_m,
-            range_spread=0.25,
+            range_spread=spread,
         )
 
 

@@ -183,7 +183,9 @@ def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: Casc
     expected = np.asarray(camera.project(place.point))
     patch = replace(under[1], point=place.point, left_px=expected)
     blind = _blind(standing, scene, pixel, patch, place.sigma_m, found)
-    own = find_draped(side.view.left, standing, pixel, scene, patch, options.drape.search_px[-1])
+    own = find_draped(
+        side.view.left, standing, pixel, scene, patch, options.drape.search_px[-1], options.drape.context_px
+    )
     score = 0.0 if own is None else own[1]
     if own is not None and score >= options.own_score:
         gap = float(np.hypot(*(own[0] - expected)))

@@ -31,6 +31,9 @@ from rover_iface.vision.sift_motion import Motion, settle
 
 BOTH_PX = 2.5
 """Consensus distance of patches in both images of a pair, in units of their expected error of a pixel."""
+REGISTRATION = DrapeOptions(patches=40, context_px=15)
+RIGHT_SPREAD = 0.08
+"""Share of its range within which a pair that ranges rightly has a patch whose place is known."""
 
 
 def lay(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> Draped | None:
@@ -73,7 +76,8 @@ def _guesses(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> It
         ray, other = match.point - one.C, match.point - two.C
         away, beyond = float(np.linalg.norm(ray)), float(np.linalg.norm(other))
         finer = (one.hs / away) / (two.hs / beyond)
-        if math.acos(float(ray @ other) / (away * beyond)) < options.alike_rad and 0.5 < finer < 2.0:
+        along = min(1.0, float(ray @ other) / (away * beyond))
+        if math.acos(along) < options.alike_rad and 0.5 < finer < 2.0:
             order.reverse()
     for make in order:
         found = make()
@@ -114,11 +118,15 @@ def surface_under(scene: Side, camera: CameraModel, pixel: Array) -> tuple[Array
     return None if found is None else (place, found)
 
 
-def ranged_by(side: Side, found: Draped) -> tuple[npt.NDArray[np.int64], Array]:
-    """Return which patches a side's pair ranges too (k,), and where its right image shows those (k, 2)."""
+def ranged_by(side: Side, found: Draped, spread: float = 0.25) -> tuple[npt.NDArray[np.int64], Array]:
+    """Return which patches a side's pair ranges too (k,), and where its right image shows those (k, 2).
+
+    They are looked for within a share `spread` of the range that they have.
+    """
     kept, right = [], []
     for n, place in enumerate(found.motion.points):
-        match = side.point(found.source_px[n], float(np.linalg.norm(place - side.view.left_camera.C)))
+        away = float(np.linalg.norm(place - side.view.left_camera.C))
+        match = side.point(found.source_px[n], away, spread)
         if match is not None and match.score > 0.8:
             kept.append(n)
             right.append(match.right_px)
@@ -139,7 +147,7 @@ def register_views(
     them agree the surfaces alone tell, with their tests. In a registration by patches `overlap` is the share
     of them that agree and `spread_m` what they leave open at the target.
     """
-    options = options or DrapeOptions()
+    options = options or REGISTRATION
     at = np.asarray(target, dtype=np.float64)
     pixel = np.asarray(model.view.left_camera.project(at))
     side = model.moved(guess)
@@ -157,7 +165,7 @@ def register_views(
 
 def _both(side: Side, found: Draped, options: DrapeOptions) -> Motion | None:
     """Return the motion that the patches tell in both images of a side."""
-    index, right = ranged_by(side, found)
+    index, right = ranged_by(side, found, RIGHT_SPREAD)
     if len(index) < options.least_agree:
         return None
     settled = settle(
