@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Hashable, Iterator, Mapping
-from functools import lru_cache
-from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar, cast
+from typing import Any, NoReturn, Self, TypeVar, cast
 
 import httpx
-from pydantic import TypeAdapter
 
+from ground.client_operations import (
+    Document,
+    MissionOperations,
+    PeopleOperations,
+    PlanOperations,
+    RunOperations,
+    SiteOperations,
+    TerrainOperations,
+    adapter,
+    events_of,
+)
+from ground.gdr import frame_values as f
 from ground.gdr import values as v
 
 T = TypeVar("T")
@@ -32,6 +41,11 @@ COLLECTIONS: Mapping[type, str] = {
     v.Job: "jobs",
     v.Person: "people",
     v.Approval: "approvals",
+    f.Frame: "frames",
+    f.Solution: "solutions",
+    f.FrameFile: "frame-files",
+    f.SiteMap: "site-maps",
+    f.Traverse: "traverses",
 }
 """Where each kind of value is found."""
 
@@ -49,13 +63,18 @@ class ServerUnreachableError(Exception):
     """No server answers at the address."""
 
 
-@lru_cache(maxsize=64)
-def _adapter(kind: Hashable) -> TypeAdapter[Any]:
-    return TypeAdapter(cast("Any", kind))
+def _raise(response: httpx.Response) -> NoReturn:
+    try:
+        document = response.json()
+    except ValueError:
+        document = {"detail": response.text[:200]}
+    raise ApiError(response.status_code, document if isinstance(document, dict) else {})
 
 
-class Client:
-    """Talks to one server, as one person.
+class Client(
+    MissionOperations, TerrainOperations, PlanOperations, RunOperations, SiteOperations, PeopleOperations
+):
+    """Talks to one server, as one person: every operation of the interface is a method.
 
     Parameters
     ----------
@@ -111,18 +130,36 @@ class Client:
         except httpx.TransportError as err:
             raise ServerUnreachableError(f"no server answers at {self.address} ({err})") from err
         if response.status_code >= 400:
-            try:
-                document = response.json()
-            except ValueError:
-                document = {"detail": response.text[:200]}
-            raise ApiError(response.status_code, document if isinstance(document, dict) else {})
+            _raise(response)
         return response
+
+    def keep_token(self, token: str) -> None:
+        """Send a session's token with every change from now on."""
+        self._http.headers["X-CSRF-Token"] = token
+
+    def stream(self, path: str, last_event_id: str | None = None) -> Iterator[Document]:
+        """Yield the events of a stream as they come: `id`, `event` and `data`.
+
+        Parameters
+        ----------
+        last_event_id
+            Of the event seen last: the stream goes on behind it.
+        """
+        headers = {} if last_event_id is None else {"Last-Event-ID": last_event_id}
+        try:
+            with self._http.stream("GET", path, headers=headers, timeout=None) as response:
+                if response.status_code >= 400:
+                    response.read()
+                    _raise(response)
+                yield from events_of(response.iter_lines())
+        except httpx.TransportError as err:
+            raise ServerUnreachableError(f"no server answers at {self.address} ({err})") from err
 
     # ---- resources
 
     def get(self, kind: type[T], identifier: str) -> T:
         """Return one resource."""
-        return self._value(kind, self.request("GET", f"/{COLLECTIONS[kind]}/{identifier}"))
+        return self.value(kind, "GET", f"/{COLLECTIONS[kind]}/{identifier}")
 
     def each(self, kind: type[T], mission_id: str | None = None, **where: str) -> Iterator[T]:
         """Yield the resources of a kind, page after page."""
@@ -134,7 +171,7 @@ class Client:
             parameters = {**where, "limit": "200", **({} if cursor is None else {"cursor": cursor})}
             page = self.request("GET", path, params=parameters).json()
             for item in page["items"]:
-                yield _adapter(cast("Hashable", kind)).validate_python(item)
+                yield adapter(cast("Hashable", kind)).validate_python(item)
             cursor = page["next_cursor"]
             if cursor is None:
                 return
@@ -144,7 +181,7 @@ class Client:
         path = (
             f"/{COLLECTIONS[kind]}" if mission_id is None else f"/missions/{mission_id}/{COLLECTIONS[kind]}"
         )
-        return self._value(kind, self.request("POST", path, json=dict(body)))
+        return self.value(kind, "POST", path, json=dict(body))
 
     def change(
         self, kind: type[T], identifier: str, body: Mapping[str, Any], revision: int | None = None
@@ -152,31 +189,14 @@ class Client:
         """Return a resource after a change of the revision seen; None changes whatever stands there."""
         headers = {"If-Match": "*" if revision is None else f'"{revision}"'}
         path = f"/{COLLECTIONS[kind]}/{identifier}"
-        return self._value(kind, self.request("PATCH", path, json=dict(body), headers=headers))
+        return self.value(kind, "PATCH", path, json=dict(body), headers=headers)
 
     def delete(self, kind: type, identifier: str, revision: int | None = None) -> None:
         """Delete a resource."""
         headers = {"If-Match": "*" if revision is None else f'"{revision}"'}
         self.request("DELETE", f"/{COLLECTIONS[kind]}/{identifier}", headers=headers)
 
-    def _value(self, kind: type[T], response: httpx.Response) -> T:
-        value: T = _adapter(cast("Hashable", kind)).validate_json(response.content)
-        return value
-
     # ---- long work
-
-    def plan(self, mission_id: str, **order: Any) -> v.Job:
-        """Ask for a plan."""
-        return self._value(v.Job, self.request("POST", f"/missions/{mission_id}/plans", json=order))
-
-    def run(self, mission_id: str, plan_id: str, **order: Any) -> v.Job:
-        """Ask for a dry run of a plan."""
-        body = {"plan_id": plan_id, **order}
-        return self._value(v.Job, self.request("POST", f"/missions/{mission_id}/runs", json=body))
-
-    def path_network(self, mission_id: str) -> v.Job:
-        """Ask for the path network."""
-        return self._value(v.Job, self.request("POST", f"/missions/{mission_id}/path-networks", json={}))
 
     def wait(self, job: v.Job, *, limit_s: float = 3600.0) -> Iterator[v.Job]:
         """Yield the job at each change until it is over."""
@@ -193,22 +213,6 @@ class Client:
             time.sleep(0.2)
             job = self.get(v.Job, job.id)
 
-    # ---- files
-
-    def upload(self, path: Path) -> v.Upload:
-        """Upload a file."""
-        with path.open("rb") as file:
-            response = self.request("POST", "/uploads", params={"file_name": path.name}, content=file)
-        return self._value(v.Upload, response)
-
-    def product_file(self, product_id: str) -> bytes:
-        """Return the file of a data product."""
-        return self.request("GET", f"/products/{product_id}/file").content
-
-    def crl(self, plan_id: str) -> str:
-        """Return the CRL of a plan."""
-        return self.request("GET", f"/plans/{plan_id}/crl").text
-
     def lineage(self, kind: type, identifier: str) -> v.Lineage:
         """Return where a target, request or product comes from and what came of it."""
-        return self._value(v.Lineage, self.request("GET", f"/{COLLECTIONS[kind]}/{identifier}/lineage"))
+        return self.value(v.Lineage, "GET", f"/{COLLECTIONS[kind]}/{identifier}/lineage")
