@@ -69,7 +69,7 @@ def safe_place(rock: RockScene, at: Array, arm: Arm, limits: SafetyLimits, true:
             continue
         if rock.true_patch(points[k], mean, arm.profile.tool_radius_m, true).wrong:
             continue
-        answer = arm.solve(points[k], mean, max_tilt_rad=limits.most_slope_rad)
+        answer = arm.solve(points[k], mean, max_tilt_rad=true.tilt_rad)
         if isinstance(answer, Posture):
             return np.asarray(points[k])
     return None
@@ -83,7 +83,7 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
     picked, at = designated(rock)
     cloud = rock.rendered_cloud(seed) if rendered else rock.cast_cloud(seed)
     began = time.process_time()
-    found = segment(cloud, SegmentationOptions(rounds=6 if rendered else 3))
+    found = segment(cloud, SegmentationOptions() if rendered else SegmentationOptions(rounds=3, thinning=2))
     verdict = plan_placement(cloud, at, profile, limits=limits, segmentation=found)
     row: dict[str, Any] = {
         "seed": seed,
@@ -91,6 +91,7 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
         "points": len(cloud),
         "decision": verdict.decision.value,
         "reasons": [f.reason.value for f in verdict.findings],
+        "findings": [[f.reason.value, f.value, f.limit] for f in verdict.findings],
         "tried": verdict.tried,
         "plan_s": time.process_time() - began,
     }

@@ -31,13 +31,17 @@ TARGET = "target"
 
 @dataclass(frozen=True)
 class TrueLimits:
-    """What the instrument bears, whatever the rover believes: lengths in metres."""
+    """What the instrument bears, whatever the rover believes: lengths in metres.
+
+    `tilt_rad` is what the arm may leave between tool and normal at a place that counts as safe and in reach.
+    """
 
     protrusion_m: float = 0.020
     depth_m: float = 0.030
     slope_rad: float = math.radians(20.0)
     rock_share: float = 0.97
     arm_error_m: float = 0.002
+    tilt_rad: float = math.radians(14.0)
 
 
 @dataclass(frozen=True)

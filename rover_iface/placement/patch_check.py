@@ -15,9 +15,13 @@ from rover_iface.placement.verdict import Finding, PatchMeasures, Reason
 from rover_iface.profile import RoverProfile
 
 BALL = 3.0
-"""Points within so many radii of the tool are looked at: what lies deep under it is no support, but seen."""
+"""Points within so many radii of the tool, and within its length, are looked at: what lies deep under it
+counts too."""
 
 LEAST_POINTS = 8
+
+SINGLE_POINTS = 8
+"""So many points that stand high in the tool's way may be wrong matches; more are a thing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +32,12 @@ class Judged:
     normal: Array | None
     measures: PatchMeasures | None
     findings: tuple[Finding, ...]
+    strain: float = math.inf
+    """Largest share of its limit that the relief (protrusion, depth, roughness) takes."""
 
     def with_finding(self, finding: Finding) -> Judged:
         """Return the same with one more finding."""
-        return Judged(self.point, self.normal, self.measures, (*self.findings, finding))
+        return Judged(self.point, self.normal, self.measures, (*self.findings, finding), self.strain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,21 +76,26 @@ class PatchCheck:
         self.cloud, self.labels, self.label, self.limits, self.axis = cloud, labels, label, limits, axis
         self.radius_m = limits.tool_radius_m or profile.arm.tool_radius_m
         self.trusted = away_from_edges(cloud, limits.edge_px, limits.edge_jump_m)
+        self._reach = self.radius_m + limits.margin_m
+        self._above = limits.tool_length_m + limits.margin_m
+        self._ball = max(BALL * self._reach, math.hypot(self._above, self._reach + limits.margin_m))
         self._last: _Window | None = None
 
-    def candidates(self, at: Array) -> list[Array]:
-        """Return the points to be tried: the surface at the designated one, then one for each cell of
-        `grid_m` of the same rock, by distance."""
+    def candidates(self, at: Array, *, coarse: float = 2.5) -> list[Array]:
+        """Return the points to be tried: the surface at the designated one, then one for each cell of the
+        same rock, by distance.
+
+        Cells are `grid_m` wide within a quarter of the search radius, and `coarse` times that further off.
+        """
         cloud = self.cloud
         near = np.asarray(
             cloud.tree.query_ball_point(at, max(self.limits.search_m, self.limits.grid_m)), dtype=np.int64
         )
         near = near[self.labels[near] == self.label]
-        # fine round the designated point, coarser further off
         away = np.linalg.norm(cloud.points[near] - at, axis=1)
-        coarse = np.where(away < self.limits.search_m / 4.0, 1.0, 2.5)
-        cells = np.floor(cloud.points[near] / (self.limits.grid_m * coarse)[:, None]).astype(np.int64)
-        near = near[np.unique(np.column_stack((cells, coarse)), axis=0, return_index=True)[1]]
+        wide = np.where(away < self.limits.search_m / 4.0, 1.0, coarse)
+        cells = np.floor(cloud.points[near] / (self.limits.grid_m * wide)[:, None]).astype(np.int64)
+        near = near[np.unique(np.column_stack((cells, wide)), axis=0, return_index=True)[1]]
         order = near[np.argsort(np.linalg.norm(cloud.points[near] - at, axis=1))]
         return [at, *cloud.points[order]]
 
@@ -94,10 +105,9 @@ class PatchCheck:
 
         The point returned is the one on the fitted plane.
         """
-        reach = self.radius_m + self.limits.margin_m
-        window = self._window(point, BALL * reach)
+        window = self._window(point, self._ball)
         cloud = window.cloud
-        inner = kernels.in_ball(cloud.points, point, reach)
+        inner = kernels.in_ball(cloud.points, point, self._reach)
         own = inner[window.mine[inner] & window.trusted[inner]]
         if len(own) < LEAST_POINTS:
             few = Finding(Reason.FEW_POINTS, float(len(own)), float(LEAST_POINTS))
@@ -107,7 +117,8 @@ class PatchCheck:
         middle, normal = kernels.fit_plane(cloud.points[own], window.weight[own], outward)
         on_plane = point - ((point - middle) @ normal) * normal
         measures = self._measure(window, on_plane, normal, outward)
-        return Judged(on_plane, normal, measures, self._findings(measures))
+        findings = self._findings(measures)
+        return Judged(on_plane, normal, measures, findings, self._strain(measures))
 
     def _window(self, point: Array, radius_m: float) -> _Window:
         """Return the points within `radius_m` of `point`, and as far round it as others will be asked for."""
@@ -129,13 +140,13 @@ class PatchCheck:
         return self._last
 
     def _measure(self, window: _Window, at: Array, normal: Array, outward: Array) -> PatchMeasures:
-        cloud, limits = window.cloud, self.limits
-        reach = self.radius_m + limits.margin_m
-        ball = kernels.in_ball(cloud.points, at, BALL * reach)
+        cloud = window.cloud
+        ball = kernels.in_ball(cloud.points, at, self._ball)
         across, height = kernels.across_and_height(cloud.points[ball], at, normal)
         # what lies in the cylinder under the tool, however deep
-        under, protrusion, depth, rms, beside = kernels.relief(
-            across, height, reach, limits.margin_m, limits.tool_length_m
+        under, protrusion, depth, rms = kernels.relief(across, height, self._reach, self._above)
+        beside = kernels.obstruction(
+            across, height, self._reach, self.limits.margin_m, self._above, SINGLE_POINTS
         )
         surface = ball[under]
         sigma = kernels.median_sigma(cloud.covariances, surface, normal)
@@ -163,7 +174,7 @@ class PatchCheck:
 
         A pixel on an oblique surface is as long as its slant makes it, at most three times its width.
         """
-        radius = self.radius_m + self.limits.margin_m
+        radius = self.radius_m + self.limits.cover_margin_m
         if not len(index):
             return 0.0, 2.0 * radius
         pixel = float(np.median(window.spacing_m[index]))
@@ -182,10 +193,21 @@ class PatchCheck:
         patches = max(3.0, len(surface) / 25.0)
         return float(math.atan(sigma / math.sqrt(max(lever2 * patches, 1e-12))))
 
+    def _strain(self, m: PatchMeasures) -> float:
+        """Return the largest share of its limit that the relief takes."""
+        limits, sure = self.limits, self._sure(m)
+        return max(
+            (m.depth_m + sure) / limits.most_depth_m,
+            (m.protrusion_m + sure) / limits.most_protrusion_m,
+            _excess(m) / limits.most_rms_m,
+        )
+
+    def _sure(self, m: PatchMeasures) -> float:
+        """Return what stereo's error may hide of the relief, metres; patches of 5 x 5 pixels share it."""
+        return self.limits.sigmas * m.sigma_m / math.sqrt(max(1.0, m.points / 25.0))
+
     def _findings(self, m: PatchMeasures) -> tuple[Finding, ...]:
-        limits = self.limits
-        sure = limits.sigmas * m.sigma_m / math.sqrt(max(1.0, m.points / 25.0))
-        rms = math.sqrt(max(0.0, m.rms_m**2 - m.sigma_m**2))
+        limits, sure, rms = self.limits, self._sure(m), _excess(m)
         pairs = (
             (Reason.STEREO_SHARE, m.valid_share, limits.least_share, ""),
             (Reason.STEREO_HOLE, m.hole_m, limits.most_hole_m, "m"),
@@ -194,7 +216,7 @@ class PatchCheck:
             (Reason.EDGE, m.depth_m + sure, limits.most_depth_m, "m"),
             (Reason.PROTRUSION, m.protrusion_m + sure, limits.most_protrusion_m, "m"),
             (Reason.ROUGHNESS, rms, limits.most_rms_m, "m"),
-            (Reason.CLEARANCE, m.beside_m, limits.most_protrusion_m, "m"),
+            (Reason.CLEARANCE, m.beside_m, limits.most_beside_m, "m"),
             (Reason.NORMAL, limits.sigmas * m.normal_sigma_rad, limits.most_normal_rad, "rad"),
             (Reason.SLOPE, m.slope_rad + limits.sigmas * m.normal_sigma_rad, limits.most_slope_rad, "rad"),
         )
@@ -204,6 +226,11 @@ class PatchCheck:
             for reason, value, limit, unit in pairs
             if (value < limit if reason in least else not value <= limit)
         )
+
+
+def _excess(m: PatchMeasures) -> float:
+    """Return the roughness without stereo's own."""
+    return math.sqrt(max(0.0, m.rms_m**2 - m.sigma_m**2))
 
 
 def away_from_edges(cloud: SurfaceCloud, edge_px: int, jump_m: float) -> npt.NDArray[np.bool_]:

@@ -94,32 +94,40 @@ def quantile(ordered: Floats, share: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def relief(
-    across: Floats, height: Floats, reach: float, margin: float, above: float
-) -> tuple[Bools, float, float, float, float]:
+def relief(across: Floats, height: Floats, reach: float, above: float) -> tuple[Bools, float, float, float]:
     """Return which points lie under the tool, and their relief.
 
     Under the tool is what lies within `reach` of its axis and lower than `above`. The relief is the height of
     the highest parts (2 in 100 are higher), the depth of the lowest (1 in 200 is deeper), and the root mean
-    square deviation; the last is the height of the highest parts beside it, within `margin` of the tool.
+    square deviation.
     """
     under = (across < reach) & (height < above)
-    beside = (across >= reach) & (across < reach + margin) & (height < above)
     over = np.sort(height[under])
-    rim = np.sort(height[beside])
     if len(over) == 0:
-        return under, 0.0, 0.0, 0.0, 0.0
+        return under, 0.0, 0.0, 0.0
     square = 0.0
     for value in over:
         square += value * value
-    highest_beside = quantile(rim, 0.98) if len(rim) else 0.0
-    return (
-        under,
-        quantile(over, 0.98),
-        -quantile(over, 0.005),
-        math.sqrt(square / len(over)),
-        highest_beside,
-    )
+    return under, quantile(over, 0.98), -quantile(over, 0.005), math.sqrt(square / len(over))
+
+
+@numba.njit(cache=True, nogil=True)
+def obstruction(
+    across: Floats, height: Floats, reach: float, margin: float, above: float, single: int
+) -> float:
+    """Return the height of what stands in the tool's way, lower than `above`.
+
+    That is the larger of the height of the highest parts (2 in 100 are higher) in the ring of `margin` round
+    the tool, and the height that more than `single` points in ring and disc reach: a rock that leans over
+    the surface from beside it is few points high up.
+    """
+    low = height < above
+    ring = np.sort(height[low & (across >= reach) & (across < reach + margin)])
+    whole = np.sort(height[low & (across < reach + margin)])
+    beside = quantile(ring, 0.98) if len(ring) else 0.0
+    if len(whole) > single:
+        beside = max(beside, whole[len(whole) - 1 - single])
+    return float(beside)
 
 
 @numba.njit(cache=True, nogil=True)

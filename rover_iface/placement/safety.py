@@ -42,7 +42,7 @@ ArmCheck = Callable[[Array, Array], Posture | Motion | ArmRefusal]
 call of `plan_motion` with its obstacles, whose refusal on collision counts like any other."""
 
 
-MOST_ASKED = 60
+MOST_ASKED = 200
 """How many safe points the arm is asked for before the rover is said to be in the wrong place."""
 
 
@@ -116,72 +116,124 @@ def _search(
     profile: RoverProfile,
     terrain: Terrain | None,
 ) -> PlacementVerdict:
-    """Judge the designated point, then others of the same rock, the nearest first."""
-    first: Judged | None = None
-    out_of_reach: Judged | None = None
-    tried = asked = 0
-    for point in check.candidates(at):
-        judged = check.judge(point)
-        tried += 1
-        first = first or judged
-        if judged.findings or judged.normal is None:
-            continue
-        if asked == MOST_ASKED:
+    """Judge the designated point, then others of the same rock, the nearest first.
+
+    The nearest calm point that the arm reaches is taken; without one, the calmest of the safe ones. Where
+    none is safe, the search is done again in finer steps.
+    """
+    search = _Search(check, at, ask)
+    for coarse in (2.5, 1.0):
+        safe: list[Judged] = []
+        for point in check.candidates(at, coarse=coarse):
+            if search.asked == MOST_ASKED:
+                break
+            judged = search.judge(point)
+            if judged.findings or judged.normal is None:
+                continue
+            if judged.strain > check.limits.calm:
+                safe.append(judged)
+            elif (posture := search.reached(judged)) is not None:
+                return search.taken(judged, posture, rock)
+        for judged in sorted(safe, key=lambda one: one.strain):
+            if (posture := search.reached(judged)) is not None:
+                return search.taken(judged, posture, rock)
+        if search.asked:
             break
-        asked += 1
-        answer = ask(judged.point, judged.normal)
-        if isinstance(answer, ArmRefusal):
-            refusal = Finding(Reason.ARM, math.nan, math.nan, "", f"{answer.limit}: {answer.reason}")
-            judged = judged.with_finding(refusal)
-            if first.point is judged.point:
-                first = judged
-            out_of_reach = out_of_reach or judged
-            continue
+    return search.not_placed(rock, profile, terrain)
+
+
+class _Search:
+    """What was tried for one designated point (3,)."""
+
+    def __init__(self, check: PatchCheck, at: Array, ask: ArmCheck) -> None:
+        self.check, self.at, self.ask = check, at, ask
+        self.first: Judged | None = None
+        self.out_of_reach: Judged | None = None
+        self.tried = self.asked = 0
+
+    def judge(self, point: Array) -> Judged:
+        """Judge one more point."""
+        judged = self.check.judge(point)
+        self.tried += 1
+        self.first = self.first or judged
+        return judged
+
+    def reached(self, judged: Judged) -> Posture | Motion | None:
+        """Return the arm's answer for a safe point, None when it does not reach or would tilt the tool."""
+        if self.asked == MOST_ASKED:
+            return None
+        self.asked += 1
+        assert judged.normal is not None
         assert judged.measures is not None
-        tilt = answer.tool_tilt_rad + check.limits.sigmas * judged.measures.normal_sigma_rad
-        most = check.limits.most_slope_rad
-        if tilt > most:
-            judged = judged.with_finding(Finding(Reason.SLOPE, tilt, most, "rad"))
-            out_of_reach = out_of_reach or judged
-            continue
-        near = tried == 1
+        answer = self.ask(judged.point, judged.normal)
+        if isinstance(answer, ArmRefusal):
+            why = Finding(Reason.ARM, math.nan, math.nan, "", f"{answer.limit}: {answer.reason}")
+        else:
+            tilt = answer.tool_tilt_rad + self.check.limits.sigmas * judged.measures.normal_sigma_rad
+            if tilt <= self.check.limits.most_slope_rad:
+                return answer
+            why = Finding(Reason.SLOPE, tilt, self.check.limits.most_slope_rad, "rad")
+        refused = judged.with_finding(why)
+        if self.first is judged:
+            self.first = refused
+        self.out_of_reach = self.out_of_reach or refused
+        return None
+
+    def taken(self, judged: Judged, posture: Posture | Motion, rock: RockSegment | None) -> PlacementVerdict:
+        """Return the verdict for a safe point that the arm reaches."""
+        assert self.first is not None
+        designated = judged is self.first
         return PlacementVerdict(
-            Decision.PLACE if near else Decision.PLACE_NEAR,
+            Decision.PLACE if designated else Decision.PLACE_NEAR,
             judged.point,
             judged.normal,
-            float(np.linalg.norm(judged.point - at)),
+            float(np.linalg.norm(judged.point - self.at)),
             judged.measures,
-            () if near else first.findings,
+            self.first.findings or (() if designated else (self._restless(self.first),)),
             rock,
-            tried,
-            posture=answer,
+            self.tried,
+            posture=posture,
         )
-    assert first is not None
-    if out_of_reach is None:
+
+    def _restless(self, judged: Judged) -> Finding:
+        """Return why a safe point was left for a calm one."""
+        return Finding(Reason.RESTLESS, judged.strain, self.check.limits.calm)
+
+    def not_placed(
+        self, rock: RockSegment | None, profile: RoverProfile, terrain: Terrain | None
+    ) -> PlacementVerdict:
+        """Return the refusal, or the move that would bring a safe point into reach."""
+        assert self.first is not None
+        away = self.out_of_reach
+        if away is None:
+            return PlacementVerdict(
+                Decision.REFUSE,
+                measures=self.first.measures,
+                findings=self.first.findings,
+                rock=rock,
+                tried=self.tried,
+            )
+        assert away.normal is not None
+        move = base_move(self.check.cloud, profile, away.point, away.normal, terrain)
+        if isinstance(move, str):
+            return PlacementVerdict(
+                Decision.REFUSE,
+                measures=away.measures,
+                findings=(*away.findings, Finding(Reason.NO_BASE, math.nan, math.nan, "", move)),
+                rock=rock,
+                tried=self.tried,
+            )
         return PlacementVerdict(
-            Decision.REFUSE, measures=first.measures, findings=first.findings, rock=rock, tried=tried
+            Decision.MOVE_BASE,
+            away.point,
+            away.normal,
+            float(np.linalg.norm(away.point - self.at)),
+            away.measures,
+            away.findings,
+            rock,
+            self.tried,
+            base_move=move,
         )
-    distance = float(np.linalg.norm(out_of_reach.point - at))
-    move = base_move(check.cloud, profile, out_of_reach.point, out_of_reach.normal, terrain)
-    if isinstance(move, str):
-        return PlacementVerdict(
-            Decision.REFUSE,
-            measures=out_of_reach.measures,
-            findings=(*out_of_reach.findings, Finding(Reason.NO_BASE, math.nan, math.nan, "", move)),
-            rock=rock,
-            tried=tried,
-        )
-    return PlacementVerdict(
-        Decision.MOVE_BASE,
-        out_of_reach.point,
-        out_of_reach.normal,
-        distance,
-        out_of_reach.measures,
-        out_of_reach.findings,
-        rock,
-        tried,
-        base_move=move,
-    )
 
 
 def _label_at(

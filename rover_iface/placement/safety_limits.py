@@ -16,12 +16,19 @@ class SafetyLimits:
     ----------
     tool_radius_m
         Of the circle round the contact face; the profile's when None.
-    margin_m
-        Added to the radius: the tool may come down this far from where it was meant to.
+    margin_m, cover_margin_m
+        Added to the radius: the tool may come down this far from where it was meant to. The first holds for
+        the relief, the second for gaps in the stereo.
     most_protrusion_m, most_depth_m
         How far the surface under the tool may stand over the plane, and fall below it.
+    most_beside_m
+        How far anything in the ring of another `margin_m` round that, or leaning over it, may stand over the
+        plane.
     most_rms_m
         Root mean square deviation from the plane, above what stereo errs.
+    calm
+        A surface is calm if its relief (the three above) keeps this share of its limits. The nearest calm
+        point is taken, and where there is none the calmest of the safe ones.
     sigmas
         How many standard deviations of stereo's error are counted against the placement.
     most_normal_rad
@@ -39,7 +46,7 @@ class SafetyLimits:
         Angle between normal and approach axis, or between normal and tool as the arm can hold it; the
         normal's uncertainty is added.
     tool_length_m
-        Up to this height over the surface nothing may stand beside the tool.
+        Up to this height over the surface nothing may stand beside the tool or over the surface.
     search_m
         How far from the designated point another may be taken.
     grid_m
@@ -47,19 +54,22 @@ class SafetyLimits:
     """
 
     tool_radius_m: float | None = None
-    margin_m: float = 0.008
+    margin_m: float = 0.006
+    cover_margin_m: float = 0.004
     most_protrusion_m: float = 0.020
-    most_depth_m: float = 0.020
+    most_depth_m: float = 0.025
+    most_beside_m: float = 0.030
     most_rms_m: float = 0.006
+    calm: float = 0.6
     sigmas: float = 2.0
     most_normal_rad: float = math.radians(12.0)
     least_share: float = 0.90
-    most_hole_m: float = 0.014
+    most_hole_m: float = 0.020
     edge_px: int = 3
     edge_jump_m: float = 0.035
     most_view_rad: float = math.radians(70.0)
     least_rock_share: float = 0.95
-    most_slope_rad: float = math.radians(14.0)
+    most_slope_rad: float = math.radians(11.0)
     tool_length_m: float = 0.14
     search_m: float = 0.15
     grid_m: float = 0.008
@@ -67,12 +77,21 @@ class SafetyLimits:
     def __post_init__(self) -> None:
         if self.tool_radius_m is not None and not self.tool_radius_m > 0:
             raise PlacementError(f"tool radius is {self.tool_radius_m} m; it must be positive")
-        for name in ("margin_m", "search_m"):
+        for name in ("margin_m", "cover_margin_m", "search_m"):
             if getattr(self, name) < 0:
                 raise PlacementError(f"{name} is {getattr(self, name)} m; it must not be negative")
-        for name in ("most_protrusion_m", "most_depth_m", "most_rms_m", "most_hole_m", "grid_m"):
+        for name in (
+            "most_protrusion_m",
+            "most_depth_m",
+            "most_beside_m",
+            "most_rms_m",
+            "most_hole_m",
+            "grid_m",
+        ):
             if not getattr(self, name) > 0:
                 raise PlacementError(f"{name} is {getattr(self, name)} m; it must be positive")
+        if not 0 <= self.calm <= 1:
+            raise PlacementError(f"calm is {self.calm}; it must lie between 0 and 1")
         if not 0 < self.least_share <= 1 or not 0 <= self.least_rock_share <= 1:
             raise PlacementError(
                 f"shares of valid stereo {self.least_share} and of rock {self.least_rock_share} "

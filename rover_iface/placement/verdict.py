@@ -42,6 +42,7 @@ class Reason(StrEnum):
     NORMAL = "normal"
     CLEARANCE = "clearance"
     SLOPE = "slope"
+    RESTLESS = "restless"
     ARM = "arm"
     NO_BASE = "no-base"
 
@@ -62,6 +63,7 @@ _TEXT = {
     Reason.NORMAL: "uncertainty of the surface normal",
     Reason.CLEARANCE: "height beside the tool over the plane",
     Reason.SLOPE: "angle between surface normal and tool, with its uncertainty",
+    Reason.RESTLESS: "share of its limits that the relief under the tool takes",
     Reason.ARM: "the arm",
     Reason.NO_BASE: "no place to stand",
 }
@@ -128,7 +130,7 @@ class PatchMeasures:
     rock_share
         Share of the points that belong to the rock.
     beside_m
-        Height of the highest points over the plane between the tool's radius and its margin, all rocks and
+        Height over the plane of what stands in the tool's way, beside it or over the surface: all rocks and
         ground.
     slope_rad
         Between normal and approach axis.

@@ -47,14 +47,29 @@ def test_relief_is_that_of_numpy() -> None:
     away = points - at
     assert height == pytest.approx(away @ NORMAL)
     assert across == pytest.approx(np.linalg.norm(np.cross(away, NORMAL), axis=1))
-    under, highest, deepest, rms, beside = kernels.relief(across, height, 0.03, 0.008, 0.004)
+    under, highest, deepest, rms = kernels.relief(across, height, 0.03, 0.004)
     expected = (across < 0.03) & (height < 0.004)
     assert (under == expected).all()
     assert highest == pytest.approx(np.quantile(height[expected], 0.98))
     assert deepest == pytest.approx(-np.quantile(height[expected], 0.005))
     assert rms == pytest.approx(np.sqrt(np.mean(height[expected] ** 2)))
-    rim = (across >= 0.03) & (across < 0.038) & (height < 0.004)
-    assert beside == pytest.approx(np.quantile(height[rim], 0.98))
+
+
+def test_what_stands_in_the_way_is_seen_beside_and_above() -> None:
+    points, at = patch(), np.array([0.1, 0.2, 0.3])
+    across, height = kernels.across_and_height(points, at, NORMAL)
+    rim = (across >= 0.03) & (across < 0.038)
+    lowest = np.quantile(height[rim], 0.98)
+    assert kernels.obstruction(across, height, 0.03, 0.008, 0.14, 8) == pytest.approx(lowest, abs=0.002)
+    height[rim] += 0.05
+    beside = kernels.obstruction(across, height, 0.03, 0.008, 0.14, 8)
+    assert beside == pytest.approx(np.quantile(height[rim], 0.98), abs=0.002)
+    height[rim] -= 0.05
+    high = np.r_[height, np.full(9, 0.13)]
+    wide = np.r_[across, np.full(9, 0.01)]
+    assert kernels.obstruction(wide, high, 0.03, 0.008, 0.14, 8) == pytest.approx(0.13)
+    assert kernels.obstruction(wide[:-1], high[:-1], 0.03, 0.008, 0.14, 8) < 0.02
+    assert kernels.obstruction(wide, high, 0.03, 0.008, 0.12, 8) < 0.02
 
 
 def test_gaps_are_those_of_a_search_tree() -> None:

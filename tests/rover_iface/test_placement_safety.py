@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -20,7 +21,7 @@ from rover_iface.placement import (
 )
 from rover_iface.placement.arm import ArmLimit, ArmRefusal
 from rover_iface.placement.ground_plane import fit_ground_plane
-from rover_iface.placement.patch_check import away_from_edges
+from rover_iface.placement.patch_check import PatchCheck, away_from_edges
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
 from rover_iface.profile import RoverProfile, load_profile
 from tests.shared import shared
@@ -178,6 +179,45 @@ def test_a_spike_is_left_for_a_safe_point_of_the_same_rock(k9: RoverProfile) -> 
     assert np.linalg.norm(verdict.point[:2] - spike[:2]) > 0.03
 
 
+def test_a_calm_place_is_taken_before_a_nearer_one_that_is_just_safe(k9: RoverProfile) -> None:
+    cloud, _, found = scene()
+    at = on_first_rock()
+    near = np.linalg.norm(cloud.points - at, axis=1)
+    ridges = 0.012 * np.sin(2.0 * np.pi * cloud.points[:, 1] / 0.03) * (near < 0.05)
+    rough = replace(cloud, points=cloud.points + ridges[:, None] * np.array([-0.5, 0.0, 0.8]))
+    limits = SafetyLimits(most_rms_m=0.012, edge_px=0)
+    calm = plan_placement(rough, at, k9, segmentation=found, limits=limits)
+    assert calm.decision is Decision.PLACE_NEAR
+    assert calm.reason is Reason.RESTLESS
+    assert limits.calm < calm.findings[0].value <= 1.0
+    assert calm.distance_m > 0.01
+    anywhere = plan_placement(rough, at, k9, segmentation=found, limits=replace(limits, calm=1.0))
+    assert anywhere.decision is Decision.PLACE
+    # all of it is ridged and nothing calm: the calmest of what is safe
+    small = replace(limits, search_m=0.012)
+    calmest = plan_placement(rough, at, k9, segmentation=found, limits=small)
+    assert calmest.accepted
+    check = PatchCheck(rough, found.labels, 0, k9, small)
+    strains = [check.judge(p).strain for p in check.candidates(at)]
+    assert min(strains) > limits.calm
+    assert check.judge(calmest.point).strain == pytest.approx(min(strains), abs=0.05)
+
+
+def test_a_rock_that_leans_over_the_place_is_in_the_way(k9: RoverProfile) -> None:
+    cloud, _, found = scene()
+    at = on_first_rock()
+    normal = plan_placement(cloud, at, k9, segmentation=found).normal
+    assert normal is not None
+    rng = np.random.default_rng(2)
+    ledge = at + 0.125 * normal + rng.uniform(-0.012, 0.012, (12, 3))
+    labels = np.r_[found.labels, np.full(12, len(found.rocks))]
+    whole = cloud_of_points(np.concatenate((cloud.points, ledge)), sigma_m=0.002, eye=EYE)
+    findings = PatchCheck(whole, labels, 0, k9, SafetyLimits()).judge(at).findings
+    assert Reason.CLEARANCE in {f.reason for f in findings}
+    few = PatchCheck(whole.subset(np.arange(len(cloud) + 6)), labels[:-6], 0, k9, SafetyLimits())
+    assert Reason.CLEARANCE not in {f.reason for f in few.judge(at).findings}
+
+
 def test_a_hole_in_the_stereo_is_named_with_its_size(k9: RoverProfile) -> None:
     cloud, _, _ = scene()
     at = on_first_rock()
@@ -197,7 +237,7 @@ def test_a_surface_seen_too_obliquely_is_refused(k9: RoverProfile) -> None:
         on_first_rock(),
         k9,
         segmentation=found,
-        limits=SafetyLimits(most_view_rad=math.radians(2.0)),
+        limits=SafetyLimits(most_view_rad=math.radians(0.2)),
     )
     assert verdict.decision is Decision.REFUSE
     assert Reason.VIEW_ANGLE in {f.reason for f in verdict.findings}
