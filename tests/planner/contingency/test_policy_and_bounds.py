@@ -114,6 +114,17 @@ def test_branches_close_the_gap_to_the_optimum(name: str) -> None:
     assert values[-1] >= 0.995 * results["dp_mid"]
 
 
+def test_a_search_cut_short_is_narrower_but_has_all_its_branches() -> None:
+    model = Model.of(load_problem(shared("contingency/instances/dev-reserve-5.json")))
+    policy = Policy(Grid(model, 49, 29, Rounding.MID, np.float32))
+    limits = SearchLimits(max_branches=6, iterations=400)
+    search = plan_optimal(policy, Grid(model, 49, 29), limits)
+    value, plan = search.best(6)
+    assert not search.finished
+    assert count_branches(plan) == 6
+    assert value >= 0.982 * search.optimum
+
+
 def test_the_search_is_the_same_every_time() -> None:
     model = Model.of(load_problem(shared("contingency/instances/dev-mixed-5.json")))
     plans = []
