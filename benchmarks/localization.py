@@ -209,7 +209,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="terrain of the first leg")
-    parser.add_argument("--rendered", type=int, default=6)
+    parser.add_argument("--rendered", type=int, default=10)
     parser.add_argument("--kilometre-legs", type=int, default=40)
     parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--modelled", type=int, default=40, help="legs whose rocks are fitted as solids")

@@ -167,14 +167,15 @@ def see(leg: Leg, end: int, seed: int, *, models: bool = True, farthest_m: float
     points = stereo_points(sight, np.random.default_rng([seed, end]))
     local = GroundPoints(points.points - points.eye, np.zeros(3), points.range_factor)
     rocks = extract_rocks(local, models=models)
-    return Seen(rocks, bodies_of(leg, end, local, rocks), visible_rocks(leg, end, sight, farthest_m))
+    bodies = bodies_of(leg, leg.eyes[end], local, rocks)
+    return Seen(rocks, bodies, visible_rocks(leg, end, sight, farthest_m))
 
 
-def bodies_of(leg: Leg, end: int, local: GroundPoints, rocks: list[SeenRock]) -> list[frozenset[str]]:
-    """Return the bodies that fill at least a fifth of each extracted rock."""
+def bodies_of(leg: Leg, eye: Array, local: GroundPoints, rocks: list[SeenRock]) -> list[frozenset[str]]:
+    """Return the bodies that fill at least a fifth of each rock extracted from points seen from `eye` (3,)."""
     raster = direction_raster(local, farthest_m=ExtractionOptions().farthest_m + 6.0)
     rays = raster.directions().reshape(-1, 3)
-    hit = leg.scene.cast(np.broadcast_to(leg.eyes[end], rays.shape), rays)
+    hit = leg.scene.cast(np.broadcast_to(eye, rays.shape), rays)
     count = len(leg.scene.objects)
     on = leg.scene.objects[np.clip(hit["primID"].astype(np.int64), 0, count - 1)]
     found = []
@@ -277,7 +278,7 @@ def _rendered_ends(leg: Leg, seed: int, *, models: bool) -> tuple[tuple[Seen, Se
         local = GroundPoints(seen.points - seen.eye, np.zeros(3), seen.range_factor)
         rocks = extract_rocks(local, models=models)
         visible = visible_rocks(leg, end, look(leg, end), 24.0)
-        ends.append(Seen(rocks, bodies_of(leg, end, local, rocks), visible))
+        ends.append(Seen(rocks, bodies_of(leg, seen.eye, local, rocks), visible))
         eyes.append(seen.eye)
     return (ends[0], ends[1]), (eyes[0], eyes[1])
 
