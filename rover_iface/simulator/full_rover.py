@@ -44,7 +44,10 @@ class FullRover(TerrainRover):
         cameras = MastCameras(body, window_px=WINDOW_PX, right_margin_px=RIGHT_MARGIN_PX)
         self.eyes = HazardEyes(body, cameras)
         odometry = body.profile.mobility.odometry_error
-        tracker = ArrivalTracker(CombinedTracker(SiftOptions(odometry_share=max(0.05, odometry))))
+        combined = CombinedTracker(SiftOptions(odometry_share=max(0.05, odometry)))
+        tracker = ArrivalTracker(
+            combined, narrow=lambda point, t_s: cameras.stereo(point, t_s, "pancam").view
+        )
         parts = Parts(
             cameras=cameras,
             sight=StereoSight(body, cameras),

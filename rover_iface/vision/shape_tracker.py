@@ -11,6 +11,7 @@ target is tracked: at ten metres a stereo surface is too rough to register a cen
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,13 +20,19 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Transform
-from rover_iface.vision.handoff import Side
+from rover_iface.vision.handoff import Handoff, Side
+from rover_iface.vision.handoff_cascade import cascade
+from rover_iface.vision.narrow_range import NarrowSight
 from rover_iface.vision.shape import Registration, ShapeOptions
 from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift import SiftOptions, SiftTracker
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
 CLOSER = 1.5
+RECALL_M, ASTRAY_M, LOST_M = 3.4, 0.10, 0.50
+"""From how near the first narrow picture is asked; how far off it may have a tracked or a lost target."""
+MOST_OPEN_M = 0.01
+"""What a registration may leave open of the target's place: more is no centimetre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +43,19 @@ class _Model:
     point: Array
     covariance: Array
     range_m: float
+
+
+@dataclass(eq=False)
+class _First:
+    """The narrow pair of the first stop, the target's pixel in it, and where the track began.
+
+    `recalled_m` is from how near it has been found again.
+    """
+
+    side: Side
+    pixel: Array
+    point: Array
+    recalled_m: float = math.inf
 
 
 class CombinedTracker:
@@ -51,6 +71,7 @@ class CombinedTracker:
         self.shape = shape or ShapeOptions()
         self._models: dict[str, list[_Model]] = {}
         self._latest: dict[str, TrackUpdate] = {}
+        self._firsts: dict[str, _First] = {}
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -64,10 +85,19 @@ class CombinedTracker:
         view: StereoView,
         *,
         pixel: npt.ArrayLike | None = None,
+        narrow: NarrowSight | None = None,
     ) -> TrackUpdate:
-        """Begin to follow a surface point, given as position (3,) or as pixel (2,) of the left image."""
-        update = self.features.start(target, position, view, pixel=pixel)
+        """Begin to follow a surface point, given as position (3,) or as pixel (2,) of the left image.
+
+        `narrow` is the same point as a narrow pair sees it from here: it ranges better, and is what `recall`
+        goes back to.
+        """
+        known = None if narrow is None else narrow.known
+        update = self.features.start(target, position, view, pixel=pixel, known=known)
         self._models[target] = []
+        self._firsts.pop(target, None)
+        if narrow is not None:
+            self._firsts[target] = _First(Side(narrow.view, 0.6), narrow.pixel, update.position)
         self._keep(update, view)
         self._latest[target] = update
         return update
@@ -91,6 +121,40 @@ class CombinedTracker:
         """Forget a target."""
         self.features.clear(target)
         del self._models[target], self._latest[target]
+        self._firsts.pop(target, None)
+
+    def recall(self, target: str, view: StereoView) -> TrackUpdate | None:
+        """Return the target as its first narrow picture has it in this view, None where that tells nothing.
+
+        Features drift, and from ten metres a template of the target is mostly its rock's outline, which moves
+        as the rover goes round. The narrow picture shows its surface as finely as the navcams do from a third
+        of the distance: draped over what they range there, it finds the designated pixel itself, with the
+        cascade's own tests. The track goes on from what it says. It is tried once the target is near enough,
+        and again each time it has come nearer by a quarter.
+        """
+        first, before = self._firsts.get(target), self._latest.get(target)
+        if first is None or before is None:
+            return None
+        away = float(np.linalg.norm(before.position - view.left_camera.C))
+        if away > min(RECALL_M, 0.75 * first.recalled_m):
+            return None
+        guess = Transform(np.eye(3), before.position - first.point)
+        scene = Side(view, 0.6)
+        answer = cascade(Handoff(scene, first.side.moved(guess), first.pixel), "near")
+        tracked = before.state is TrackState.TRACKED
+        if not answer.accepted:
+            return None
+        if float(np.linalg.norm(answer.position - before.position)) > (ASTRAY_M if tracked else LOST_M):
+            return None
+        try:
+            update = self.features.restart(target, view, answer.pixel, answer.position, answer.error_px)
+        except TrackerError:
+            return None
+        first.recalled_m = away
+        self._models[target] = []
+        self._keep(update, view)
+        self._latest[target] = update
+        return update
 
     def settle(
         self, target: str, view: StereoView, *, nearest_m: float = 0.3
@@ -118,8 +182,12 @@ class CombinedTracker:
             # dead reckoning says that nothing moves in the site frame; the features may know better
             guess = Transform(np.eye(3), before.position - model.point)
             found = register_views(model.side, scene, guess, model.point, self.shape)
-            if not found.accepted:
-                reasons += [f"registration with {model.range_m:.1f} m: {why}" for why in found.reasons]
+            why = found.reasons
+            if found.accepted and found.spread_m > MOST_OPEN_M:
+                limit = 100 * MOST_OPEN_M
+                why = (f"it leaves {100 * found.spread_m:.1f} cm open; {limit:g} cm is the limit",)
+            if why:
+                reasons += [f"registration with {model.range_m:.1f} m: {told}" for told in why]
                 continue
             return self._joined(before, model, found, view), found
         return replace(before, reasons=(*before.reasons, *reasons)), None

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import triangulate
 from rover_iface.errors import TrackerError
+from rover_iface.vision.narrow_range import KnownRange
 from rover_iface.vision.sift_anchor import Anchor, AnchorOptions, Looks
 from rover_iface.vision.sift_features import Features, find_features, match_moved
 from rover_iface.vision.sift_motion import Motion, find_motion, find_motion_published, horn
@@ -172,14 +173,16 @@ class SiftTracker:
         *,
         pixel: npt.ArrayLike | None = None,
         pixels: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+        known: KnownRange | None = None,
     ) -> TrackUpdate:
         """Begin to follow a surface point, given as position (3,) or as pixel (2,) of the left image.
 
-        `pixels` gives the point in both images where stereo has been done already.
+        `pixels` gives the point in both images where stereo has been done already. `known` is its distance
+        from the left camera where something ranges better than the pair (method `shipped`).
         """
         if target in self._targets:
             raise TrackerError(f'target "{target}" is followed already; clear it first')
-        point, spread, anchor = self._designate(target, position, view, pixel, pixels)
+        point, spread, anchor = self._designate(target, position, view, pixel, pixels, known)
         chain = next((t.chain for t in self._targets.values() if t.chain.valid_view is view), None)
         if chain is None:
             chain = _Chain(view, view, self.find(view))
@@ -228,6 +231,33 @@ class SiftTracker:
             return track.answer
         track.misses, track.state = 0, TrackState.TRACKED
         track.answer = self._answer(target, view, track.covariance, chain.motion.inliers, (), confidence)
+        return track.answer
+
+    def restart(
+        self, target: str, view: StereoView, pixel: Array, position: Array, error_px: float
+    ) -> TrackUpdate:
+        """Go on from where something else, sure to `error_px`, has found the target in a view.
+
+        Raises
+        ------
+        TrackerError
+            If the target is not followed, or cannot be followed from there: then it is as before.
+        """
+        before = self._get(target)
+        del self._targets[target]
+        try:
+            self.start(target, position, view, pixel=pixel)
+        except TrackerError:
+            self._targets[target] = before
+            raise
+        track = self._get(target)
+        ray = track.position - view.left_camera.C
+        away = float(np.linalg.norm(ray))
+        across = np.eye(3) - np.outer(ray, ray) / away**2
+        track.covariance = track.covariance + (error_px * away / view.left_camera.hs) ** 2 * across
+        if track.anchor is not None:
+            track.anchor.key = replace(track.anchor.key, drift_px2=error_px**2)
+        track.answer = self._answer(target, view, track.covariance, len(track.chain.features), ())
         return track.answer
 
     def predicted(self, target: str) -> Array:
@@ -297,6 +327,7 @@ class SiftTracker:
         view: StereoView,
         pixel: npt.ArrayLike | None,
         pixels: tuple[npt.ArrayLike, npt.ArrayLike] | None,
+        known: KnownRange | None,
     ) -> tuple[Array, Array, Anchor | None]:
         given = None if position is None else np.asarray(position, dtype=np.float64)
         if given is None and pixel is None and pixels is None:
@@ -311,7 +342,8 @@ class SiftTracker:
         if not np.isfinite(pair[0]).all():
             raise TrackerError(f'target "{target}" lies behind the cameras')
         expected = None if given is None else float(np.linalg.norm(given - view.left_camera.C))
-        found = self.looks.begin(view, pair[0], expected) if self.shipped or pixel is not None else None
+        ask = self.shipped or pixel is not None
+        found = self.looks.begin(view, pair[0], expected, known) if ask else None
         if found is not None and self.shipped:
             return found
         if not np.isfinite(pair[1]).all():

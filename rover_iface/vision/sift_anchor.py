@@ -10,17 +10,21 @@ over when they disagree with the motion by more than chance allows (something in
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo, triangulate
+from rover_iface.vision.narrow_range import KnownRange
 from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
 from rover_iface.vision.tracker import StereoView
 
 KEY_SCALE = 1.5
 TEMPLATE_PX = 21
+GATE_SIGMAS, MOST_SEARCH_PX = 3.0, 20
+"""How far a template is looked for, of what the position may be off, and at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +44,14 @@ class AnchorOptions:
         the weights and added to the covariance that is told; so is what a template was off when cut.
     least_stereo, least_look
         Correlation below which a look says nothing.
+    good_look
+        Correlation that a template should have; below it another slant is tried, and the place is less sure.
     gate_sigma
         Disagreement at which a look is passed over.
+    sharper
+        How many times less sure than what is known a range may be and still be weighed. Ranges looked up from
+        about one place err alike (what lies behind an edge pulls them all one way), so a blunter one is only
+        compared.
     """
 
     range_px: float = 0.15
@@ -50,7 +60,9 @@ class AnchorOptions:
     bias_px: float = 0.09
     least_stereo: float = 0.7
     least_look: float = 0.6
+    good_look: float = 0.9
     gate_sigma: float = 3.5
+    sharper: float = 2.0
 
 
 @dataclass(slots=True)
@@ -85,15 +97,24 @@ class Looks:
         return match if match is not None and match.score >= self.options.least_stereo else None
 
     def begin(
-        self, view: StereoView, pixel: Array, expected_m: float | None
+        self, view: StereoView, pixel: Array, expected_m: float | None, known: KnownRange | None = None
     ) -> tuple[Array, Array, Anchor] | None:
-        """Return position, covariance and anchor of the surface under a pixel; None where stereo fails."""
-        match = self._stereo(view, pixel, expected_m, 0.9)
+        """Return position, covariance and anchor of the surface under a pixel; None where stereo fails.
+
+        A range that is `known` better from elsewhere moves the position along the line of sight.
+        """
+        match = self._stereo(view, pixel, expected_m if known is None else known.range_m, 0.9)
         if match is None:
             return None
-        key = self._template(view, pixel, match.point, match.normal, 0.0)
-        covariance = match.covariance + self.options.rough_m**2 * np.eye(3)
-        return match.point, covariance, Anchor(match.normal, key)
+        point, covariance = match.point, match.covariance + self.options.rough_m**2 * np.eye(3)
+        if known is not None:
+            ray = point - view.left_camera.C
+            away = float(np.linalg.norm(ray))
+            point, covariance, _ = _along(
+                point, covariance, ray / away, known.range_m - away, known.sigma_m**2
+            )
+        key = self._template(view, pixel, point, match.normal, 0.0)
+        return point, covariance, Anchor(match.normal, key)
 
     def take(
         self, view: StereoView, position: Array, covariance: Array, anchor: Anchor
@@ -132,20 +153,18 @@ class Looks:
     def _look(
         self, view: StereoView, position: Array, covariance: Array, anchor: Anchor
     ) -> tuple[Array, Array, bool]:
-        matcher = TemplateMatcher(NccOptions(template_px=TEMPLATE_PX))
         pixel = np.asarray(view.left_camera.project(position))
-        key = replace(anchor.key, normal=anchor.normal)
-        template = matcher.predict(key, view.left_camera, pixel, position)
-        if template is None:
+        jacobian = view.left_camera.jacobian(position)
+        reach = GATE_SIGMAS * math.sqrt(float(np.trace(jacobian @ covariance @ jacobian.T)))
+        found = self._aligned(view, pixel, position, anchor, min(MOST_SEARCH_PX, math.ceil(reach) + 3))
+        if found is None:
             return position, covariance, False
-        at = pixel.copy()
-        score = matcher.align(view.left, template, at, TEMPLATE_PX // 2)
+        at, score = found
         anchor.scores["look"] = score
         if score < self.options.least_look:
             return position, covariance, False
-        jacobian = view.left_camera.jacobian(position)
-        growth = key.range_m / float(np.linalg.norm(position - view.left_camera.C))
-        noise = (self.options.look_px**2 + key.drift_px2 * growth**2) * np.eye(2)
+        growth = anchor.key.range_m / float(np.linalg.norm(position - view.left_camera.C))
+        noise = (self._look_px2(score) + anchor.key.drift_px2 * growth**2) * np.eye(2)
         gap = at - pixel
         spread = jacobian @ covariance @ jacobian.T + noise
         anchor.scores["look_sigma"] = float(math.sqrt(0.5 * gap @ np.linalg.solve(spread, gap)))
@@ -154,6 +173,49 @@ class Looks:
         gain = covariance @ jacobian.T @ np.linalg.inv(spread)
         rest = np.eye(3) - gain @ jacobian
         return position + gain @ gap, rest @ covariance @ rest.T + gain @ noise @ gain.T, True
+
+    def _aligned(
+        self, view: StereoView, pixel: Array, position: Array, anchor: Anchor, reach_px: int
+    ) -> tuple[Array, float] | None:
+        """Return where the template is found near a pixel, and its correlation; None where it cannot be.
+
+        A normal from afar may be off by tens of degrees. Where the template, warped over it, is not seen as
+        it should be, that of the present pair is tried, and a face that looks at the template's camera.
+        """
+        matcher = TemplateMatcher(NccOptions(template_px=TEMPLATE_PX, search_px=reach_px, coarse=False))
+        best: tuple[Array, float] | None = None
+        for normal in self._normals(view, pixel, position, anchor):
+            key = replace(anchor.key, normal=normal)
+            template = matcher.predict(key, view.left_camera, pixel, position)
+            if template is None:
+                continue
+            at = pixel.copy()
+            score = matcher.align(view.left, template, at, TEMPLATE_PX // 2)
+            if np.array_equal(at, pixel):
+                # it wandered off: the prediction is no measurement of itself
+                found = matcher.search(view.left, template, pixel)
+                if found is None:
+                    continue
+                at, score = found
+            if best is None or score > best[1]:
+                best = at, score
+                anchor.normal = normal
+            if best[1] >= self.options.good_look:
+                break
+        return best
+
+    def _normals(self, view: StereoView, pixel: Array, position: Array, anchor: Anchor) -> Iterator[Array]:
+        yield anchor.normal
+        match = self._stereo(view, pixel, float(np.linalg.norm(position - view.left_camera.C)), 0.4)
+        if match is not None:
+            yield match.normal
+        toward = anchor.key.camera.C - anchor.key.point
+        yield np.asarray(toward / np.linalg.norm(toward))
+
+    def _look_px2(self, score: float) -> float:
+        """Return the variance of a template's place: noise over signal, as the correlation tells it."""
+        good = self.options.good_look
+        return self.options.look_px**2 * max(1.0, (1.0 - score) / score * good / (1.0 - good))
 
     def _range(
         self, view: StereoView, position: Array, covariance: Array, anchor: Anchor
@@ -166,16 +228,16 @@ class Looks:
             return None
         anchor.scores["stereo"] = match.score
         normal = match.normal
+        before = float(normal @ covariance @ normal)
         noise = float(normal @ match.covariance @ normal) + self.options.rough_m**2
-        spread = float(normal @ covariance @ normal) + noise
         gap = float(normal @ (match.point - position))
-        anchor.scores["range_sigma"] = gap / math.sqrt(spread)
-        if abs(gap) > self.options.gate_sigma * math.sqrt(spread):
+        weighed = _along(position, covariance, normal, gap, noise)
+        anchor.scores["range_sigma"] = weighed[2]
+        if abs(weighed[2]) > self.options.gate_sigma:
             return None
-        gain = covariance @ normal / spread
-        rest = np.eye(3) - np.outer(gain, normal)
-        renewed = rest @ covariance @ rest.T + noise * np.outer(gain, gain)
-        return position + gain * gap, renewed, normal
+        if noise > self.options.sharper**2 * before:
+            return position, covariance, normal
+        return weighed[0], weighed[1], normal
 
     def _renew(self, view: StereoView, position: Array, normal: Array, anchor: Anchor) -> None:
         """Take a new template once the old one has been enlarged too far."""
@@ -183,7 +245,7 @@ class Looks:
         growth = anchor.key.range_m / distance
         anchor.normal = normal
         if growth > KEY_SCALE or growth < 1.0 / KEY_SCALE:
-            drift = anchor.key.drift_px2 * growth**2 + self.options.look_px**2
+            drift = anchor.key.drift_px2 * growth**2 + self._look_px2(anchor.scores["look"])
             pixel = np.asarray(view.left_camera.project(position))
             anchor.key = self._template(view, pixel, position, normal, drift)
 
@@ -192,6 +254,18 @@ class Looks:
     ) -> Template:
         distance = float(np.linalg.norm(point - view.left_camera.C))
         return Template(view.left, view.left_camera, pixel, point, normal, distance, drift)
+
+
+def _along(
+    position: Array, covariance: Array, direction: Array, gap: float, noise: float
+) -> tuple[Array, Array, float]:
+    """Return position and covariance once a place `gap` further along a unit vector (3,) has been measured
+    with the variance `noise`, and that gap in standard deviations."""
+    spread = float(direction @ covariance @ direction) + noise
+    gain = covariance @ direction / spread
+    rest = np.eye(3) - np.outer(gain, direction)
+    renewed = rest @ covariance @ rest.T + noise * np.outer(gain, gain)
+    return position + gain * gap, renewed, gap / math.sqrt(spread)
 
 
 def _inside(pixel: Array, view: StereoView, margin: int) -> bool:

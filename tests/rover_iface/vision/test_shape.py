@@ -11,7 +11,7 @@ import pytest
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision import shape_kernels
-from rover_iface.vision.shape import ShapeOptions, Surface, register
+from rover_iface.vision.shape import Registration, ShapeOptions, Surface, register
 from rover_iface.vision.shape_tracker import CombinedTracker
 from rover_iface.vision.sift import SiftOptions
 from rover_iface.vision.tracker import TrackState
@@ -97,6 +97,19 @@ def test_what_cannot_be_registered_is_refused() -> None:
     assert not mirrored.accepted or error < 0.3
     with pytest.raises(TrackerError, match="sensor 4 px"):
         ShapeOptions(sensor_px=4)
+
+
+def test_a_registration_that_leaves_the_target_open_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    tracker = CombinedTracker(SiftOptions(lost_updates=0))
+    tracker.start("A", None, view(-4.86), pixel=(150.0, 150.0))
+    now = view(-3.5)
+    tracker.update("A", replace(now, left=np.zeros_like(now.left)))
+    loose = Registration(Transform.identity(), 1.0, 0.0, 0.05, 0.0, ())
+    monkeypatch.setattr("rover_iface.vision.shape_tracker.register_views", lambda *_: loose)
+    refused, found = tracker.settle("A", now)
+    assert found is None
+    assert refused.state is TrackState.FAILED
+    assert "5.0 cm open; 1 cm is the limit" in " ".join(refused.reasons)
 
 
 def test_a_target_that_the_features_lost_is_found_by_its_shape() -> None:

@@ -120,6 +120,26 @@ def test_a_designated_pixel_is_ranged_and_its_range_gets_sharper_on_the_way() ->
     assert np.linalg.norm(near.position - frames(-3.0)[0].truth.point_site[HALF, HALF]) < 0.02
 
 
+def test_a_prediction_that_is_off_by_more_than_alignment_follows_is_no_measurement_of_itself() -> None:
+    looks, at = SiftTracker().looks, view(-6.0)
+    begun = looks.begin(at, np.array([150.0, 150.0]), None)
+    assert begun is not None
+    point, covariance, anchor = begun
+    camera = at.left_camera
+    away = float(np.linalg.norm(point - camera.C))
+    off = point + 6.0 * away / camera.hs * camera.horizontal
+    wide = covariance + (3.0 * away / camera.hs) ** 2 * np.eye(3)
+    found, _ = looks.take(at, off, wide, anchor)
+    assert np.abs(camera.project(found) - 150.0).max() < 1.0
+    # where nothing like it is near, the position stays and is not made surer
+    lost = point + 60.0 * away / camera.hs * camera.horizontal
+    anchor.key = replace(anchor.key, point=lost)
+    kept, spread = looks.take(at, lost, wide, anchor)
+    across = camera.horizontal
+    assert across @ spread @ across > 0.5 * (across @ wide @ across)
+    assert np.linalg.norm((kept - lost) @ across) < 0.05
+
+
 def test_few_matches_that_find_the_target_again_renew_the_features() -> None:
     # every stop counts as one of few matches; old features alone would match less and less on the way
     tracker = SiftTracker(SiftOptions(half_count=10_000.0))
