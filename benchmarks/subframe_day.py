@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -149,9 +149,19 @@ def comparison(results: list[dict[str, Any]]) -> str:
 def visible_targets(
     terrain: Terrain, profile: RoverProfile, mission: DemoMission, count: int
 ) -> tuple[DayTarget, ...]:
-    """Return targets as a person picks them in the first panorama: on faces of rocks seen from the start.
+    """Return the first `count` of the targets in sight; ends the program where there are fewer."""
+    chosen = tuple(islice(targets_in_sight(terrain, profile, mission), count))
+    if len(chosen) < count:
+        raise SystemExit(
+            f"only {len(chosen)} of {count} targets are in sight of the start; try another --seed"
+        )
+    return chosen
 
-    Of rocks 4 to 10 m away whose face the arm reaches from somewhere, and 2.5 m apart.
+
+def targets_in_sight(terrain: Terrain, profile: RoverProfile, mission: DemoMission) -> Iterator[DayTarget]:
+    """Yield targets as a person picks them in the first panorama: on faces of rocks seen from the start.
+
+    Of rocks 4 to 10 m away whose face the arm reaches from somewhere, and 2.5 m apart, the highest first.
     """
     stand = mission.limits.start
     start = settled_pose(terrain, profile, stand.east_m, stand.north_m, stand.heading_rad)
@@ -177,9 +187,7 @@ def visible_targets(
         except PlacementError:
             continue
         chosen.append(target)
-        if len(chosen) == count:
-            return tuple(chosen)
-    raise SystemExit(f"only {len(chosen)} of {count} targets are in sight of the start; try another --seed")
+        yield target
 
 
 def table(result: dict[str, Any]) -> str:
