@@ -39,6 +39,8 @@ NEAR_M = 0.015
 """How far from the designated point a safe one may be taken; with hand-off and arm that keeps 2 cm."""
 
 NEAREST_M = 0.30
+SCALE = 1.5
+"""Of the aligned hazcam pair: aligning a fisheye pair takes a third of the resolution in its middle."""
 IMAGER = "mi"
 
 
@@ -174,7 +176,8 @@ class ArmPlacing(Placing):
     def _cloud(self, rover_from_site: Transform, t_s: float) -> SurfaceCloud:
         """Return what the hazcams range at this stop, rover frame."""
         view = self.eyes.pair(t_s).view
-        dense = dense_stereo(view.left, view.right, view.left_camera, view.right_camera, nearest_m=NEAREST_M)
+        cameras = view.left_camera, view.right_camera
+        dense = dense_stereo(view.left, view.right, *cameras, nearest_m=NEAREST_M, scale=SCALE)
         up = np.asarray(rover_from_site.rotate((0.0, 0.0, 1.0)), dtype=np.float64)
         up /= np.linalg.norm(up)
         return cloud_of_stereo(dense, farthest_m=4.0).moved(
