@@ -103,9 +103,10 @@ def cascade(given: Handoff, which: str, options: CascadeOptions | None = None) -
     best = lay(side, given.hazcam, pixel, options.drape)
     if best is None or best.motion.inliers < options.drape.least_agree:
         count = 0 if best is None else best.motion.inliers
-        return _refused(
-            Transform.identity(), f"{count} patches agree; {options.drape.least_agree} are needed"
-        )
+        why = f"{count} patches agree; {options.drape.least_agree} are needed"
+        if best is None and surface_under(given.hazcam, side.view.left_camera, pixel) is None:
+            why = "missing stereo: the hazcams do not range the surface where the target should be"
+        return _refused(Transform.identity(), why)
     return _tested(side, given.hazcam, pixel, best, options)
 
 

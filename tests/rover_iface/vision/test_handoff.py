@@ -152,7 +152,20 @@ def test_the_cascade_refuses_what_the_hazcams_do_not_show() -> None:
     answer = cascade(blind, "near")
     assert not answer.accepted
     assert np.isnan(answer.pixel).all()
-    assert "agree" in answer.reasons[0]
+    assert "agree" in answer.reasons[0] or "missing stereo" in answer.reasons[0]
+
+
+def test_the_cascade_says_where_stereo_is_missing() -> None:
+    setting, true = given()
+    haz = setting.hazcam.view
+    right = haz.right.copy()
+    origin, ray = haz.left_camera.back_project(true)
+    for away in np.arange(0.3, 4.0, 0.02):
+        x, y = (round(float(v)) for v in haz.right_camera.project(origin + away * ray))
+        right[max(0, y - 45) : y + 46, max(0, x - 45) : x + 46] = 0.4
+    answer = cascade(replace(setting, hazcam=Side(replace(haz, right=right), 0.3)), "near")
+    assert not answer.accepted
+    assert "missing stereo" in answer.reasons[0]
 
 
 def test_the_cascade_refuses_a_target_that_has_been_covered() -> None:
