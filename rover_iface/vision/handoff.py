@@ -34,6 +34,7 @@ from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import Cloud, PointMatch, dense_stereo, point_stereo
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
+from rover_iface.vision.relief import ReliefOptions, align_relief
 from rover_iface.vision.shape import ShapeOptions, Surface, register, surface_from_cloud
 from rover_iface.vision.sift_features import Descriptors, Features, detect, find_features
 from rover_iface.vision.tracker import Image, StereoView
@@ -43,8 +44,11 @@ TEMPLATE_PX = 21
 SEARCH_PX = 61
 SPREAD_PX = 2
 FEATURES = 1500
-WINDOWS_PX, WINDOWS_AGREE_PX = (21, 31), 0.5
-"""Windows that are shrunk from pancam to navcam, and how far apart they may find the target."""
+WINDOW_PX, CONTEXT_PX = 31, 51
+"""Window that is searched from pancam to navcam, and that over which its best places are compared."""
+WINDOWS = (ReliefOptions(), ReliefOptions(half_px=15, weight_px=7.0, bend_px=0.4))
+WINDOWS_AGREE_PX, SEARCH_OFF_PX = 0.2, 1.5
+"""How far apart two alignments may put the target, and how far from where the search has it."""
 
 
 @dataclass(frozen=True)
@@ -270,9 +274,10 @@ def scaled_window(
 ) -> Found | None:
     """Return the target in the navcam by the pancam window shrunk to the navcam's field of view.
 
-    `point` (3,) is where the target is believed, frame of the cameras: it tells scale and search. The place
-    is that of two windows; None where they do not lie in both images or are found apart. A correlation
-    below 0.7 should not be believed.
+    `point` (3,) is where the target is believed, frame of the cameras: it tells scale and search. The shrunk
+    window is found by correlation, then aligned twice over a surface with relief, the second time less of it;
+    None where that does not lie in both images or the two are found apart. The place is that of the larger
+    one. A correlation below 0.7 should not be believed.
     """
     import cv2
 
@@ -288,18 +293,26 @@ def scaled_window(
     if not np.isfinite(expected).all():
         return None
     source = Template(smooth, pancam_camera, at, place, toward / away, away, 0.0)
-    found = []
-    for window_px in WINDOWS_PX:
-        matcher = TemplateMatcher(NccOptions(template_px=window_px, search_px=search_px))
-        template = matcher.predict(source, navcam_camera, expected, place)
-        match = None if template is None else matcher.search(navcam, template, expected)
-        if match is None:
-            return None
-        found.append(match)
-    (one, score), (two, other) = found
-    if float(np.hypot(*(one - two))) > WINDOWS_AGREE_PX:
+    matcher = TemplateMatcher(NccOptions(template_px=WINDOW_PX, context_px=CONTEXT_PX, search_px=search_px))
+    template = matcher.predict(source, navcam_camera, expected, place)
+    match = None if template is None else matcher.search(navcam, template, expected)
+    if template is None or match is None:
         return None
-    return Found(0.5 * (one + two), min(score, other))
+    along = _range_line(pancam_camera, at, navcam_camera, away)
+    one, two = (align_relief(navcam, template, match[0], along, options) for options in WINDOWS)
+    if one is None or two is None or float(np.hypot(*(one.pixel - two.pixel))) > WINDOWS_AGREE_PX:
+        return None
+    if float(np.hypot(*(one.pixel - match[0]))) > SEARCH_OFF_PX:
+        return None
+    return Found(one.pixel, one.score)
+
+
+def _range_line(camera: CameraModel, pixel: Array, other: CameraModel, range_m: float) -> Array:
+    """Return the direction (2,) in the other image of a pixel's ray; along the rows where it is a point."""
+    origin, ray = camera.back_project(pixel)
+    near, far = other.project(np.stack((origin + 0.99 * range_m * ray, origin + 1.01 * range_m * ray)))
+    length = float(np.hypot(*(far - near)))
+    return np.asarray((far - near) / length) if length > 1e-9 else np.array([1.0, 0.0])
 
 
 # ---- parts
