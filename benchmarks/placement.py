@@ -3,9 +3,9 @@
 `python -m benchmarks.placement --rocks 1000 --rendered 120 --out benchmarks/results/placement.json`
 
 Each rock is another scene of `placement_rocks` with another designated point, uniform over the visible face,
-and an error of 5 mm as of a hand-off; rocks that a neighbour hides are left out. Rocks of `--rendered` are seen by dense stereo on rendered pairs,
-those of `--rocks` by the cheap model of stereo; the two run through the same check, so that the first vouch
-for the second.
+and an error of 5 mm as of a hand-off; rocks that a neighbour hides are left out. Rocks of `--rendered` are
+seen by dense stereo on rendered pairs, those of `--rocks` by the cheap model of stereo; the two run through
+the same check, so that the first vouch for the second.
 
 The truth is cast on the triangles, along the tool's true axis and with the arm's error, against what the
 instrument bears (`TrueLimits`). An accept is unsafe if anything is wrong there. A refusal, or an order to
