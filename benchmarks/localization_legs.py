@@ -172,7 +172,7 @@ def see(leg: Leg, end: int, seed: int, *, models: bool = True, farthest_m: float
 
 
 def bodies_of(leg: Leg, eye: Array, local: GroundPoints, rocks: list[SeenRock]) -> list[frozenset[str]]:
-    """Return the bodies that fill at least a fifth of each rock extracted from points seen from `eye` (3,)."""
+    """Return the bodies that fill at least a fifth of each rock, all seen from `eye` (3,)."""
     raster = direction_raster(local, farthest_m=ExtractionOptions().farthest_m + 6.0)
     rays = raster.directions().reshape(-1, 3)
     hit = leg.scene.cast(np.broadcast_to(eye, rays.shape), rays)
