@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -155,6 +155,7 @@ def calibrate(
     name: str,
     source: str,
     prior: Calibration | None = None,
+    report: Callable[[float], None] = lambda _share: None,
 ) -> Calibration:
     """Return the calibration that legs bear out.
 
@@ -165,6 +166,8 @@ def calibrate(
         as hidden.
     prior
         What the legs do not tell stays as here; the rover profile's numbers when absent.
+    report
+        Called before each leg with the share of them that is done.
 
     Raises
     ------
@@ -182,7 +185,8 @@ def calibrate(
         )
     prior = prior or calibration_of(profile)
     exposures, lost = [], []
-    for leg in driven:
+    for index, leg in enumerate(driven):
+        report(index / len(driven))
         terrain = terrains.get(leg.run) if isinstance(terrains, Mapping) else terrains
         for track, metres in zip(leg.tracks, exposure_m(leg, profile, terrain, prior), strict=True):
             if sum(metres) > 0:

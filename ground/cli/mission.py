@@ -53,14 +53,11 @@ def register(app: typer.Typer) -> None:
         from ground.cli.repository import open_or_fail
         from ground.errors import GroundError
         from ground.services.actor import SYSTEM_ACTOR
-        from ground.services.calibrate_mission import calibrate_from_folders, calibrate_mission
+        from ground.services.calibrate_from_folders import calibrate_from_folders
 
         repo = open_or_fail()
         try:
-            if runs:
-                done = calibrate_from_folders(repo, SYSTEM_ACTOR, mission, runs, name=name)
-            else:
-                done = calibrate_mission(repo, SYSTEM_ACTOR, mission, name=name)
+            done = calibrate_from_folders(repo, SYSTEM_ACTOR, mission, runs or (), name=name)
         except GroundError as err:
             fail(err.message)
         found = done.calibration or {}

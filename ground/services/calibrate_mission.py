@@ -1,29 +1,34 @@
-"""Learn the loss, duration and energy parameters of a mission's path network from recorded runs."""
+"""Learn loss, duration and energy parameters of a mission's path network from its recorded runs: a job."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
-from ground.driven_legs import DrivenLeg, calibrate, legs_of_run
-from ground.errors import ArchiveError, InvalidInputError, NotFoundError
+from ground import jobs
+from ground.errors import InvalidInputError, NotFoundError
 from ground.gdr import models as m
 from ground.gdr import values as v
 from ground.gdr.repository import Repository
-from ground.services.actor import Action, Actor
+from ground.services.actor import SYSTEM_ACTOR, Action, Actor
 from ground.services.edit import update
 from ground.services.kinds import KINDS
-from ground.services.terrains import mission_terrain
-from ground.services.views import show_missions
+from ground.services.terrains import terrain_row
+from ground.services.views import show_jobs
+
+KIND = "calibrate_mission"
 
 
 def calibrate_mission(
     repo: Repository, actor: Actor, mission_id: str, *, run_ids: Sequence[str] = (), name: str = ""
-) -> v.Mission:
-    """Return the mission with the calibration that its recorded runs bear out; plans made from now on use it.
+) -> v.Job:
+    """Return the job that gives the mission the calibration that its recorded runs bear out.
+
+    Plans made from then on use it.
 
     Parameters
     ----------
@@ -35,67 +40,89 @@ def calibrate_mission(
     NotFoundError
         If there is no such mission.
     InvalidInputError
-        If a run is not of the mission, holds no legs, or there are too few legs.
+        If a run is not of the mission.
     """
-    with repo.database.read() as session:
-        row = m.RunRow
-        known = list(session.scalars(select(row.id).where(row.mission_id == mission_id).order_by(row.id)))
+    actor.require(Action.EDIT_MISSION, mission_id)
+    with repo.database.write() as session:
+        folders = run_folders(repo, session, mission_id, run_ids)
+        job = jobs.enqueue(
+            session,
+            repo.settings,
+            kind=KIND,
+            mission_id=mission_id,
+            subject_kind="mission",
+            subject_id=mission_id,
+            payload=calibration_payload(repo, session, mission_id, folders, strict=bool(run_ids), name=name),
+            author=actor.name,
+        )
+        value = show_jobs(session, [job])[0]
+    jobs.WAKE.set()
+    return value
+
+
+def run_folders(
+    repo: Repository, session: Session, mission_id: str, run_ids: Sequence[str] = ()
+) -> list[Path]:
+    """Return the folders of these runs of a mission, of all of them when there are none.
+
+    Raises
+    ------
+    InvalidInputError
+        If a run is not of the mission.
+    """
+    row = m.RunRow
+    known = list(session.scalars(select(row.id).where(row.mission_id == mission_id).order_by(row.id)))
     for index, wanted in enumerate(run_ids):
         if wanted not in known:
             raise InvalidInputError(
                 f"there is no run {wanted} in mission {mission_id}", pointer=f"/run_ids/{index}"
             )
-    folders = [repo.run_dir(run_id) for run_id in run_ids or known]
-    return calibrate_from_folders(repo, actor, mission_id, folders, strict=bool(run_ids), name=name)
+    return [repo.run_dir(run_id) for run_id in run_ids or known]
 
 
-def calibrate_from_folders(
+def calibration_payload(
     repo: Repository,
-    actor: Actor,
+    session: Session,
     mission_id: str,
     folders: Sequence[Path],
     *,
-    strict: bool = True,
-    name: str = "",
-) -> v.Mission:
-    """Return the mission with the calibration that run folders on its terrain bear out; see above.
+    strict: bool,
+    name: str,
+) -> dict[str, Any]:
+    """Return what the work needs; without `strict`, folders that hold no legs are passed over.
 
-    Without `strict`, folders that hold no legs are passed over.
+    Raises
+    ------
+    NotFoundError
+        If there is no such mission.
     """
-    from planner.path_network import calibration_to_json
-    from rover_iface.profile import load_profile
+    mission = session.get(m.MissionRow, mission_id)
+    if mission is None:
+        raise NotFoundError(f"there is no mission {mission_id}")
+    return {
+        "folders": [str(folder) for folder in folders],
+        "strict": strict,
+        "name": name or f"runs of {mission.name}",
+        "rover_profile": mission.rover_profile,
+        "terrain_dir": str(repo.terrain_dir(terrain_row(session, mission_id).id)),
+    }
 
-    actor.require(Action.EDIT_MISSION, mission_id)
-    with repo.database.read() as session:
-        mission = session.get(m.MissionRow, mission_id)
-        if mission is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
-        profile = load_profile(mission.rover_profile)
-        terrain = mission_terrain(repo, session, mission_id)
-    legs: list[DrivenLeg] = []
-    used = 0
-    for folder in folders:
-        try:
-            found = legs_of_run(folder)
-        except ArchiveError as err:
-            if strict:
-                raise InvalidInputError(err.message, pointer="/run_ids") from err
-            continue
-        legs += found
-        used += bool(found)
-    title = name or f"runs of {mission.name}"
-    fitted = calibrate(
-        legs,
-        profile,
-        terrain,
-        name=title,
-        source=f"{len(legs)} legs of {used} recorded runs of rover profile {profile.name} {profile.version}",
+
+def settle(_repo: Repository, session: Session, job: m.JobRow, result: dict[str, Any]) -> str | None:
+    """Give the mission its calibration, unless it is gone."""
+    row = session.get(m.MissionRow, job.subject_id, with_for_update=True)
+    if row is None:
+        return None
+    update(
+        session,
+        SYSTEM_ACTOR,
+        KINDS["mission"],
+        row,
+        {"calibration": result["calibration"]},
+        action="calibrate",
     )
-    calibration_to_json(fitted)  # refuses what could not be read again
-    with repo.database.write() as session:
-        row = session.get(m.MissionRow, mission_id, with_for_update=True)
-        if row is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
-        document = {"format": "calibration/1", **asdict(fitted)}
-        update(session, actor, KINDS["mission"], row, {"calibration": document}, action="calibrate")
-        return show_missions(session, [row])[0]
+    return f"/api/v1/missions/{row.id}"
+
+
+def abandon(_session: Session, _job: m.JobRow) -> None:
+    """Leave the mission as it is."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ground.jobs import JobKind
-from ground.services import adjust_traverse, build_path_network, dry_run, generate_plan
-from ground.work import network_work, plan_work, run_work, traverse_work
+from ground.services import adjust_traverse, build_path_network, calibrate_mission, dry_run, generate_plan
+from ground.work import calibration_work, network_work, plan_work, run_work, traverse_work
 
 
 def job_kinds() -> Mapping[str, JobKind]:
@@ -17,6 +17,9 @@ def job_kinds() -> Mapping[str, JobKind]:
         ),
         JobKind(generate_plan.KIND, plan_work.work, generate_plan.settle, generate_plan.abandon),
         JobKind(adjust_traverse.KIND, traverse_work.work, adjust_traverse.settle, adjust_traverse.abandon),
+        JobKind(
+            calibrate_mission.KIND, calibration_work.work, calibrate_mission.settle, calibrate_mission.abandon
+        ),
         JobKind(dry_run.KIND, run_work.work, dry_run.settle, dry_run.abandon, dry_run.begin),
     )
     return {kind.name: kind for kind in kinds}

@@ -12,11 +12,15 @@ from ground.errors import InvalidInputError
 from ground.gdr.models import MissionRow
 from ground.gdr.repository import Repository
 from ground.gdr.values import Instrument, Mission
-from ground.services.calibrate_mission import calibrate_from_folders, calibrate_mission
+from ground.jobs import WorkStoppedError
+from ground.services import calibrate_mission as service
+from ground.services.calibrate_from_folders import calibrate_from_folders
+from ground.services.calibrate_mission import calibrate_mission
 from ground.services.create_request import create_request
 from ground.services.create_target import create_target
 from ground.services.day_inputs import choose_sol, day_inputs
 from ground.services.inputs_digest import inputs_digest
+from ground.work.calibration_work import work
 from ground.work.day import prepare
 from tests.ground.conftest import PLANNER, Api
 
@@ -129,6 +133,53 @@ def test_what_holds_no_legs_is_named(
     with pytest.raises(InvalidInputError, match="abstract: no legs"):
         calibrate_from_folders(repo, PLANNER, mission.id, [*folders, tmp_path / "abstract"])
     with pytest.raises(InvalidInputError, match="0 legs"):
-        calibrate_mission(repo, PLANNER, mission.id)
+        calibrate_from_folders(repo, PLANNER, mission.id)
     with pytest.raises(InvalidInputError, match="there is no run gone"):
         calibrate_mission(repo, PLANNER, mission.id, run_ids=["gone"])
+
+
+def test_over_the_interface_it_is_a_job_that_gives_the_mission_its_calibration(
+    api: Api, mission: Mission, folders: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(service, "run_folders", lambda *_args: folders)
+    path = f"/missions/{mission.id}"
+    job = api.post(f"{path}/calibrate", {"name": "yard"}, 202)
+    assert (job["kind"], job["subject_kind"], job["subject_id"]) == (
+        "calibrate_mission",
+        "mission",
+        mission.id,
+    )
+    assert api.get(path)["calibration"] is None
+    assert api.jobs() == 1
+    done = api.get(f"/jobs/{job['id']}")
+    assert (done["state"], done["result_url"]) == ("succeeded", f"/api/v1{path}")
+    found = api.get(path)["calibration"]
+    assert (found["name"], found["legs"], found["losses"]) == ("yard", 16, 4)
+
+
+def test_a_job_that_cannot_learn_says_why_and_leaves_the_mission_as_it_was(
+    api: Api, mission: Mission
+) -> None:
+    job = api.post(f"/missions/{mission.id}/calibrate", {}, 202)
+    api.jobs()
+    done = api.get(f"/jobs/{job['id']}")
+    assert done["state"] == "failed"
+    assert "0 legs of at least 0.5 m" in done["problem"]["detail"]
+    assert api.get(f"/missions/{mission.id}")["calibration"] is None
+
+
+def test_the_work_tells_how_far_it_is_and_stops_when_asked(
+    repo: Repository, mission: Mission, folders: list[Path]
+) -> None:
+    with repo.database.read() as session:
+        payload = service.calibration_payload(repo, session, mission.id, folders, strict=True, name="")
+    said: list[float] = []
+    work(payload, lambda share, _what: said.append(share), lambda: False)
+    assert said == sorted(said)
+    assert said[0] == 0.0
+    assert 0.9 < said[-1] < 1.0
+    calls = len(said)
+    said.clear()
+    with pytest.raises(WorkStoppedError):
+        work(payload, lambda share, _what: said.append(share), lambda: len(said) >= 20)
+    assert len(said) == 20 < calls

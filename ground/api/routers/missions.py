@@ -12,6 +12,7 @@ from starlette.background import BackgroundTask
 from starlette.responses import FileResponse, Response
 
 from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, answer, api_router, call, created
+from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
 from ground.api.schemas import (
     ArchiveImport,
@@ -80,13 +81,22 @@ async def copy_mission(ask: Asked, mission_id: Id, body: MissionCopy) -> Respons
 
 
 @router.post(
-    "/missions/{mission_id}/calibrate", response_model=v.Mission, responses=responses(400, 404, 409, 422)
+    "/missions/{mission_id}/calibrate",
+    response_model=v.Job,
+    status_code=202,
+    responses={
+        200: {"model": v.Job, "description": "Done in the time given by Prefer"},
+        **responses(400, 404, 409, 422),
+    },
 )
-async def calibrate_mission(ask: Asked, mission_id: Id, body: MissionCalibrate) -> Response:
-    """Learn loss, duration and energy parameters from recorded runs; plans made from now on use them."""
+async def calibrate_mission(
+    ask: Asked, mission_id: Id, body: MissionCalibrate, prefer: Prefer = None
+) -> Response:
+    """Learn loss, duration and energy parameters from recorded runs: a job; plans made after it use them."""
     from ground.services.calibrate_mission import calibrate_mission
 
-    return answer(await ask.do(calibrate_mission, mission_id, run_ids=body.run_ids, name=body.name))
+    job = await ask.do(calibrate_mission, mission_id, run_ids=body.run_ids, name=body.name)
+    return await accepted(ask.repo, ask.who, job, prefer)
 
 
 @router.get("/missions/{mission_id}/terrain", response_model=v.Terrain, responses=responses(404, 422))
