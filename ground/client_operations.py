@@ -58,9 +58,9 @@ class MissionOperations(Caller):
         """Return a copy of a mission, to try something without touching it."""
         return self.value(v.Mission, "POST", f"/missions/{mission_id}/copy", json={"name": name})
 
-    def calibrate(self, mission_id: str, **order: Any) -> Document:
-        """Ask for the calibration that the mission's runs bear out; return the mission or the job."""
-        return cast("Document", self.request("POST", f"/missions/{mission_id}/calibrate", json=order).json())
+    def calibrate(self, mission_id: str, **order: Any) -> v.Job:
+        """Ask for the calibration that the mission's runs bear out."""
+        return self.value(v.Job, "POST", f"/missions/{mission_id}/calibrate", json=order)
 
     def export_mission(self, mission_id: str) -> bytes:
         """Return the archive of a mission, a zip."""

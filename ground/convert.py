@@ -69,6 +69,15 @@ class DayKeepOut:
 
 
 @dataclass(frozen=True, slots=True)
+class DayDriveRule:
+    """A drive between two targets' stands (None: the start) that is taken out, or has to go by corners."""
+
+    from_target_id: str | None
+    to_target_id: str
+    via_m: tuple[tuple[float, float], ...] | None
+
+
+@dataclass(frozen=True, slots=True)
 class DayLimits:
     """Where the day begins and what it may use. The energy budget is above the floor already."""
 
@@ -112,6 +121,7 @@ def prepare_day(
     requests: Sequence[DayRequest],
     keep_outs: Sequence[DayKeepOut] = (),
     *,
+    drive_rules: Sequence[DayDriveRule] = (),
     calibration: Calibration | None = None,
     report: Report | None = None,
 ) -> PreparedDay:
@@ -124,8 +134,8 @@ def prepare_day(
     NetworkError, TerrainError
         If the start or a keep-out is impossible on this terrain.
     """
+    from planner.path_network import START, DriveRule, NetworkRequest, ObservationPoint, Pose, build_network
     from planner.path_network import KeepOut as NetworkKeepOut
-    from planner.path_network import NetworkRequest, ObservationPoint, Pose, build_network
     from planner.path_network import Target as NetworkTarget
 
     tell = report or (lambda _share, _what: None)
@@ -156,6 +166,11 @@ def prepare_day(
             ),
             rover=rover_parameters(profile),
             calibration=calibration or calibration_of(profile),
+            drive_rules=tuple(
+                DriveRule(rule.from_target_id or START, rule.to_target_id, rule.via_m)
+                for rule in drive_rules
+                if {rule.from_target_id, rule.to_target_id} <= {None, *(t.id for t in reachable)}
+            ),
         )
     )
     tell(0.8, "planning problem")

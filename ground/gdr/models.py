@@ -111,6 +111,8 @@ class MissionRow(Row):
     """The site whose frame, east-north-up, is the one of terrain, targets and keep-outs."""
     calibration: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     """`calibration/1` of the path network; the rover profile's numbers when there is none."""
+    drive_rules: Mapped[list[Any] | None] = mapped_column(JSON(none_as_null=True))
+    """Drives that people forbid or draw, as in `values.DriveRule`; null = none."""
 
 
 class SolRow(Row):

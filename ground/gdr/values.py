@@ -99,6 +99,19 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True)
+class DriveRule:
+    """What people say of the drive between two targets' stands, in both directions; null is the start pose.
+
+    `via_m` are the corners (east, north) of the way from the first to the second that the rover has to take,
+    none for a straight line; null takes the drive out of the path network.
+    """
+
+    from_target_id: str | None
+    to_target_id: str
+    via_m: list[list[float]] | None
+
+
+@dataclass(frozen=True, slots=True)
 class Mission:
     """One worksite with all that is planned and done there."""
 
@@ -111,6 +124,7 @@ class Mission:
     rover_profile: str
     anchor_frame_id: str | None
     calibration: dict[str, Any] | None
+    drive_rules: list[DriveRule]
     counts: Counts
     author: str
     created_utc: datetime

@@ -17,6 +17,7 @@ from ground.services.checks import (
     free_name,
     require_after,
     require_calibration,
+    require_drive_rules,
     require_polygon,
     require_profile,
     require_window,
@@ -90,6 +91,8 @@ def _columns(
                 require_profile(given["rover_profile"])
             if given.get("calibration") is not None:
                 columns["calibration"] = require_calibration(given["calibration"])
+            if given.get("drive_rules"):
+                require_drive_rules(session, row.id, columns["drive_rules"])
             if "anchor_frame_id" in given and given["anchor_frame_id"] != row.anchor_frame_id:
                 require_anchor(session, row.id, given["anchor_frame_id"])
         case "target":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import func, select
@@ -151,6 +151,26 @@ def require_profile(name: str) -> None:
             f"there is no rover profile {name!r}; there are {', '.join(profile_names())}",
             pointer="/rover_profile",
         )
+
+
+def require_drive_rules(session: Session, mission_id: str, rules: Sequence[Mapping[str, Any]]) -> None:
+    """Raise unless each rule is about two places of the mission that no other rule is about."""
+    known = {None, *session.scalars(select(m.TargetRow.id).where(m.TargetRow.mission_id == mission_id))}
+    seen: set[frozenset[str | None]] = set()
+    for index, rule in enumerate(rules):
+        ends = rule["from_target_id"], rule["to_target_id"]
+        for end in ends:
+            if end not in known:
+                raise InvalidInputError(
+                    f"there is no target {end} in the mission", pointer=f"/drive_rules/{index}"
+                )
+        if ends[0] == ends[1]:
+            raise InvalidInputError(
+                "a drive leads from one place to another", pointer=f"/drive_rules/{index}/to_target_id"
+            )
+        if frozenset(ends) in seen:
+            raise InvalidInputError("there is a rule for this drive already", pointer=f"/drive_rules/{index}")
+        seen.add(frozenset(ends))
 
 
 def require_calibration(document: dict[str, Any]) -> dict[str, Any]:

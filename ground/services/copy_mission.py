@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import select
@@ -50,6 +50,7 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
                 "author": actor.name,
                 "copied_from": source.id,
                 "anchor_frame_id": None,
+                "drive_rules": None,
             },
         )
         session.add(copy)
@@ -57,10 +58,20 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
         open_chain(session, copy.id)
         insert(session, actor, KINDS["mission"], copy)
         new_ids = _copy_parts(session, actor, source.id, copy.id)
+        if source.drive_rules:
+            update(
+                session, actor, KINDS["mission"], copy, {"drive_rules": _rules(source.drive_rules, new_ids)}
+            )
         if source.anchor_frame_id is not None:
             anchored = {"anchor_frame_id": new_ids[source.anchor_frame_id]}
             update(session, actor, KINDS["mission"], copy, anchored)
         return show_missions(session, [copy])[0]
+
+
+def _rules(rules: Sequence[Mapping[str, Any]], new_ids: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return drive rules between the targets of the copy."""
+    ends = ("from_target_id", "to_target_id")
+    return [{**rule, **{end: new_ids.get(rule[end]) for end in ends}} for rule in rules]
 
 
 def _copy_parts(session: Session, actor: Actor, source_id: str, copy_id: str) -> dict[str, str]:

@@ -83,6 +83,11 @@ def day_inputs(
         "terrain_dir": str(repo.terrain_dir(ground.id)),
         "rover_profile": mission.rover_profile,
         "calibration": mission.calibration,
+        "drive_rules": [
+            rule
+            for rule in mission.drive_rules or ()
+            if {rule["from_target_id"], rule["to_target_id"]} <= {None, *wanted_targets}
+        ],
         "limits": {
             "name": f"{mission.name} sol {sol.number}",
             "start": sol.start_pose,

@@ -49,6 +49,7 @@ def delete_resource(
                 for request in session.scalars(select(requests).where(requests.target_id == row.id)):
                     _forget_precedence(session, actor, request, group)
                     remove(session, actor, KINDS["observation_request"], request, reason=reason, group=group)
+                _forget_drives(session, actor, row, group)
             case m.ObservationRequestRow():
                 _forget_precedence(session, actor, row, group)
             case _:
@@ -63,3 +64,11 @@ def _forget_precedence(session: Session, actor: Actor, request: m.ObservationReq
         if request.id in other.after:
             after = [i for i in other.after if i != request.id]
             update(session, actor, KINDS["observation_request"], other, {"after": after}, group=group)
+
+
+def _forget_drives(session: Session, actor: Actor, target: m.TargetRow, group: str) -> None:
+    mission = session.get_one(m.MissionRow, target.mission_id)
+    rules = mission.drive_rules or []
+    kept = [r for r in rules if target.id not in {r["from_target_id"], r["to_target_id"]}]
+    if len(kept) < len(rules):
+        update(session, actor, KINDS["mission"], mission, {"drive_rules": kept}, group=group)

@@ -26,9 +26,9 @@ _kept: dict[tuple[str, str], str] = {}
 def inputs_digest(session: Session, mission_id: str) -> str:
     """Return the SHA-256 over all that a path network or plan of the mission is computed from.
 
-    Names and notes do not count; positions, requests, keep-outs, budgets, terrain, rover profile and
-    calibration do. Every
-    change moves the head of the mission's history, so a digest once taken is kept under that head.
+    Names and notes do not count; positions, requests, keep-outs, drive rules, budgets, terrain, rover profile
+    and calibration do. Every change moves the head of the mission's history, so a digest once taken is kept
+    under that head.
     """
     head = session.scalar(select(ChainRow.sha256).where(ChainRow.id == mission_id))
     known = _kept.get((mission_id, head or ""))
@@ -91,6 +91,9 @@ def _take(session: Session, mission_id: str) -> str:
     calibration = session.scalar(select(MissionRow.calibration).where(MissionRow.id == mission_id))
     if calibration is not None:  # without one, digests are as they were before missions had any
         parts.append([(calibration,)])
+    rules = session.scalar(select(MissionRow.drive_rules).where(MissionRow.id == mission_id))
+    if rules:  # likewise
+        parts.append([(rules,)])
     content = [[[_counting(value) for value in row] for row in part] for part in parts]
     return hashlib.sha256(orjson.dumps(content, option=orjson.OPT_SORT_KEYS)).hexdigest()
 

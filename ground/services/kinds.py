@@ -50,7 +50,7 @@ _ALL = (
         m.MissionRow,
         views.show_missions,
         Action.EDIT_MISSION,
-        frozenset({"name", "notes", "rover_profile", "anchor_frame_id", "calibration"}),
+        frozenset({"name", "notes", "rover_profile", "anchor_frame_id", "calibration", "drive_rules"}),
         undoable=True,
         related=True,
     ),

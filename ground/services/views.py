@@ -73,7 +73,16 @@ def show_missions(session: Session, rows: Sequence[m.MissionRow]) -> list[v.Miss
             )
         ).all()
     )
-    return [_value(v.Mission, r, terrain_name=names.get(r.terrain_id, ""), counts=counts[r.id]) for r in rows]
+    return [
+        _value(
+            v.Mission,
+            r,
+            terrain_name=names.get(r.terrain_id, ""),
+            counts=counts[r.id],
+            drive_rules=[v.DriveRule(**rule) for rule in r.drive_rules or ()],
+        )
+        for r in rows
+    ]
 
 
 def pose_of(document: Mapping[str, Any]) -> v.Pose:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ground.convert import (
+    DayDriveRule,
     DayKeepOut,
     DayLimits,
     DayRequest,
@@ -32,6 +33,15 @@ def instrument_name(in_profile: str) -> str:
 
 def _pose(document: dict[str, Any] | None) -> StandPose | None:
     return None if document is None else StandPose(**document)
+
+
+def _drive_rule(document: dict[str, Any]) -> DayDriveRule:
+    via = document["via_m"]
+    return DayDriveRule(
+        document["from_target_id"],
+        document["to_target_id"],
+        None if via is None else tuple((e, n) for e, n in via),
+    )
 
 
 def prepare(payload: dict[str, Any], report: Report) -> PreparedDay:
@@ -85,6 +95,7 @@ def prepare(payload: dict[str, Any], report: Report) -> PreparedDay:
                 for r in payload["requests"]
             ],
             [DayKeepOut(k["id"], tuple((e, n) for e, n in k["polygon_m"])) for k in payload["keep_outs"]],
+            drive_rules=[_drive_rule(rule) for rule in payload.get("drive_rules", ())],
             calibration=calibration,
             report=report,
         )

@@ -45,6 +45,7 @@ from planner.path_network.calibration import (
 )
 from planner.path_network.values import (
     START,
+    DriveRule,
     HeightGrid,
     KeepOut,
     MissingRoute,
@@ -65,6 +66,7 @@ __all__ = [
     "K9_CALIBRATION",
     "START",
     "Calibration",
+    "DriveRule",
     "HeightGrid",
     "KeepOut",
     "LossFit",

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from planner.path_network.consolidation import greedy_spanner
+from planner.path_network.drive_rules import check_rules, draw_ways
 from planner.path_network.obstacles import build_obstacles, check_request, map_bounds, outlines, place_reason
 from planner.path_network.tracking import filled, loss_exposure, sample, tracking_regions
 from planner.path_network.values import (
@@ -39,6 +40,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
         points that cannot be reached are no error: they are in `PathNetwork.unreachable`.
     """
     keep_outs = check_request(request)
+    check_rules(request)
     obstacles, notes = build_obstacles(request, keep_outs)
     places: dict[str, Pose] = {START: request.start} | {p.id: p.pose for p in request.observation_points}
     target_of = {p.id: p.target for p in request.observation_points}
@@ -62,7 +64,8 @@ def build_network(request: NetworkRequest) -> PathNetwork:
     _, ways = shortest_ways(len(graph.xy), edges, length_m + 1e-9, sources)
     connected = np.isfinite(distance)
 
-    links = _links(request, graph.xy, edges, length_m)
+    drawn = draw_ways(request, (graph.xy, edges, length_m), number, target_of, obstacles)
+    links = _links(request, drawn.xy, drawn.edges, drawn.length_m)
     tracked = [t.id for t in request.targets if t.tracked]
     column = {name: k for k, name in enumerate(tracked)}
     routes: list[Route] = []
@@ -77,19 +80,23 @@ def build_network(request: NetworkRequest) -> PathNetwork:
                 who = destination if destination in no_stand else origin
                 missing.append(MissingRoute(origin, destination, f"{who}: {reason}"))
                 continue
+            if (refusal := drawn.refused.get((origin, destination))) is not None:
+                missing.append(MissingRoute(origin, destination, refusal))
+                continue
             a, b = number[origin], number[destination]
-            if not connected[a, b]:
+            by_hand = drawn.ways.get((origin, destination))
+            if by_hand is None and not connected[a, b]:
                 missing.append(MissingRoute(origin, destination, "obstacles close every way between them"))
                 continue
             own = column.get(target_of.get(destination, ""))
             # Walked from the lower end, so that both directions take the same way.
-            nodes = walk(ways[min(a, b)], min(a, b), max(a, b))
-            if a > b:
+            nodes = by_hand or walk(ways[min(a, b)], min(a, b), max(a, b))
+            if by_hand is None and a > b:
                 nodes.reverse()
-            route = _route(request, links, graph.xy, nodes, places[origin], places[destination], tracked)
-            if own is not None and route[1][own] > request.options.maximum_loss:
-                nodes = _safest(links, len(graph.xy), a, b, own)
-                route = _route(request, links, graph.xy, nodes, places[origin], places[destination], tracked)
+            route = _route(request, links, drawn.xy, nodes, places[origin], places[destination], tracked)
+            if by_hand is None and own is not None and route[1][own] > request.options.maximum_loss:
+                nodes = _safest(links, len(drawn.xy), a, b, own)
+                route = _route(request, links, drawn.xy, nodes, places[origin], places[destination], tracked)
             if own is not None and route[1][own] > request.options.maximum_loss:
                 missing.append(
                     MissingRoute(
@@ -106,7 +113,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
                 Route(
                     origin,
                     destination,
-                    tuple((float(e), float(n)) for e, n in graph.xy[nodes]),
+                    tuple((float(e), float(n)) for e, n in drawn.xy[nodes]),
                     **costs,
                     p_lose=dict(zip(tracked, loss.tolist(), strict=True)),
                     segments=tuple(path),
@@ -115,7 +122,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
     order = {name: i for i, name in enumerate(places)}
     routes.sort(key=lambda r: (order[r.origin], order[r.destination]))
     missing.sort(key=lambda r: (order[r.origin], order[r.destination]))
-    segments, renumbered = _segments(routes, links, graph.xy, tracked, request)
+    segments, renumbered = _segments(routes, links, drawn.xy, tracked, request)
     reached = {r.destination for r in routes if r.origin == START}
     why = {m.destination: m.reason for m in missing if m.origin == START}
     unreachable = tuple(

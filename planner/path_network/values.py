@@ -79,6 +79,24 @@ class KeepOut:
     vertices: Sequence[Sequence[float]]
 
 
+@dataclass(frozen=True, slots=True)
+class DriveRule:
+    """What people say of the drive between two places, in both directions.
+
+    Parameters
+    ----------
+    first, second
+        `"start"` or a target: the rule holds for each of its observation points.
+    via
+        Corners of the way from `first` to `second` that the rover has to take, metres; none is a straight
+        line. `None` takes the drive out.
+    """
+
+    first: str
+    second: str
+    via: tuple[Point, ...] | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightGrid:
     """Heights on a square grid, north up as in a map image.
@@ -229,6 +247,7 @@ class NetworkRequest:
     rover: RoverParameters = RoverParameters()
     calibration: Calibration = K9_CALIBRATION
     options: NetworkOptions = NetworkOptions()
+    drive_rules: tuple[DriveRule, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ and only so that it hugs them, so a segment is kept when it is tangent at every 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -69,9 +70,7 @@ def build_visibility_graph(
         tangent[at] &= _cross(along, before[c] - corners[c]) * _cross(along, after[c] - corners[c]) >= -_EPS
     first, second = first[tangent], second[tangent]
     if not blocked.is_empty and len(first):
-        lines = shapely.linestrings(np.stack([xy[first], xy[second]], axis=1))
-        body = shapely.buffer(blocked, -_SHRINK_M, join_style="mitre")
-        free = ~_hits(body, np.asarray(lines))
+        free = clear_of(blocked, shapely.linestrings(np.stack([xy[first], xy[second]], axis=1)))
         first, second = first[free], second[free]
     edges = np.stack([first, second], axis=1).astype(np.int64)
     return VisibilityGraph(xy, n, edges, np.hypot(*(xy[first] - xy[second]).T))
@@ -79,6 +78,12 @@ def build_visibility_graph(
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def clear_of(blocked: BaseGeometry, lines: Any) -> npt.NDArray[np.bool_]:
+    """Return which straight lines (an array of shapely's) stay outside `blocked` or on its edge."""
+    body = shapely.buffer(blocked, -_SHRINK_M, join_style="mitre")
+    return ~_hits(body, np.asarray(lines))
 
 
 def _hits(body: BaseGeometry, lines: npt.NDArray[np.object_]) -> npt.NDArray[np.bool_]:

@@ -366,7 +366,7 @@ export interface paths {
         put?: never;
         /**
          * Calibrate Mission
-         * @description Learn loss, duration and energy parameters from recorded runs; plans made from now on use them.
+         * @description Learn loss, duration and energy parameters from recorded runs: a job; plans made after it use them.
          */
         post: operations["calibrate_mission"];
         delete?: never;
@@ -2390,6 +2390,39 @@ export interface components {
             source: "demo";
         };
         /**
+         * DriveRule
+         * @description What people say of the drive between two targets' stands, in both directions; null is the start pose.
+         *
+         *     `via_m` are the corners (east, north) of the way from the first to the second that the rover has to take,
+         *     none for a straight line; null takes the drive out of the path network.
+         */
+        DriveRule: {
+            /** From Target Id */
+            from_target_id: string | null;
+            /** To Target Id */
+            to_target_id: string;
+            /** Via M */
+            via_m: number[][] | null;
+        };
+        /**
+         * DriveRuleBody
+         * @description A drive between two targets' stands, in both directions: forbidden, or by these corners.
+         */
+        DriveRuleBody: {
+            /**
+             * From Target Id
+             * @description null is the start pose
+             */
+            from_target_id: string | null;
+            /** To Target Id */
+            to_target_id: string;
+            /**
+             * Via M
+             * @description corners from the first to the second, none for a straight line; null forbids the drive
+             */
+            via_m?: number[][] | null;
+        };
+        /**
          * Event
          * @description One change of a mission; `before` and `after` are the whole resource, null where there was none.
          */
@@ -2894,6 +2927,8 @@ export interface components {
              * Format: date-time
              */
             created_utc: string;
+            /** Drive Rules */
+            drive_rules: components["schemas"]["DriveRule"][];
             /** Id */
             id: string;
             /**
@@ -2938,6 +2973,11 @@ export interface components {
             calibration?: {
                 [key: string]: unknown;
             } | null;
+            /**
+             * Drive Rules
+             * @description all of them: what is not in the list is planned freely
+             */
+            drive_rules?: components["schemas"]["DriveRuleBody"][];
             /** Name */
             name?: string;
             /** Notes */
@@ -6819,7 +6859,10 @@ export interface operations {
     calibrate_mission: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description `wait=N`: answer 200 if done in N seconds */
+                prefer?: string | null;
+            };
             path: {
                 mission_id: string;
             };
@@ -6831,13 +6874,22 @@ export interface operations {
             };
         };
         responses: {
-            /** @description Successful Response */
+            /** @description Done in the time given by Prefer */
             200: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Mission"];
+                    "application/json": components["schemas"]["Job"];
+                };
+            };
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
                 };
             };
             /** @description Malformed request */
