@@ -200,6 +200,14 @@ export const upload = (
 export const sols = (id: string): Promise<Sol[]> =>
   pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/sols", { params: inMissionPage(id, cursor) })));
 
+export const changeMission = (mission: Mission, changes: Schemas["MissionChange"]): Promise<Mission> =>
+  body(
+    api.PATCH("/api/v1/missions/{mission_id}", {
+      params: { path: { mission_id: mission.id }, header: ifMatch(mission) },
+      body: changes,
+    }),
+  );
+
 export const changeSol = (sol: Sol, changes: SolChange): Promise<Sol> =>
   body(
     api.PATCH("/api/v1/sols/{sol_id}", { params: { path: { sol_id: sol.id }, header: ifMatch(sol) }, body: changes }),

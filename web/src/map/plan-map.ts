@@ -21,6 +21,7 @@ import Style from "ol/style/Style";
 import View from "ol/View";
 import type { PathNetwork, Pose, RoverShape, Target, Terrain } from "../api/types";
 import { canvasOf, edges, type Raster } from "../lib/overlay";
+import type { RuleLook } from "../lib/drives";
 import type { Spot } from "../lib/spread";
 import { drivesOf, ellipse, lossColour, outline, placeLabels, type Point, reachSector, type Ribbon, trackingCone } from "./geometry";
 import { KeepOutEdit, type KeepOutEvents, type KeepOutLook } from "./keep-out-edit";
@@ -28,13 +29,14 @@ import { inside } from "./polygon-edit";
 import { StandDrag } from "./stand-drag";
 import { closed, COLORS, labelText, lineColor, measure, ribbonStyle, type TargetLook, targetStyle, words } from "./styles";
 
-export type Mode = "select" | "target" | "keep-out" | "measure";
+export type Mode = "select" | "target" | "keep-out" | "measure" | "way";
 
 export interface MapEvents extends KeepOutEvents {
   picked(east: number, north: number): void;
   selected(kind: "target" | "keep-out" | "branch" | null, id: string, step: string | null): void;
   drawn(corners: Point[]): void;
   measured(points: Point[]): void;
+  wayDrawn(points: Point[]): void;
   hovered(east: number | null, north: number | null): void;
   /** Metres per pixel after the view has moved. */
   scaled(resolution: number): void;
@@ -62,6 +64,7 @@ export class PlanMap {
   private readonly overlay = new ImageLayer({ opacity: 0.75, visible: false });
   private readonly contourLayer = this.vector(2);
   private readonly networkLayer = this.vector(3, true);
+  private readonly ruleLayer = this.vector(7);
   private readonly coneLayer = this.vector(4);
   private readonly keepOutLayer = this.vector(5);
   private readonly planLayer = this.vector(6);
@@ -99,6 +102,7 @@ export class PlanMap {
         this.overlay,
         this.contourLayer,
         this.networkLayer,
+        this.ruleLayer,
         this.coneLayer,
         this.keepOutLayer,
         this.planLayer,
@@ -334,6 +338,23 @@ export class PlanMap {
       );
       source.addFeature(feature);
     }
+  }
+
+  /** What people say of drives: ways that they drew, and drives that they forbade. */
+  setRules(looks: readonly RuleLook[]): void {
+    const source = this.ruleLayer.getSource() as VectorSource;
+    source.clear();
+    for (const { path, forbidden } of looks) {
+      const feature = new Feature(new LineString(path));
+      const line = new Style({ stroke: new Stroke({ color: forbidden ? COLORS.keepOut : "#ffffff", width: 2, lineDash: forbidden ? [2, 6] : undefined }) });
+      const cross = new Style({
+        geometry: new PointGeometry((feature.getGeometry() as LineString).getCoordinateAt(0.5)),
+        image: new RegularShape({ points: 4, radius: 7, radius2: 0, angle: Math.PI / 4, stroke: new Stroke({ color: COLORS.keepOut, width: 2.5 }) }),
+      });
+      feature.setStyle(forbidden ? [line, cross] : [new Style({ stroke: new Stroke({ color: "rgba(6,10,14,0.7)", width: 4.5 }) }), line]);
+      source.addFeature(feature);
+    }
+    this.element.dataset.rules = looks.map((look) => (look.forbidden ? "forbidden" : `${look.path.length}`)).join(",");
   }
 
   setRibbons(ribbons: readonly Ribbon[], focusLine: string | null, focusStep: string | null): void {
@@ -649,7 +670,7 @@ export class PlanMap {
     this.putBack();
     this.keepOuts.setActive(mode === "select");
     this.element.style.cursor = mode === "select" ? "" : "crosshair";
-    if (mode !== "keep-out" && mode !== "measure") return;
+    if (mode !== "keep-out" && mode !== "measure" && mode !== "way") return;
     const color = mode === "keep-out" ? COLORS.keepOut : "#ffffff";
     this.draw = new Draw({
       source: this.scratch.getSource() as VectorSource,
@@ -670,7 +691,9 @@ export class PlanMap {
         (this.scratch.getSource() as VectorSource).once("addfeature", () => (this.scratch.getSource() as VectorSource).clear());
       } else if (geometry instanceof LineString) {
         event.feature.setStyle(new Style({ stroke: new Stroke({ color: "#ffffff", width: 2 }) }));
-        this.events.measured(geometry.getCoordinates() as Point[]);
+        const points = geometry.getCoordinates() as Point[];
+        if (mode === "way") this.events.wayDrawn(points);
+        else this.events.measured(points);
       }
     });
     this.map.addInteraction(this.draw);

@@ -23,6 +23,7 @@ import type {
   Terrain,
 } from "../api/types";
 import { type CrlNode, nodesOf } from "../lib/crl";
+import { withRule } from "../lib/drives";
 import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
 import type { Selection } from "../lib/route";
 import { app } from "./app.svelte";
@@ -476,6 +477,23 @@ export class MissionState {
       await this.reload(kind);
       if (kind === "target") await this.reload("observation_request");
     });
+  }
+
+  /** Where the rover stands for a target (null: at the start) in the newest network, else the target itself. */
+  placeOf(target: string | null): [number, number] | null {
+    const node = this.network?.nodes.find((one) => one.target_id === target);
+    const pose = node?.pose ?? (target === null ? (this.sol?.start_pose ?? this.terrain?.start_pose) : this.targetById.get(target)?.position);
+    return pose === undefined ? null : [pose.east_m, pose.north_m];
+  }
+
+  /** Forbid a drive (null), give it corners, or leave it to the planner ("free"). */
+  async setDrive(from: string | null, to: string, via: number[][] | null | "free"): Promise<void> {
+    const mission = this.mission;
+    if (mission === null) return;
+    const rules = withRule(mission.drive_rules, from, to, via);
+    await app.attempt("The drive", () => calls.changeMission(mission, { drive_rules: rules }));
+    await app.attempt("Reading the mission", () => this.reload("mission"));
+    this.soon("plan");
   }
 
   async changeSol(changes: SolChange): Promise<void> {

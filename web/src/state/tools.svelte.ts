@@ -2,6 +2,7 @@
 
 import * as calls from "../api/calls";
 import type { Target } from "../api/types";
+import { cornersOf } from "../lib/drives";
 import type { Point } from "../map/geometry";
 import { measureText } from "../lib/measure";
 import type { Mode } from "../map/plan-map";
@@ -16,6 +17,8 @@ export class Tools {
   /** Heights of what is measured, from the server; null while it is asked. */
   measuredUp = $state.raw<(number | null)[]>([]);
   readonly measuredText = $derived(measureText(this.measured, this.measuredUp));
+  /** The drive whose way is drawn; the start is null. */
+  way = $state.raw<{ from: string | null; to: string } | null>(null);
   readonly stand: StandState;
   readonly overlays: Overlays;
 
@@ -25,6 +28,7 @@ export class Tools {
   }
 
   setMode(mode: Mode): void {
+    this.way = null;
     this.mode = this.mode === mode && mode !== "select" ? "select" : mode;
     this.measured = [];
     this.measuredUp = [];
@@ -53,6 +57,22 @@ export class Tools {
     });
     this.mode = "select";
     if (created !== null) app.go({ selection: { kind: "keep-out", id: created.id }, tab: "selection" });
+  }
+
+  /** Let somebody draw the way between two places on the map, from the start or the target named first. */
+  drawWay(target: string, other: string | null): void {
+    this.setMode("select");
+    app.go({ view: "map" });
+    this.way = { from: other, to: target };
+    this.mode = "way";
+  }
+
+  async wayDrawn(points: Point[]): Promise<void> {
+    const way = this.way;
+    this.setMode("select");
+    if (way === null) return;
+    const [from, to] = [this.m.placeOf(way.from), this.m.placeOf(way.to)];
+    if (from !== null && to !== null) await this.m.setDrive(way.from, way.to, cornersOf(points, from, to));
   }
 
   async keepOutReshaped(id: string, corners: Point[]): Promise<void> {
