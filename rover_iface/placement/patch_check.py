@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -33,11 +33,13 @@ class Judged:
     measures: PatchMeasures | None
     findings: tuple[Finding, ...]
     strain: float = math.inf
-    """Largest share of its limit that the relief (protrusion, depth, roughness) takes."""
+    """Largest share of a limit that the surface takes: relief, gaps, steps, uncertainty of the normal."""
+    restless: Finding | None = None
+    """Why a safe point is not calm; None when it is."""
 
     def with_finding(self, finding: Finding) -> Judged:
         """Return the same with one more finding."""
-        return Judged(self.point, self.normal, self.measures, (*self.findings, finding), self.strain)
+        return replace(self, findings=(*self.findings, finding))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +120,7 @@ class PatchCheck:
         on_plane = point - ((point - middle) @ normal) * normal
         measures = self._measure(window, on_plane, normal, outward)
         findings = self._findings(measures)
-        return Judged(on_plane, normal, measures, findings, self._strain(measures))
+        return Judged(on_plane, normal, measures, findings, self._strain(measures), self._restless(measures))
 
     def _window(self, point: Array, radius_m: float) -> _Window:
         """Return the points within `radius_m` of `point`, and as far round it as others will be asked for."""
@@ -150,11 +152,16 @@ class PatchCheck:
         )
         surface = ball[under]
         sigma = kernels.median_sigma(cloud.covariances, surface, normal)
-        share, hole = self._gaps(window, surface[window.trusted[surface]], at, normal)
+        trusted = window.trusted[surface]
+        near, far = self.limits.cover_margin_m, self.limits.margin_m
+        share, hole = self._gaps(window, surface[trusted], at, normal, near)
+        wide_hole = self._gaps(window, surface[trusted], at, normal, far)[1]
         return PatchMeasures(
             points=len(surface),
             valid_share=share,
             hole_m=hole,
+            wide_hole_m=wide_hole,
+            doubtful_share=1.0 - float(trusted.mean()),
             protrusion_m=protrusion,
             depth_m=depth,
             rms_m=rms,
@@ -167,14 +174,14 @@ class PatchCheck:
         )
 
     def _gaps(
-        self, window: _Window, index: npt.NDArray[np.int64], at: Array, normal: Array
+        self, window: _Window, index: npt.NDArray[np.int64], at: Array, normal: Array, margin_m: float
     ) -> tuple[float, float]:
-        """Return the share of the tool's disc within a pixel of a chosen point, and the diameter of the
-        largest hole.
+        """Return the share of the tool's disc and `margin_m` round it that lies within a pixel of a chosen
+        point, and the diameter of the largest hole.
 
         A pixel on an oblique surface is as long as its slant makes it, at most three times its width.
         """
-        radius = self.radius_m + self.limits.cover_margin_m
+        radius = self.radius_m + margin_m
         if not len(index):
             return 0.0, 2.0 * radius
         pixel = float(np.median(window.spacing_m[index]))
@@ -193,14 +200,34 @@ class PatchCheck:
         patches = max(3.0, len(surface) / 25.0)
         return float(math.atan(sigma / math.sqrt(max(lever2 * patches, 1e-12))))
 
-    def _strain(self, m: PatchMeasures) -> float:
-        """Return the largest share of its limit that the relief takes."""
+    def _relief(self, m: PatchMeasures) -> float:
+        """Return the largest share of its limit that protrusion, depth or roughness takes."""
         limits, sure = self.limits, self._sure(m)
         return max(
             (m.depth_m + sure) / limits.most_depth_m,
             (m.protrusion_m + sure) / limits.most_protrusion_m,
             _excess(m) / limits.most_rms_m,
         )
+
+    def _strain(self, m: PatchMeasures) -> float:
+        limits = self.limits
+        return max(
+            self._relief(m),
+            m.doubtful_share / limits.most_doubt,
+            limits.sigmas * m.normal_sigma_rad / limits.most_normal_rad,
+            # a hole that begins beyond the tool counts less
+            m.wide_hole_m / (1.5 * limits.most_hole_m),
+        )
+
+    def _restless(self, m: PatchMeasures) -> Finding | None:
+        limits = self.limits
+        pairs = (
+            (Reason.RESTLESS, self._relief(m), limits.calm, ""),
+            (Reason.STEP_NEAR, m.doubtful_share, limits.calm_doubt, ""),
+            (Reason.STEREO_HOLE, m.wide_hole_m, limits.calm_hole_m, "m"),
+        )
+        over = [Finding(*one) for one in pairs if not one[1] <= one[2]]
+        return over[0] if over else None
 
     def _sure(self, m: PatchMeasures) -> float:
         """Return what stereo's error may hide of the relief, metres; patches of 5 x 5 pixels share it."""
@@ -211,6 +238,7 @@ class PatchCheck:
         pairs = (
             (Reason.STEREO_SHARE, m.valid_share, limits.least_share, ""),
             (Reason.STEREO_HOLE, m.hole_m, limits.most_hole_m, "m"),
+            (Reason.STEP_NEAR, m.doubtful_share, limits.most_doubt, ""),
             (Reason.VIEW_ANGLE, m.view_angle_rad, limits.most_view_rad, "rad"),
             (Reason.OFF_ROCK, m.rock_share, limits.least_rock_share, ""),
             (Reason.EDGE, m.depth_m + sure, limits.most_depth_m, "m"),

@@ -118,7 +118,7 @@ def _search(
 ) -> PlacementVerdict:
     """Judge the designated point, then others of the same rock, the nearest first.
 
-    The nearest calm point that the arm reaches is taken; without one, the calmest of the safe ones. Where
+    The nearest calm point that the arm reaches is taken; without one, the safe one of least strain. Where
     none is safe, the search is done again in finer steps.
     """
     search = _Search(check, at, ask)
@@ -130,7 +130,7 @@ def _search(
             judged = search.judge(point)
             if judged.findings or judged.normal is None:
                 continue
-            if judged.strain > check.limits.calm:
+            if judged.restless is not None:
                 safe.append(judged)
             elif (posture := search.reached(judged)) is not None:
                 return search.taken(judged, posture, rock)
@@ -189,15 +189,11 @@ class _Search:
             judged.normal,
             float(np.linalg.norm(judged.point - self.at)),
             judged.measures,
-            self.first.findings or (() if designated else (self._restless(self.first),)),
+            self.first.findings or (() if designated else _why_left(self.first)),
             rock,
             self.tried,
             posture=posture,
         )
-
-    def _restless(self, judged: Judged) -> Finding:
-        """Return why a safe point was left for a calm one."""
-        return Finding(Reason.RESTLESS, judged.strain, self.check.limits.calm)
 
     def not_placed(
         self, rock: RockSegment | None, profile: RoverProfile, terrain: Terrain | None
@@ -234,6 +230,10 @@ class _Search:
             self.tried,
             base_move=move,
         )
+
+
+def _why_left(judged: Judged) -> tuple[Finding, ...]:
+    return () if judged.restless is None else (judged.restless,)
 
 
 def _label_at(

@@ -26,18 +26,19 @@ class SafetyLimits:
         plane.
     most_rms_m
         Root mean square deviation from the plane, above what stereo errs.
-    calm
-        A surface is calm if its relief (the three above) keeps this share of its limits. The nearest calm
-        point is taken, and where there is none the calmest of the safe ones.
+    calm, calm_hole_m, calm_doubt
+        A surface is calm if its relief (protrusion, depth, roughness) keeps this share of its limits, and if
+        within `margin_m` of the tool no hole is wider and no larger share lies beside a step. The nearest
+        calm point is taken, and where there is none the safe one that is nearest to calm.
     sigmas
         How many standard deviations of stereo's error are counted against the placement.
     most_normal_rad
         Uncertainty of the normal, that many standard deviations.
     least_share, most_hole_m
         Share of the area with valid stereo, diameter of the largest hole.
-    edge_px, edge_jump_m
+    edge_px, edge_jump_m, most_doubt
         Points within so many pixels of a step of this size behind them are not counted as seen: block
-        matching draws the foreground over its edge.
+        matching draws the foreground over its edge. At most this share of the surface may be such.
     most_view_rad
         Angle between line of sight and normal.
     least_rock_share
@@ -54,19 +55,22 @@ class SafetyLimits:
     """
 
     tool_radius_m: float | None = None
-    margin_m: float = 0.006
+    margin_m: float = 0.008
     cover_margin_m: float = 0.004
-    most_protrusion_m: float = 0.020
-    most_depth_m: float = 0.025
+    most_protrusion_m: float = 0.018
+    most_depth_m: float = 0.0225
     most_beside_m: float = 0.030
-    most_rms_m: float = 0.006
-    calm: float = 0.6
+    most_rms_m: float = 0.0054
+    calm: float = 0.66
+    calm_hole_m: float = 0.012
+    calm_doubt: float = 0.01
     sigmas: float = 2.0
-    most_normal_rad: float = math.radians(12.0)
+    most_normal_rad: float = math.radians(10.0)
     least_share: float = 0.90
     most_hole_m: float = 0.020
     edge_px: int = 3
     edge_jump_m: float = 0.035
+    most_doubt: float = 0.10
     most_view_rad: float = math.radians(70.0)
     least_rock_share: float = 0.95
     most_slope_rad: float = math.radians(11.0)
@@ -77,7 +81,7 @@ class SafetyLimits:
     def __post_init__(self) -> None:
         if self.tool_radius_m is not None and not self.tool_radius_m > 0:
             raise PlacementError(f"tool radius is {self.tool_radius_m} m; it must be positive")
-        for name in ("margin_m", "cover_margin_m", "search_m"):
+        for name in ("margin_m", "cover_margin_m", "search_m", "calm_hole_m", "calm_doubt"):
             if getattr(self, name) < 0:
                 raise PlacementError(f"{name} is {getattr(self, name)} m; it must not be negative")
         for name in (

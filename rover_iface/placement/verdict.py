@@ -42,6 +42,7 @@ class Reason(StrEnum):
     NORMAL = "normal"
     CLEARANCE = "clearance"
     SLOPE = "slope"
+    STEP_NEAR = "step-near"
     RESTLESS = "restless"
     ARM = "arm"
     NO_BASE = "no-base"
@@ -63,6 +64,7 @@ _TEXT = {
     Reason.NORMAL: "uncertainty of the surface normal",
     Reason.CLEARANCE: "height beside the tool over the plane",
     Reason.SLOPE: "angle between surface normal and tool, with its uncertainty",
+    Reason.STEP_NEAR: "share of the surface under the tool beside a step in depth",
     Reason.RESTLESS: "share of its limits that the relief under the tool takes",
     Reason.ARM: "the arm",
     Reason.NO_BASE: "no place to stand",
@@ -116,9 +118,11 @@ class PatchMeasures:
 
     Attributes
     ----------
-    points, valid_share, hole_m
+    points, valid_share, hole_m, wide_hole_m
         Points under the tool; share of its area within one pixel of a point; diameter of the largest circle
-        without any.
+        without any, and of the largest that begins somewhat beyond the tool.
+    doubtful_share
+        Share of the points that lie beside a step in depth.
     protrusion_m, depth_m, rms_m
         Highest and lowest part over and below the fitted plane, and root mean square deviation.
     sigma_m
@@ -139,6 +143,8 @@ class PatchMeasures:
     points: int
     valid_share: float
     hole_m: float
+    wide_hole_m: float
+    doubtful_share: float
     protrusion_m: float
     depth_m: float
     rms_m: float

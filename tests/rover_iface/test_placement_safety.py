@@ -203,6 +203,23 @@ def test_a_calm_place_is_taken_before_a_nearer_one_that_is_just_safe(k9: RoverPr
     assert check.judge(calmest.point).strain == pytest.approx(min(strains), abs=0.05)
 
 
+def test_a_place_beside_a_step_is_left_and_one_on_it_refused(k9: RoverProfile) -> None:
+    cloud, body, found = scene()
+    check = PatchCheck(cloud, found.labels, 0, k9, SafetyLimits())
+    for judged in map(check.judge, cloud.points[body == 0][::40]):
+        if judged.measures is None:
+            continue
+        doubt = judged.measures.doubtful_share
+        assert (Reason.STEP_NEAR in {f.reason for f in judged.findings}) == (doubt > 0.10)
+        if doubt > 0.01:
+            assert judged.restless is not None
+        if judged.restless is not None and judged.restless.reason is Reason.STEP_NEAR:
+            assert judged.restless.value == pytest.approx(doubt)
+            break
+    else:
+        pytest.fail("no place beside a step")
+
+
 def test_a_rock_that_leans_over_the_place_is_in_the_way(k9: RoverProfile) -> None:
     cloud, _, found = scene()
     at = on_first_rock()
