@@ -23,6 +23,10 @@ from rover_iface.telemetry import TrackState
 Array = NDArray[np.floating]
 
 NEAR_M = 1.2
+ARRIVED_M = 0.35
+"""Distance from the goal at which a rover that gets no nearer has arrived: the arm says if it reaches."""
+RETREATS, RETREAT_M = 2, 0.2
+"""How often, and how far, a rover backs off what it touches in the last metre."""
 LOOKS, LOOKS_PER_M = 20, 5.0
 """Looks that bring a drive no nearer to its goal, however far off it is, before it is given up."""
 
@@ -77,6 +81,7 @@ class Driving:
         self.sight = sight
         self.follower = follower
         self._navigator: Navigator | None = None
+        self._retreats = 0
 
     def tell_pose(self) -> None:
         """Put the believed pose into telemetry, and both poses into the odometry."""
@@ -112,17 +117,18 @@ class Driving:
         self._navigator = None
         far = math.hypot(goal[0] - self.body.believed.x, goal[1] - self.body.believed.y)
         progress, looks = Progress(NEAR_M, far_patience=LOOKS + round(LOOKS_PER_M * far)), 0
+        self._retreats = 0
         reason = "too many looks"
         while looks < 150:
             goal, heading = self._goal(command, name)
             here = self.body.believed
             left = math.hypot(goal[0] - here.x, goal[1] - here.y)
             tolerance = 0.08 if name else 0.25
-            if left <= tolerance:
+            if left <= (ARRIVED_M if self._retreats else tolerance):
                 reason = ""
                 break
             if progress.stalled(left):
-                reason = "" if left <= 0.35 else f"no nearer than {progress.nearest_m:.2f} m to the goal"
+                reason = "" if left <= ARRIVED_M else f"no nearer than {progress.nearest_m:.2f} m to the goal"
                 break
             looks += 1
             way: Way | None
@@ -133,7 +139,7 @@ class Driving:
             if way is None:
                 reason = "no safe way"
                 break
-            trouble = yield from self._go(way)
+            trouble = yield from self._advance(way, left)
             if trouble:
                 reason = trouble
                 break
@@ -147,7 +153,7 @@ class Driving:
         if not reason and heading is not None:
             angle = wrap_angle(heading - self.body.believed.heading)
             if abs(angle) > math.radians(3):
-                reason = yield from self._go(Way(angle, 0.0, 0.0))
+                reason = yield from self._advance(Way(angle, 0.0, 0.0), 0.0)
                 if not reason and mode == "track":
                     yield from self.follower.update_all()
         self.follower.set_ranges()
@@ -160,6 +166,14 @@ class Driving:
             "error_m": math.hypot(goal[0] - here.x, goal[1] - here.y),
         }
         return Outcome(not reason, reason, values)
+
+    def _advance(self, way: Way, left_m: float) -> Generator[Step, None, str]:
+        """Drive one way; what it touches in the last metre (mostly what it came to) it backs off."""
+        trouble = yield from self._go(way)
+        if trouble.startswith("hazard") and left_m <= NEAR_M and self._retreats < RETREATS:
+            self._retreats += 1
+            trouble = yield from self._go(Way(0.0, 0.0, -RETREAT_M))
+        return trouble
 
     def _go(self, way: Way) -> Generator[Step, None, str]:
         """Drive one way; return why it went wrong, or an empty string."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from executive.ports import Acknowledgement, Command, CommandId, Result
 from rover_iface.cameras.panorama import camera_from_document
 from rover_iface.contract import write_contract_world
 from rover_iface.errors import OutsideTerrainError, WorldError
+from rover_iface.navigation.navigator import Way
+from rover_iface.simulator.chassis import Driven
 from rover_iface.simulator.faults import Fault, FaultKind
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
@@ -209,6 +212,38 @@ def test_faults_of_the_body_and_the_camera(world: Path) -> None:
     slip = make_rover(world, seed=1, faults=[Fault(FaultKind.SLIP_BURST, at_s=0, amount=2.0)])
     do(slip, "navigate", x=2.0, y=0.0, mode="blind")
     assert slip.body.pose.x < 1.4
+
+
+@pytest.mark.parametrize(
+    ("touches_from", "touches", "reason", "backed"),
+    [(1.7, 1, "", 1), (1.7, 99, "hazard: belly", 1), (0.0, 1, "hazard: belly", 0)],
+    ids=["once, near the goal", "again and again", "far from the goal"],
+)
+def test_what_a_rover_touches_in_the_last_metre_it_backs_off(
+    world: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    touches_from: float,
+    touches: int,
+    reason: str,
+    backed: int,
+) -> None:
+    rover = make_rover(world, seed=1)
+    follow, ways, touched = rover.body.chassis.follow, list[Way](), list[Way]()
+
+    def touching(way: Way) -> Driven:
+        ways.append(way)
+        driven = follow(way)
+        if rover.body.believed.x > touches_from and len(touched) < touches:
+            touched.append(way)
+            return replace(driven, collision="belly")
+        return driven
+
+    monkeypatch.setattr(rover.body.chassis, "follow", touching)
+    answer = do(rover, "navigate", x=2.0, y=0.0, mode="blind")
+    assert answer.reason == reason
+    assert sum(way.length_m < 0 for way in ways) == backed
+    if not reason:
+        assert float(answer.values["error_m"]) <= 0.35
 
 
 def test_an_abort_during_a_drive_is_acknowledged(world: Path) -> None:
