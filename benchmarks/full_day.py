@@ -3,11 +3,12 @@
     .venv/bin/python -m benchmarks.full_day --seed 2 --out /tmp/day [--terrain DIR] [--docs docs]
 
 Section 8 of the single-cycle instrument placement paper: K9 drove 28 m, approached four targets and took
-close-ups of three, the fourth was rejected for missing stereo; faults were injected to see the contingency
-branches taken. Here five targets are picked on rock faces in sight of the start, so that the way through them
-is about as long; the plan with its branches is emitted as CRL and flown by the executive. The track of one is
-made to fail on the way (`lose-target`), dust lies on the lens of a hazard camera before another (`lens-dust`).
-On a real DEM (`--terrain`) rocks are strewn first: its posts hold no detail at the scale of a tool.
+close-ups of three, the fourth was rejected for missing stereo; faults were injected to see the
+contingency branches taken. Here five targets are picked on sunlit rock faces in sight of the start, so
+that the way through them is about as long; the plan with its branches is emitted as CRL and flown by the
+executive. The track of one is made to fail on the way (`lose-target`), dust lies on the lens of a hazard
+camera before another (`lens-dust`). On a real DEM (`--terrain`) rocks are strewn first: its posts hold no
+detail at the scale of a tool.
 
 Every stage is timed, wall and CPU; the bar is 6 minutes of wall time on two cores.
 """
@@ -41,12 +42,16 @@ from planner.solve import solve
 from rover_iface.profile import load_profile
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.full_rover import FullRover, make_rover
+from rover_iface.simulator.world import Sun
+from rover_iface.soltime import SunClock
 from rover_iface.terrain import Terrain, generate_terrain, load_terrain
 from rover_iface.terrain.strew import strew_rocks
 
 TARGETS = 5
 CANDIDATES = 9
-"""Targets in sight that the five are chosen from."""
+"""Targets in sight and in the sun that the five are chosen from."""
+DAY_H, LEAST_LIGHT = 3.0, 0.2
+"""How long a target's face must be lit, hours, and the least cosine of the sun's angle to its normal."""
 PAPER_M = 28.0
 """What the paper's rover drove."""
 BRANCHES = 6
@@ -69,8 +74,8 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
     with stage("targets, observation points, paths"):
         mission = demo_mission(terrain, profile, seed=seed)
         start = mission.limits.start
-        seen = islice(targets_in_sight(terrain, profile, mission), CANDIDATES)
-        chosen = choose_targets((start.east_m, start.north_m), list(seen))
+        seen = (t for t in targets_in_sight(terrain, profile, mission) if in_the_sun(t))
+        chosen = choose_targets((start.east_m, start.north_m), list(islice(seen, CANDIDATES)))
         requests = tuple(
             DayRequest(f"R{k + 1}", t.id, "mi", 20.0, tracked=True) for k, t in enumerate(chosen)
         )
@@ -131,6 +136,18 @@ def choose_targets(start: tuple[float, float], seen: list[DayTarget]) -> tuple[D
         )
     best = min(combinations(seen, TARGETS), key=lambda few: abs(_round_m(start, few) - PAPER_M))
     return tuple(replace(t, id=f"T{n}") for n, t in enumerate(best, start=1))
+
+
+def in_the_sun(target: DayTarget) -> bool:
+    """Return whether the sun shines on a target's face from the start to `DAY_H` hours after it.
+
+    An operator picks no face that will lie in its own shade when the arm comes: stereo finds nothing there.
+    """
+    light = Sun()
+    clock = SunClock.at(light.ls_deg, light.latitude_deg, light.start_lmst_h)
+    normal = np.array(target.normal_site)
+    hours = np.linspace(0.0, DAY_H, 4)
+    return all(float(normal @ clock.direction(3600.0 * float(h))) > LEAST_LIGHT for h in hours)
 
 
 def _round_m(start: tuple[float, float], targets: Sequence[DayTarget]) -> float:
