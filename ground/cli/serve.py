@@ -31,6 +31,8 @@ def register(app: typer.Typer) -> None:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind((settings.host, settings.port))
+            # Who follows the printed address at once waits for the answer and is not turned away.
+            listener.listen(2048)
         except OSError as err:
             listener.close()
             fail(
