@@ -229,11 +229,18 @@ def fault_study(
     options = replace(SiftOptions(), lost_updates=5)
     for seed in worlds:
         sequence = approach(seed, folder)
+        clean = _clean_features(sequence, options)
         points = [point for _, point in sequence.targets][::2]
         for kind in KINDS:
             halts, hit = disturbed(sequence, kind, points[len(points) // 2], 1)
             first = max(0, hit.start - 3)
-            updates = follow(halts[first:], [h.view() for h in halts[first:]], points, options, {})
+            views = [h.view() for h in halts[first:]]
+            memory = {
+                id(view): clean[n].moved(halts[n].told * sequence.halts[n].told.inverse())
+                for n, view in enumerate(views, start=first)
+                if n not in hit
+            }
+            updates = follow(halts[first:], views, points, options, memory)
             for row in updates:
                 row |= {"kind": kind, "hit": row["stop"] + first in hit}
             rows += updates
@@ -243,6 +250,15 @@ def fault_study(
         found = _faults(worlds[: worlds.index(seed) + 1], rows, runs)
         keep(found)
     return found
+
+
+def _clean_features(sequence: Sequence, options: SiftOptions) -> list[Features]:
+    """Return the features of every stop with nothing wrong: most stops of a disturbed approach are these.
+
+    A slip moves the cameras of a pair together, and their features with them.
+    """
+    tracker = SiftTracker(options)
+    return [tracker.find(halt.view()) for halt in sequence.halts]
 
 
 def _faults(
@@ -324,7 +340,7 @@ def main() -> None:
     work: dict[str, Callable[[], Any]] = {
         "approach": lambda: approach_study(worlds, arguments.pictures, say),
         "faults": lambda: fault_study(
-            worlds[:6], arguments.pictures, say, lambda found: keep("faults", found)
+            worlds[:8], arguments.pictures, say, lambda found: keep("faults", found)
         ),
         "registration": lambda: registration_study(
             worlds, arguments.pictures, say, lambda found: keep("registration", found)
