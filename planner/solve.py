@@ -18,7 +18,8 @@ from planner.contingency.long_routes import plan_long
 from planner.contingency.pico2005 import plan_pico2005
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import Reduction, reduce_problem, several
-from planner.contingency.sampled_branches import Curve, Growth
+from planner.contingency.sampled_branches import Curve
+from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import mean_seed, route_steps, track_steps
 from planner.errors import PlannerError
 from planner.evaluate.grid import Grid, Rounding
@@ -55,6 +56,9 @@ MAX_NOTED_TRACKS = 9
 """With more targets tracked a grid has too many states for notes on the steps: they are sampled."""
 
 BOUND_S = 4.0
+HASTY_BOUND_S = 0.2
+"""Processor seconds for the bound, and for one that is waited for."""
+
 QUICK_PLANS = 2
 """Cuts of the mean route that the search begins with."""
 
@@ -498,12 +502,14 @@ class _Work:
         """Return what no policy earns more than; under a chance constraint, no policy that keeps to it."""
         left = max(0.5, self.clock.limit_s - self.clock.elapsed_s())
         hasty = self.clock.cancelled()
-        seconds = min(left, 0.2 if self.quick or hasty else BOUND_S) / len(self.prices)
+        seconds, wall_s = (HASTY_BOUND_S, 1.0) if self.quick or hasty else (BOUND_S, left)
+        share = 1.0 / len(self.prices)
         allowed = self.problem.max_overrun_probability or 0.0
         return min(
             upper_bound(
                 dataclasses.replace(model, penalty=model.penalty + price),
-                time_limit_s=seconds,
+                time_limit_s=min(left, seconds) * share,
+                wall_limit_s=wall_s * share,
                 deterministic=self.clock.deterministic,
                 should_stop=lambda: not hasty and self.clock.cancelled(),
             ).value

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from planner.contingency.reduction import mean_route_of, only
-from planner.contingency.sampled_branches import Curve, Growth, grow_branches
+from planner.contingency.sampled_branches import Curve, grow_branches
+from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import route_steps, track_steps
 from planner.evaluate.model import MAX_BITS, Model
 from planner.evaluate.monte_carlo import simulate

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.evaluate.model import Floats, Model
 from planner.evaluate.program import Program, compile_plan
-from planner.evaluate.rollout import flat_costs, flat_model, flat_program, roll, unwatched
+from planner.evaluate.rollout import flat_costs, flat_model, flat_program, from_the_start, roll, unwatched
 from planner.plan_tree import Plan
 from planner.problem import Problem
 
@@ -110,6 +110,6 @@ def earned(problem: Problem, plan: Plan, table: DrawTable) -> Earned:
         flat_program(program), amounts, flat_model(model, model.utility), (0, 0.0, 0.0, 0.0), 0, count, True,
         _milliseconds(table.leg_time_s), table.leg_energy_j, table.leg_loss_u,
         _milliseconds(table.obs_time_s), table.obs_energy_j, table.obs_success_u,
-        utility, time_s, energy, over, np.zeros(0, np.int64), visited, *unwatched(),
+        utility, time_s, energy, over, np.zeros(0, np.int64), visited, unwatched(), from_the_start(),
     )  # fmt: skip
     return Earned(utility, time_s, energy, over, visited, program)

@@ -12,12 +12,21 @@ import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from planner.evaluate.model import Floats, Ints, Model
 from planner.evaluate.program import Program, compile_plan
-from planner.evaluate.rollout import flat_costs, flat_model, flat_program, no_table, roll, unwatched
+from planner.evaluate.rollout import (
+    flat_costs,
+    flat_model,
+    flat_program,
+    from_the_start,
+    no_table,
+    roll,
+    unwatched,
+)
 from planner.plan_tree import Plan
 
 CHUNK = 4096
@@ -56,23 +65,53 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False)
+class Standing:
+    """Where some futures stand at one row: their numbers, and time, energy, what was earned, place, tracks
+    (bits of places) and what was done (bits of observations) there. Arrays of one length.
+    """
+
+    number: Ints
+    time_s: Floats
+    energy_j: Floats
+    earned: Floats
+    place: Ints
+    tracked: Ints
+    done: Ints
+
+    def flat(self) -> tuple[Any, ...]:
+        return self.number, self.time_s, self.energy_j, self.earned, self.place, self.tracked, self.done
+
+
+@dataclass(frozen=True, eq=False)
 class Passages:
-    """Time, energy and tracks (bits of places) with which each future came to each row of the program.
+    """Time, energy, what was earned, place, tracks and what was done with which each future came to each row.
 
     Arrays of shape (futures, rows); the time is NaN where a future never came to a row.
     """
 
     time_s: Floats
     energy_j: Floats
+    earned: Floats
+    place: Ints
     tracked: Ints
+    done: Ints
 
     @staticmethod
     def empty(futures: int, rows: int) -> Passages:
         shape = futures, rows
-        return Passages(np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(shape, np.int64))
+        amounts = (np.full(shape, np.nan) for _ in range(3))
+        return Passages(*amounts, *(np.zeros(shape, np.int64) for _ in range(3)))
 
-    def part(self, low: int, high: int) -> tuple[Floats, Floats, Ints]:
-        return self.time_s[low:high], self.energy_j[low:high], self.tracked[low:high]
+    def _all(self) -> tuple[Any, ...]:
+        return self.time_s, self.energy_j, self.earned, self.place, self.tracked, self.done
+
+    def part(self, low: int, high: int) -> tuple[Any, ...]:
+        return tuple(values[low:high] for values in self._all())
+
+    def at(self, row: int, futures: int) -> Standing:
+        """Return those of the first `futures` that came to a row, as they stood there."""
+        there = np.flatnonzero(~np.isnan(self.time_s[:futures, row]))
+        return Standing(there, *(values[there, row] for values in self._all()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +167,7 @@ def simulate(
     visits = [np.zeros(len(program) if count_visits else 0, np.int64) for _ in range(workers)]
 
     flat = flat_program(program)
-    amounts = (1.0, model.t_max_s, model.e_max_j, *flat_costs(model), model.track_leg_s, model.window)
-    arrays = flat_model(model, model.utility * model.p_success)
+    amounts, arrays = _in_seconds(model)
     odds = (seed, how.day_factor_sd, how.slip_persistence, how.p_recover)
     table = no_table()
     unmarked = np.zeros((0, 0), np.bool_)
@@ -141,7 +179,7 @@ def simulate(
             roll(
                 flat, amounts, arrays, odds, low, high - low, False, *table,
                 utility[low:high], time_s[low:high], energy_j[low:high], overrun[low:high], visits[worker],
-                unmarked, *(unwatched() if seen is None else seen.part(low, high)),
+                unmarked, unwatched() if seen is None else seen.part(low, high), from_the_start(),
             )  # fmt: skip
 
     if workers == 1:
@@ -150,6 +188,32 @@ def simulate(
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, range(workers)))
     return Futures(utility, time_s, energy_j, overrun, np.sum(visits, axis=0), seen)
+
+
+def _in_seconds(model: Model) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return budgets and costs, and the model with the success coin averaged out, for the kernel."""
+    amounts = (1.0, model.t_max_s, model.e_max_j, *flat_costs(model), model.track_leg_s, model.window)
+    return amounts, flat_model(model, model.utility * model.p_success)
+
+
+def resume(model: Model, plan: Plan | Program, standing: Standing, *, seed: int) -> Floats:
+    """Return what the futures of a standing earn in all when they go on from there with a plan.
+
+    Each meets the draws that it meets under `simulate`, so that of a plan and the same plan with another
+    ending only the ending is carried out again. Actions are independent of each other.
+    """
+    program = plan if isinstance(plan, Program) else compile_plan(model, plan)
+    count = len(standing.number)
+    utility = np.empty(count)
+    if not count:
+        return utility
+    amounts, arrays = _in_seconds(model)
+    roll(
+        flat_program(program), amounts, arrays, (seed, 0.0, 0.0, 0.0), 0, count, False, *no_table(),
+        utility, np.empty(count), np.empty(count), np.empty(count, np.bool_), np.zeros(0, np.int64),
+        np.zeros((0, 0), np.bool_), unwatched(), standing.flat(),
+    )  # fmt: skip
+    return utility
 
 
 def estimate(

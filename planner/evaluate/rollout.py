@@ -34,17 +34,18 @@ def roll(
     over: Any,
     visits: Any,
     visited: Any,
-    seen_t: Any,
-    seen_e: Any,
-    seen_tracked: Any,
+    seen: Any,
+    begin: Any,
 ) -> Any:
     """Fill utility, time, energy and overrun of `count` futures, and the rows that they went through.
 
     Times are in ticks, of which `per_s` make a second: whole milliseconds where `drawn`, so sums are exact.
     Where `drawn`, future f takes its amounts and uniforms from row f of the tables, and the success coin is
     tossed; else they are hashes of (seed, `first` + f, action), and an observation earns its mean, `worth`.
-    `visits` counts passages per row, `visited` marks rows per future, the `seen` arrays hold time, energy and
-    tracks (bits) when a future came to a row; each may be empty.
+    `visits` counts passages per row, `visited` marks rows per future, the arrays of `seen` hold time, energy,
+    what was earned, place, tracks and what was done (bits) when a future came to a row; each may be empty.
+    Where `begin` is not empty, future f is number `begin[0][f]` and goes on from what `begin[1:]` say, in the
+    order of `seen`, instead of from the start.
 
     No fast mathematics: in tables of draws every comparison must fall as the executive's does.
     """
@@ -55,12 +56,16 @@ def roll(
         place_bits, target_bits, diminishing,
     ) = model  # fmt: skip
     seed, day_sd, keep, p_recover = how
+    seen_t, seen_e, seen_u, seen_place, seen_tracked, seen_done = seen
+    number, begin_t, begin_e, begin_u, begin_place, begin_tracked, begin_done = begin
+    resumed = number.shape[0] > 0
     n1 = n + 1
     day_sigma = math.sqrt(math.log1p(day_sd * day_sd))
     fresh = math.sqrt(max(0.0, 1.0 - keep * keep))
     counting, marking, watching = visits.shape[0] > 0, visited.shape[0] > 0, seen_t.shape[0] > 0
     for f in range(count):
-        key = mix(uint64(seed) * uint64(0xD1342543DE82EF95) + uint64(first + f) + uint64(0x2545F4914F6CDD1D))
+        which = number[f] if resumed else first + f
+        key = mix(uint64(seed) * uint64(0xD1342543DE82EF95) + uint64(which) + uint64(0x2545F4914F6CDD1D))
         key = mix(key ^ uint64(0x9E3779B97F4A7C15))
         t = 0.0
         g = 0.0
@@ -72,6 +77,13 @@ def roll(
         ntrk = 0
         done = 0
         pc = entry
+        if resumed:
+            t, u, loc = begin_t[f] * per_s, begin_u[f], begin_place[f]
+            g = begin_e[f] - hotel * begin_t[f]
+            tracked, done = begin_tracked[f], begin_done[f]
+            ever = tracked
+            for k in range(1, n1):
+                ntrk += (tracked >> k) & 1
         last_z = 0.0
         factor = 1.0
         if day_sigma > 0.0:
@@ -85,7 +97,10 @@ def roll(
             if watching:
                 seen_t[f, pc] = t / per_s
                 seen_e[f, pc] = g + hotel * (t / per_s)
+                seen_u[f, pc] = u
+                seen_place[f, pc] = loc
                 seen_tracked[f, pc] = tracked
+                seen_done[f, pc] = done
             if o == 0:
                 break
             i = arg[pc]
@@ -224,7 +239,14 @@ def flat_model(model: Model, worth: Floats) -> tuple[Any, ...]:
 
 def unwatched() -> tuple[Any, ...]:
     """Return the arrays of a run in which no row is watched."""
-    return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0), np.int64)
+    amounts, bits = np.zeros((0, 0)), np.zeros((0, 0), np.int64)
+    return amounts, amounts, amounts, bits, bits, bits
+
+
+def from_the_start() -> tuple[Any, ...]:
+    """Return the arrays of a run in which every future begins at the start."""
+    amounts, bits = np.zeros(0), np.zeros(0, np.int64)
+    return bits, amounts, amounts, amounts, bits, bits, bits
 
 
 def no_table() -> tuple[Floats, ...]:

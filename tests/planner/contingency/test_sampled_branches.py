@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from planner.contingency.long_routes import best_long_route, plan_long, widened
 from planner.contingency.reduction import fits_table
-from planner.contingency.sampled_branches import Growth, grow_branches
+from planner.contingency.sampled_branches import grow_branches
 from planner.contingency.sampled_conditions import Arrivals, fitted_condition
+from planner.contingency.sampled_futures import Change, Growth, Sampler
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import MAX_BITS, Model
 from planner.evaluate.monte_carlo import simulate
 from planner.evaluate.notes import annotate, annotate_sampled
 from planner.evaluate.program import compile_plan
+from planner.plan_edits import steps_at
 from planner.plan_tree import (
     Comparison,
     Condition,
     EnergyCondition,
+    Path,
+    Plan,
     PlanTree,
     TimeCondition,
     TrackedCondition,
     count_branches,
     planned_observations,
+    walk,
 )
 from planner.problem import Problem
 from planner.solve import solve
@@ -86,6 +93,30 @@ def test_what_is_seen_at_a_step_is_what_the_plan_up_to_there_ends_with() -> None
         assert there.any()
         assert np.array_equal(seen[there], part.time_s[there])
         assert part.overrun[~there].all()
+
+
+def test_a_changed_ending_earns_what_the_whole_changed_plan_earns() -> None:
+    problem = _many(5)
+    model = Model.of(problem)
+    start = best_long_route(problem, seed=1)
+    assert start is not None
+    plan = grow_branches(model, start.plan, Growth(2, 1, iterations=900))[-1][1]
+    assert count_branches(plan)
+    sampler = Sampler(model, Growth(2, 5), lambda: False)
+    line = sampler.line(plan)
+    changes = [Change((*path[:-1], k), steps_at(plan, path)[j:]) for path, k, j in _later_parts(plan)]
+    assert len(changes) > 5
+    for change in changes:
+        whole = simulate(model, line.changed(change), 2000, seed=5).utility
+        assert np.allclose(sampler.utility(line, change, 2000), whole, rtol=0.0, atol=1e-9)
+
+
+def _later_parts(plan: Plan) -> Iterator[tuple[Path, int, int]]:
+    """Yield a step, its place in its list, and how many steps from it on are left out."""
+    for path, _ in walk(plan):
+        left = len(steps_at(plan, path))
+        for j in range(1, min(3, left) + 1):
+            yield path, path[-1], j
 
 
 def test_sampled_notes_agree_with_those_from_a_grid() -> None:

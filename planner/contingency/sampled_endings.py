@@ -1,0 +1,98 @@
+"""Endings that might replace the rest of a list of steps, for plans that no table reaches.
+
+They come from the rest of the plan with stops left out, and from the exact routing engine on mean values,
+asked again from the place, time and energy of early, usual and late futures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from planner.contingency.reduction import mean_routing
+from planner.contingency.sampled_conditions import Arrivals
+from planner.contingency.sampled_futures import Line, Sampler
+from planner.contingency.seeding import route_steps
+from planner.evaluate.model import Model
+from planner.plan_edits import steps_at
+from planner.plan_tree import Branch, Navigate, Observe, OnFail, Path, Plan, TrackStart
+
+QUANTILES = (0.15, 0.5, 0.85)
+SHARES = (1.0, 0.85)
+"""Of the budgets that are left, for routes on mean values."""
+
+ROUTE_LABELS = 20_000
+
+
+class Endings:
+    """Routes on mean values from anywhere in a plan; one table answers for all of them."""
+
+    def __init__(self, model: Model) -> None:
+        from planner.orienteering.exact import ExactSolver
+
+        self.model = model
+        self.routing = mean_routing(model.problem)
+        self.solver = ExactSolver(self.routing) if ExactSolver.fits(self.routing) else None
+        self.known: dict[Any, tuple[int, ...]] = {}
+
+    def route(self, place: int, t_s: float, e_j: float, without: frozenset[int]) -> tuple[int, ...]:
+        """Return the best route from a place on; `without` are the observations that it cannot make."""
+        p = self.routing
+        time, energy = round(t_s / 60.0) * 60, round(e_j / 2000.0) * 2000
+        if self.solver is None or time >= p.time_budget or energy >= (p.energy_budget or 0):
+            return ()
+        key = place, time, energy, without
+        if key not in self.known:
+            start = replace(p, start_site=place, start_time=time, energy_used=energy, done=without)
+            self.known[key] = self.solver.solve(start, iterations=ROUTE_LABELS).route
+        return self.known[key]
+
+    def candidates(self, sampler: Sampler, line: Line, path: Path, arrivals: Arrivals) -> list[Plan]:
+        """Return endings that might replace the rest of a list."""
+        rest = tuple(s for s in steps_at(line.plan, path) if not isinstance(s, Branch))
+        made, place = sampler.before(line.plan, path)
+        found: dict[Plan, None] = {(): None}
+        stops = [k for k, step in enumerate(rest) if isinstance(step, Navigate)]
+        for j, k in enumerate(stops):
+            found.setdefault(rest[k:])
+            end = stops[j + 1] if j + 1 < len(stops) else len(rest)
+            found.setdefault((*rest[:k], *rest[end:]))
+        for k, step in enumerate(rest):
+            if isinstance(step, Observe):
+                found.setdefault((*rest[:k], *rest[k + 1 :]))
+        started = {self.model.place_of[s.target] for s in line.plan if isinstance(s, TrackStart)}
+        for ending in self._routes(arrivals, made, place, started):
+            found.setdefault(route_steps(self.model, ending, place, OnFail.SKIP))
+        found.pop(rest, None)
+        before = sum(1 << m for m in made)
+        return [
+            steps
+            for steps in found
+            if self.model.fits_downlink(before | sum(1 << m for m in sampler.observations(steps)))
+        ]
+
+    def _routes(
+        self, arrivals: Arrivals, made: frozenset[int], place: int, started: set[int]
+    ) -> Iterator[tuple[int, ...]]:
+        model = self.model
+        p = self.routing
+        for quantile in QUANTILES:
+            t = float(np.quantile(arrivals.time_s, quantile))
+            e = float(np.quantile(arrivals.energy_j, quantile))
+            near = np.abs(arrivals.time_s - t) <= np.ptp(arrivals.time_s) * 0.1 + 1.0
+            lost = {
+                m
+                for m in range(model.m)
+                if model.is_place[m]
+                and (
+                    int(model.obs_place[m]) not in started
+                    or float(arrivals.kept(int(model.obs_place[m]))[near].mean()) < 0.5
+                )
+            }
+            for share in SHARES:
+                late = p.time_budget - share * (p.time_budget - t)
+                used = (p.energy_budget or 0) - share * ((p.energy_budget or 0) - e)
+                yield self.route(place, late, used, made | lost)
