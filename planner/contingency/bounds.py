@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -48,11 +49,13 @@ def upper_bound(
     model: Model,
     *,
     time_limit_s: float,
+    wall_limit_s: float = math.inf,
     deterministic: bool = False,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Bound:
     """Return the best bound that the time allows: a table with consumption rounded down on a fine grid.
 
+    `time_limit_s` are processor seconds; the linear programs keep to `wall_limit_s` by the clock as well.
     It bounds every policy that does not come back to a target that it has left. Where no table fits, the
     better of two linear programs is taken: `relaxed_bound` over start times, which knows windows, and
     `flow_bound` over expected drives, which knows where targets lie. With `deterministic` the grid depends on
@@ -64,9 +67,12 @@ def upper_bound(
 
     def relaxed() -> Bound:
         seconds = min(LP_LIMIT_S, max(0.1, 2.0 * time_limit_s))
-        drives = flow_bound(model, limit_s=seconds, should_stop=should_stop)
+        began = time.monotonic()
+        drives = flow_bound(model, limit_s=seconds, wall_s=wall_limit_s, should_stop=should_stop)
         flow = Bound(drives, "linear relaxation over drives")
-        return min(best, relaxed_bound(model, limit_s=seconds), flow, key=lambda bound: bound.value)
+        left = max(seconds / 2.0, wall_limit_s - (time.monotonic() - began))
+        over_starts = relaxed_bound(model, limit_s=min(LP_LIMIT_S, left))
+        return min(best, over_starts, flow, key=lambda bound: bound.value)
 
     if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:
         return relaxed()
