@@ -271,3 +271,12 @@ describe("keys", () => {
     }
   });
 });
+
+describe("a sentence of the server", () => {
+  it("tells times and energies as people write them, and nothing else", () => {
+    expect(format.inUnits("no route makes it within 360 s and 1.5e+06 J, in its window")).toBe(
+      "no route makes it within 0:06:00 and 417 Wh, in its window",
+    );
+    expect(format.inUnits("the arm reaches 0.79 m, 3 s late, S12 stays")).toBe("the arm reaches 0.79 m, 3 s late, S12 stays");
+  });
+});

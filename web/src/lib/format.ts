@@ -107,3 +107,10 @@ export function standardDeviations(matrix: readonly (readonly number[])[]): [num
     Math.sqrt(Math.max(0, mean + 2 * spread * Math.cos(angle + (2 * Math.PI * k) / 3)));
   return [root(0), root(2), root(1)];
 }
+
+/** A sentence of the server with times and energies as people write them: `360 s` becomes `0:06:00`. */
+export function inUnits(text: string): string {
+  return text
+    .replace(/\b(\d+(?:\.\d+)?(?:e[+-]?\d+)?) J\b/g, (_, joules: string) => energy(Number(joules)))
+    .replace(/\b(\d{2,}(?:\.\d+)?(?:e[+-]?\d+)?) s\b/g, (_, seconds: string) => clock(Number(seconds)));
+}

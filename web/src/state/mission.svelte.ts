@@ -24,6 +24,7 @@ import type {
 } from "../api/types";
 import { type CrlNode, nodesOf } from "../lib/crl";
 import { withRule } from "../lib/drives";
+import { inUnits } from "../lib/format";
 import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
 import type { Selection } from "../lib/route";
 import { app } from "./app.svelte";
@@ -422,7 +423,7 @@ export class MissionState {
   /** Why a job failed, for people. */
   private reasonOf(job: Job): string {
     const detail = typeof job.problem?.detail === "string" ? job.problem.detail : job.message;
-    const text = this.named(detail.replace(/^no plan: /, ""));
+    const text = inUnits(this.named(detail.replace(/^no plan: /, "")));
     return text.slice(0, 1).toUpperCase() + text.slice(1);
   }
 
