@@ -31,7 +31,7 @@ import numpy as np
 
 from benchmarks.subframe_day import WORLD_ERROR, flight_ends, targets_in_sight
 from executive.crl import canonical_text
-from ground.convert import DayRequest, DayTarget, prepare_day
+from ground.convert import DayRequest, DayTarget, StandPose, prepare_day
 from ground.demo_day import loss_to_inject
 from ground.demo_mission import demo_mission
 from ground.flight import fly
@@ -39,7 +39,8 @@ from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_from_dict
 from planner.solve import solve
-from rover_iface.profile import load_profile
+from rover_iface.frames import wrap_angle
+from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.full_rover import FullRover, make_rover
 from rover_iface.simulator.world import Sun
@@ -52,6 +53,8 @@ CANDIDATES = 9
 """Targets in sight and in the sun that the five are chosen from."""
 DAY_H, LEAST_LIGHT = 3.0, 0.2
 """How long a target's face must be lit, hours, and the least cosine of the sun's angle to its normal."""
+PAN_MARGIN_RAD = math.radians(5.0)
+"""What the mast's foot and the camera beside it take off the pan at a few metres."""
 PAPER_M = 28.0
 """What the paper's rover drove."""
 BRANCHES = 6
@@ -74,7 +77,11 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
     with stage("targets, observation points, paths"):
         mission = demo_mission(terrain, profile, seed=seed)
         start = mission.limits.start
-        seen = (t for t in targets_in_sight(terrain, profile, mission) if in_the_sun(t))
+        seen = (
+            t
+            for t in targets_in_sight(terrain, profile, mission)
+            if in_the_sun(t) and before_the_mast(t, start, profile)
+        )
         chosen = choose_targets((start.east_m, start.north_m), list(islice(seen, CANDIDATES)))
         requests = tuple(
             DayRequest(f"R{k + 1}", t.id, "mi", 20.0, tracked=True) for k, t in enumerate(chosen)
@@ -148,6 +155,13 @@ def in_the_sun(target: DayTarget) -> bool:
     normal = np.array(target.normal_site)
     hours = np.linspace(0.0, DAY_H, 4)
     return all(float(normal @ clock.direction(3600.0 * float(h))) > LEAST_LIGHT for h in hours)
+
+
+def before_the_mast(target: DayTarget, start: StandPose, profile: RoverProfile) -> bool:
+    """Return whether the mast can turn to a target from the start: not to what lies behind it."""
+    east, north = target.point_site[0] - start.east_m, target.point_site[1] - start.north_m
+    pan = wrap_angle(math.atan2(north, east) - start.heading_rad)
+    return abs(pan) < profile.mast.pan_limit_rad - PAN_MARGIN_RAD
 
 
 def _round_m(start: tuple[float, float], targets: Sequence[DayTarget]) -> float:
@@ -225,8 +239,9 @@ def table(result: Mapping[str, Any]) -> str:
         *(f"| {name} | {wall:.1f} | {cpu:.1f} |" for name, (wall, cpu) in result["stages"].items()),
         f"| **all** | **{total[0]:.0f}** | **{total[1]:.0f}** |",
         "",
-        "| target | tracked on arrival, cm off | hand-off, px | decision | placement, cm off |",
-        "| --- | --- | --- | --- | --- |",
+        "| target | first seen from, m | tracked on arrival, cm off | hand-off, px | decision "
+        "| placement, cm off |",
+        "| --- | --- | --- | --- | --- | --- |",
     ]
     lost = {f["target"] for f in result["faults"] if f["kind"] == "lose-target"}
     dusty = {f["target"] for f in result["faults"] if f["kind"] == "lens-dust"}
@@ -235,8 +250,10 @@ def table(result: Mapping[str, Any]) -> str:
         hand = found["handoff"]
         px = hand.get("error_px")
         told = f"{px:.1f}" if px is not None else "; ".join(hand.get("reasons", [])) or "-"
+        seen = [r["range_m"] for r in result["track"] if r["target"] == name]
         cells = (
             name + note,
+            f"{seen[0]:.1f}" if seen else "-",
             _cm(found.get("tracked_cm")),
             told,
             found.get("why", "not approached"),
