@@ -353,7 +353,7 @@ def _cascade(results: dict[str, Any]) -> str:
 def _pancam(results: dict[str, Any]) -> str:
     e = results["pancam"]
     return (
-        f"{e['targets']} targets on rocks, {e['refused']} refused (windows apart, or correlation below 0.7): "
+        f"{e['targets']} targets on rocks, {e['refused']} refused (alignments apart, correlation below 0.7): "
         f"{e['within_half_percent']:.1f} % of the rest within 0.5 px, median {e['median_px']:.2f}, "
         f"99 % within {e['p99_px']:.2f}, worst {e['max_px']:.2f} px."
     )
@@ -368,13 +368,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", choices=STUDIES, action="append")
-    parser.add_argument("--worlds", type=int, default=16)
+    parser.add_argument("--first", type=int, default=TRAINING, help="first world")
+    parser.add_argument("--worlds", type=int, default=16, help="world after the last")
     parser.add_argument("--draws", type=int, default=3, help="trials per target of the cascade study")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
     parser.add_argument("--results", type=Path, default=Path("benchmarks/results/handoff.json"))
     parser.add_argument("--out", type=Path, help="docs folder whose hand-off page gets the tables")
     arguments = parser.parse_args()
-    worlds, folder = list(range(TRAINING, arguments.worlds)), arguments.pictures
+    worlds, folder = list(range(arguments.first, arguments.worlds)), arguments.pictures
 
     def say(line: str) -> None:
         print(line, flush=True)
