@@ -187,7 +187,7 @@ def _summary(errors: list[float | None]) -> dict[str, float | None]:
 def cascade_study(
     worlds: list[int], draws: int, folder: Path, say: Say, keep: Callable[[dict[str, Any]], None]
 ) -> dict[str, Any]:
-    """Return how often the cascade is right, refuses, and is wrong; and what it makes of the mast.
+    """Return how often the cascade is right, refuses, and is wrong; and what it makes of the mast; by side.
 
     `keep` gets what is known after each world.
     """
@@ -227,7 +227,10 @@ def cascade_study(
                         row["reason"] = answer.reasons[0]
                     rows.append(row)
         say(f"  cascade, world {seed}")
-        found = {which: _outcome([r for r in rows if r["which"] == which]) for which in ("near", "far")}
+        found = {
+            f"{which}, worlds {worlds[0]} to {seed}": _outcome([r for r in rows if r["which"] == which])
+            for which in ("near", "far")
+        }
         keep(found)
     return found
 
@@ -382,6 +385,10 @@ def main() -> None:
 
     def keep(name: str, found: dict[str, Any]) -> None:
         results = json.loads(arguments.results.read_text()) if arguments.results.is_file() else {}
+        if name == "cascade":  # beside what other worlds gave, in place of what fewer of these did
+            begun = f"worlds {worlds[0]} to "
+            others = {k: v for k, v in results.get(name, {}).items() if begun not in k}
+            found = others | found
         results[name] = found
         arguments.results.parent.mkdir(parents=True, exist_ok=True)
         arguments.results.write_text(json.dumps(results, indent=1) + "\n")
