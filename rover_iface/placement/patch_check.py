@@ -78,9 +78,10 @@ class PatchCheck:
         self.cloud, self.labels, self.label, self.limits, self.axis = cloud, labels, label, limits, axis
         self.radius_m = limits.tool_radius_m or profile.arm.tool_radius_m
         self.trusted = away_from_edges(cloud, limits.edge_px, limits.edge_jump_m)
-        self._reach = self.radius_m + limits.margin_m
-        self._above = limits.tool_length_m + limits.margin_m
-        self._ball = max(BALL * self._reach, math.hypot(self._above, self._reach + limits.margin_m))
+        self._near = self.radius_m + limits.margin_m
+        self._wide = self.radius_m + max(limits.margin_m, limits.calm_margin_m)
+        self._above = limits.tool_length_m + limits.calm_margin_m
+        self._ball = max(BALL * self._wide, math.hypot(self._above, self._wide + limits.calm_margin_m))
         self._last: _Window | None = None
 
     def candidates(self, at: Array, *, coarse: float = 2.5) -> list[Array]:
@@ -109,7 +110,7 @@ class PatchCheck:
         """
         window = self._window(point, self._ball)
         cloud = window.cloud
-        inner = kernels.in_ball(cloud.points, point, self._reach)
+        inner = kernels.in_ball(cloud.points, point, self._wide)
         own = inner[window.mine[inner] & window.trusted[inner]]
         if len(own) < LEAST_POINTS:
             few = Finding(Reason.FEW_POINTS, float(len(own)), float(LEAST_POINTS))
@@ -146,25 +147,28 @@ class PatchCheck:
         ball = kernels.in_ball(cloud.points, at, self._ball)
         across, height = kernels.across_and_height(cloud.points[ball], at, normal)
         # what lies in the cylinder under the tool, however deep
-        under, protrusion, depth, rms = kernels.relief(across, height, self._reach, self._above)
+        near = kernels.relief(across, height, self._near, self._above)
+        wide = kernels.relief(across, height, self._wide, self._above)
         beside = kernels.obstruction(
-            across, height, self._reach, self.limits.margin_m, self._above, SINGLE_POINTS
+            across, height, self._wide, self.limits.calm_margin_m, self._above, SINGLE_POINTS
         )
-        surface = ball[under]
+        surface = ball[wide[0]]
         sigma = kernels.median_sigma(cloud.covariances, surface, normal)
         trusted = window.trusted[surface]
-        near, far = self.limits.cover_margin_m, self.limits.margin_m
-        share, hole = self._gaps(window, surface[trusted], at, normal, near)
-        wide_hole = self._gaps(window, surface[trusted], at, normal, far)[1]
+        share, hole = self._gaps(window, surface[trusted], at, normal, self._near)
+        wide_hole = self._gaps(window, surface[trusted], at, normal, self._wide)[1]
         return PatchMeasures(
             points=len(surface),
             valid_share=share,
             hole_m=hole,
             wide_hole_m=wide_hole,
             doubtful_share=1.0 - float(trusted.mean()),
-            protrusion_m=protrusion,
-            depth_m=depth,
-            rms_m=rms,
+            protrusion_m=near[1],
+            depth_m=near[2],
+            rms_m=near[3],
+            wide_protrusion_m=wide[1],
+            wide_depth_m=wide[2],
+            wide_rms_m=wide[3],
             sigma_m=sigma,
             normal_sigma_rad=self._normal_sigma(cloud.points, surface, normal, sigma),
             view_angle_rad=_angle(normal, outward) if cloud.eye is not None else 0.0,
@@ -174,14 +178,13 @@ class PatchCheck:
         )
 
     def _gaps(
-        self, window: _Window, index: npt.NDArray[np.int64], at: Array, normal: Array, margin_m: float
+        self, window: _Window, index: npt.NDArray[np.int64], at: Array, normal: Array, radius: float
     ) -> tuple[float, float]:
-        """Return the share of the tool's disc and `margin_m` round it that lies within a pixel of a chosen
-        point, and the diameter of the largest hole.
+        """Return the share of the disc of `radius` that lies within a pixel of a chosen point, and the
+        diameter of the largest hole.
 
         A pixel on an oblique surface is as long as its slant makes it, at most three times its width.
         """
-        radius = self.radius_m + margin_m
         if not len(index):
             return 0.0, 2.0 * radius
         pixel = float(np.median(window.spacing_m[index]))
@@ -201,22 +204,24 @@ class PatchCheck:
         return float(math.atan(sigma / math.sqrt(max(lever2 * patches, 1e-12))))
 
     def _relief(self, m: PatchMeasures) -> float:
-        """Return the largest share of its limit that protrusion, depth or roughness takes."""
+        """Return the largest share of its limit that protrusion, depth or roughness takes, to somewhat beyond
+        the tool."""
         limits, sure = self.limits, self._sure(m)
         return max(
-            (m.depth_m + sure) / limits.most_depth_m,
-            (m.protrusion_m + sure) / limits.most_protrusion_m,
-            _excess(m) / limits.most_rms_m,
+            (m.wide_depth_m + sure) / limits.most_depth_m,
+            (m.wide_protrusion_m + sure) / limits.most_protrusion_m,
+            _excess(m.wide_rms_m, m.sigma_m) / limits.most_rms_m,
         )
 
     def _strain(self, m: PatchMeasures) -> float:
         limits = self.limits
         return max(
             self._relief(m),
-            m.doubtful_share / limits.most_doubt,
+            # what lies beside a step counts double
+            2.0 * m.doubtful_share / limits.most_doubt,
             limits.sigmas * m.normal_sigma_rad / limits.most_normal_rad,
             # a hole that begins beyond the tool counts less
-            m.wide_hole_m / (1.5 * limits.most_hole_m),
+            m.wide_hole_m / (1.25 * limits.most_hole_m),
         )
 
     def _restless(self, m: PatchMeasures) -> Finding | None:
@@ -225,6 +230,7 @@ class PatchCheck:
             (Reason.RESTLESS, self._relief(m), limits.calm, ""),
             (Reason.STEP_NEAR, m.doubtful_share, limits.calm_doubt, ""),
             (Reason.STEREO_HOLE, m.wide_hole_m, limits.calm_hole_m, "m"),
+            (Reason.NORMAL, limits.sigmas * m.normal_sigma_rad, limits.calm_normal_rad, "rad"),
         )
         over = [Finding(*one) for one in pairs if not one[1] <= one[2]]
         return over[0] if over else None
@@ -234,7 +240,7 @@ class PatchCheck:
         return self.limits.sigmas * m.sigma_m / math.sqrt(max(1.0, m.points / 25.0))
 
     def _findings(self, m: PatchMeasures) -> tuple[Finding, ...]:
-        limits, sure, rms = self.limits, self._sure(m), _excess(m)
+        limits, sure, rms = self.limits, self._sure(m), _excess(m.rms_m, m.sigma_m)
         pairs = (
             (Reason.STEREO_SHARE, m.valid_share, limits.least_share, ""),
             (Reason.STEREO_HOLE, m.hole_m, limits.most_hole_m, "m"),
@@ -256,9 +262,9 @@ class PatchCheck:
         )
 
 
-def _excess(m: PatchMeasures) -> float:
+def _excess(rms_m: float, sigma_m: float) -> float:
     """Return the roughness without stereo's own."""
-    return math.sqrt(max(0.0, m.rms_m**2 - m.sigma_m**2))
+    return math.sqrt(max(0.0, rms_m**2 - sigma_m**2))
 
 
 def away_from_edges(cloud: SurfaceCloud, edge_px: int, jump_m: float) -> npt.NDArray[np.bool_]:

@@ -118,12 +118,14 @@ def _search(
 ) -> PlacementVerdict:
     """Judge the designated point, then others of the same rock, the nearest first.
 
-    The nearest calm point that the arm reaches is taken; without one, the safe one of least strain. Where
-    none is safe, the search is done again in finer steps.
+    The nearest calm point that the arm reaches is taken; without one, the nearest where it would tilt the
+    tool; without one, the safe one of least strain. Where none is safe, the search is done again in finer
+    steps.
     """
     search = _Search(check, at, ask)
     for coarse in (2.5, 1.0):
         safe: list[Judged] = []
+        tilted: list[tuple[Judged, Posture | Motion]] = []
         for point in check.candidates(at, coarse=coarse):
             if search.asked == MOST_ASKED:
                 break
@@ -133,7 +135,11 @@ def _search(
             if judged.restless is not None:
                 safe.append(judged)
             elif (posture := search.reached(judged)) is not None:
-                return search.taken(judged, posture, rock)
+                if search.slope(judged, posture) <= check.limits.calm_slope_rad:
+                    return search.taken(judged, posture, rock)
+                tilted.append((judged, posture))
+        if tilted:
+            return search.taken(*tilted[0], rock)
         for judged in sorted(safe, key=lambda one: one.strain):
             if (posture := search.reached(judged)) is not None:
                 return search.taken(judged, posture, rock)
@@ -164,20 +170,24 @@ class _Search:
             return None
         self.asked += 1
         assert judged.normal is not None
-        assert judged.measures is not None
         answer = self.ask(judged.point, judged.normal)
         if isinstance(answer, ArmRefusal):
             why = Finding(Reason.ARM, math.nan, math.nan, "", f"{answer.limit}: {answer.reason}")
         else:
-            tilt = answer.tool_tilt_rad + self.check.limits.sigmas * judged.measures.normal_sigma_rad
-            if tilt <= self.check.limits.most_slope_rad:
+            slope = self.slope(judged, answer)
+            if slope <= self.check.limits.most_slope_rad:
                 return answer
-            why = Finding(Reason.SLOPE, tilt, self.check.limits.most_slope_rad, "rad")
+            why = Finding(Reason.SLOPE, slope, self.check.limits.most_slope_rad, "rad")
         refused = judged.with_finding(why)
         if self.first is judged:
             self.first = refused
         self.out_of_reach = self.out_of_reach or refused
         return None
+
+    def slope(self, judged: Judged, posture: Posture | Motion) -> float:
+        """Return the angle between tool and surface normal, the normal's uncertainty added."""
+        assert judged.measures is not None
+        return posture.tool_tilt_rad + self.check.limits.sigmas * judged.measures.normal_sigma_rad
 
     def taken(self, judged: Judged, posture: Posture | Motion, rock: RockSegment | None) -> PlacementVerdict:
         """Return the verdict for a safe point that the arm reaches."""

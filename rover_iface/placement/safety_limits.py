@@ -16,20 +16,21 @@ class SafetyLimits:
     ----------
     tool_radius_m
         Of the circle round the contact face; the profile's when None.
-    margin_m, cover_margin_m
+    margin_m, calm_margin_m
         Added to the radius: the tool may come down this far from where it was meant to. The first holds for
-        the relief, the second for gaps in the stereo.
+        what is safe, the second for what is calm.
     most_protrusion_m, most_depth_m
         How far the surface under the tool may stand over the plane, and fall below it.
     most_beside_m
-        How far anything in the ring of another `margin_m` round that, or leaning over it, may stand over the
-        plane.
+        How far anything in the ring of another `calm_margin_m` round a calm surface, or leaning over it, may
+        stand over the plane.
     most_rms_m
         Root mean square deviation from the plane, above what stereo errs.
-    calm, calm_hole_m, calm_doubt
-        A surface is calm if its relief (protrusion, depth, roughness) keeps this share of its limits, and if
-        within `margin_m` of the tool no hole is wider and no larger share lies beside a step. The nearest
-        calm point is taken, and where there is none the safe one that is nearest to calm.
+    calm, calm_hole_m, calm_doubt, calm_normal_rad
+        A surface is calm if, within `calm_margin_m` of the tool, its relief (protrusion, depth, roughness)
+        keeps this share of its limits, no hole is wider and no larger share lies beside a step; and if its
+        normal is that certain. The nearest calm point is taken, and where there is none the safe one of
+        least strain.
     sigmas
         How many standard deviations of stereo's error are counted against the placement.
     most_normal_rad
@@ -43,9 +44,10 @@ class SafetyLimits:
         Angle between line of sight and normal.
     least_rock_share
         Share of the points under the tool that belong to the same rock.
-    most_slope_rad
+    most_slope_rad, calm_slope_rad
         Angle between normal and approach axis, or between normal and tool as the arm can hold it; the
-        normal's uncertainty is added.
+        normal's uncertainty is added. A calm point where the tool stands steeper than the second is taken
+        only if there is no other.
     tool_length_m
         Up to this height over the surface nothing may stand beside the tool or over the surface.
     search_m
@@ -55,8 +57,8 @@ class SafetyLimits:
     """
 
     tool_radius_m: float | None = None
-    margin_m: float = 0.008
-    cover_margin_m: float = 0.004
+    margin_m: float = 0.004
+    calm_margin_m: float = 0.008
     most_protrusion_m: float = 0.018
     most_depth_m: float = 0.0225
     most_beside_m: float = 0.030
@@ -64,16 +66,18 @@ class SafetyLimits:
     calm: float = 0.66
     calm_hole_m: float = 0.012
     calm_doubt: float = 0.01
+    calm_normal_rad: float = math.radians(10.0)
     sigmas: float = 2.0
-    most_normal_rad: float = math.radians(10.0)
+    most_normal_rad: float = math.radians(12.0)
     least_share: float = 0.90
-    most_hole_m: float = 0.020
+    most_hole_m: float = 0.024
     edge_px: int = 3
     edge_jump_m: float = 0.035
-    most_doubt: float = 0.10
+    most_doubt: float = 0.20
     most_view_rad: float = math.radians(70.0)
     least_rock_share: float = 0.95
-    most_slope_rad: float = math.radians(11.0)
+    most_slope_rad: float = math.radians(14.0)
+    calm_slope_rad: float = math.radians(11.0)
     tool_length_m: float = 0.14
     search_m: float = 0.15
     grid_m: float = 0.008
@@ -81,7 +85,7 @@ class SafetyLimits:
     def __post_init__(self) -> None:
         if self.tool_radius_m is not None and not self.tool_radius_m > 0:
             raise PlacementError(f"tool radius is {self.tool_radius_m} m; it must be positive")
-        for name in ("margin_m", "cover_margin_m", "search_m", "calm_hole_m", "calm_doubt"):
+        for name in ("margin_m", "calm_margin_m", "search_m", "calm_hole_m", "calm_doubt"):
             if getattr(self, name) < 0:
                 raise PlacementError(f"{name} is {getattr(self, name)} m; it must not be negative")
         for name in (

@@ -125,6 +125,8 @@ class PatchMeasures:
         Share of the points that lie beside a step in depth.
     protrusion_m, depth_m, rms_m
         Highest and lowest part over and below the fitted plane, and root mean square deviation.
+    wide_protrusion_m, wide_depth_m, wide_rms_m
+        The same, to somewhat beyond the tool.
     sigma_m
         What stereo errs across the plane, for one patch that it smooths over.
     normal_sigma_rad
@@ -148,6 +150,9 @@ class PatchMeasures:
     protrusion_m: float
     depth_m: float
     rms_m: float
+    wide_protrusion_m: float
+    wide_depth_m: float
+    wide_rms_m: float
     sigma_m: float
     normal_sigma_rad: float
     view_angle_rad: float
