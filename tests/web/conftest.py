@@ -74,6 +74,7 @@ class Server:
 
     address: str
     data: Path
+    pid: int
 
     def __str__(self) -> str:
         return self.address
@@ -124,7 +125,7 @@ def run_server(data: Path) -> Iterator[Server]:
             while not _answers(address):
                 assert process.poll() is None, log.read_text()[-2000:]
                 assert time.monotonic() < end, "the server does not answer"
-            yield Server(address, data)
+            yield Server(address, data, process.pid)
         finally:
             process.terminate()
             try:

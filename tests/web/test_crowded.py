@@ -76,7 +76,6 @@ def test_three_hundred_targets_with_long_names_stay_in_order_on_wide_and_narrow_
         for width, height in ((1440, 900), (1100, 720), (760, 1000)):
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_timeout(300)
-            assert page.evaluate("() => document.documentElement.scrollWidth <= innerWidth"), width
             assert _beyond(page) == [], width
             middle = page.get_by_test_id("map").bounding_box()
             assert middle is not None
