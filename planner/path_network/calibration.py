@@ -154,7 +154,13 @@ class LossFit:
     log_likelihood: float
 
 
-def fit_loss(exposure_m: npt.ArrayLike, lost: npt.ArrayLike) -> LossFit:
+PRIOR_SPREAD = math.log(4.0)
+"""What a rate may be off the one before it, standard deviation of its logarithm: a factor of four."""
+
+
+def fit_loss(
+    exposure_m: npt.ArrayLike, lost: npt.ArrayLike, prior_per_m: npt.ArrayLike | None = None
+) -> LossFit:
     """Return the rates that make the seen losses most likely.
 
     Parameters
@@ -164,11 +170,14 @@ def fit_loss(exposure_m: npt.ArrayLike, lost: npt.ArrayLike) -> LossFit:
         the tracking region, outside, occluded). Up to the leg's end, also when the track was lost on it.
     lost
         Shape (tracks,): whether the track was lost on that leg.
+    prior_per_m
+        Shape (k,), positive: rates believed before, each within a factor of four (log-normal). One loss over a
+        few centimetres of a circumstance has no finite rate without it.
 
     Raises
     ------
     ProblemError
-        If shapes disagree or an exposure is negative or not finite.
+        If shapes disagree, a rate believed before is not positive, or an exposure is negative or not finite.
 
     Notes
     -----
@@ -188,6 +197,9 @@ def fit_loss(exposure_m: npt.ArrayLike, lost: npt.ArrayLike) -> LossFit:
         raise ProblemError("losses must be 0 or 1")
     if np.any((y == 1) & (x.sum(axis=1) == 0)):
         raise ProblemError("a track was lost over 0 m; the model has no chance for that")
+    believed = None if prior_per_m is None else np.asarray(prior_per_m, dtype=np.float64)
+    if believed is not None and not (believed.shape == (x.shape[1],) and np.all(believed > 0)):
+        raise ProblemError(f"rates believed before are {believed}; {x.shape[1]} positive ones are needed")
     from scipy.optimize import minimize
 
     scale = np.maximum(x.sum(axis=0), 1e-9)
@@ -201,14 +213,18 @@ def fit_loss(exposure_m: npt.ArrayLike, lost: npt.ArrayLike) -> LossFit:
         gradient = x[~hit].sum(axis=0) - (x[hit] * (np.exp(-s[hit]) / np.maximum(p, 1e-300))[:, None]).sum(
             axis=0
         )
+        if believed is not None:
+            away = np.log(rate / believed) / PRIOR_SPREAD**2
+            value += 0.5 * float(away @ np.log(rate / believed))
+            gradient = gradient + away / rate
         return float(value), gradient
 
     best = minimize(
         negative,
-        np.full(x.shape[1], begin),
+        np.full(x.shape[1], begin) if believed is None else believed,
         jac=True,
         method="L-BFGS-B",
-        bounds=[(0.0, None)] * x.shape[1],
+        bounds=[(0.0 if believed is None else 1e-9, None)] * x.shape[1],
         options={"maxiter": 1000, "ftol": 1e-14, "gtol": 1e-10},
     )
     rate = np.where(x.sum(axis=0) > 0, best.x, 0.0)
@@ -217,6 +233,8 @@ def fit_loss(exposure_m: npt.ArrayLike, lost: npt.ArrayLike) -> LossFit:
     p = np.maximum(-np.expm1(-s[hit]), 1e-12)
     weight = np.exp(-s[hit]) / p**2
     information = (x[hit] * weight[:, None]).T @ x[hit]
+    if believed is not None:
+        information += np.diag(1.0 / (PRIOR_SPREAD * rate.clip(1e-9)) ** 2)
     free = (rate > 1e-12) & (scale > 1e-9)
     error = np.full(x.shape[1], np.inf)
     if free.any():
@@ -305,7 +323,7 @@ def fit_calibration(
     tracks = losses = 0
     if exposure_m is not None and lost is not None:
         x = np.asarray(exposure_m, dtype=np.float64)
-        loss = fit_loss(x, lost)
+        loss = fit_loss(x, lost, np.maximum(rates, 1e-4)[: x.shape[1]])
         metres = x.sum(axis=0)
         for k in np.flatnonzero(metres > 0):
             rates[k] = loss.rate_per_m[k]

@@ -99,7 +99,7 @@ def test_a_mission_plans_with_what_its_runs_taught(
     assert "16 legs of 16 recorded runs of rover profile k9" in found["source"]
 
     assert 0.02 < max(found["inside_per_m"], found["outside_per_m"]) < 0.5
-    assert _p_lose(repo, mission.id) > 2 * odds
+    assert _p_lose(repo, mission.id) > 1.3 * odds
     with repo.database.read() as session:
         assert inputs_digest(session, mission.id) != before
 

@@ -137,15 +137,32 @@ def test_fitted_rates_come_with_their_errors() -> None:
     assert (fitted.tracks, fitted.losses) == (2000, int(lost.sum()))
 
 
-def test_a_rate_of_zero_has_the_error_of_one_loss_more() -> None:
+def test_without_a_loss_the_rate_comes_down_from_what_was_believed_and_stays_uncertain() -> None:
     fitted = fit_calibration(
         name="run", source="drawn", prior=K9_CALIBRATION,
         length_m=np.linspace(1, 5, 20), turn_rad=np.zeros(20), duration_s=np.full(20, 500.0),
         energy_j=np.full(20, 500.0), speed_m_s=0.06, turn_rate_rad_s=0.1, drive_power_w=70.0,
-        exposure_m=np.tile([5.0, 0.0], (20, 1)), lost=np.zeros(20),
+        exposure_m=np.column_stack([np.full(20, 10.0), np.zeros(20)]), lost=np.zeros(20),
     )  # fmt: skip
-    assert fitted.inside_per_m == pytest.approx(0.0)
-    assert fitted.inside_se_per_m == pytest.approx(0.01)
+    assert 0.0 < fitted.inside_per_m < K9_CALIBRATION.inside_per_m
+    assert fitted.inside_per_m < 1 / 200
+    assert 0.5 * fitted.inside_per_m < fitted.inside_se_per_m < 1 / 50
+    assert fitted.outside_per_m == K9_CALIBRATION.outside_per_m
+
+
+def test_one_loss_over_centimetres_leaves_a_finite_rate() -> None:
+    exposure = np.column_stack([np.full(200, 3.0), np.zeros(200)])
+    exposure[0] = 0.0, 0.04
+    lost = np.zeros(200)
+    lost[:10] = 1.0
+    alone = fit_loss(exposure, lost)
+    believed = fit_loss(exposure, lost, (0.0048, 0.15))
+    assert alone.rate_per_m[1] > 10.0
+    assert 0.15 < believed.rate_per_m[1] < 2.0
+    assert believed.standard_error[1] > 0.5 * believed.rate_per_m[1]
+    assert believed.rate_per_m[0] == pytest.approx(alone.rate_per_m[0], rel=0.08)
+    with pytest.raises(ProblemError, match="2 positive ones"):
+        fit_loss(exposure, lost, (0.0, 0.15))
 
 
 def test_what_is_written_keeps_to_the_published_schema() -> None:
