@@ -25,6 +25,8 @@ Array = NDArray[np.floating]
 NEAR_M = 1.2
 ARRIVED_M = 0.35
 """Distance from the goal at which a rover that gets no nearer has arrived: the arm says if it reaches."""
+FARTHER_M = 0.02
+"""By how much a look farther from the goal than an earlier one tells that it gets no nearer."""
 RETREATS, RETREAT_M = 2, 0.2
 """How often, and how far, a rover backs off what it touches in the last metre."""
 LOOKS, LOOKS_PER_M = 20, 5.0
@@ -118,15 +120,19 @@ class Driving:
         far = math.hypot(goal[0] - self.body.believed.x, goal[1] - self.body.believed.y)
         progress, looks = Progress(NEAR_M, far_patience=LOOKS + round(LOOKS_PER_M * far)), 0
         self._retreats = 0
+        nearest_m = math.inf
         reason = "too many looks"
         while looks < 150:
             goal, heading = self._goal(command, name)
             here = self.body.believed
             left = math.hypot(goal[0] - here.x, goal[1] - here.y)
             tolerance = 0.08 if name else 0.25
-            if left <= (ARRIVED_M if self._retreats else tolerance):
+            # what lies in the way of the last decimetres would lead it off again
+            near_enough = self._retreats > 0 or left > nearest_m + FARTHER_M
+            if left <= (ARRIVED_M if near_enough else tolerance):
                 reason = ""
                 break
+            nearest_m = min(nearest_m, left)
             if progress.stalled(left):
                 reason = "" if left <= ARRIVED_M else f"no nearer than {progress.nearest_m:.2f} m to the goal"
                 break

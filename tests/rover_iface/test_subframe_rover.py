@@ -16,6 +16,7 @@ from executive.ports import Acknowledgement, Command, CommandId, Result
 from rover_iface.cameras.panorama import camera_from_document
 from rover_iface.contract import write_contract_world
 from rover_iface.errors import OutsideTerrainError, WorldError
+from rover_iface.frames import Pose
 from rover_iface.navigation.navigator import Way
 from rover_iface.simulator.chassis import Driven
 from rover_iface.simulator.faults import Fault, FaultKind
@@ -244,6 +245,27 @@ def test_what_a_rover_touches_in_the_last_metre_it_backs_off(
     assert sum(way.length_m < 0 for way in ways) == backed
     if not reason:
         assert float(answer.values["error_m"]) <= 0.35
+
+
+def test_a_rover_that_is_led_off_again_beside_its_goal_has_arrived(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rover = make_rover(world, seed=1)
+    places = iter([(1.0, 0.0), (1.8, 0.0), (1.75, 0.1), (0.5, 0.0), (0.0, 0.0)])
+
+    def led(way: Way) -> Driven:
+        x, y = next(places)
+        body = rover.body.chassis
+        body.believed = replace(body.believed, x=x, y=y)
+        return Driven(10.0, 10.0, 0.5, 0.5, "", False, 1.0, 0.0, ())
+
+    monkeypatch.setattr(rover.body.chassis, "follow", led)
+    target = rover.body.targets["T1"]
+    stand = replace(target, point=(2.5, 0.0, 0.2), observation_point=Pose(2.0, 0.0))
+    rover.body.targets["T1"] = stand
+    answer = do(rover, "navigate", target="T1", mode="blind")
+    assert answer.reason == ""
+    assert float(answer.values["error_m"]) == pytest.approx(math.hypot(0.25, 0.1), abs=0.01)
 
 
 def test_an_abort_during_a_drive_is_acknowledged(world: Path) -> None:
