@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +16,9 @@ from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.verdict import Finding, PatchMeasures, Reason
 from rover_iface.profile import RoverProfile
 
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
 BALL = 3.0
 """Points within so many radii of the tool, and within its length, are looked at: what lies deep under it
 counts too."""
@@ -22,6 +27,13 @@ LEAST_POINTS = 8
 
 SINGLE_POINTS = 8
 """So many points that stand high in the tool's way may be wrong matches; more are a thing."""
+
+
+WAY_HEIGHTS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.1)
+"""Where the tool's way is looked at, shares of its length over the surface."""
+
+WAY_BEHIND_M = 0.02
+"""So far behind what the camera sees a place is hidden."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +133,39 @@ class PatchCheck:
         on_plane = point - ((point - middle) @ normal) * normal
         measures = self._measure(window, on_plane, normal, outward)
         findings = self._findings(measures)
+        if not findings and (hidden := self._hidden(on_plane, normal)) > self.limits.most_hidden:
+            findings = (Finding(Reason.WAY_HIDDEN, hidden, self.limits.most_hidden),)
         return Judged(on_plane, normal, measures, findings, self._strain(measures), self._restless(measures))
+
+    def _hidden(self, at: Array, normal: Array) -> float:
+        """Return the share of the tool's way that something hides from the camera.
+
+        Behind a rock that stands before the place may be more of that rock. Clouds without order or eye do
+        not tell; nor do pixels without stereo.
+        """
+        eye = self.cloud.eye
+        if eye is None or self.cloud.pixels is None:
+            return 0.0
+        first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
+        first /= np.linalg.norm(first)
+        turns = np.arange(12) * math.tau / 12.0
+        ring = np.outer(np.cos(turns), first) + np.outer(np.sin(turns), np.cross(normal, first))
+        disc = np.vstack((np.zeros(3), self.radius_m * ring))
+        heights = self.limits.tool_length_m * np.array(WAY_HEIGHTS)
+        way = (at + disc[None] + heights[:, None, None] * normal).reshape(-1, 3) - eye
+        far = np.linalg.norm(way, axis=1)
+        off, nearest = self._rays.query(way / far[:, None])
+        seen = off < 4.0 * max(self.cloud.pitch_rad, 1e-4)
+        before = np.linalg.norm(self.cloud.points[nearest] - eye, axis=1) < far - WAY_BEHIND_M
+        return float((seen & before).mean())
+
+    @cached_property
+    def _rays(self) -> cKDTree:
+        """Return the directions in which the camera sees the points, ordered for search."""
+        from scipy.spatial import cKDTree
+
+        away = self.cloud.points - self.cloud.eye
+        return cKDTree(away / np.linalg.norm(away, axis=1, keepdims=True))
 
     def _window(self, point: Array, radius_m: float) -> _Window:
         """Return the points within `radius_m` of `point`, and as far round it as others will be asked for."""
@@ -241,9 +285,10 @@ class PatchCheck:
 
     def _findings(self, m: PatchMeasures) -> tuple[Finding, ...]:
         limits, sure, rms = self.limits, self._sure(m), _excess(m.rms_m, m.sigma_m)
+        hole_m = limits.most_hole_m if m.doubtful_share <= limits.calm_doubt else limits.calm_hole_m
         pairs = (
             (Reason.STEREO_SHARE, m.valid_share, limits.least_share, ""),
-            (Reason.STEREO_HOLE, m.hole_m, limits.most_hole_m, "m"),
+            (Reason.STEREO_HOLE, m.hole_m, min(hole_m, limits.most_hole_m), "m"),
             (Reason.STEP_NEAR, m.doubtful_share, limits.most_doubt, ""),
             (Reason.VIEW_ANGLE, m.view_angle_rad, limits.most_view_rad, "rad"),
             (Reason.OFF_ROCK, m.rock_share, limits.least_rock_share, ""),

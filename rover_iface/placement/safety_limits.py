@@ -36,7 +36,8 @@ class SafetyLimits:
     most_normal_rad
         Uncertainty of the normal, that many standard deviations.
     least_share, most_hole_m
-        Share of the area with valid stereo, diameter of the largest hole.
+        Share of the area with valid stereo, diameter of the largest hole; where a step is near (more than
+        `calm_doubt`), `calm_hole_m` holds, because the surface may end in the hole.
     edge_px, edge_jump_m, most_doubt
         Points within so many pixels of a step of this size behind them are not counted as seen: block
         matching draws the foreground over its edge. At most this share of the surface may be such.
@@ -50,6 +51,8 @@ class SafetyLimits:
         only if there is no other.
     tool_length_m
         Up to this height over the surface nothing may stand beside the tool or over the surface.
+    most_hidden
+        Share of the tool's way that may lie behind what the camera sees.
     search_m
         How far from the designated point another may be taken.
     grid_m
@@ -79,6 +82,7 @@ class SafetyLimits:
     most_slope_rad: float = math.radians(14.0)
     calm_slope_rad: float = math.radians(11.0)
     tool_length_m: float = 0.14
+    most_hidden: float = 0.04
     search_m: float = 0.15
     grid_m: float = 0.008
 

@@ -43,6 +43,7 @@ class Reason(StrEnum):
     CLEARANCE = "clearance"
     SLOPE = "slope"
     STEP_NEAR = "step-near"
+    WAY_HIDDEN = "way-hidden"
     RESTLESS = "restless"
     ARM = "arm"
     NO_BASE = "no-base"
@@ -64,6 +65,7 @@ _TEXT = {
     Reason.NORMAL: "uncertainty of the surface normal",
     Reason.CLEARANCE: "height beside the tool over the plane",
     Reason.SLOPE: "angle between surface normal and tool, with its uncertainty",
+    Reason.WAY_HIDDEN: "share of the tool's way that lies behind something",
     Reason.STEP_NEAR: "share of the surface under the tool beside a step in depth",
     Reason.RESTLESS: "share of its limits that the relief under the tool takes",
     Reason.ARM: "the arm",

@@ -210,7 +210,7 @@ def test_a_place_beside_a_step_is_left_and_one_on_it_refused(k9: RoverProfile) -
         if judged.measures is None:
             continue
         doubt = judged.measures.doubtful_share
-        assert (Reason.STEP_NEAR in {f.reason for f in judged.findings}) == (doubt > 0.10)
+        assert (Reason.STEP_NEAR in {f.reason for f in judged.findings}) == (doubt > 0.20)
         if doubt > 0.01:
             assert judged.restless is not None
         if judged.restless is not None and judged.restless.reason is Reason.STEP_NEAR:
@@ -233,6 +233,23 @@ def test_a_rock_that_leans_over_the_place_is_in_the_way(k9: RoverProfile) -> Non
     assert Reason.CLEARANCE in {f.reason for f in findings}
     few = PatchCheck(whole.subset(np.arange(len(cloud) + 6)), labels[:-6], 0, k9, SafetyLimits())
     assert Reason.CLEARANCE not in {f.reason for f in few.judge(at).findings}
+
+
+def test_what_a_neighbour_hides_may_be_in_the_way(k9: RoverProfile) -> None:
+    cloud, _, found = scene()
+    at = on_first_rock()
+    normal = plan_placement(cloud, at, k9, segmentation=found).normal
+    assert normal is not None
+    check = PatchCheck(cloud, found.labels, 0, k9, SafetyLimits())
+    assert check._hidden(at, normal) == 0.0
+    # what the camera sees where the tool would come down stands 6 cm before its way
+    ray = at + 0.1 * normal - EYE
+    away = cloud.points - EYE
+    far = np.linalg.norm(away, axis=1)
+    beside = np.degrees(np.arccos(np.clip(away @ ray / (far * np.linalg.norm(ray)), -1.0, 1.0))) < 2.0
+    nearer = np.where(beside, (np.linalg.norm(ray) - 0.06) / far, 1.0)
+    hiding = replace(cloud, points=EYE + nearer[:, None] * away)
+    assert PatchCheck(hiding, found.labels, 0, k9, SafetyLimits())._hidden(at, normal) > 0.04
 
 
 def test_a_hole_in_the_stereo_is_named_with_its_size(k9: RoverProfile) -> None:
