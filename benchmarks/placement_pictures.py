@@ -1,5 +1,5 @@
-"""Pictures of `docs/placement.md`: segments over a hazcam image, safe and unsafe places of a rock, Spirit's
-cloud.
+"""Pictures of `docs/placement.md`: masks of rocks over an image, safe and unsafe places of a rock, Spirit's
+cloud, what a run of placements came to.
 
 `python -m benchmarks.placement_pictures --out docs/img --spirit ../shared/data/terrain/mer_spirit`
 """
@@ -7,7 +7,9 @@ cloud.
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,11 +18,10 @@ import numpy.typing as npt
 from benchmarks.placement import designated
 from benchmarks.placement_rocks import RockScene, rock_scene
 from benchmarks.placement_worlds import views
-from benchmarks.segmentation import cloud_of_view
+from benchmarks.segmentation import FARTHEST_M, segmented
 from rover_iface.cameras.model import CameraModel
-from rover_iface.placement import PlacementVerdict, SurfaceCloud, cloud_of_points, plan_placement, segment
+from rover_iface.placement import PlacementVerdict, cloud_of_points, plan_placement, segment
 from rover_iface.placement.safety import safety_map
-from rover_iface.placement.segmentation import Segmentation
 from rover_iface.profile import load_profile
 from rover_iface.simulator.render.renderer import Renderer
 
@@ -28,33 +29,25 @@ Picture = npt.NDArray[np.uint8]
 GREEN, RED, BLUE, WHITE = (90, 200, 60), (60, 60, 230), (255, 160, 40), (255, 255, 255)
 
 
-def segments_over_image(folder: Path, seed: int, number: int) -> Picture:
-    """Return a hazcam image beside itself with the segments drawn over it."""
-    view = views(seed, folder)[number]
-    cloud = cloud_of_view(view)
-    found = segment(cloud)
-    plain = cv2.cvtColor(_bright(view.left), cv2.COLOR_GRAY2BGR)
-    return np.hstack((plain, _overlay(plain, view.left_camera, cloud, found)))
+def segments_over_image(folder: Path, seed: int, number: int, sensor: str) -> Picture:
+    """Return an image beside itself with the masks of rocks over it; their true outlines in red."""
+    view = views(seed, folder, sensor=sensor)[number]
+    masks, _, found = segmented(view)
+    plain = cv2.cvtColor(_bright(view.left), cv2.COLOR_GRAY2BGR).astype(np.uint8)
+    colours = np.random.default_rng(4).integers(70, 255, (len(found.rocks) + 1, 3))
+    rock = masks >= 0
+    out = plain.astype(np.float64)
+    out[rock] = 0.55 * out[rock] + 0.45 * colours[masks[rock]]
+    edge = cv2.morphologyEx((view.body + 2).astype(np.float32), cv2.MORPH_GRADIENT, np.ones((2, 2), np.uint8))
+    out[(edge > 0) & (view.range_m < FARTHEST_M + 1.0)] = RED
+    both = np.hstack((plain, out.astype(np.uint8)))
+    wide = 1400
+    height = round(both.shape[0] * wide / both.shape[1])
+    return np.asarray(cv2.resize(both, (wide, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _bright(image: npt.NDArray[np.uint8]) -> Picture:
     return np.round(255.0 * np.sqrt(image / 255.0)).astype(np.uint8)
-
-
-def _overlay(image: Picture, camera: CameraModel, cloud: SurfaceCloud, found: Segmentation) -> Picture:
-    label = np.full(image.shape[:2], -2)
-    pixels = np.round(camera.project(cloud.points)).astype(np.int64)
-    inside = ((pixels >= 0) & (pixels < (image.shape[1], image.shape[0]))).all(axis=1)
-    label[pixels[inside, 1], pixels[inside, 0]] = found.labels[inside]
-    # an image pixel between two points has none of its own
-    filled = cv2.dilate((label + 2).astype(np.float32), np.ones((3, 3), np.uint8)).astype(np.int64) - 2
-    label = np.where(label == -2, filled, label)
-    colours = np.random.default_rng(4).integers(70, 255, (len(found.rocks) + 1, 3))
-    rock = label >= 0
-    out = image.astype(np.float64)
-    out[rock] = 0.45 * out[rock] + 0.55 * colours[label[rock]]
-    out[label == -2] *= 0.55
-    return out.astype(np.uint8)
 
 
 def safety_over_rock(seed: int) -> tuple[Picture, PlacementVerdict]:
@@ -138,18 +131,70 @@ def spirit(folder: Path) -> Picture:
     return np.hstack(tiles)
 
 
+def run_plot(rows: list[dict[str, Any]], path: Path) -> None:
+    """Draw what came of each rock of a run by its size, where the tool went, and what stood under it."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    rows = [r for r in rows if r["decision"] != "unseen"]
+    accepted = [r for r in rows if "wrong" in r]
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13.0, 3.9), layout="constrained")
+    bins = np.linspace(0.18, 0.70, 14)
+    kinds = {
+        "designated point": [r for r in accepted if r["decision"] == "place"],
+        "point near it": [r for r in accepted if r["decision"] == "place-near"],
+        "rightly refused": [r for r in rows if "wrong" not in r and not r["safe_place"]],
+        "falsely refused": [r for r in rows if "wrong" not in r and r["safe_place"]],
+    }
+    left.hist(
+        [[r["diameter_m"] for r in part] for part in kinds.values()],
+        bins=bins.tolist(),
+        stacked=True,
+        label=[f"{name}: {len(part)}" for name, part in kinds.items()],
+        color=["#2a9d4a", "#8fcf9f", "#9aa0a6", "#d1493f"],
+    )
+    left.set(xlabel="rock, m across", ylabel="rocks", title="What was decided")
+    left.legend(fontsize=8)
+    ordered = np.sort([100.0 * r["error_m"] for r in accepted])
+    middle.plot(ordered, np.linspace(0.0, 1.0, len(ordered)))
+    middle.set(xlabel="contact from the picked point, cm", ylabel="share of accepts", title="Where it went")
+    middle.grid(alpha=0.3)
+    right.scatter(
+        [1000.0 * r["true_protrusion_m"] for r in accepted],
+        [1000.0 * r["true_depth_m"] for r in accepted],
+        s=7,
+        c=["#d1493f" if r["wrong"] else "#2a9d4a" for r in accepted],
+    )
+    right.axvline(20.0, color="k", lw=0.8)
+    right.axhline(30.0, color="k", lw=0.8)
+    right.set(
+        xlabel="true protrusion under the tool, mm", ylabel="true depth, mm", title="What was under the tool"
+    )
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
 def main() -> None:
     """Write the pictures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("docs/img"))
     parser.add_argument("--folder", type=Path, default=Path("/tmp/outcrop-placement"), help="of kept views")
     parser.add_argument("--spirit", type=Path)
-    parser.add_argument("--view", type=int, nargs=2, default=(900, 0), help="world and number of the view")
+    parser.add_argument("--view", type=int, nargs=2, default=(900, 1), help="world and number of the view")
     parser.add_argument("--safe", type=int, default=5120)
     parser.add_argument("--refused", type=int, default=5114)
+    parser.add_argument("--run", type=Path, help="rows of a run of `benchmarks.placement`, to be drawn alone")
     options = parser.parse_args()
-    picture = segments_over_image(options.folder, *options.view)
-    cv2.imwrite(str(options.out / "placement_segments.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 88])
+    if options.run is not None:
+        rows = [json.loads(line) for line in options.run.read_text(encoding="utf-8").splitlines()]
+        run_plot(rows, options.out / "placement_run.png")
+        return
+    for sensor in ("navcam", "hazcam"):
+        picture = segments_over_image(options.folder, *options.view, sensor)
+        name = str(options.out / f"placement_segments_{sensor}.jpg")
+        cv2.imwrite(name, picture, [cv2.IMWRITE_JPEG_QUALITY, 86])
     for name, seed in (("safe", options.safe), ("refused", options.refused)):
         picture, verdict = safety_over_rock(seed)
         print(name, seed, verdict.text)
