@@ -164,6 +164,7 @@ class PatchCheck:
         """Return the directions in which the camera sees the points, ordered for search."""
         from scipy.spatial import cKDTree
 
+        assert self.cloud.eye is not None
         away = self.cloud.points - self.cloud.eye
         return cKDTree(away / np.linalg.norm(away, axis=1, keepdims=True))
 
