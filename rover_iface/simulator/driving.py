@@ -27,8 +27,9 @@ ARRIVED_M = 0.35
 """Distance from the goal at which a rover that gets no nearer has arrived: the arm says if it reaches."""
 FARTHER_M = 0.02
 """By how much a look farther from the goal than an earlier one tells that it gets no nearer."""
-RETREATS, RETREAT_M = 2, 0.2
-"""How often, and how far, a rover backs off what it touches in the last metre."""
+RETREATS, RETREAT_M, TRIES = 2, 0.2, 3
+"""How often, how far and in how many tries a rover backs off what it touches in the last metre: a way that
+begins in touch ends after its first few centimetres."""
 LOOKS, LOOKS_PER_M = 20, 5.0
 """Looks that bring a drive no nearer to its goal, however far off it is, before it is given up."""
 
@@ -178,7 +179,10 @@ class Driving:
         trouble = yield from self._go(way)
         if trouble.startswith("hazard") and left_m <= NEAR_M and self._retreats < RETREATS:
             self._retreats += 1
-            trouble = yield from self._go(Way(0.0, 0.0, -RETREAT_M))
+            for _ in range(TRIES):
+                trouble = yield from self._go(Way(0.0, 0.0, -RETREAT_M))
+                if not trouble.startswith("hazard"):
+                    break
         return trouble
 
     def _go(self, way: Way) -> Generator[Step, None, str]:

@@ -217,8 +217,8 @@ def test_faults_of_the_body_and_the_camera(world: Path) -> None:
 
 @pytest.mark.parametrize(
     ("touches_from", "touches", "reason", "backed"),
-    [(1.7, 1, "", 1), (1.7, 99, "hazard: belly", 1), (0.0, 1, "hazard: belly", 0)],
-    ids=["once, near the goal", "again and again", "far from the goal"],
+    [(1.7, 1, "", 1), (1.7, 2, "", 2), (1.7, 99, "hazard: belly", 4), (0.0, 1, "hazard: belly", 0)],
+    ids=["once, near the goal", "still in touch at first", "again and again", "far from the goal"],
 )
 def test_what_a_rover_touches_in_the_last_metre_it_backs_off(
     world: Path,
