@@ -28,8 +28,11 @@ ARRIVED_M = 2.2
 NARROW_M = 3.5
 """Distance from which on a new target is ranged by the narrow pair; nearer, the navcams know enough."""
 
-GRAINS, DUST_M, GRAIN_PX = 24, (0.026, 0.055), (4, 6)
-"""Grains of a dusty lens, what they hide (distance from the target, at its range), and their radius."""
+GRAINS, DUST_M, GRAIN_PX, GRAIN_GREY = 60, (0.012, 0.065), (4, 6), (0.4, 1.6)
+"""Grains of a dusty lens, what they hide (distance from the target, at its range), radius, and brightness.
+
+Each is as bright as that share of the picture's mean: grains of one grey are matched as if they were rock.
+"""
 
 PUBLISHED = {
     "kinematic": "pure kinematic",
@@ -148,7 +151,7 @@ class HazardEyes:
         self._handed.clear()
 
     def _dusted(self, pair: Sighting) -> Sighting:
-        """Return the pair with grains of one grey, scattered before the dusty targets in the right image."""
+        """Return the pair with grains scattered before the dusty targets in the right image."""
         import cv2
 
         image = pair.view.right.copy()
@@ -163,7 +166,8 @@ class HazardEyes:
                 away, turn = scale * rng.uniform(*DUST_M), rng.uniform(0.0, math.tau)
                 place = pixel + away * np.array((math.cos(turn), math.sin(turn)))
                 middle = (round(float(place[0])), round(float(place[1])))
-                cv2.circle(image, middle, int(rng.integers(*GRAIN_PX)), float(image.mean()), -1)
+                grey = min(1.0, float(rng.uniform(*GRAIN_GREY) * pair.view.right.mean()))
+                cv2.circle(image, middle, int(rng.integers(*GRAIN_PX)), grey, -1)
         return pair if not self.dusty else replace(pair, view=replace(pair.view, right=image))
 
     def at_this_stop(self, followed: Followed, t_s: float) -> HandedOff:
