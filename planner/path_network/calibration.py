@@ -171,8 +171,8 @@ def fit_loss(
     lost
         Shape (tracks,): whether the track was lost on that leg.
     prior_per_m
-        Shape (k,), positive: rates believed before, each within a factor of four (log-normal). One loss over a
-        few centimetres of a circumstance has no finite rate without it.
+        Shape (k,), positive: rates believed before, each within a factor of four (log-normal). One loss over
+        a few centimetres of a circumstance has no finite rate without it.
 
     Raises
     ------
