@@ -2,10 +2,10 @@
 
     .venv/bin/python -m benchmarks.calibration --cache var/calibration [--out docs]
 
-Training: about 200 runs on 11 sites (of 220 starts some find no room). In each the rover starts to track two targets on rocks in its view and drives:
-every third time to the first of them, else to a place 3 m away; the ground has rocks that the planner's map
-has not. The legs of the recorded runs give
-the calibration (`ground/driven_legs.py`). Evaluation: runs on other sites. There the path network, with that
+Training: about 200 runs on 11 sites (of 220 starts some find no room). In each the rover starts to track two
+targets on rocks in its view and drives: every third time to the first of them, else to a place 3 m away; the
+ground has rocks that the planner's map has not. The legs of the recorded runs give the calibration
+(`ground/driven_legs.py`). Evaluation: runs on other sites. There the path network, with that
 calibration and the map, says for each run with what chance each track is lost on the way; what was lost is
 counted beside it. Runs are kept in the cache, so the script can be interrupted, and run
 twice at once (`--half 0`, `--half 1`).
