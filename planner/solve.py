@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass
 
 import numpy as np
 
 from planner.contingency.bounds import upper_bound
 from planner.contingency.branching import Search, SearchLimits, plan_optimal
 from planner.contingency.chance import keeps_to, plans_within
-from planner.contingency.long_routes import plan_long
 from planner.contingency.pico2005 import plan_pico2005
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import Reduction, reduce_problem, several
@@ -24,11 +21,14 @@ from planner.contingency.seeding import mean_seed, route_steps, track_steps
 from planner.errors import PlannerError
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
-from planner.evaluate.monte_carlo import Estimate, simulate
+from planner.evaluate.monte_carlo import Estimate
 from planner.evaluate.notes import annotate, annotate_sampled
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, Evaluator
-from planner.plan_edits import fitted, without_option
+from planner.large_plans import CHECK_FUTURES, Checked, plan_large
+from planner.plan_choice import held_up
+from planner.plan_edits import fitted
+from planner.plan_result import PlanResult, PlanStatus, Progress
 from planner.plan_tree import (
     Observe,
     OnFail,
@@ -41,12 +41,14 @@ from planner.plan_tree import (
     with_ids,
 )
 from planner.problem import Problem
+from planner.reasons import why_empty, why_impossible
 from planner.threads import one_blas_thread
+
+__all__ = ["STRATEGIES", "PlanResult", "PlanStatus", "Progress", "solve"]
 
 STRATEGIES = ("optimal", "pico2005")
 DEFAULT_BRANCHES = 6
 DEFAULT_TIME_LIMIT_S = 60.0
-CHECK_FUTURES = 200_000
 SEARCH_GRID = (49, 29)
 COARSE_GRID = (33, 21)
 QUICK_GRID = (25, 15)
@@ -71,72 +73,6 @@ QUICK_SEARCH_S = 0.3
 SEARCH_S = 6.5
 SEARCH_S_PER_TARGET = 6.0
 """Processor seconds for the search: with up to 8 targets and 6 branches, and for each target more."""
-
-
-class PlanStatus(StrEnum):
-    """How planning ended. `EMPTY` is a plan that does nothing, because nothing fits or nothing is
-    worth it.
-    """
-
-    PLANNED = "planned"
-    EMPTY = "empty"
-    INFEASIBLE = "infeasible"
-    TIMEOUT = "timeout"
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """Where planning stands: `fraction` in [0, 1], the value of the best plan so far and the bound if
-    known.
-    """
-
-    fraction: float
-    phase: str
-    value: float | None = None
-    upper: float | None = None
-    branches: int = 0
-    plan: Plan | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class PlanResult:
-    """The answer. `lower <= value of the plan <= upper`, and no policy whatever earns more than `upper`.
-
-    `lower` is the Monte Carlo mean less its 99 % error; `expected_utility` is the sampling-free value.
-    `curve[k]` is the value of the best plan found with at most k branches. `reasons` say why a plan is
-    empty or there is none.
-    """
-
-    status: PlanStatus
-    tree: PlanTree
-    strategy: str
-    expected_utility: float = 0.0
-    check: Estimate | None = None
-    lower: float = 0.0
-    upper: float = 0.0
-    optimum_estimate: float | None = None
-    curve: tuple[float, ...] = ()
-    evaluator: str = "grid"
-    wall_s: float = 0.0
-    first_plan_s: float = 0.0
-    seed: int = 0
-    reasons: tuple[str, ...] = ()
-    regret_left: float | None = None
-    seeds: tuple[Plan, ...] = field(default=(), repr=False)
-
-    @property
-    def branches(self) -> int:
-        return self.tree.branches
-
-
-@dataclass(frozen=True, eq=False)
-class _Checked:
-    """A plan with what it earns on fresh futures, and the values by number of branches."""
-
-    model: Model
-    plan: Plan
-    check: Estimate
-    values: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,17 +151,6 @@ def solve(
         return work.run()
 
 
-def _drop_rare(model: Model, plan: Plan, least: float) -> Plan:
-    """Return the plan without options taken in a smaller share of the futures than `least`."""
-    while True:
-        grid = Grid(model, *SEARCH_GRID)
-        tree = annotate(model, grid, PlanTree("", plan))
-        rare = [(notes.p_taken, path) for path, notes in tree.option_notes.items() if notes.p_taken < least]
-        if not rare:
-            return plan
-        plan = without_option(plan, min(rare)[1])
-
-
 def _main_line(plan: Plan) -> set[str]:
     return {str(s.observation) for s in plan if isinstance(s, Observe | Visit)}
 
@@ -272,17 +197,19 @@ class _Work:
         small = Model.of(reduction.problem)
         must = [o for o in problem.observations if o.must_do]
         if must:
-            missing = self.impossible(small)
+            missing = why_impossible(small)
             if missing:
                 return self.answer(PlanStatus.INFEASIBLE, (), missing, reduction)
         if small.t_max_s <= 0.0 or small.e_max_j <= 0.0:
-            return self.answer(PlanStatus.EMPTY, (), self.why_empty(), reduction)
-        long: _Checked | None = None
+            return self.answer(
+                PlanStatus.EMPTY, (), why_empty(self.problem, planned=bool(self.first_plan_s)), reduction
+            )
+        long: Checked | None = None
         if not reduction.exact and not must and self.strategy == "optimal":
             long = self.long_plan()
-            if long is not None and len(planned_observations(long.plan)) > len(
-                reduction.problem.observations
-            ):
+            held = len(reduction.problem.observations)
+            free = problem.max_overrun_probability is None  # else the table, of less, may keep to it better
+            if free and long is not None and len(planned_observations(long.plan)) > held:
                 return self.answer_long(long, reduction)
         pressed = self.pressed(small)
         allowed = problem.max_overrun_probability
@@ -307,40 +234,31 @@ class _Work:
             return self.answer_long(long, reduction)
         if not plan:
             status = PlanStatus.TIMEOUT if self.clock.stop() and not self.first_plan_s else PlanStatus.EMPTY
-            return self.answer(status, (), self.why_empty(), reduction)
+            return self.answer(
+                status, (), why_empty(self.problem, planned=bool(self.first_plan_s)), reduction
+            )
         return self.answer(PlanStatus.PLANNED, plan, (), reduction, small, check, values, search)
 
-    def long_plan(self) -> _Checked | None:
+    def long_plan(self) -> Checked | None:
         """Return a plan for more observations than a table holds, as it holds up on fresh futures."""
-        limits = Growth(0 if self.quick else self.max_branches, self.seed + 3, self.iterations)
-        found = plan_long(
+        found = plan_large(
             self.problem,
-            limits,
+            Growth(0 if self.quick else self.max_branches, self.seed + 3, self.iterations),
+            most=self.max_branches,
+            fresh_seed=self.seed + 1,
+            first_price=self.first_price(self.problem.utility_sum),
             warm=self.warm,
             should_stop=lambda: self.clock.stop(0.6 if self.quick else 0.75),
             told=self.told,
         )
-        if found is None:
-            return None
-        model, allowed = found.model, self.problem.max_overrun_probability
-        best: _Checked | None = None
-        earned = np.zeros(CHECK_FUTURES)
-        values: list[float] = []
-        for _, plan in found.curve:
-            if plan and (best is None or plan != best.plan):
-                futures = simulate(model, plan, CHECK_FUTURES, seed=self.seed + 1)
-                if float(np.mean(futures.utility - earned)) > 0.0 and (
-                    allowed is None or keeps_to(model, plan, allowed, seed=self.seed + 2)
-                ):
-                    best, earned = _Checked(model, plan, futures.estimate(), ()), futures.utility
-            values.append(best.check.mean if best else 0.0)
-        if best is None:
-            return None
-        values += values[-1:] * (self.max_branches + 1 - len(values))
-        self.told(best.plan, best.check.mean)
-        return dataclasses.replace(best, values=tuple(values))
+        if found is not None:
+            self.told(found.plan, found.check.mean)
+        return found
 
-    def answer_long(self, long: _Checked, reduction: Reduction) -> PlanResult:
+    def first_price(self, utility_sum: float) -> float:
+        return PRICE * max(1.0, utility_sum)
+
+    def answer_long(self, long: Checked, reduction: Reduction) -> PlanResult:
         self.evaluator = "monte-carlo"
         self.notes = (
             f"grown on sampled futures from a route that makes {len(planned_observations(long.plan))} of "
@@ -348,23 +266,6 @@ class _Work:
         )
         values = list(long.values)
         return self.answer(PlanStatus.PLANNED, long.plan, (), reduction, long.model, long.check, values)
-
-    def impossible(self, model: Model) -> tuple[str, ...]:
-        """Return why what must be done cannot be; empty if a route on mean values holds it all."""
-        must = sum(1 << m for m in range(model.m) if model.must_do[m])
-        lifted = dataclasses.replace(
-            model, utility=np.where(model.must_do, model.utility + 1.0, model.utility)
-        )
-        order = mean_seed(lifted, must=must)
-        held = sum(1 << m for m in order)
-        names = [str(model.observation_ids[m]) for m in range(model.m) if (must & ~held) >> m & 1]
-        if not names:
-            return ()
-        return (
-            f"observation {', '.join(names)} must be done, but no route on mean values makes every such "
-            f"observation within {model.t_max_s:g} s and {model.e_max_j:g} J, in its window and in order"
-            + ("" if model.data_limit_mbit == math.inf else f", within {model.data_limit_mbit:g} Mbit"),
-        )
 
     def pressed(self, model: Model) -> Model:
         """Return the model with what must be done worth more than everything else together."""
@@ -393,7 +294,7 @@ class _Work:
         plans, self.prices = plans_within(
             find,
             lambda plan: keeps_to(small, plan, allowed, seed=self.seed + 2),
-            first_price=PRICE * max(1.0, float(small.utility.sum())),
+            first_price=self.first_price(float(small.utility.sum())),
             should_stop=lambda: self.clock.stop(0.55),
         )
         evaluator = Evaluator(small)
@@ -466,37 +367,15 @@ class _Work:
         )
 
     def choose(self, model: Model, curve: Curve) -> tuple[Plan, Estimate | None, list[float]]:
-        """Return the plan of the curve that holds up on fresh futures, with its check and the values by
-        branches.
-
-        A plan with more branches replaces the one before only if it is better on the fine grids and also on
-        futures that took no part in the search.
-        """
-        evaluator = Evaluator(model)
-        allowed = self.problem.max_overrun_probability
-        best: Plan = ()
-        best_value = 0.0
-        earned = np.zeros(CHECK_FUTURES // 10 if self.quick else CHECK_FUTURES)
-        check: Estimate | None = None
-        values: list[float] = []
-        for most, (_, candidate) in enumerate(curve):
-            if 0 < most < len(curve) - 1 and (self.quick or self.clock.cancelled()):
-                values.append(best_value)  # who is in a hurry waits for the best plan alone
-                continue
-            plan = candidate
-            if self.least_taken > 0.0 and count_branches(plan):
-                plan = _drop_rare(model, plan, self.least_taken)
-            if plan and plan != best:
-                value = evaluator.value(plan).value
-                if value > best_value or np.any(model.must_do):
-                    futures = simulate(model, plan, len(earned), seed=self.seed + 1)
-                    if allowed is not None and float(np.mean(futures.overrun)) > allowed:
-                        pass  # it kept to the chance on the futures that chose it only
-                    elif float(np.mean(futures.utility - earned)) > 0.0 or np.any(model.must_do):
-                        best, best_value, earned = plan, value, futures.utility
-                        check = futures.estimate()
-            values.append(best_value)
-        return best, check, values
+        return held_up(
+            model,
+            curve,
+            futures=CHECK_FUTURES // 10 if self.quick else CHECK_FUTURES,
+            seed=self.seed + 1,
+            allowed=self.problem.max_overrun_probability,
+            least_taken=self.least_taken,
+            hasty=lambda: self.quick or self.clock.cancelled(),
+        )
 
     def upper(self, model: Model) -> float:
         """Return what no policy earns more than; under a chance constraint, no policy that keeps to it."""
@@ -516,35 +395,6 @@ class _Work:
             + price * allowed
             for price in self.prices
         )
-
-    def why_empty(self) -> tuple[str, ...]:
-        """Return why nothing is planned."""
-        problem = self.problem
-        if not problem.observations:
-            return ("the problem has no observation",)
-        if all(o.utility <= 0.0 for o in problem.observations):
-            return ("no observation is worth anything",)
-        past = [(o.window_s[1], o.id) for o in problem.observations if o.window_s and o.window_s[1] < 0.0]
-        if len(past) == len(problem.observations):
-            closed_s, last = max(past)
-            return (
-                f"every window is in the past: the last, of {last}, closed {-closed_s:g} s before the plan",
-            )
-        budget = problem.budget
-        if budget.time_s <= 0.0 or budget.usable_energy_j <= 0.0:
-            return (f"the budget of {budget.time_s:g} s and {budget.usable_energy_j:g} J is too small",)
-        reached = {leg.to for leg in problem.legs}
-        if not any(t.id in reached for t in problem.targets):
-            return ("no target can be reached: the problem has no leg that leads to one",)
-        if not mean_seed(Model.of(reduce_problem(problem).problem)):
-            return (
-                f"the budget of {budget.time_s:g} s and {budget.usable_energy_j:g} J is too small: "
-                "no observation fits in it on mean values, in its window",
-            )
-        allowed = problem.max_overrun_probability
-        if allowed is not None and self.first_plan_s:
-            return (f"no plan found keeps the chance of ending over a budget within {allowed:g}",)
-        return ("no plan earns more in the mean than doing nothing",)
 
     def answer(
         self,

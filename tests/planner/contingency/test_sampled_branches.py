@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,6 +18,7 @@ from planner.evaluate.model import MAX_BITS, Model
 from planner.evaluate.monte_carlo import simulate
 from planner.evaluate.notes import annotate, annotate_sampled
 from planner.evaluate.program import compile_plan
+from planner.large_plans import plan_large
 from planner.plan_edits import steps_at
 from planner.plan_tree import (
     Comparison,
@@ -45,7 +47,12 @@ def _many(targets: int = 16, **more: object) -> Problem:
         for k in range(targets)
     ]
     return example(
-        places=places, observations=rows, time_s=9000.0, loss=0.05, overrun_penalty=15.0, energy_j=1e6, **more
+        places=places,
+        observations=rows,
+        time_s=9000.0,
+        loss=0.05,
+        energy_j=1e6,
+        **{"overrun_penalty": 15.0, **more},
     )
 
 
@@ -166,6 +173,29 @@ def test_a_problem_that_no_table_holds_gets_branches_notes_and_a_bound() -> None
     assert len(result.curve) == 2
     assert result.tree.step_notes
     assert len(result.tree.option_notes) == result.branches
+
+
+def test_a_large_plan_keeps_to_a_chance_of_overruns() -> None:
+    free = _many(12, overrun_penalty=0.0)
+    strict = dataclasses.replace(free, max_overrun_probability=0.02)
+    found = [
+        plan_large(
+            problem,
+            Growth(1, 3, iterations=60),
+            most=1,
+            fresh_seed=1,
+            first_price=0.1 * problem.utility_sum,
+            warm=(),
+            should_stop=lambda: False,
+            told=lambda plan, value: None,
+        )
+        for problem in (free, strict)
+    ]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert found[0].check.overrun > 0.1
+    assert simulate(found[1].model, found[1].plan, 100_000, seed=77).overrun.mean() <= 0.021
+    assert found[1].check.mean > 0.5 * found[0].check.mean
 
 
 def test_a_part_of_a_very_large_problem_holds_the_route_and_as_much_else_as_fits() -> None:
