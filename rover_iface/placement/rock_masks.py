@@ -205,7 +205,7 @@ class _Cut:
             odds = self._place() + self._heights(mask, tall) + self._steepness() + self._brightness(mask)
             odds[self.other] = -20.0
             mean_field(odds.ravel(), *self.edges, chance, 6)
-            after = self._whole(chance.reshape(mask.shape) > 0.5)
+            after = self._whole(chance.reshape(mask.shape) > 0.5, tall)
             if not after.any():
                 return self.start & ~self.other
             mask = after
@@ -254,9 +254,9 @@ class _Cut:
         one, two = (_histogram(shade[part], bins) for part in (mask, around))
         return self.options.appearance * (np.log(one) - np.log(two))[shade]
 
-    def _whole(self, mask: Mask) -> Mask:
-        """Return the part that overlaps most with what the cloud gave, holes filled; what hangs on it by a
-        neck is left out."""
+    def _whole(self, mask: Mask, tall: Array) -> Mask:
+        """Return the part of what the cloud gave that stands up most (heights summed), holes filled; what
+        hangs on it by a neck is left out."""
         from scipy.ndimage import binary_dilation, binary_erosion, label
 
         neck = max(1, int(self.options.neck * math.sqrt(mask.sum())))
@@ -266,7 +266,8 @@ class _Cut:
             neck = 0
         if not count:
             return mask
-        shared = np.bincount(core[self.start & mask], minlength=count + 1)
+        own = self.start & mask
+        shared = np.bincount(core[own], weights=np.maximum(tall[own], 1e-4), minlength=count + 1)
         shared[0] = 0
         kept = core == shared.argmax()
         if neck:
