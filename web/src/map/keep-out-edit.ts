@@ -47,6 +47,8 @@ export class KeepOutEdit {
   private readonly modify: Modify;
   private held: Held | null = null;
   private dragging = false;
+  /** What is drawn, as it came; empty once a person has moved some of it. */
+  private drawn = "";
   private waiting: [readonly KeepOutLook[], string | null] | null = null;
 
   constructor(
@@ -88,13 +90,19 @@ export class KeepOutEdit {
     return this.modify.getActive();
   }
 
-  /** Show keep-outs; what is being changed at the moment is not taken out of the hand. */
+  /**
+   * Show keep-outs; what is being changed at the moment is not taken out of the hand, and what is the same as before is
+   * not drawn anew: that would take away the handle under a pointer that is about to press.
+   */
   show(looks: readonly KeepOutLook[], selected: string | null): void {
     if (this.dragging) {
       this.waiting = [looks, selected];
       return;
     }
     this.waiting = null;
+    const drawn = JSON.stringify([looks, selected]);
+    if (drawn === this.drawn) return;
+    this.drawn = drawn;
     this.source.clear();
     for (const look of looks) {
       if (look.saved !== null) {
@@ -119,6 +127,7 @@ export class KeepOutEdit {
       );
       feature.getGeometry()?.on("change", () => {
         feature.set("dirty", true, true);
+        this.drawn = "";
         if (this.dragging) this.events.reshaping(look.id, ringOf(feature));
       });
       this.source.addFeature(feature);
