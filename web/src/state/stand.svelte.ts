@@ -15,6 +15,8 @@ export class StandState {
 
   private asking = false;
   private wanted: Pose | null = null;
+  /** Settles with the verdict on the last pose that was shown. */
+  private asked: Promise<void> = Promise.resolve();
 
   constructor(private readonly m: MissionState) {}
 
@@ -49,12 +51,11 @@ export class StandState {
   private show(pose: Pose): void {
     this.pose = pose;
     this.wanted = pose;
-    void this.ask();
+    if (!this.asking) this.asked = this.ask();
   }
 
   /** One question at a time; poses passed over meanwhile are left out. */
   private async ask(): Promise<void> {
-    if (this.asking) return;
     this.asking = true;
     while (this.wanted !== null && this.request !== null) {
       const pose = this.wanted;
@@ -69,12 +70,12 @@ export class StandState {
   /** Keep the pose if the target is reached from it; else it goes back to where it was, and the reason is said. */
   async drop(): Promise<void> {
     const { request, pose } = this;
-    this.wanted = null;
     if (request === null || pose === null) return;
+    await this.asked;
+    if (this.request !== request || this.pose !== pose) return; // taken in hand again meanwhile
     const old = request.observation_point?.pose ?? null;
     const same = old !== null && Math.hypot(old.east_m - pose.east_m, old.north_m - pose.north_m) < 1e-3 && Math.abs(old.heading_rad - pose.heading_rad) < 1e-3;
-    if (!same && this.check?.reachable === false && this.asking === false) {
-      // The server has said so already.
+    if (!same && this.check?.reachable === false) {
       app.toast("bad", `The observation point of ${request.target_name} stays where it was`, this.check.reason);
     } else if (!same) {
       await app.attempt(`The observation point of ${request.target_name}`, () =>
