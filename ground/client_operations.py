@@ -6,6 +6,7 @@ Values come back as dataclasses of `ground.gdr`, documents of a published form a
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -28,20 +29,20 @@ def adapter(kind: Hashable) -> TypeAdapter[Any]:
     return TypeAdapter(cast("Any", kind))
 
 
-class Caller:
+class Caller(ABC):
     """What the groups of operations below stand on."""
 
+    @abstractmethod
     def request(self, method: str, path: str, **options: Any) -> httpx.Response:
         """Return the answer to a request."""
-        raise NotImplementedError
 
+    @abstractmethod
     def keep_token(self, token: str) -> None:
         """Send a session's token with every change from now on."""
-        raise NotImplementedError
 
+    @abstractmethod
     def stream(self, path: str, last_event_id: str | None = None) -> Iterator[Document]:
         """Yield the events of a stream as they come."""
-        raise NotImplementedError
 
     def value(self, kind: type[T], method: str, path: str, **options: Any) -> T:
         """Return the answer to a request as a value of a kind."""

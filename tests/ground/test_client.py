@@ -6,6 +6,7 @@ import inspect
 import re
 import typing
 from collections.abc import Callable, Iterator
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -107,12 +108,16 @@ def special(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, As
     return {
         name: (
             typing.get_type_hints(method)["return"],
-            _asked(lambda c, n=name, m=method: getattr(c, n)(**_arguments(m, file))),  # type: ignore[misc]
+            _asked(methodcaller(name, **_arguments(method, file))),
         )
         for group in GROUPS
         for name, method in inspect.getmembers(group, inspect.isfunction)
         if name not in base
     }
+
+
+def _on(act: Callable[[Client, type], Any], kind: type) -> Callable[[Client], Any]:
+    return lambda client: act(client, kind)
 
 
 def _general() -> Iterator[Asked]:
@@ -128,7 +133,7 @@ def _general() -> Iterator[Asked]:
     ]
     for kind in COLLECTIONS:
         for act in acts:
-            yield _asked(lambda c, a=act, k=kind: a(c, k))  # type: ignore[misc]
+            yield _asked(_on(act, kind))
 
 
 def test_every_operation_of_the_interface_is_a_method_of_the_client(
