@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import logging
+from collections.abc import Iterator
 from typing import Any
 
 import orjson
@@ -159,8 +161,33 @@ def _from_http(request: Request, error: Exception) -> Response:
 def from_anything(path: str, error: Exception) -> Response:
     """Return the answer to a request that broke something here; what it was stands in the log only."""
     logger.error("request failed", exc_info=error, extra={"path": path})
+    if any(_is_full(cause) for cause in _causes(error)):
+        return problem(
+            507,
+            "storage-full",
+            "There is no room left",
+            "the disk of the server is full; nothing of this request was kept",
+            instance=path,
+        )
     return problem(
         500, "internal-error", "Something broke here", "the server's log has the details", instance=path
+    )
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error and what it came from, the driver's own below that of the database layer too."""
+    while error is not None:
+        yield error
+        original = getattr(error, "orig", None)
+        error = original if isinstance(original, BaseException) else error.__cause__ or error.__context__
+
+
+def _is_full(error: BaseException) -> bool:
+    """Return whether an error of the system, of SQLite or of PostgreSQL says that there is no room."""
+    if isinstance(error, OSError):
+        return error.errno in {errno.ENOSPC, errno.EDQUOT}
+    return (
+        getattr(error, "sqlite_errorname", "") == "SQLITE_FULL" or getattr(error, "sqlstate", "") == "53100"
     )
 
 
