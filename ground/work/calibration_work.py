@@ -58,12 +58,13 @@ def learn(payload: dict[str, Any], report: Report, should_stop: Callable[[], boo
         used += bool(found)
     profile = load_profile(payload["rover_profile"])
     tell(READING, "terrain")
+    runs = f"{used} recorded run{'' if used == 1 else 's'}"
     fitted = calibrate(
         legs,
         profile,
         load_cached(Path(payload["terrain_dir"])),
         name=payload["name"],
-        source=f"{len(legs)} legs of {used} recorded runs of rover profile {profile.name} {profile.version}",
+        source=f"{len(legs)} legs of {runs} of rover profile {profile.name} {profile.version}",
         report=lambda share: tell(READING + (1.0 - READING) * share, "metres in and out of view"),
     )
     calibration_to_json(fitted)  # refuses what could not be read again

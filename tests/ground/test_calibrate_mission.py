@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,36 +28,40 @@ from tests.ground.conftest import PLANNER, Api
 
 def recorded(folder: Path, number: int, *, lost: bool) -> Path:
     """Write what a rover on terrain records of one drive of 2 to 4 m past a target 3 m aside."""
-    out = folder / f"run{number}"
-    (out / "products").mkdir(parents=True)
-    length = 2.0 + number % 3
-    end_s = 200.0 + 100.0 * length
-    journal = [
-        {"k": "step", "t": 20_000, "events": []},
-        {"k": "send", "id": ["r", "drive", 1], "action": "navigate", "parameters": {"x": length}},
-        {
-            "k": "step",
-            "t": 1000 * end_s,
-            "events": [
-                {
-                    "e": "result",
-                    "t": 1000 * end_s,
-                    "command": ["r", "drive", 1],
-                    "success": True,
-                    "values": {"energy_j": 9000.0 * length},
-                }
-            ],
-        },
-    ]
+    return record_drives(folder / f"run{number}", [(2.0 + number % 3, lost)])
+
+
+def record_drives(out: Path, drives: Sequence[tuple[float, bool]]) -> Path:
+    """Write what a rover on terrain records of drives of so many metres, each past a target of its own.
+
+    Each begins where the first did; its target is 3 m aside, lost on the way or not, and given up after it.
+    """
+    (out / "products").mkdir(parents=True, exist_ok=True)
+    journal: list[dict[str, Any]] = []
+    odometry, rows = [], []
+    for number, (length, lost) in enumerate(drives, start=1):
+        begin_s = 2000.0 * (number - 1) + 20.0
+        end_s = begin_s + 180.0 + 100.0 * length
+        result = {"e": "result", "t": 1000 * end_s, "command": ["r", "drive", number], "success": True,
+                  "values": {"energy_j": 9000.0 * length}}  # fmt: skip
+        journal += [
+            {"k": "step", "t": 1000 * begin_s, "events": []},
+            {"k": "send", "id": ["r", "drive", number], "action": "navigate", "parameters": {"x": length}},
+            {"k": "step", "t": 1000 * end_s, "events": [result]},
+        ]
+        odometry += [
+            {"t_s": t, "believed": [x, 0.0, 0.0, 0.0], "true": [x, 0.0, 0.0, 0.0]}
+            for t, x in ((begin_s - 20.0, 0.0), (end_s, length))
+        ]
+        rows += [
+            {"t_s": t, "target": f"T{number}", "state": state, "position_m": [3.0, 3.0, 0.5]}
+            for t, state in (
+                (begin_s, "tracked"),
+                (end_s - 1.0, "failed" if lost else "tracked"),
+                (end_s + 1.0, "stopped"),
+            )
+        ]
     (out / "journal.jsonl").write_text("\n".join(map(json.dumps, journal)))
-    odometry = [
-        {"t_s": t, "believed": [x, 0.0, 0.0, 0.0], "true": [x, 0.0, 0.0, 0.0]}
-        for t, x in ((0.0, 0.0), (end_s, length))
-    ]
-    rows = [
-        {"t_s": t, "target": "T1", "state": state, "position_m": [3.0, 3.0, 0.5]}
-        for t, state in ((20.0, "tracked"), (end_s - 1.0, "failed" if lost else "tracked"))
-    ]
     (out / "products" / "0001-drive-odometry.json").write_text(json.dumps(odometry))
     (out / "products" / "0002-drive-tracking.json").write_text(json.dumps(rows))
     return out

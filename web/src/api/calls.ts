@@ -208,6 +208,14 @@ export const changeMission = (mission: Mission, changes: Schemas["MissionChange"
     }),
   );
 
+/** The kind of the job that learns a mission's calibration from its runs. */
+export const CALIBRATE = "calibrate_mission";
+
+export const calibrateMission = (id: string): Promise<Job> =>
+  body(
+    api.POST("/api/v1/missions/{mission_id}/calibrate", { params: inMission(id), body: { run_ids: [], name: "" } }),
+  );
+
 export const changeSol = (sol: Sol, changes: SolChange): Promise<Sol> =>
   body(
     api.PATCH("/api/v1/sols/{sol_id}", { params: { path: { sol_id: sol.id }, header: ifMatch(sol) }, body: changes }),
@@ -378,7 +386,8 @@ export const jobEventsUrl = (id: string): string => `${V1}/jobs/${id}/events`;
 
 const JOB_TITLES: Record<string, string> = { plan: "Planning", path_network: "Path network", run: "Dry run" };
 
-export const jobTitle = (value: Job): string => JOB_TITLES[value.subject_kind] ?? value.kind.replaceAll("_", " ");
+export const jobTitle = (value: Job): string =>
+  value.kind === CALIBRATE ? "Learning from runs" : (JOB_TITLES[value.subject_kind] ?? value.kind.replaceAll("_", " "));
 
 // ------------------------------------------------------------------------------------ runs and products
 

@@ -332,7 +332,7 @@ export class MissionState {
     if (job.state === "failed") {
       app.toast("bad", `${calls.jobTitle(job)} failed`, this.reasonOf(job));
     }
-    for (const kind of ["path_network", "plan", "run", "product", "observation_request"]) this.soon(kind);
+    for (const kind of ["mission", "path_network", "plan", "run", "product", "observation_request"]) this.soon(kind);
   }
 
   /** Which target, request, step and task a selection stands for. */
@@ -531,6 +531,24 @@ export class MissionState {
       if (job.subject_id !== "") app.go({ run: job.subject_id, tab: "run" });
       return job;
     });
+  }
+
+  /** Fit the odds of drives to the recorded runs, from the next plan on. */
+  async learn(): Promise<void> {
+    await app.attempt("Learning from runs", async () => {
+      const job = await calls.calibrateMission(this.id);
+      this.jobs = [...this.jobs.filter((other) => other.id !== job.id), job];
+      this.follow(job);
+    });
+  }
+
+  /** Go back to the odds of the rover's profile. */
+  async forget(): Promise<void> {
+    const mission = this.mission;
+    if (mission === null) return;
+    await app.attempt("The odds", () => calls.changeMission(mission, { calibration: null }));
+    await app.attempt("Reading the mission", () => this.reload("mission"));
+    this.soon("plan");
   }
 
   async cancel(job: Job): Promise<void> {
