@@ -8,6 +8,7 @@ task itself
   always carries it, because a lost success coin is no failed step; what the evaluators treat as failure
   (track lost, not there, done already, a predecessor missing, window closed) is tested by the frame around
   it.
+- A `trackstart` always carries it: in the model none fails, and what needs the track asks for it anyway.
 - Time and energy budgets are maintain conditions of the root: the first action that would end over one is
 the last. - Early for a window = the frame waits for its start window.
 
@@ -199,14 +200,14 @@ class _Emitter:
                 case tree_of.Branch(options):
                     nodes.append(self.branch(options, steps[k + 1 :], here, past))
                     return nodes
-                case tree_of.TrackStart(target, on_fail):
+                case tree_of.TrackStart(target, _):
                     node_id = self.name("trackstart", target)
                     nodes.append(
                         Task(
                             id=node_id,
                             action="trackstart",
                             parameters={"target": str(target)},
-                            continue_on_failure=on_fail is OnFail.SKIP,
+                            continue_on_failure=True,
                             expectations=(
                                 _spread("time", Random(self.problem.track_start_time_s), 1.0),
                                 _spread("energy", Random(self.problem.track_start_energy_j), -1.0),

@@ -68,6 +68,8 @@ Condition: TypeAlias = TimeCondition | EnergyCondition | TrackedCondition | Done
 
 @dataclass(frozen=True, slots=True)
 class TrackStart:
+    """Begin to track. In the model it never fails; where it does, the plan goes on without."""
+
     target: TargetId
     on_fail: OnFail = OnFail.STOP
 
