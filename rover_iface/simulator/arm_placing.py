@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -15,17 +15,20 @@ from executive.ports import Command, Value
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import dense_stereo
 from rover_iface.errors import CameraError, PlacementError, RenderError, RoverError, TrackerError
-from rover_iface.frames import Transform
+from rover_iface.frames import Pose, Transform
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
+from rover_iface.placement.base_adjustment import base_move
+from rover_iface.placement.base_placement import REACH_SHARE
 from rover_iface.placement.cloud import SurfaceCloud, cloud_of_stereo
 from rover_iface.placement.safety import plan_placement
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
-from rover_iface.placement.verdict import PlacementVerdict
+from rover_iface.placement.verdict import BaseMove, PlacementVerdict
 from rover_iface.profile import Instrument
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.contact import Touch, place_tool
+from rover_iface.simulator.driving import Driving
 from rover_iface.simulator.engine import Action, Outcome, Step, milliseconds, number
 from rover_iface.simulator.following import Followed, TargetFollower
 from rover_iface.simulator.hazard_eyes import HazardEyes
@@ -37,6 +40,9 @@ from rover_iface.simulator.routine import RoutineRover
 
 NEAR_M = 0.015
 """How far from the designated point a safe one may be taken; with hand-off and arm that keeps 2 cm."""
+
+MOVES, FARTHEST_MOVE_M, MOST_TURN_RAD = 2, 0.5, 0.8
+"""How often, how far and with how much of a turn the rover moves without a look so that the arm reaches."""
 
 NEAREST_M = 0.30
 SCALE = 1.5
@@ -69,10 +75,12 @@ class ArmPlacing(Placing):
         cameras: MastCameras,
         follower: TargetFollower,
         eyes: HazardEyes,
+        driving: Driving,
         limits: SafetyLimits | None = None,
     ) -> None:
         super().__init__(host, body, cameras, follower, eyes, self)
         self.eyes = eyes
+        self.driving = driving
         self.arm = Arm(body.profile.arm)
         self.limits = limits or SafetyLimits(search_m=NEAR_M)
         self.attempts: dict[str, Attempt] = {}
@@ -100,13 +108,52 @@ class ArmPlacing(Placing):
             figures = self.body.profile.instrument(instrument)
         except RoverError as err:
             return Outcome(False, str(err), {"made": False})
+        begin_j = self.host.drawn_j
         try:
-            attempt = self._attempt(followed, self.host.t_s)
+            attempt = yield from self._attempt_moving(followed)
         except (TrackerError, RenderError, CameraError) as err:
+            followed.refused = True
             duration, energy = self.host.spread("handoff")
             yield Step(duration, energy)
-            return Outcome(False, str(err), {"made": False, "energy_j": energy})
-        return (yield from self._carry_out(command, name, instrument, figures, followed, attempt))
+            return Outcome(False, str(err), {"made": False, "energy_j": self.host.drawn_j - begin_j})
+        outcome = yield from self._carry_out(command, name, instrument, figures, followed, attempt)
+        return replace(outcome, values={**outcome.values, "energy_j": self.host.drawn_j - begin_j})
+
+    def _attempt_moving(self, followed: Followed) -> Generator[Step, None, Attempt]:
+        """Return what comes of a placement, the rover moved where the safety check asks for it.
+
+        Raises
+        ------
+        TrackerError, RenderError, CameraError
+            See `_attempt`.
+        """
+        attempt = self._attempt(followed, self.host.t_s)
+        for _ in range(MOVES):
+            move = attempt.verdict.base_move or self._nearer(attempt)
+            if move is None or move.distance_m > FARTHEST_MOVE_M or abs(move.turn_rad) > MOST_TURN_RAD:
+                break
+            duration, energy = self.host.spread("handoff")
+            yield Step(duration, energy)
+            wanted = self.body.believed.site_from_rover * move.pose.site_from_rover
+            yield from self.driving.shift(Pose.from_transform(wanted))
+            if self.follower.tracked(followed.target.id) is None:
+                raise TrackerError(f"target {followed.target.id} was lost while the rover moved for it")
+            attempt = self._attempt(followed, self.host.t_s)
+        return attempt
+
+    def _nearer(self, attempt: Attempt) -> BaseMove | None:
+        """Return the move that brings a refused target into the arm's reach; None when it is in reach.
+
+        From too far away a face is seen too poorly to be judged.
+        """
+        rover_from_site = self.body.believed.site_from_rover.inverse()
+        at = np.asarray(rover_from_site.apply(attempt.handed.update.position), dtype=np.float64)
+        arm = self.body.profile.arm
+        away = float(np.linalg.norm(at - np.array(arm.shoulder_m)))
+        if attempt.verdict.accepted or arm.min_reach_m <= away <= REACH_SHARE * arm.reach_m:
+            return None
+        move = base_move(attempt.cloud, self.body.profile, at, None)
+        return None if isinstance(move, str) else move
 
     def _carry_out(
         self,
@@ -119,17 +166,16 @@ class ArmPlacing(Placing):
     ) -> Generator[Step, None, Outcome]:
         touch = attempt.touch
         if touch is None:
+            followed.refused = True
             duration, energy = self.host.spread("handoff")
             yield Step(duration, energy)
             self._write_look(command, name, instrument, attempt)
-            return Outcome(
-                False, f"target {name}: {attempt.verdict.text}", {"made": False, "energy_j": energy}
-            )
+            return Outcome(False, f"target {name}: {attempt.verdict.text}", {"made": False})
         duration, energy = self.host.drawn(figures, self.body.rng)
         dwell = milliseconds(number(command, "dwell_s", 0.0)) if touch.made else 0
         yield Step(duration + dwell, energy)
         count = self._write_look(command, name, instrument, attempt)
-        values: dict[str, Value] = {"made": touch.made, "energy_j": energy}
+        values: dict[str, Value] = {"made": touch.made}
         if not touch.made:
             self.follower.forget(name)
             return Outcome(False, f"target {name}: {touch.reason}", values)

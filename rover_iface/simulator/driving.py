@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.ports import Command, Value
-from rover_iface.frames import wrap_angle
+from rover_iface.frames import Pose, wrap_angle
 from rover_iface.navigation.navigator import Navigator, Progress, Way
 from rover_iface.navigation.sensor import StereoSensor
 from rover_iface.simulator.body import Body
@@ -30,6 +30,8 @@ FARTHER_M = 0.02
 RETREATS, RETREAT_M, TRIES = 2, 0.2, 3
 """How often, how far and in how many tries a rover backs off what it touches in the last metre: a way that
 begins in touch ends after its first few centimetres."""
+SHORTEST_M = 0.02
+"""Shifts shorter than this are turns only."""
 LOOKS, LOOKS_PER_M = 20, 5.0
 """Looks that bring a drive no nearer to its goal, however far off it is, before it is given up."""
 
@@ -102,11 +104,32 @@ class Driving:
         reason = yield from self._go(Way(angle, 0.0, 0.0))
         return Outcome(not reason, reason, {"energy_j": self.host.drawn_j - before})
 
+    def shift(self, pose: Pose) -> Generator[Step, None, str]:
+        """Move to a near pose of the believed frame by turn, drive and turn, without a look.
+
+        The targets are looked at at its end. Returns why it went wrong, or an empty string.
+        """
+        here = self.body.believed
+        east, north = pose.x - here.x, pose.y - here.y
+        length = math.hypot(east, north)
+        if length >= SHORTEST_M:
+            bearing = wrap_angle(math.atan2(north, east) - here.heading)
+            turn = bearing if abs(bearing) <= math.pi / 2 else wrap_angle(bearing + math.pi)
+            trouble = yield from self._go(Way(turn, 0.0, length if turn == bearing else -length))
+            if trouble:
+                return trouble
+        trouble = yield from self._go(Way(wrap_angle(pose.heading - self.body.believed.heading), 0.0, 0.0))
+        yield from self.follower.update_all()
+        self.follower.set_ranges()
+        self.host.report()
+        return trouble
+
     def navigate(self, command: Command) -> Action:
         """Carry out `navigate`."""
         name = str(command.parameters.get("target", ""))
         if name and name not in self.body.targets:
             return Outcome(False, f"unknown target {name}")
+        self.follower.leave_refused(name)
         required = command.parameters.get("require_tracked") is True
         if (
             required

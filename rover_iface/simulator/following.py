@@ -57,6 +57,8 @@ class Followed:
     """Where the rover believed to be then."""
     gone: bool = False
     shaded: bool = False
+    refused: bool = False
+    """Whether the instrument could not be placed on it."""
 
 
 class TargetFollower:
@@ -191,6 +193,11 @@ class TargetFollower:
             self.tracker.clear(name)
             self.host.set(f"trackerstate {name}", TrackState.IDLE.value)
             self.host.set(f"trackerconfidence {name}", 0.0)
+
+    def leave_refused(self, goal: str) -> None:
+        """Follow those that were refused no longer, now that the rover goes elsewhere (`goal`)."""
+        for name in [n for n, f in self.followed.items() if f.refused and n != goal]:
+            self.forget(name)
 
     # ---- the loop
 

@@ -57,7 +57,7 @@ class FullRover(TerrainRover):
             cadence=CADENCE,
         )
         super().__init__(body, parts, **options)
-        self.placing: ArmPlacing = ArmPlacing(self, body, cameras, self.follower, self.eyes)
+        self.placing: ArmPlacing = ArmPlacing(self, body, cameras, self.follower, self.eyes, self.driving)
 
     def apply_fault(self, fault: Fault) -> None:
         """Bring a fault into effect now."""

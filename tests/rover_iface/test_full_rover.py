@@ -117,6 +117,32 @@ def test_dust_on_the_lens_is_missing_stereo_and_refused(story: Story) -> None:
     assert not placed.success
     assert placed.values["made"] is False
     assert "stereo" in placed.reason
+    # it is looked at on, in case it is tried again here, but not followed to elsewhere
+    assert "T1" in story.rover.follower.followed
+    here = story.rover.body.believed
+    assert story.do("navigate", "away", x=here.x - 0.1, y=here.y, mode="blind").success
+    assert "T1" not in story.rover.follower.followed
+
+
+def test_the_rover_moves_to_bring_a_safe_point_into_reach(
+    story: Story, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    world = story.out / "far"
+    write_contract_world(world)
+    document = json.loads((world / "world.json").read_text(encoding="utf-8"))
+    t1 = document["targets"][0]
+    east, north = t1["point_m"][0] - 1.32, t1["point_m"][1]
+    document["start"] = {"east_m": east, "north_m": north, "heading_rad": 0.0}
+    (world / "world.json").write_text(json.dumps(document), encoding="utf-8")
+    out = tmp_path_factory.mktemp("far")
+    rover = find_rover("full")(world, out=out, seed=5)
+    assert isinstance(rover, FullRover)
+    told = Story(rover, out)
+    assert told.do("trackstart", target="T1").success
+    placed = told.do("ipplaceinstrument", target="T1", instrument="mi")
+    assert placed.success, placed.reason
+    assert float(placed.values["placement_error_m"]) <= 0.02
+    assert rover.body.believed.x - east > 0.1
 
 
 def test_nothing_is_touched_without_a_track(story: Story) -> None:

@@ -315,3 +315,22 @@ def test_impossible_worlds_are_refused(world: Path) -> None:
         )
     with pytest.raises(WorldError, match="has no terrain"):
         make_rover({k: v for k, v in document.items() if k != "terrain"})
+
+
+@pytest.mark.parametrize("ahead, left, turn", [(0.3, 0.1, 0.2), (-0.2, 0.05, -0.3), (0.0, 0.0, 0.4)])
+def test_a_shift_ends_near_the_pose_asked_for(world: Path, ahead: float, left: float, turn: float) -> None:
+    rover = make_rover(world, seed=1)
+    begin = rover.body.believed
+    c, s = math.cos(begin.heading), math.sin(begin.heading)
+    wanted = Pose(
+        begin.x + c * ahead - s * left, begin.y + s * ahead + c * left, heading=begin.heading + turn
+    )
+    steps = rover.driving.shift(wanted)
+    with pytest.raises(StopIteration) as end:
+        while True:
+            next(steps)
+    assert end.value.value == ""
+    here = rover.body.believed
+    assert math.hypot(here.x - wanted.x, here.y - wanted.y) < 0.02
+    assert abs(here.heading - wanted.heading) < 0.05
+    assert math.hypot(ahead, left) == pytest.approx(rover.body.chassis.travelled_m, abs=0.05)
