@@ -20,18 +20,19 @@ import json
 import math
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import combinations, islice, pairwise, permutations
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.subframe_day import WORLD_ERROR, flight_ends, targets_in_sight
+from benchmarks.operator_choice import Operator, choose
+from benchmarks.subframe_day import WORLD_ERROR, flight_ends
 from executive.crl import canonical_text
-from ground.convert import DayRequest, DayTarget, StandPose, prepare_day
+from ground.convert import DayRequest, prepare_day
 from ground.demo_day import loss_to_inject
 from ground.demo_mission import demo_mission
 from ground.flight import fly
@@ -39,24 +40,14 @@ from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_from_dict
 from planner.solve import solve
-from rover_iface.frames import wrap_angle
-from rover_iface.profile import RoverProfile, load_profile
+from rover_iface.profile import load_profile
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.full_rover import FullRover, make_rover
-from rover_iface.simulator.world import Sun
-from rover_iface.soltime import SunClock
 from rover_iface.terrain import Terrain, generate_terrain, load_terrain
 from rover_iface.terrain.strew import strew_rocks
 
-TARGETS = 5
-CANDIDATES = 9
-"""Targets in sight and in the sun that the five are chosen from."""
-DAY_H, LEAST_LIGHT = 3.0, 0.2
-"""How long a target's face must be lit, hours, and the least cosine of the sun's angle to its normal."""
-PAN_MARGIN_RAD = math.radians(5.0)
-"""What the mast's foot and the camera beside it take off the pan at a few metres."""
-PAPER_M = 28.0
-"""What the paper's rover drove."""
+PLACEMENTS = 4
+"""What the downlink of the day has room for: as many as the paper's rover approached."""
 BRANCHES = 6
 STREWN_COVER = 0.04
 
@@ -76,17 +67,14 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
     profile = load_profile("k9")
     with stage("targets, observation points, paths"):
         mission = demo_mission(terrain, profile, seed=seed)
-        start = mission.limits.start
-        seen = (
-            t
-            for t in targets_in_sight(terrain, profile, mission)
-            if in_the_sun(t) and before_the_mast(t, start, profile)
-        )
-        chosen = choose_targets((start.east_m, start.north_m), list(islice(seen, CANDIDATES)))
+        picks = choose(mission.limits.start, list(Operator(terrain, profile, mission).picks()))
+        chosen = tuple(pick.target for pick in picks)
         requests = tuple(
-            DayRequest(f"R{k + 1}", t.id, "mi", 20.0, tracked=True) for k, t in enumerate(chosen)
+            DayRequest(f"R{k + 1}", p.target.id, "mi", 20.0, tracked=True, observation_point=p.stand)
+            for k, p in enumerate(picks)
         )
-        limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0)
+        volume = PLACEMENTS * 8.0 * profile.instrument("mi").volume_mb
+        limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0, data_mbit=volume)
         day = prepare_day(terrain, profile, limits, chosen, requests, mission.keep_outs)
     with stage("plan and CRL"):
         problem = problem_from_dict(day.problem)
@@ -130,47 +118,6 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
         "triangles": triangles,
         "stages": spent,
     }  # fmt: skip
-
-
-def choose_targets(start: tuple[float, float], seen: list[DayTarget]) -> tuple[DayTarget, ...]:
-    """Return the five of the targets in sight whose shortest round is as long as the paper's day, renamed.
-
-    The round is straight from the start (east, north) through all five, in the best order.
-    """
-    if len(seen) < TARGETS:
-        raise SystemExit(
-            f"only {len(seen)} of {TARGETS} targets are in sight of the start; try another --seed"
-        )
-    best = min(combinations(seen, TARGETS), key=lambda few: abs(_round_m(start, few) - PAPER_M))
-    return tuple(replace(t, id=f"T{n}") for n, t in enumerate(best, start=1))
-
-
-def in_the_sun(target: DayTarget) -> bool:
-    """Return whether the sun shines on a target's face from the start to `DAY_H` hours after it.
-
-    An operator picks no face that will lie in its own shade when the arm comes: stereo finds nothing there.
-    """
-    light = Sun()
-    clock = SunClock.at(light.ls_deg, light.latitude_deg, light.start_lmst_h)
-    normal = np.array(target.normal_site)
-    hours = np.linspace(0.0, DAY_H, 4)
-    return all(float(normal @ clock.direction(3600.0 * float(h))) > LEAST_LIGHT for h in hours)
-
-
-def before_the_mast(target: DayTarget, start: StandPose, profile: RoverProfile) -> bool:
-    """Return whether the mast can turn to a target from the start: not to what lies behind it."""
-    east, north = target.point_site[0] - start.east_m, target.point_site[1] - start.north_m
-    pan = wrap_angle(math.atan2(north, east) - start.heading_rad)
-    return abs(pan) < profile.mast.pan_limit_rad - PAN_MARGIN_RAD
-
-
-def _round_m(start: tuple[float, float], targets: Sequence[DayTarget]) -> float:
-    """Return the length of the shortest way from the start through all targets, metres."""
-    places = [start, *(t.point_site[:2] for t in targets)]
-    return min(
-        sum(math.dist(places[a], places[b]) for a, b in pairwise((0, *order)))
-        for order in permutations(range(1, len(places)))
-    )
 
 
 def _strewn(terrain: Terrain, seed: int) -> Terrain:
