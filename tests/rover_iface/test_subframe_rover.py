@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -317,7 +318,7 @@ def test_impossible_worlds_are_refused(world: Path) -> None:
         make_rover({k: v for k, v in document.items() if k != "terrain"})
 
 
-@pytest.mark.parametrize("ahead, left, turn", [(0.3, 0.1, 0.2), (-0.2, 0.05, -0.3), (0.0, 0.0, 0.4)])
+@pytest.mark.parametrize(("ahead", "left", "turn"), [(0.3, 0.1, 0.2), (-0.2, 0.05, -0.3), (0.0, 0.0, 0.4)])
 def test_a_shift_ends_near_the_pose_asked_for(world: Path, ahead: float, left: float, turn: float) -> None:
     rover = make_rover(world, seed=1)
     begin = rover.body.believed
@@ -325,11 +326,13 @@ def test_a_shift_ends_near_the_pose_asked_for(world: Path, ahead: float, left: f
     wanted = Pose(
         begin.x + c * ahead - s * left, begin.y + s * ahead + c * left, heading=begin.heading + turn
     )
-    steps = rover.driving.shift(wanted)
-    with pytest.raises(StopIteration) as end:
-        while True:
-            next(steps)
-    assert end.value.value == ""
+    troubles: list[str] = []
+
+    def moving() -> Iterator[object]:
+        troubles.append((yield from rover.driving.shift(wanted)))
+
+    assert len(list(moving())) >= 1
+    assert troubles == [""]
     here = rover.body.believed
     assert math.hypot(here.x - wanted.x, here.y - wanted.y) < 0.02
     assert abs(here.heading - wanted.heading) < 0.05
