@@ -28,9 +28,11 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.placement_rocks import RockScene, TrueLimits, rock_scene
+from benchmarks.placement_stereo import RockView
 from rover_iface.placement import SafetyLimits, plan_placement, segment
 from rover_iface.placement.arm import Arm, ArmRefusal, Posture
 from rover_iface.placement.cloud import SurfaceCloud
+from rover_iface.placement.cloud_alignment import Alignment, align
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions
 from rover_iface.profile import load_profile
 
@@ -84,10 +86,16 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
         # a neighbour hides it: there is nothing to pick
         return {"seed": seed, "diameter_m": rock.diameter_m, "decision": "unseen"}
     picked, at = designated(rock)
-    cloud = rock.rendered_cloud(seed) if rendered else rock.cast_cloud(seed)
+    hazcam, navcam = rock.hazcam, rock.navcam(at)
+    if rendered:
+        cloud, mast = hazcam.rendered_cloud(seed), navcam.rendered_cloud(seed + (1 << 40))
+    else:
+        cloud, mast = hazcam.cast_cloud(seed), navcam.cast_cloud(seed + (1 << 40), (hazcam, seed))
     began = time.process_time()
     found = segment(cloud, SegmentationOptions() if rendered else SegmentationOptions(rounds=3, thinning=2))
-    verdict = plan_placement(cloud, at, profile, limits=limits, segmentation=found)
+    laid = align(mast, cloud)
+    second = laid.cloud if laid is not None and laid.believed() else None
+    verdict = plan_placement(cloud, at, profile, limits=limits, segmentation=found, second=second)
     row: dict[str, Any] = {
         "seed": seed,
         "diameter_m": rock.diameter_m,
@@ -97,6 +105,7 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
         "findings": [[f.reason.value, f.value, f.limit] for f in verdict.findings],
         "tried": verdict.tried,
         "plan_s": time.process_time() - began,
+        "mast": _alignment_figures(laid, navcam, at),
     }
     if rendered or seed % 5 == 0:
         row |= _stereo_figures(rock, cloud, found)
@@ -124,6 +133,30 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
         answer = arm.solve(at, (at - rock.centre) / np.linalg.norm(at - rock.centre))
         row["in_reach"] = not isinstance(answer, ArmRefusal)
     return row
+
+
+def _alignment_figures(laid: Alignment | None, navcam: RockView, at: Array) -> dict[str, float] | None:
+    """Return how well the mast's cloud was laid on the hazcams', lengths in mm: what it says of itself, and
+    how far the place of the tool (3,) is truly off, before and after."""
+    if laid is None or navcam.told_from_true is None:
+        return None
+    one = navcam.seen[0]
+    depth = float((at - one.C) @ one.A)
+    baseline = float(np.linalg.norm(navcam.right.C - navcam.left.C))
+    # a disparity that is off puts the place nearer or farther on its ray
+    shift = 1.0 / (1.0 + navcam.off_px * depth / (one.hs * baseline))
+    told = np.asarray(navcam.told_from_true.apply(one.C + shift * (at - one.C)))
+    eye = np.asarray(navcam.told_from_true.apply(one.C))
+    way = told - eye
+    after = laid.motion.apply(eye + way * (1.0 + laid.stretch_per_m * float(np.linalg.norm(way))))
+    return {
+        "believed": float(laid.believed()),
+        "residual_mm": 1000.0 * laid.residual_m,
+        "overlap": laid.overlap,
+        "sigma_mm": 1000.0 * laid.sigma_m,
+        "before_mm": 1000.0 * float(np.linalg.norm(told - at)),
+        "after_mm": 1000.0 * float(np.linalg.norm(after - at)),
+    }
 
 
 def _stereo_figures(rock: RockScene, cloud: SurfaceCloud, found: Segmentation) -> dict[str, Any]:

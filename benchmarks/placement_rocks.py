@@ -13,12 +13,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from rover_iface.cameras.linear import aligned_pair
+from benchmarks.placement_stereo import RockView, Seen, StereoModel, mast_view
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import load_cameras
-from rover_iface.cameras.stereo import Cloud, dense_stereo
-from rover_iface.placement.cloud import SurfaceCloud, cloud_of_stereo
-from rover_iface.simulator.render.renderer import Renderer, Sun
+from rover_iface.simulator.render.renderer import Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.terrain.fractal import spectral_noise
 from rover_iface.terrain.rocks import Rock, icosphere, rock_meshes
@@ -125,139 +123,24 @@ class RockScene:
         )
         return TruePatch(protrusion, depth, slope, share, wrong)
 
-    def rendered_cloud(self, seed: int) -> SurfaceCloud:
-        """Return the cloud that dense stereo makes of a rendered pair."""
-        renderer = Renderer(self.scene)
-        sensor = load_cameras("k9")["hazcam_left"].sensor
-        window = self.window
-        one = renderer.render(self.left, None, self.sun, window=window, sensor=sensor, seed=seed)
-        two = renderer.render(
-            self.right,
-            None,
-            self.sun,
-            window=window,
-            sensor=sensor,
-            exposure=one.exposure,
-            seed=seed + 1,
-        )
-        left, right = (camera.window(*window) for camera in (self.left, self.right))
-        return cloud_of_stereo(
-            dense_stereo(one.unit, two.unit, left, right, nearest_m=NEAREST_M), farthest_m=3.0
-        )
-
     @cached_property
-    def seen(self) -> tuple[CameraModel, CameraModel, Array, npt.NDArray[np.int32], Array]:
-        """Return the aligned pair, and for each pixel of the left one range (inf: none), body and normal."""
-        one, two = aligned_pair(*(camera.window(*self.window) for camera in (self.left, self.right)))
-        u, v = np.meshgrid(np.arange(one.width), np.arange(one.height))
-        origins, rays = one.back_project(np.stack((u, v), axis=-1).reshape(-1, 2).astype(float))
-        hit = self.scene.cast(origins, rays)
-        far = hit["tfar"].astype(np.float64)
-        met = far < 1e30
-        body = np.where(met, self.scene.objects[np.maximum(hit["primID"], 0)], -1).astype(np.int32)
-        normal = hit["Ng"].astype(np.float64)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        normal *= np.where((normal * rays).sum(axis=1) > 0, -1.0, 1.0)[:, None]
-        shape = (one.height, one.width)
-        return (
-            one,
-            two,
-            np.where(met, far, np.inf).reshape(shape),
-            body.reshape(shape),
-            normal.reshape(*shape, 3),
-        )
+    def hazcam(self) -> RockView:
+        """Return what the hazard cameras see of the rock."""
+        left, right = (camera.window(*self.window) for camera in (self.left, self.right))
+        return RockView(self.scene, self.sun, left, right, "hazcam_left", NEAREST_M, StereoModel())
 
-    def lit(self, points: Array, normals: Array) -> npt.NDArray[np.bool_]:
-        """Return which surface points (n, 3) the sun reaches."""
-        to_sun = np.array(self.sun.direction)
-        start = points + 3e-3 * normals
-        free = ~np.isfinite(self.scene.ranges(start, np.broadcast_to(to_sun, start.shape)))
-        return np.asarray(free & (normals @ to_sun > 0))
+    @property
+    def seen(self) -> Seen:
+        """Return what the left hazard camera truly sees."""
+        return self.hazcam.seen
 
-    def cast_cloud(self, seed: int, model: StereoModel | None = None) -> SurfaceCloud:
-        """Return a cloud like that of stereo from cast ranges: what it costs is a twentieth of a rendered
-        one.
+    def navcam(self, at: Array) -> RockView:
+        """Return what the mast's pair sees when it is turned to a point (3,).
 
-        Disparities are averaged over the matched block, the foreground grows over its edge, errors are shared
-        by neighbours; what the right camera does not see has no point, nor have patches that are drawn by
-        light and slant, and some patches are matched falsely.
+        The mast stands at other angles than those that are read, and the pair is out of calibration:
+        `MAST_ERROR_RAD`, `OFF_PX`.
         """
-        import cv2
-
-        model = model or StereoModel()
-        rng = np.random.default_rng([seed, 0xCA57])
-        one, two, far, _, normal = self.seen
-        shape = far.shape
-        u, v = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
-        eye, rays = one.back_project(np.stack((u, v), axis=-1).astype(float))
-        known = np.isfinite(far)
-        points = eye + np.where(known, far, 1.0)[..., None] * rays
-        baseline = float(np.linalg.norm(two.C - one.C))
-        depth = np.where(known, (points - one.C) @ one.A, 1e3)
-        true = (one.hs * baseline / depth).astype(np.float32)
-        toward = two.C - points.reshape(-1, 3)
-        distance = np.linalg.norm(toward, axis=1)
-        back = self.scene.ranges(two.C, -toward / distance[:, None])
-        both = known & (back > distance - 0.01).reshape(shape)
-
-        block = np.ones((model.block_px, model.block_px), np.uint8)
-        highest = cv2.dilate(true, block)
-        one_surface = highest - cv2.erode(true, block) < 1.5
-        smooth = cv2.blur(true, (model.block_px, model.block_px))
-        grown = (highest - true > 1.0) & (_field(rng, shape, 8.0) > 0.0)
-        disparity = np.where(one_surface, smooth, np.where(grown, highest, true))
-        noise = _field(rng, shape, model.shared_px)
-        disparity = disparity + model.disparity_rad * one.hs * noise
-        wrong = _field(rng, shape, 4.0) > model.wrong_above
-        disparity = np.where(wrong, disparity + 2.5 * _field(rng, shape, 6.0), disparity)
-
-        slant = np.clip(-(normal * rays).sum(axis=-1), 0.0, 1.0)
-        lit = self.lit(points.reshape(-1, 3), normal.reshape(-1, 3)).reshape(shape)
-        chance = np.where(lit, model.lost_lit, model.lost_shade) + model.lost_slant * (slant < 0.2)
-        from scipy.special import ndtr
-
-        lost = ndtr(_field(rng, shape, model.hole_px)) < chance
-        valid = (both | grown) & known & ~lost & (disparity > 0.5)
-        # single points are taken away by the speckle filter
-        valid &= cv2.blur(valid.astype(np.float32), (7, 7)) > 0.4
-        lines, samples = np.nonzero(valid)
-        d = disparity[lines, samples].astype(np.float64)
-        ray = rays[lines, samples]
-        place = one.C + ray * (one.hs * baseline / d / (ray @ one.A))[:, None]
-        cloud = Cloud(
-            place,
-            np.column_stack((samples, lines)).astype(np.float64),
-            d,
-            one,
-            baseline,
-            np.where(lit, np.clip(normal @ np.array(self.sun.direction), 0.1, 1.0), 0.05)[lines, samples]
-            .astype(np.float32)
-            .clip(0, 1),
-        )
-        return cloud_of_stereo(cloud, farthest_m=3.0)
-
-
-@dataclass(frozen=True)
-class StereoModel:
-    """The cheap model of stereo; defaults are fitted to rendered pairs (`benchmarks.placement
-    --validate`)."""
-
-    block_px: int = 5
-    disparity_rad: float = 0.0011
-    shared_px: float = 2.5
-    wrong_above: float = 2.6
-    lost_lit: float = 0.003
-    lost_shade: float = 0.15
-    lost_slant: float = 0.20
-    hole_px: float = 10.0
-
-
-def _field(rng: np.random.Generator, shape: tuple[int, ...], sigma_px: float) -> Array:
-    """Return noise of deviation 1 whose neighbours within `sigma_px` are alike."""
-    import cv2
-
-    white = cv2.GaussianBlur(rng.standard_normal(shape).astype(np.float32), (0, 0), sigma_px)
-    return np.asarray(white / max(float(white.std()), 1e-9), dtype=np.float64)
+        return mast_view(self.scene, self.sun, self.seed, self.centre, self.diameter_m, at)
 
 
 def rock_scene(seed: int) -> RockScene:

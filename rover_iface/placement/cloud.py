@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -130,6 +130,20 @@ class SurfaceCloud:
             self.pitch_rad,
             intensity,
         )
+
+    def thinned(self, step: int) -> SurfaceCloud:
+        """Return every `step`-th column and row of an organised cloud, as a coarser one.
+
+        Raises
+        ------
+        PlacementError
+            If the cloud has no pixels.
+        """
+        if self.pixels is None:
+            raise PlacementError("a cloud without pixels has no columns and rows")
+        part = self.subset((self.pixels % step == 0).all(axis=1))
+        assert part.pixels is not None
+        return replace(part, pixels=part.pixels // step, pitch_rad=step * self.pitch_rad)
 
 
 def cloud_of_stereo(

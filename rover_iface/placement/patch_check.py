@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from rover_iface.placement import patch_kernels as kernels
 from rover_iface.placement.cloud import Array, SurfaceCloud
+from rover_iface.placement.cloud_edges import away_from_edges
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.verdict import Finding, PatchMeasures, Reason
 from rover_iface.profile import RoverProfile
@@ -28,12 +29,11 @@ LEAST_POINTS = 8
 SINGLE_POINTS = 8
 """So many points that stand high in the tool's way may be wrong matches; more are a thing."""
 
-
-WAY_HEIGHTS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.1)
-"""Where the tool's way is looked at, shares of its length over the surface."""
-
 WAY_BEHIND_M = 0.02
 """So far behind what the camera sees a place is hidden."""
+
+
+Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class PatchCheck:
         self.trusted = away_from_edges(cloud, limits.edge_px, limits.edge_jump_m)
         self._near = self.radius_m + limits.margin_m
         self._wide = self.radius_m + max(limits.margin_m, limits.calm_margin_m)
-        self._above = limits.tool_length_m + limits.calm_margin_m
+        self._above = limits.tool_length_m + limits.clear_m
         self._ball = max(BALL * self._wide, math.hypot(self._above, self._wide + limits.calm_margin_m))
         self._last: _Window | None = None
 
@@ -132,32 +132,30 @@ class PatchCheck:
         middle, normal = kernels.fit_plane(cloud.points[own], window.weight[own], outward)
         on_plane = point - ((point - middle) @ normal) * normal
         measures = self._measure(window, on_plane, normal, outward)
-        findings = self._findings(measures)
-        if not findings and (hidden := self._hidden(on_plane, normal)) > self.limits.most_hidden:
-            findings = (Finding(Reason.WAY_HIDDEN, hidden, self.limits.most_hidden),)
-        return Judged(on_plane, normal, measures, findings, self._strain(measures), self._restless(measures))
+        return Judged(
+            on_plane,
+            normal,
+            measures,
+            self._findings(measures),
+            self._strain(measures),
+            self._restless(measures),
+        )
 
-    def _hidden(self, at: Array, normal: Array) -> float:
-        """Return the share of the tool's way that something hides from the camera.
+    def sight(self, way: Array) -> tuple[Bools, Bools]:
+        """Return which places (n, 3) something hides from the camera, and which it sees to be free.
 
-        Behind a rock that stands before the place may be more of that rock. Clouds without order or eye do
-        not tell; nor do pixels without stereo.
+        Behind a rock that stands before a place may be more of that rock. Clouds without order or eye tell
+        nothing; nor do pixels without stereo.
         """
         eye = self.cloud.eye
         if eye is None or self.cloud.pixels is None:
-            return 0.0
-        first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-        first /= np.linalg.norm(first)
-        turns = np.arange(12) * math.tau / 12.0
-        ring = np.outer(np.cos(turns), first) + np.outer(np.sin(turns), np.cross(normal, first))
-        disc = np.vstack((np.zeros(3), self.radius_m * ring))
-        heights = self.limits.tool_length_m * np.array(WAY_HEIGHTS)
-        way = (at + disc[None] + heights[:, None, None] * normal).reshape(-1, 3) - eye
+            return np.zeros(len(way), bool), np.zeros(len(way), bool)
+        way = way - eye
         far = np.linalg.norm(way, axis=1)
         off, nearest = self._rays.query(way / far[:, None])
         seen = off < 4.0 * max(self.cloud.pitch_rad, 1e-4)
         before = np.linalg.norm(self.cloud.points[nearest] - eye, axis=1) < far - WAY_BEHIND_M
-        return float((seen & before).mean())
+        return np.asarray(seen & before), np.asarray(seen & ~before)
 
     @cached_property
     def _rays(self) -> cKDTree:
@@ -311,32 +309,6 @@ class PatchCheck:
 def _excess(rms_m: float, sigma_m: float) -> float:
     """Return the roughness without stereo's own."""
     return math.sqrt(max(0.0, rms_m**2 - sigma_m**2))
-
-
-def away_from_edges(cloud: SurfaceCloud, edge_px: int, jump_m: float) -> npt.NDArray[np.bool_]:
-    """Return which points (n,) have nothing `jump_m` farther away within `edge_px` pixels.
-
-    A gap counts as far as the farther of its two ends along the row. Clouds without order have no edges.
-    """
-    from scipy.ndimage import maximum_filter
-
-    if cloud.pixels is None or cloud.eye is None or edge_px < 1 or len(cloud) == 0:
-        return np.ones(len(cloud), bool)
-    x, y = (cloud.pixels - cloud.pixels.min(axis=0)).T
-    far = np.linalg.norm(cloud.points - cloud.eye, axis=1)
-    raster = np.full((int(y.max()) + 1, int(x.max()) + 1), np.nan)
-    raster[y, x] = far
-    ends = np.fmax(_carried(raster), _carried(raster[:, ::-1])[:, ::-1])
-    filled = np.where(np.isnan(raster), np.nan_to_num(ends, nan=0.0), raster)
-    behind = maximum_filter(filled, size=2 * edge_px + 1)
-    return np.asarray(behind[y, x] < far + jump_m)
-
-
-def _carried(raster: Array) -> Array:
-    """Return the raster with each gap filled by the last known value to its left."""
-    known = ~np.isnan(raster)
-    last = np.maximum.accumulate(np.where(known, np.arange(raster.shape[1]), 0), axis=1)
-    return np.take_along_axis(raster, last, axis=1)
 
 
 def _angle(a: Array, b: Array) -> float:

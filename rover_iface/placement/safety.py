@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,7 @@ from rover_iface.placement.arm import Arm, ArmRefusal, Posture
 from rover_iface.placement.arm_motion import Motion
 from rover_iface.placement.base_adjustment import base_move
 from rover_iface.placement.cloud import Array, SurfaceCloud
+from rover_iface.placement.joint_check import JointCheck
 from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.segmentation import (
@@ -46,6 +48,11 @@ MOST_ASKED = 200
 """How many safe points the arm is asked for before the rover is said to be in the wrong place."""
 
 
+SECOND = SegmentationOptions(thinning=2, roughness_m=0.006, rounds=4)
+SECOND_EDGE_PX = 2
+"""How the second cloud is segmented, and how far it is not trusted beside a step."""
+
+
 def plan_placement(
     cloud: SurfaceCloud,
     designated_point: npt.ArrayLike,
@@ -57,6 +64,7 @@ def plan_placement(
     approach_axis: npt.ArrayLike | None = None,
     rock_only: bool = True,
     terrain: Terrain | None = None,
+    second: SurfaceCloud | None = None,
 ) -> PlacementVerdict:
     """Return whether and where the tool may be put on the rock that holds `designated_point`.
 
@@ -80,6 +88,8 @@ def plan_placement(
         Whether a point on the ground is refused.
     terrain
         Ground in the rover frame for the base adjustment; made of the cloud when None.
+    second
+        What another pair sees of the same place, laid on `cloud` (`cloud_alignment.align`).
 
     Raises
     ------
@@ -102,14 +112,36 @@ def plan_placement(
     label, miss = _label_at(cloud, found, at, limits, rock_only)
     if miss is not None:
         return _refused(miss)
-    check = PatchCheck(cloud, found.labels, label, profile, limits, axis)
+    checks = [PatchCheck(cloud, found.labels, label, profile, limits, axis)]
+    if second is not None and (other := _of_second(second, at, profile, limits, axis, rock_only)) is not None:
+        checks.append(other)
+    check = JointCheck(checks)
     rock = found.rocks[label] if label != GROUND else None
     ask = arm if arm is not None else Arm(profile.arm).solve
     return _search(check, at, ask, rock, profile, terrain)
 
 
+def _of_second(
+    second: SurfaceCloud,
+    at: Array,
+    profile: RoverProfile,
+    limits: SafetyLimits,
+    axis: Array | None,
+    rock_only: bool,
+) -> PatchCheck | None:
+    """Return the check of the second cloud, None where that does not show the rock."""
+    found = segment(second, SECOND)
+    if found.ground is None and rock_only:
+        return None
+    label, miss = _label_at(second, found, at, limits, rock_only)
+    if miss is not None:
+        return None
+    limits = replace(limits, edge_px=SECOND_EDGE_PX)
+    return PatchCheck(second, found.labels, label, profile, limits, axis)
+
+
 def _search(
-    check: PatchCheck,
+    check: JointCheck,
     at: Array,
     ask: ArmCheck,
     rock: RockSegment | None,
@@ -151,7 +183,7 @@ def _search(
 class _Search:
     """What was tried for one designated point (3,)."""
 
-    def __init__(self, check: PatchCheck, at: Array, ask: ArmCheck) -> None:
+    def __init__(self, check: JointCheck, at: Array, ask: ArmCheck) -> None:
         self.check, self.at, self.ask = check, at, ask
         self.first: Judged | None = None
         self.out_of_reach: Judged | None = None
@@ -278,7 +310,7 @@ def safety_map(
     limits = limits or SafetyLimits()
     if not 0 <= label < len(segmentation.rocks):
         raise PlacementError(f"rock {label} of {len(segmentation.rocks)} is asked for")
-    check = PatchCheck(cloud, segmentation.labels, label, profile, limits)
+    check = JointCheck([PatchCheck(cloud, segmentation.labels, label, profile, limits)])
     at = segmentation.rocks[label].centroid if near is None else _three(near, "middle of the map")
     return [check.judge(point) for point in check.candidates(at)[1:]]
 

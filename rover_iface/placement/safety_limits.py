@@ -49,8 +49,9 @@ class SafetyLimits:
         Angle between normal and approach axis, or between normal and tool as the arm can hold it; the
         normal's uncertainty is added. A calm point where the tool stands steeper than the second is taken
         only if there is no other.
-    tool_length_m
-        Up to this height over the surface nothing may stand beside the tool or over the surface.
+    tool_length_m, clear_m
+        Up to this height over the surface, and so much further, nothing may stand beside the tool or over the
+        surface.
     most_hidden
         Share of the tool's way that may lie behind what the camera sees.
     search_m
@@ -82,6 +83,7 @@ class SafetyLimits:
     most_slope_rad: float = math.radians(14.0)
     calm_slope_rad: float = math.radians(11.0)
     tool_length_m: float = 0.14
+    clear_m: float = 0.03
     most_hidden: float = 0.04
     search_m: float = 0.15
     grid_m: float = 0.008

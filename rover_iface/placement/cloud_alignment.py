@@ -1,0 +1,215 @@
+"""Two clouds of one place laid on each other: what the mast's pair ranges, brought to what the hazcams range.
+
+The mast is never quite where it is believed to be, and its pair comes out of calibration. So the second
+cloud is turned about its eye, shifted and stretched along its lines of sight (that is what an error of all
+disparities does) until the first lies on its surface: iterated closest points, point to plane (Chen and
+Medioni 1992), robust, with priors for each of the seven numbers, so that flat ground, which tells only three
+of them, leaves the rest as believed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.errors import PlacementError
+from rover_iface.frames import Transform
+from rover_iface.placement.cloud import Array, SurfaceCloud
+from rover_iface.placement.cloud_edges import away_from_edges
+from rover_iface.vision.sift_motion import small_rotation
+
+Index = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class AlignmentOptions:
+    """Parameters of the alignment.
+
+    Attributes
+    ----------
+    turn_rad, shift_m, stretch_per_m
+        One deviation of what the second eye may be off: turn about it, shift, and share of the range for each
+        metre of it.
+    reaches_m
+        Points farther than this from the other surface are left out, in turn.
+    samples, posts, neighbours
+        Points of the first cloud, places of the second where its surface is known, and how many points tell
+        the plane there: planes of a few points bear the noise of stereo, and the cloud ends up beside its
+        place.
+    patch_px
+        Side of the patch of the first cloud that shares one error, pixels.
+    most_residual_m, least_overlap, most_sigma_m
+        An alignment is believed if the robust deviation between the surfaces is at most the first, this
+        share of the samples within the last reach, and the second cloud's middle known to the third.
+    """
+
+    turn_rad: float = 0.02
+    shift_m: float = 0.002
+    stretch_per_m: float = 0.01
+    reaches_m: tuple[float, ...] = (0.12, 0.10, 0.08, 0.06, 0.06, 0.04, 0.04, 0.03, 0.02, 0.02, 0.02)
+    samples: int = 4000
+    posts: int = 5000
+    neighbours: int = 100
+    patch_px: float = 9.0
+    most_residual_m: float = 0.006
+    least_overlap: float = 0.6
+    most_sigma_m: float = 0.003
+
+    def __post_init__(self) -> None:
+        for name in ("turn_rad", "shift_m", "stretch_per_m", "samples", "posts", "neighbours"):
+            if not getattr(self, name) > 0:
+                raise PlacementError(f"alignment: {name} is {getattr(self, name)}; it must be positive")
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A second cloud laid on a first.
+
+    Attributes
+    ----------
+    cloud
+        The second one in the frame of the first.
+    motion, stretch_per_m
+        What was done to it: stretched by this share of the range for each metre of it, then moved.
+    residual_m
+        Robust deviation between the surfaces.
+    overlap
+        Share of the first cloud's samples, of those that the second eye's frame holds, that have a surface of
+        the second cloud nearby.
+    sigma_m
+        How far the middle of the second cloud may be off, one deviation of the worst direction.
+    """
+
+    cloud: SurfaceCloud
+    motion: Transform
+    stretch_per_m: float
+    residual_m: float
+    overlap: float
+    sigma_m: float
+
+    def believed(self, options: AlignmentOptions | None = None) -> bool:
+        """Return whether the second cloud may be used."""
+        options = options or AlignmentOptions()
+        return (
+            self.residual_m <= options.most_residual_m
+            and self.overlap >= options.least_overlap
+            and self.sigma_m <= options.most_sigma_m
+        )
+
+
+def align(
+    second: SurfaceCloud, first: SurfaceCloud, options: AlignmentOptions | None = None
+) -> Alignment | None:
+    """Return the second cloud laid on the first, None where they have too little in common.
+
+    Raises
+    ------
+    PlacementError
+        If the second cloud has no eye.
+    """
+    from scipy.spatial import cKDTree
+
+    options = options or AlignmentOptions()
+    if second.eye is None:
+        raise PlacementError("the cloud that is to be aligned has no eye")
+    chosen = _samples(first, second, options)
+    fixed, spread = first.points[chosen], first.covariances[chosen]
+    if len(fixed) < 50 or len(second) < 50:
+        return None
+    posts, normals = _posts(second, options)
+    eye = second.eye
+    prior = 1.0 / np.array(
+        3 * [options.turn_rad] + 3 * [options.shift_m] + [options.stretch_per_m], dtype=np.float64
+    )
+    p = np.zeros(7)
+    information: Array = np.diag(prior**2)
+    residual, overlap = math.inf, 0.0
+    # samples of one patch share their error
+    worth = min(1.0, len(first) / options.patch_px**2 / len(fixed))
+    for reach in options.reaches_m:
+        turn = small_rotation(p[:3])
+        laid = (
+            (posts - eye) * (1.0 + p[6] * np.linalg.norm(posts - eye, axis=1))[:, None] @ turn.T
+            + eye
+            + p[3:6]
+        )
+        facing = normals @ turn.T
+        far, near = cKDTree(laid).query(fixed)
+        off = ((fixed - laid[near]) * facing[near]).sum(axis=1)
+        use = (far < reach + 0.01) & (np.abs(off) < reach)
+        overlap = float(use.mean())
+        if use.sum() < 50:
+            return None
+        n, q, r = facing[near[use]], laid[near[use]] - eye, off[use]
+        residual = max(1.4826 * float(np.median(np.abs(r - np.median(r)))), 1e-4)
+        # the first cloud errs along its own lines of sight
+        expected = np.einsum("ni,nij,nj->n", n, spread[use], n) + 1e-6
+        share = 1.4826**2 * float(np.median(r**2 / expected))
+        weight = worth / (share * expected + (r / 2.0) ** 2)
+        along = (q * n).sum(axis=1) * np.linalg.norm(q, axis=1)
+        jacobian = np.column_stack((np.cross(q, n), n, along))
+        information = np.asarray(jacobian.T @ (weight[:, None] * jacobian) + np.diag(prior**2))
+        step = np.linalg.solve(information, jacobian.T @ (weight * r) - prior**2 * p)
+        p = p + step
+    motion = Transform(small_rotation(p[:3]), eye + p[3:6] - small_rotation(p[:3]) @ eye)
+    return Alignment(
+        _stretched(second, float(p[6])).moved(motion, up=second.up),
+        motion,
+        float(p[6]),
+        residual,
+        overlap,
+        _middle_sigma(second.points.mean(axis=0) - eye, np.asarray(np.linalg.inv(information))),
+    )
+
+
+def _samples(first: SurfaceCloud, second: SurfaceCloud, options: AlignmentOptions) -> Index:
+    """Return points (n,) of the first cloud, away from edges, where the second eye looked."""
+    assert second.eye is not None
+    trusted = np.flatnonzero(away_from_edges(first, 3, 0.035))
+    ways = second.points - second.eye
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    middle = ways.mean(axis=0)
+    middle /= np.linalg.norm(middle)
+    widest = float(np.quantile(ways @ middle, 0.1))
+    sight = first.points[trusted] - second.eye
+    inside = trusted[(sight @ middle) / np.linalg.norm(sight, axis=1) > widest]
+    return _drawn(inside, options.samples)
+
+
+def _posts(second: SurfaceCloud, options: AlignmentOptions) -> tuple[Array, Array]:
+    """Return places (n, 3) on the second cloud's surface and the normals there, from its nearest points."""
+    trusted = np.flatnonzero(away_from_edges(second, 2, 0.035))
+    chosen = _drawn(trusted, options.posts)
+    near = second.tree.query(second.points[chosen], options.neighbours)[1]
+    around = second.points[np.minimum(near, len(second) - 1)]
+    middle = around.mean(axis=1)
+    away = around - middle[:, None]
+    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", away, away))[1][:, :, 0]
+    return middle, normals
+
+
+def _drawn(index: Index, count: int) -> Index:
+    if len(index) <= count:
+        return index
+    return np.asarray(np.random.default_rng(0).choice(index, count, replace=False))
+
+
+def _stretched(cloud: SurfaceCloud, stretch_per_m: float) -> SurfaceCloud:
+    """Return the cloud with ranges changed by this share for each metre of them."""
+    assert cloud.eye is not None
+    way = cloud.points - cloud.eye
+    return replace(
+        cloud,
+        points=cloud.eye + way * (1.0 + stretch_per_m * np.linalg.norm(way, axis=1))[:, None],
+    )
+
+
+def _middle_sigma(middle: Array, covariance: Array) -> float:
+    """Return the largest deviation of a place (3,), seen from the eye, by that of turn, shift and stretch."""
+    x, y, z = middle
+    turned = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+    moved = np.column_stack((turned, np.eye(3), middle * np.linalg.norm(middle)))
+    return math.sqrt(float(np.linalg.eigvalsh(moved @ covariance @ moved.T)[-1]))
