@@ -7,6 +7,7 @@ noise. What the rover knows of it is another camera: on the believed pose, with 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,14 +16,18 @@ from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.panorama import Panorama, StereoWedge
 from rover_iface.cameras.rig import CameraRig, load_cameras, preset_names
 from rover_iface.errors import CameraError, TrackerError
+from rover_iface.side_by_side import side_by_side
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.render.panorama import wedge_pans
-from rover_iface.simulator.render.renderer import Frame
+from rover_iface.simulator.render.renderer import Frame, Negative, Window
 from rover_iface.vision.tracker import StereoView
 
 SUBFRAME_PX = 161
 RIGHT_MARGIN_PX = 60
 PANORAMA_TILT_RAD = -0.3
+
+_Wanted = tuple[str, CameraModel, Window]
+"""Name of a mounted camera, where it truly is (site frame), and what of its frame is read out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +96,8 @@ class MastCameras:
         left_name, right_name = f"{camera}_left", f"{camera}_right"
         pan, tilt = self.point_at(point_believed, left_name)
         jitter = self._jitter()
-        frames: list[Frame] = []
+        wanted: list[_Wanted] = []
         models: list[CameraModel] = []
-        exposure: float | None = None
         for name, margin in ((left_name, 0), (right_name, self.right_margin_px)):
             model = self.rig.camera(name, pan, tilt).transformed(believed)
             pixel = model.project(point_believed)
@@ -101,10 +105,9 @@ class MastCameras:
                 raise TrackerError("target is behind the camera")
             window = self._window(pixel, margin, model)
             actual = self.rig.camera(name, pan + float(jitter[0]), tilt + float(jitter[1])).transformed(true)
-            frame = self._render(name, actual, t_s, window=window, exposure=exposure)
-            exposure = frame.exposure
-            frames.append(frame)
+            wanted.append((name, actual, window))
             models.append(model.window(*window))
+        frames = self._render_pair(wanted, t_s)
         travelled = self.body.chassis.travelled_m
         view = StereoView(frames[0].unit, frames[1].unit, models[0], models[1], t_s, travelled)
         return Sighting(view, frames[0], frames[1])
@@ -120,21 +123,15 @@ class MastCameras:
             If a camera is below the ground.
         """
         jitter = self._jitter()
-        frames: list[Frame] = []
+        wanted: list[_Wanted] = []
         models: list[CameraModel] = []
         for side in ("left", "right"):
             name = f"{camera}_{side}"
             off = self.rig.camera(name, pan_rad + float(jitter[0]), tilt_rad + float(jitter[1])).scaled(scale)
-            frames.append(
-                self._render(
-                    name,
-                    off.transformed(self.body.pose.site_from_rover),
-                    t_s,
-                    window=(0, 0, off.width, off.height),
-                    exposure=frames[0].exposure if frames else None,
-                )
-            )
+            actual = off.transformed(self.body.pose.site_from_rover)
+            wanted.append((name, actual, (0, 0, off.width, off.height)))
             models.append(self.rig.camera(name, pan_rad, tilt_rad).scaled(scale))
+        frames = self._render_pair(wanted, t_s)
         travelled = self.body.chassis.travelled_m
         return StereoView(frames[0].unit, frames[1].unit, models[0], models[1], t_s, travelled)
 
@@ -147,21 +144,14 @@ class MastCameras:
             If a camera is below the ground.
         """
         believed, true = self.body.believed.site_from_rover, self.body.pose.site_from_rover
-        frames: list[Frame] = []
+        wanted: list[_Wanted] = []
         models: list[CameraModel] = []
         for side in ("left", "right"):
             name = f"{camera}_{side}"
             model = self.rig.camera(name)
-            frames.append(
-                self._render(
-                    name,
-                    model.transformed(true),
-                    t_s,
-                    window=(0, 0, model.width, model.height),
-                    exposure=frames[0].exposure if frames else None,
-                )
-            )
+            wanted.append((name, model.transformed(true), (0, 0, model.width, model.height)))
             models.append(model.transformed(believed))
+        frames = self._render_pair(wanted, t_s)
         view = StereoView(
             frames[0].unit, frames[1].unit, models[0], models[1], t_s, self.body.chassis.travelled_m
         )
@@ -269,6 +259,21 @@ class MastCameras:
             exposure=exposure,
             seed=self.body.seed * 100_003 + self._pictures,
         )
+
+    def _render_pair(self, wanted: Sequence[_Wanted], t_s: float) -> list[Frame]:
+        """Return the pictures of a pair, exposed alike; the light of both is gathered at once."""
+        sun, render = self.body.sun(t_s), self.body.renderer
+
+        def gather(one: _Wanted) -> Negative:
+            name, camera, window = one
+            return render.gather(camera, None, sun, window=window, sensor=self.rig.mounted(name).sensor)
+
+        frames: list[Frame] = []
+        for negative in side_by_side(gather, wanted):
+            self._pictures += 1
+            seed = self.body.seed * 100_003 + self._pictures
+            frames.append(negative.develop(frames[0].exposure if frames else None, seed))
+        return frames
 
     def _window(self, pixel: Array, margin: int, model: CameraModel) -> tuple[int, int, int, int]:
         if self.window_px is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from rover_iface.errors import CameraError, RenderError
 from rover_iface.navigation.sensor import StereoSensor
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.mast_cameras import MastCameras
+from rover_iface.vision.tracker import StereoView
 
 Array = NDArray[np.floating]
 
@@ -42,21 +45,26 @@ class StereoSight:
         return self._angles.pairs_around / len(self._angles.pans) if around else 1.0
 
     def look(self, t_s: float, *, around: bool) -> list[Array]:
-        """See `Sight`. A pair that cannot be taken or matched gives no cloud."""
-        clouds = []
-        for pan, tilt in self._angles.pointings(around=around):
-            try:
-                pair = self.cameras.pair(pan, tilt, t_s, scale=SCALE)
-                cloud = dense_stereo(
-                    pair.left,
-                    pair.right,
-                    pair.left_camera,
-                    pair.right_camera,
-                    nearest_m=NEAREST_M,
-                    step=STEP,
-                )
-            except (CameraError, RenderError):
-                continue
-            away = np.linalg.norm(cloud.points - self.eye, axis=1)
-            clouds.append(cloud.points[away < FARTHEST_M])
-        return clouds
+        """See `Sight`. A pair that cannot be taken or matched gives no cloud.
+
+        One pair is matched while the next is taken.
+        """
+        with ThreadPoolExecutor(1) as hands:
+            matched = []
+            for pan, tilt in self._angles.pointings(around=around):
+                try:
+                    pair = self.cameras.pair(pan, tilt, t_s, scale=SCALE)
+                except (CameraError, RenderError):
+                    continue
+                matched.append(hands.submit(self._cloud, pair))
+            clouds = [one.result() for one in matched]
+        return [cloud for cloud in clouds if cloud is not None]
+
+    def _cloud(self, pair: StereoView) -> Array | None:
+        """Return what a pair ranges (n, 3), rover frame; None where it cannot be matched."""
+        cameras = pair.left_camera, pair.right_camera
+        try:
+            cloud = dense_stereo(pair.left, pair.right, *cameras, nearest_m=NEAREST_M, step=STEP)
+        except CameraError:
+            return None
+        return cloud.points[np.linalg.norm(cloud.points - self.eye, axis=1) < FARTHEST_M]

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import triangulate
 from rover_iface.frames import Transform
+from rover_iface.side_by_side import side_by_side
 from rover_iface.vision.tracker import Image, StereoView
 
 Descriptors = npt.NDArray[np.float32]
@@ -60,7 +61,7 @@ def none() -> Features:
 
 def find_features(view: StereoView, *, count: int, ratio: float, row_px: float) -> Features:
     """Return the features of a pair that both images show, at most `count` an image, strongest first."""
-    left, right = detect(view.left, count), detect(view.right, count)
+    left, right = side_by_side(lambda image: detect(image, count), (view.left, view.right))
     if len(left[0]) < 2 or len(right[0]) < 2:
         return none()
     gate = _near_epipolar(view.left_camera, view.right_camera, left[0], right[0], row_px)
@@ -149,13 +150,10 @@ def _near_epipolar(
     left: CameraModel, right: CameraModel, left_px: Array, right_px: Array, row_px: float
 ) -> npt.NDArray[np.bool_]:
     """Return (n, m): which right pixels lie within `row_px` of the epipolar segment of which left pixel."""
+    from rover_iface.vision import sift_kernels as kernels
+
     origins, rays = left.back_project(left_px)
     near, far = (right.project(origins + range_m * rays) for range_m in (NEAREST_M, FARTHEST_M))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        along = near - far
-        length = np.linalg.norm(along, axis=1)
-        along = along / length[:, None]
-        offset = right_px[None] - far[:, None]
-        t = (offset * along[:, None]).sum(axis=2)
-        across = np.abs(offset[..., 0] * along[:, None, 1] - offset[..., 1] * along[:, None, 0])
-        return np.asarray((across < row_px) & (t > -2.0) & (t < length[:, None] + 2.0))
+    near_segment = np.empty((len(left_px), len(right_px)), np.bool_)
+    kernels.near_segments(far, near, np.asarray(right_px, dtype=np.float64), row_px, near_segment)
+    return near_segment

@@ -165,6 +165,26 @@ class Frame:
         return np.asarray(np.round(255.0 * np.sqrt(self.unit)), dtype=np.uint8)
 
 
+@dataclass(frozen=True, eq=False)
+class Negative:
+    """A picture before it is exposed: the light (height, width) on the sensor, blurred by its optics.
+
+    `camera` is that of the window itself, site frame.
+    """
+
+    light: npt.NDArray[np.float32]
+    truth: Truth
+    camera: CameraModel
+    window: Window
+    sensor: Sensor
+
+    def develop(self, exposure: AutoExposure | float | None = None, seed: int = 0) -> Frame:
+        """Return the picture; parameters are those of `Renderer.render`."""
+        gain = exposure if isinstance(exposure, float) else _auto_gain(self.light, exposure or AutoExposure())
+        image = _digitise(self.light, gain, self.sensor, self.window[:2], seed)
+        return Frame(image, self.camera, self.window, gain, self.sensor.bits, self.truth)
+
+
 class Renderer:
     """Takes pictures of one scene. Pure: the same arguments give the same image on any machine layout."""
 
@@ -204,6 +224,24 @@ class Renderer:
         RenderError
             If the camera is below the ground, or the window is outside the frame.
         """
+        return self.gather(camera, pose, sun, window=window, sensor=sensor, samples=samples).develop(
+            exposure, seed
+        )
+
+    def gather(
+        self,
+        camera: CameraModel,
+        pose: Pose | Transform | None,
+        sun: Sun,
+        *,
+        window: Window | None = None,
+        sensor: Sensor | None = None,
+        samples: int = 1,
+    ) -> Negative:
+        """Return what light falls on the sensor, to be developed; parameters, errors as of `render`.
+
+        It lets go of the interpreter's lock almost all of the time: two threads gather a stereo pair.
+        """
         site_camera = _in_site(camera, pose)
         left, top, width, height = window or (0, 0, camera.width, camera.height)
         if left < 0 or top < 0 or left + width > camera.width or top + height > camera.height or width < 1:
@@ -230,15 +268,12 @@ class Renderer:
             site_camera,
             (left, top, width, height),
         )
-        gain = exposure if isinstance(exposure, float) else _auto_gain(light, exposure or AutoExposure())
-        image = _digitise(light, gain, sensor, (left, top), seed)
-        return Frame(
-            image=image,
-            camera=site_camera if window is None else site_camera.window(left, top, width, height),
-            window=(left, top, width, height),
-            exposure=gain,
-            bits=sensor.bits,
-            truth=truth,
+        return Negative(
+            light,
+            truth,
+            site_camera if window is None else site_camera.window(left, top, width, height),
+            (left, top, width, height),
+            sensor,
         )
 
     def depth(
