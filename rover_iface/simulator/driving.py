@@ -23,8 +23,9 @@ from rover_iface.telemetry import TrackState
 Array = NDArray[np.floating]
 
 NEAR_M = 1.2
-ARRIVED_M = 0.35
-"""Distance from the goal at which a rover that gets no nearer has arrived: the arm says if it reaches."""
+ARRIVED_M, SHUT_OUT_M = 0.35, 0.5
+"""Distance from the goal at which a rover that is led off again, or after many looks gets no nearer, has
+arrived: the arm says if it reaches, and what move would help."""
 FARTHER_M = 0.02
 """By how much a look farther from the goal than an earlier one tells that it gets no nearer."""
 RETREATS, RETREAT_M, TRIES = 2, 0.2, 3
@@ -158,7 +159,9 @@ class Driving:
                 break
             nearest_m = min(nearest_m, left)
             if progress.stalled(left):
-                reason = "" if left <= ARRIVED_M else f"no nearer than {progress.nearest_m:.2f} m to the goal"
+                reason = (
+                    "" if left <= SHUT_OUT_M else f"no nearer than {progress.nearest_m:.2f} m to the goal"
+                )
                 break
             looks += 1
             way: Way | None
