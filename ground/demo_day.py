@@ -200,13 +200,13 @@ def _write_json(path: Path, document: Mapping[str, Any]) -> None:
 def loss_to_inject(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return a fault that makes the plan show what it holds: a track lost in the middle of the first drive.
 
-    Preferred is a target on whose track a branch asks, then the last tracked target that the mainline visits;
-    None if nothing is tracked.
+    Preferred is the target whose loss has the branch that gains most, then one on whose track a branch asks,
+    then the last tracked target that the mainline visits; None if nothing is tracked.
     """
     tracked = [s["target"] for s in tree["plan"] if s["op"] == "track_start"]
     if not tracked:
         return None
-    asked = [t for t in _asked_tracks(tree["plan"]) if t in tracked]
+    asked = [t for t, _ in sorted(_asked_tracks(tree["plan"]), key=lambda a: -a[1]) if t in tracked]
     visits = [s.get("to", s.get("target")) for s in tree["plan"] if s["op"] in ("visit", "navigate")]
     later = [t for t in visits[1:] if t in tracked]
     target = next(iter([*asked, *reversed(later), *tracked]))
@@ -220,12 +220,13 @@ def loss_to_inject(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> dict[
     }
 
 
-def _asked_tracks(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _asked_tracks(steps: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, float]]:
+    """Yield targets on whose track a branch asks, and what it gains; 0 if it asks that they are tracked."""
     for step in steps:
         for option in step.get("options", ()):
             for condition in option["when"]:
                 if condition["var"] == "tracked":
-                    yield condition["target"]
+                    yield condition["target"], 0.0 if condition["is"] else option.get("gain") or 0.0
             yield from _asked_tracks(option["plan"])
 
 
