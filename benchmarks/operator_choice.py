@@ -54,6 +54,8 @@ TARGETS = 5
 PAPER_M, DETOURS = 28.0, 0.85
 """What the paper's rover drove, and the straight way's share of what is driven among rocks."""
 STANDS, TRIES = 24, 6
+ROOM_M, OBSTACLE_M = 0.30, 0.08
+"""How far rocks of this height must lie from the outline of a rover on its stand, but for the target's."""
 MISSED = ((0.0, 0.0, 0.0), (0.07, 0.0, 0.0), (-0.07, 0.0, 0.0), (0.0, 0.07, 0.05), (0.0, -0.07, -0.05))
 """How the rover may miss a stand: metres ahead and to the left, radians. Camera and arm must not mind."""
 
@@ -221,7 +223,21 @@ class Operator:
             )
         except PlacementError:
             return None
-        return next((s for s in stands if self._good(target, s)), None)
+        return next((s for s in stands if self._has_room(target, s) and self._good(target, s)), None)
+
+    def _has_room(self, target: DayTarget, stand: StandPose) -> bool:
+        """Return whether the navigator, which keeps off rocks, will let the rover onto a stand."""
+        body = self.profile.body
+        c, s = math.cos(stand.heading_rad), math.sin(stand.heading_rad)
+        for rock in self.terrain.rocks_near(stand.east_m, stand.north_m, body.radius_m + ROOM_M):
+            if rock.id == target.name or rock.height < OBSTACLE_M:
+                continue
+            east, north = rock.x - stand.east_m, rock.y - stand.north_m
+            ahead = max(0.0, abs(c * east + s * north) - body.length_m / 2)
+            aside = max(0.0, abs(c * north - s * east) - body.width_m / 2)
+            if math.hypot(ahead, aside) < ROOM_M + rock.diameter / 2:
+                return False
+        return True
 
     def _good(self, target: DayTarget, stand: StandPose) -> bool:
         """Return whether camera, arm and sun get at the target from a stand that is missed a little."""
