@@ -28,24 +28,60 @@ def bilinear(image: Image, x: float, y: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def patch_score(left: Image, right: Image, u: float, v: float, x: float, y: float, half: int) -> float:
-    """Return the normalised cross-correlation of two square patches, -2 if one leaves its image. Eq. 11."""
-    n, sa, sb, saa, sbb, sab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(-half, half + 1):
-        for i in range(-half, half + 1):
-            a, b = bilinear(left, u + i, v + j), bilinear(right, x + i, y + j)
-            if math.isnan(a) or math.isnan(b):
-                return -2.0
-            n += 1.0
-            sa += a
-            sb += b
-            saa += a * a
-            sbb += b * b
-            sab += a * b
-    va, vb = saa - sa * sa / n, sbb - sb * sb / n
-    if va < 1e-9 or vb < 1e-9:
+def centred_patch(image: Image, u: float, v: float, half: int) -> tuple[Array, float]:
+    """Return a square patch (2 half + 1)^2 less its mean, and its norm; 0 if it leaves the image."""
+    size = 2 * half + 1
+    patch = np.empty((size, size))
+    mean = 0.0
+    for j in range(size):
+        for i in range(size):
+            patch[j, i] = bilinear(image, u + i - half, v + j - half)
+            mean += patch[j, i]
+    if math.isnan(mean):
+        return patch, 0.0
+    mean /= size * size
+    square = 0.0
+    for j in range(size):
+        for i in range(size):
+            patch[j, i] -= mean
+            square += patch[j, i] * patch[j, i]
+    return patch, math.sqrt(square)
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def patch_score(patch: Array, norm: float, right: Image, x: float, y: float) -> float:
+    """Return the normalised cross-correlation of a centred patch with the image at a place between pixels.
+
+    -2 if the patch leaves the image there, or either is flat. Kim et al. 2009, eq. 11.
+    """
+    size = patch.shape[0]
+    half = size // 2
+    rows, columns = right.shape
+    if not (half <= x <= columns - 1.0 - half and half <= y <= rows - 1.0 - half):
         return -2.0
-    return (sab - sa * sb / n) / math.sqrt(va * vb)
+    # all pixels of the patch lie between pixels in the same way
+    i0, j0 = min(int(x), columns - 2 - half), min(int(y), rows - 2 - half)
+    fx, fy = x - i0, y - j0
+    w00, w01 = (1.0 - fx) * (1.0 - fy), fx * (1.0 - fy)
+    w10, w11 = (1.0 - fx) * fy, fx * fy
+    sb, sbb, sab = 0.0, 0.0, 0.0
+    for j in range(size):
+        jj = j0 + j - half
+        for i in range(size):
+            ii = i0 + i - half
+            b = (
+                w00 * right[jj, ii]
+                + w01 * right[jj, ii + 1]
+                + w10 * right[jj + 1, ii]
+                + w11 * right[jj + 1, ii + 1]
+            )
+            sb += b
+            sbb += b * b
+            sab += patch[j, i] * b
+    spread = sbb - sb * sb / (size * size)
+    if norm * norm < 1e-9 or spread < 1e-9:
+        return -2.0
+    return sab / (norm * math.sqrt(spread))
 
 
 @njit(cache=True, nogil=True)
@@ -111,6 +147,9 @@ def search_epipolar(
             if va > 1e-9 and vb > 1e-9:
                 scores[s] = max(scores[s], (sab - sa * sb / n) / math.sqrt(va * vb))
     best, best_w, best_row = -2.0, 0.0, 0.0
+    patch, norm = centred_patch(left, pixel[0], pixel[1], half)
+    if norm == 0.0:
+        return best_w, best_row, best
     for _ in range(8):
         s = int(np.argmax(scores))
         if scores[s] <= -2.0:
@@ -125,7 +164,7 @@ def search_epipolar(
             if math.isnan(x):
                 continue
             for row in range(-span, span + 1):
-                score = patch_score(left, right, pixel[0], pixel[1], x, y + row, half)
+                score = patch_score(patch, norm, right, x, y + row)
                 if score > best:
                     best, best_w, best_row = score, w, float(row)
     return best_w, best_row, best

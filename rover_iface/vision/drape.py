@@ -282,7 +282,8 @@ def from_features(
         return None
     expected = np.asarray(camera.project(scene.points))
     with np.errstate(invalid="ignore"):
-        gate = np.abs(expected[:, None] - pixels[None]).max(axis=2) < FEATURE_GATE_PX
+        across = np.abs(expected[:, None, 0] - pixels[None, :, 0]) < FEATURE_GATE_PX
+        gate = across & (np.abs(expected[:, None, 1] - pixels[None, :, 1]) < FEATURE_GATE_PX)
     pairs = mutual(scene.descriptors, descriptors, FEATURE_RATIO, gate)
     one, two = pairs[:, 0], pairs[:, 1]
     settled = resect(
