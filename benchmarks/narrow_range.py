@@ -26,7 +26,7 @@ from benchmarks.tracking_worlds import Array
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.stereo import point_stereo
 from rover_iface.frames import Transform
-from rover_iface.simulator.render.renderer import AutoExposure, Frame
+from rover_iface.simulator.render.picture import AutoExposure, Frame
 from rover_iface.vision.handoff import Handoff, Side
 from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.narrow_range import narrow_sight

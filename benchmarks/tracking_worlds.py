@@ -13,7 +13,8 @@ from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.errors import RoverError, TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
-from rover_iface.simulator.render.renderer import AutoExposure, Frame, Renderer, Sun
+from rover_iface.simulator.render.picture import AutoExposure, Frame
+from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Scene
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.rocks import Rock

@@ -11,7 +11,8 @@ from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.rig import CameraRig
 from rover_iface.errors import RenderError, TrackerError
 from rover_iface.frames import Pose, Transform, wrap_angle
-from rover_iface.simulator.render.renderer import Frame, Renderer, Sun
+from rover_iface.simulator.render.picture import Frame
+from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.terrain.terrain import Terrain
 from rover_iface.vision.ncc import NccTracker
 from rover_iface.vision.template import NccOptions

@@ -16,7 +16,7 @@ from rover_iface.simulator.body import Body
 from rover_iface.simulator.engine import Action, Outcome, Step
 from rover_iface.simulator.mast_cameras import Sighting
 from rover_iface.simulator.products import TrackRecord, png, track_label
-from rover_iface.simulator.render.renderer import Frame
+from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.routine import RoutineRover
 from rover_iface.simulator.world import WorldTarget
 from rover_iface.telemetry import TrackState

@@ -19,7 +19,7 @@ from rover_iface.errors import CameraError, TrackerError
 from rover_iface.side_by_side import side_by_side
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.render.panorama import wedge_pans
-from rover_iface.simulator.render.renderer import Frame, Negative, Window
+from rover_iface.simulator.render.picture import Frame, Negative, Window
 from rover_iface.vision.tracker import StereoView
 
 SUBFRAME_PX = 161

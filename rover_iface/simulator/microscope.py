@@ -15,7 +15,8 @@ import numpy.typing as npt
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import Sensor
 from rover_iface.errors import RenderError
-from rover_iface.simulator.render.renderer import Frame, Renderer, Sun
+from rover_iface.simulator.render.picture import Frame
+from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.vision.focus import merge_stack
 
 DEPTH_M = 0.003

@@ -83,16 +83,29 @@ def test_loss_strikes_a_target_that_a_branch_asks_about() -> None:
         "track_start": {"time_s": 20.0},
         "legs": [{"from": "start", "to": "T1", "time_s": {"mean": 100.0}}],
     }
-    ask = {"when": [{"var": "tracked", "target": "T2", "is": False}], "plan": []}
-    tree = {
+    assert loss_to_inject(problem, _tree(_ask("T2"))) == {"kind": "lose-target", "target": "T2", "at_s": 90.0}
+
+
+def test_loss_strikes_where_its_branch_gains_most() -> None:
+    still = _ask("T1", lost=False, gain=9.0)
+    tree = _tree(_ask("T1", gain=0.1), still, _ask("T2", gain=1.5), _ask("T1", gain=0.7))
+    assert (loss_to_inject({"track_start": {"time_s": 20.0}, "legs": []}, tree) or {})["target"] == "T2"
+
+
+def _ask(target: str, *, lost: bool = True, gain: float | None = None) -> dict[str, Any]:
+    option: dict[str, Any] = {"when": [{"var": "tracked", "target": target, "is": not lost}], "plan": []}
+    return option if gain is None else {**option, "gain": gain}
+
+
+def _tree(*options: dict[str, Any]) -> dict[str, Any]:
+    return {
         "plan": [
             {"op": "track_start", "target": "T1"},
             {"op": "track_start", "target": "T2"},
             {"op": "visit", "target": "T1"},
-            {"op": "branch", "options": [ask]},
+            {"op": "branch", "options": list(options)},
         ]
     }
-    assert loss_to_inject(problem, tree) == {"kind": "lose-target", "target": "T2", "at_s": 90.0}
 
 
 def test_nothing_is_lost_where_nothing_is_tracked() -> None:

@@ -20,8 +20,10 @@ from rover_iface.placement import (
     plan_placement,
 )
 from rover_iface.placement.arm import ArmLimit, ArmRefusal
+from rover_iface.placement.cloud_edges import away_from_edges
 from rover_iface.placement.ground_plane import fit_ground_plane
-from rover_iface.placement.patch_check import PatchCheck, away_from_edges
+from rover_iface.placement.joint_check import JointCheck
+from rover_iface.placement.patch_check import PatchCheck
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
 from rover_iface.profile import RoverProfile, load_profile
 from tests.shared import shared
@@ -240,8 +242,8 @@ def test_what_a_neighbour_hides_may_be_in_the_way(k9: RoverProfile) -> None:
     at = on_first_rock()
     normal = plan_placement(cloud, at, k9, segmentation=found).normal
     assert normal is not None
-    check = PatchCheck(cloud, found.labels, 0, k9, SafetyLimits())
-    assert check._hidden(at, normal) == 0.0
+    check = JointCheck([PatchCheck(cloud, found.labels, 0, k9, SafetyLimits())])
+    assert check.hidden_share(at, normal) == 0.0
     # what the camera sees where the tool would come down stands 6 cm before its way
     ray = at + 0.1 * normal - EYE
     away = cloud.points - EYE
@@ -249,7 +251,8 @@ def test_what_a_neighbour_hides_may_be_in_the_way(k9: RoverProfile) -> None:
     beside = np.degrees(np.arccos(np.clip(away @ ray / (far * np.linalg.norm(ray)), -1.0, 1.0))) < 2.0
     nearer = np.where(beside, (np.linalg.norm(ray) - 0.06) / far, 1.0)
     hiding = replace(cloud, points=EYE + nearer[:, None] * away)
-    assert PatchCheck(hiding, found.labels, 0, k9, SafetyLimits())._hidden(at, normal) > 0.04
+    behind = PatchCheck(hiding, found.labels, 0, k9, SafetyLimits())
+    assert JointCheck([behind]).hidden_share(at, normal) > 0.04
 
 
 def test_a_hole_in_the_stereo_is_named_with_its_size(k9: RoverProfile) -> None:

@@ -10,7 +10,8 @@ from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.panorama import Panorama, StereoWedge
 from rover_iface.cameras.rig import CameraRig
 from rover_iface.frames import Pose, wrap_angle
-from rover_iface.simulator.render.renderer import Frame, Renderer, Sun
+from rover_iface.simulator.render.picture import Frame
+from rover_iface.simulator.render.renderer import Renderer, Sun
 
 
 def wedge_pans(

@@ -12,7 +12,7 @@ from rover_iface.cameras.rig import load_cameras
 from rover_iface.cameras.stereo import PointStereo, dense_stereo, point_stereo, triangulate
 from rover_iface.errors import CameraError
 from rover_iface.frames import Pose
-from rover_iface.simulator.render.renderer import Frame
+from rover_iface.simulator.render.picture import Frame
 from tests.rover_iface.render.scenes import SUN, picture, rig, rock_renderer
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.frames import Pose
-from rover_iface.simulator.render.renderer import Frame, Renderer, Sun
+from rover_iface.simulator.render.picture import Frame
+from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.terrain.rocks import Rock, rock_meshes
 

@@ -16,7 +16,8 @@ from rover_iface.cameras.model import pinhole
 from rover_iface.cameras.rig import Sensor
 from rover_iface.errors import RenderError
 from rover_iface.frames import Pose
-from rover_iface.simulator.render.renderer import AutoExposure, Renderer, Sun
+from rover_iface.simulator.render.picture import AutoExposure
+from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.simulator.render.statistics import RANGES, measure
 from rover_iface.soltime import SOL_S, SunClock, solar_longitude_deg

@@ -11,7 +11,7 @@ import pytest
 
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
-from rover_iface.simulator.render.renderer import Frame
+from rover_iface.simulator.render.picture import Frame
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
 from rover_iface.vision.handoff_cascade import cascade, mast_error
 from rover_iface.vision.resection import resect

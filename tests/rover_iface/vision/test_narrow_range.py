@@ -11,7 +11,7 @@ import pytest
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import point_stereo
 from rover_iface.frames import Pose, Transform
-from rover_iface.simulator.render.renderer import Frame
+from rover_iface.simulator.render.picture import Frame
 from rover_iface.vision.narrow_range import KnownRange, narrow_sight
 from rover_iface.vision.shape_tracker import CombinedTracker
 from rover_iface.vision.sift import SiftOptions, SiftTracker

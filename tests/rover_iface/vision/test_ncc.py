@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from rover_iface.cameras.model import pinhole
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
-from rover_iface.simulator.render.renderer import Frame, Sun
+from rover_iface.simulator.render.picture import Frame
+from rover_iface.simulator.render.renderer import Sun
 from rover_iface.vision.ncc import NccTracker
 from rover_iface.vision.template import NccOptions, template_roll, template_scale
 from rover_iface.vision.tracker import StereoView, Tracker, TrackState

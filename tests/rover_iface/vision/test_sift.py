@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
-from rover_iface.simulator.render.renderer import Frame
+from rover_iface.simulator.render.picture import Frame
 from rover_iface.vision.sift import SiftOptions, SiftTracker, horn
 from rover_iface.vision.sift_features import detect, mutual
 from rover_iface.vision.tracker import StereoView, Tracker, TrackState
