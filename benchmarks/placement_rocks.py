@@ -140,7 +140,7 @@ class RockScene:
         The mast stands at other angles than those that are read, and the pair is out of calibration:
         `MAST_ERROR_RAD`, `OFF_PX`.
         """
-        return mast_view(self.scene, self.sun, self.seed, self.centre, self.diameter_m, at)
+        return mast_view(self.scene, self.sun, self.seed, at)
 
 
 def rock_scene(seed: int) -> RockScene:

@@ -18,7 +18,8 @@ from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.cameras.stereo import Cloud, dense_stereo
 from rover_iface.frames import Transform
-from rover_iface.placement.cloud import DISPARITY_RAD, SurfaceCloud, cloud_of_stereo
+from rover_iface.placement.cloud import DISPARITY_RAD, NAVCAM_DISPARITY_RAD, SurfaceCloud, cloud_of_stereo
+from rover_iface.simulator.full_rover import RIGHT_MARGIN_PX, WINDOW_PX
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Scene
 
@@ -33,8 +34,8 @@ MAST_ERROR_RAD = math.radians(1.0)
 OFF_PX = 1.4
 """Deviation of what all disparities of the mast's pair are off: one per cent of the range."""
 
-LEAST_PX = 460
-"""Width of a subframe in which dense stereo can look for the disparities of what is as near as a rock."""
+NAVCAM_NEAREST_M = 1.15
+"""Nothing is nearer to the mast: a subframe of 400 pixels bears disparities of 192."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,7 @@ class RockView:
         return camera if self.told_from_true is None else camera.transformed(self.told_from_true)
 
     def _cloud(self, cloud: Cloud) -> SurfaceCloud:
+        """Return the cloud of a dense one that has every `step`-th column and row."""
         found = cloud_of_stereo(cloud, disparity_rad=self.disparity_rad, farthest_m=3.0)
         return found if self.step == 1 else found.thinned(self.step)
 
@@ -145,6 +147,7 @@ class RockView:
             nearest_m=self.nearest_m,
             block_px=self.block_px,
             least_contrast=self.least_contrast,
+            step=self.step,
         )
         return self._cloud(dense)
 
@@ -201,7 +204,8 @@ class RockView:
         valid = (both | grown) & known & (ndtr(holes) >= chance) & (disparity > 0.5)
         # single points are taken away by the speckle filter
         valid &= cv2.blur(valid.astype(np.float32), (7, 7)) > 0.4
-        lines, samples = np.nonzero(valid)
+        lines, samples = np.nonzero(valid[:: self.step, :: self.step])
+        lines, samples = lines * self.step, samples * self.step
         told = self._told(one)
         d = disparity[lines, samples].astype(np.float64) + self.off_px
         pixels = np.column_stack((samples, lines)).astype(np.float64)
@@ -221,8 +225,9 @@ class RockView:
         return np.asarray(holes[y, x].reshape(points.shape[:-1]))
 
 
-def mast_view(scene: Scene, sun: Sun, seed: int, centre: Array, diameter_m: float, at: Array) -> RockView:
-    """Return the view of the mast's pair, turned to a point (3,), on a rock of this centre and diameter."""
+def mast_view(scene: Scene, sun: Sun, seed: int, at: Array) -> RockView:
+    """Return the view of the mast's pair, turned to a point (3,), in subframes like those of the `full`
+    rover."""
     rng = np.random.default_rng([seed, 0x3A57])
     rig = CameraRig(load_cameras("k9"), MAST_M)
     pan, tilt = rig.point_at(at, "navcam_left")
@@ -231,46 +236,30 @@ def mast_view(scene: Scene, sun: Sun, seed: int, centre: Array, diameter_m: floa
         rig.rover_from_mast(pan, tilt)
         * rig.rover_from_mast(pan + float(off[0]), tilt + float(off[1])).inverse()
     )
-    corners = np.array([(a, b, c) for a in (-0.8, 0.9) for b in (-0.9, 0.9) for c in (-0.1, 0.6)])
-    around = centre + 0.75 * diameter_m * corners
     pair = []
-    for name in ("navcam_left", "navcam_right"):
+    for name, margin in (("navcam_left", 0), ("navcam_right", RIGHT_MARGIN_PX)):
         # the subframe is cut by what is read
-        told = rig.camera(name, pan, tilt)
-        low, high = _bounds(told, around)
-        left, top = (int(v) for v in low)
-        pair.append(
-            rig.camera(name, pan + float(off[0]), tilt + float(off[1])).window(
-                left, top, int(high[0]) - left, int(high[1]) - top
-            )
-        )
-    nearest = 0.92 * float(((around - pair[0].C) @ pair[0].A).min())
+        x, y = (round(float(v)) for v in rig.camera(name, pan, tilt).project(at))
+        camera = rig.camera(name, pan + float(off[0]), tilt + float(off[1]))
+        width, height = WINDOW_PX + 2 * margin, WINDOW_PX
+        left = min(max(x - width // 2, 0), camera.width - width)
+        top = min(max(y - height // 2, 0), camera.height - height)
+        pair.append(camera.window(left, top, width, height))
     return RockView(
         scene,
         sun,
         pair[0],
         pair[1],
         "navcam_left",
-        nearest,
+        NAVCAM_NEAREST_M,
         NAVCAM,
-        disparity_rad=0.0003,
+        disparity_rad=NAVCAM_DISPARITY_RAD,
         told_from_true=told_from_true,
         off_px=OFF_PX * float(rng.standard_normal()),
         block_px=5,
         least_contrast=1.5,
         step=2,
     )
-
-
-def _bounds(camera: CameraModel, around: Array) -> tuple[Array, Array]:
-    """Return the corners of the subframe that shows the points, wide enough for dense stereo."""
-    pixels = camera.project(around)
-    size = np.array([camera.width, camera.height], dtype=np.float64)
-    low, high = pixels.min(axis=0) - 25.0, pixels.max(axis=0) + 25.0
-    lack = max(0.0, LEAST_PX - float(high[0] - low[0]))
-    low[0], high[0] = low[0] - lack / 2.0, high[0] + lack / 2.0
-    shift = np.maximum(0.0, -low) - np.maximum(0.0, high - size)
-    return np.clip(low + shift, 0.0, size), np.clip(high + shift, 0.0, size)
 
 
 def _numbers(seed: int) -> np.random.Generator:

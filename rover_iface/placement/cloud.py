@@ -23,6 +23,9 @@ Array = npt.NDArray[np.float64]
 DISPARITY_RAD = 0.0015
 """Error of a disparity of dense stereo as an angle, measured on rendered hazcam pairs (docs/placement.md)."""
 
+NAVCAM_DISPARITY_RAD = 0.0003
+"""The same of the navcams."""
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceCloud:

@@ -66,12 +66,12 @@ class JointCheck:
         if against:
             best = replace(best, findings=(*best.findings, *against))
         if not best.findings and best.normal is not None:
-            hidden = self._hidden(best.point, best.normal)
+            hidden = self.hidden_share(best.point, best.normal)
             if hidden > self.limits.most_hidden:
                 best = best.with_finding(Finding(Reason.WAY_HIDDEN, hidden, self.limits.most_hidden))
         return best
 
-    def _hidden(self, at: Array, normal: Array) -> float:
+    def hidden_share(self, at: Array, normal: Array) -> float:
         """Return the share of the tool's way that something hides from a camera and none sees to be free."""
         first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
         first /= np.linalg.norm(first)

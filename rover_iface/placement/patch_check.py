@@ -193,7 +193,7 @@ class PatchCheck:
         near = kernels.relief(across, height, self._near, self._above)
         wide = kernels.relief(across, height, self._wide, self._above)
         beside = kernels.obstruction(
-            across, height, self._wide, self.limits.calm_margin_m, self._above, SINGLE_POINTS
+            across, height, self._near, self.limits.calm_margin_m, self._above, SINGLE_POINTS
         )
         surface = ball[wide[0]]
         sigma = kernels.median_sigma(cloud.covariances, surface, normal)
@@ -215,7 +215,7 @@ class PatchCheck:
             sigma_m=sigma,
             normal_sigma_rad=self._normal_sigma(cloud.points, surface, normal, sigma),
             view_angle_rad=_angle(normal, outward) if cloud.eye is not None else 0.0,
-            rock_share=float(window.mine[surface].mean()),
+            rock_share=float(window.mine[ball[near[0]]].mean()) if near[0].any() else 0.0,
             beside_m=beside,
             slope_rad=0.0 if self.axis is None else _angle(normal, self.axis),
         )

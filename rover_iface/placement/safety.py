@@ -28,6 +28,7 @@ from rover_iface.placement.cloud import Array, SurfaceCloud
 from rover_iface.placement.joint_check import JointCheck
 from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.safety_limits import SafetyLimits
+from rover_iface.placement.second_labels import SECOND_EDGE_PX, second_labels
 from rover_iface.placement.segmentation import (
     GROUND,
     RockSegment,
@@ -46,11 +47,6 @@ call of `plan_motion` with its obstacles, whose refusal on collision counts like
 
 MOST_ASKED = 200
 """How many safe points the arm is asked for before the rover is said to be in the wrong place."""
-
-
-SECOND = SegmentationOptions(thinning=2, roughness_m=0.006, rounds=4)
-SECOND_EDGE_PX = 2
-"""How the second cloud is segmented, and how far it is not trusted beside a step."""
 
 
 def plan_placement(
@@ -113,31 +109,14 @@ def plan_placement(
     if miss is not None:
         return _refused(miss)
     checks = [PatchCheck(cloud, found.labels, label, profile, limits, axis)]
-    if second is not None and (other := _of_second(second, at, profile, limits, axis, rock_only)) is not None:
-        checks.append(other)
+    if second is not None and len(second):
+        labels = second_labels(second, at, cloud, found, label)
+        near = replace(limits, edge_px=SECOND_EDGE_PX)
+        checks.append(PatchCheck(second, labels, label, profile, near, axis))
     check = JointCheck(checks)
     rock = found.rocks[label] if label != GROUND else None
     ask = arm if arm is not None else Arm(profile.arm).solve
     return _search(check, at, ask, rock, profile, terrain)
-
-
-def _of_second(
-    second: SurfaceCloud,
-    at: Array,
-    profile: RoverProfile,
-    limits: SafetyLimits,
-    axis: Array | None,
-    rock_only: bool,
-) -> PatchCheck | None:
-    """Return the check of the second cloud, None where that does not show the rock."""
-    found = segment(second, SECOND)
-    if found.ground is None and rock_only:
-        return None
-    label, miss = _label_at(second, found, at, limits, rock_only)
-    if miss is not None:
-        return None
-    limits = replace(limits, edge_px=SECOND_EDGE_PX)
-    return PatchCheck(second, found.labels, label, profile, limits, axis)
 
 
 def _search(

@@ -22,8 +22,8 @@ class SafetyLimits:
     most_protrusion_m, most_depth_m
         How far the surface under the tool may stand over the plane, and fall below it.
     most_beside_m
-        How far anything in the ring of another `calm_margin_m` round a calm surface, or leaning over it, may
-        stand over the plane.
+        How far anything in the ring of `calm_margin_m` round a safe surface, or leaning over it, may stand
+        over the plane.
     most_rms_m
         Root mean square deviation from the plane, above what stereo errs.
     calm, calm_hole_m, calm_doubt, calm_normal_rad
@@ -66,7 +66,7 @@ class SafetyLimits:
     most_protrusion_m: float = 0.018
     most_depth_m: float = 0.0225
     most_beside_m: float = 0.030
-    most_rms_m: float = 0.0054
+    most_rms_m: float = 0.008
     calm: float = 0.66
     calm_hole_m: float = 0.012
     calm_doubt: float = 0.01
@@ -79,7 +79,7 @@ class SafetyLimits:
     edge_jump_m: float = 0.035
     most_doubt: float = 0.20
     most_view_rad: float = math.radians(70.0)
-    least_rock_share: float = 0.95
+    least_rock_share: float = 0.985
     most_slope_rad: float = math.radians(14.0)
     calm_slope_rad: float = math.radians(11.0)
     tool_length_m: float = 0.14
