@@ -99,6 +99,10 @@ class Alignment:
             and self.sigma_m <= options.most_sigma_m
         )
 
+    def as_dict(self) -> dict[str, float]:
+        """Return the JSON form of how well it was laid."""
+        return {"residual_m": self.residual_m, "overlap": self.overlap, "sigma_m": self.sigma_m}
+
 
 def align(
     second: SurfaceCloud, first: SurfaceCloud, options: AlignmentOptions | None = None

@@ -13,14 +13,14 @@ import numpy.typing as npt
 
 from executive.ports import Command, Value
 from rover_iface.cameras.model import Array, CameraModel
-from rover_iface.cameras.stereo import dense_stereo
 from rover_iface.errors import CameraError, PlacementError, RenderError, RoverError, TrackerError
-from rover_iface.frames import Pose, Transform
+from rover_iface.frames import Pose
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
 from rover_iface.placement.base_adjustment import base_move
 from rover_iface.placement.base_placement import REACH_SHARE
-from rover_iface.placement.cloud import SurfaceCloud, cloud_of_stereo
+from rover_iface.placement.cloud import SurfaceCloud
+from rover_iface.placement.cloud_alignment import Alignment
 from rover_iface.placement.safety import plan_placement
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
@@ -35,6 +35,7 @@ from rover_iface.simulator.hazard_eyes import HazardEyes
 from rover_iface.simulator.mast_cameras import MastCameras, Shot
 from rover_iface.simulator.microscope import CloseUp, close_up
 from rover_iface.simulator.placing import Contact, HandedOff, Placing
+from rover_iface.simulator.placing_clouds import hazcam_cloud, mast_cloud
 from rover_iface.simulator.products import picture_label, png
 from rover_iface.simulator.routine import RoutineRover
 
@@ -44,20 +45,21 @@ NEAR_M = 0.015
 MOVES, FARTHEST_MOVE_M, MOST_TURN_RAD = 2, 0.5, 0.8
 """How often, how far and with how much of a turn the rover moves without a look so that the arm reaches."""
 
-NEAREST_M = 0.30
-SCALE = 1.5
-"""Of the aligned hazcam pair: aligning a fisheye pair takes a third of the resolution in its middle."""
 IMAGER = "mi"
 
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One placement as it was decided and carried out; rover frame where not said otherwise."""
+    """One placement as it was decided and carried out; rover frame where not said otherwise.
+
+    `laid` is the mast's cloud as it was laid on the hazcams' `cloud`, None where that failed.
+    """
 
     handed: HandedOff
     verdict: PlacementVerdict
     cloud: SurfaceCloud
     segmentation: Segmentation
+    laid: Alignment | None
     motion: Motion | None
     touch: Touch | None
 
@@ -199,7 +201,9 @@ class ArmPlacing(Placing):
         handed = self.eyes.at_this_stop(followed, t_s)
         followed.update = handed.update
         rover_from_site = self.body.believed.site_from_rover.inverse()
-        cloud = self._cloud(rover_from_site, t_s)
+        cloud = hazcam_cloud(self.eyes.pair(t_s).view, rover_from_site)
+        mast = self.eyes.near(followed.target.id)
+        laid = None if mast is None else mast_cloud(mast, rover_from_site, cloud)
         at = np.asarray(rover_from_site.apply(handed.update.position), dtype=np.float64)
         obstacles = Obstacles.of(self.body.profile, cloud.points)
 
@@ -208,27 +212,22 @@ class ArmPlacing(Placing):
 
         found = segment(cloud, SegmentationOptions())
         verdict = plan_placement(
-            cloud, at, self.body.profile, limits=self.limits, segmentation=found, arm=way
+            cloud,
+            at,
+            self.body.profile,
+            limits=self.limits,
+            segmentation=found,
+            arm=way,
+            second=None if laid is None else laid.cloud,
         )
         motion = verdict.posture if isinstance(verdict.posture, Motion) else None
         touch = None
         if verdict.accepted and motion is not None:
             pose = self.body.pose.site_from_rover
             touch = place_tool(self.body.renderer.scene, self.arm, pose, motion, rng=self.body.rng)
-        attempt = Attempt(handed, verdict, cloud, found, motion, touch)
+        attempt = Attempt(handed, verdict, cloud, found, laid, motion, touch)
         self.attempts[followed.target.id] = attempt
         return attempt
-
-    def _cloud(self, rover_from_site: Transform, t_s: float) -> SurfaceCloud:
-        """Return what the hazcams range at this stop, rover frame."""
-        view = self.eyes.pair(t_s).view
-        cameras = view.left_camera, view.right_camera
-        dense = dense_stereo(view.left, view.right, *cameras, nearest_m=NEAREST_M, scale=SCALE)
-        up = np.asarray(rover_from_site.rotate((0.0, 0.0, 1.0)), dtype=np.float64)
-        up /= np.linalg.norm(up)
-        return cloud_of_stereo(dense, farthest_m=4.0).moved(
-            rover_from_site, up=(float(up[0]), float(up[1]), float(up[2]))
-        )
 
     # ---- products
 
@@ -259,6 +258,7 @@ class ArmPlacing(Placing):
             "handoff": self.eyes.answers.get(name, {}),
             "verdict": attempt.verdict.as_dict(),
             "text": attempt.verdict.text,
+            "mast": None if attempt.laid is None else attempt.laid.as_dict(),
             "joints_rad": None if attempt.motion is None else attempt.motion.contact.tolist(),
             "contact": None if attempt.touch is None else attempt.touch.made,
             "beyond_m": None if attempt.touch is None else _finite(attempt.touch.beyond_m),

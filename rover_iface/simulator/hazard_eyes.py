@@ -131,6 +131,7 @@ class HazardEyes:
         self.dusty: set[str] = set()
         self._pair: tuple[Pose, Sighting] | None = None
         self._handed: dict[str, tuple[Pose, HandedOff]] = {}
+        self._near: dict[str, tuple[Pose, StereoView]] = {}
 
     def pair(self, t_s: float) -> Sighting:
         """Return the hazcam pair of this stop, cameras in the believed site frame.
@@ -149,6 +150,7 @@ class HazardEyes:
         """Look anew when asked next, though the rover has not moved."""
         self._pair = None
         self._handed.clear()
+        self._near.clear()
 
     def _dusted(self, pair: Sighting) -> Sighting:
         """Return the pair with grains scattered before the dusty targets in the right image."""
@@ -183,6 +185,11 @@ class HazardEyes:
             return known[1]
         return self.hand_off(followed, "", t_s)
 
+    def near(self, target: str) -> StereoView | None:
+        """Return the navcam pair that a target was handed off from at this stop, None without one."""
+        known = self._near.get(target)
+        return known[1] if known is not None and known[0] == self.body.believed else None
+
     def hand_off(self, followed: Followed, method: str, t_s: float) -> HandedOff:
         """See `Handoff` of the rover's placing; the default method is the cascade from the near navcams."""
         name = followed.target.id
@@ -192,6 +199,7 @@ class HazardEyes:
             near = self.cameras.stereo(followed.update.position, t_s).view
         except (CameraError, RenderError) as err:
             raise TrackerError(f"target {name} cannot be looked at for the hand-off: {err}") from err
+        self._near[name] = (self.body.believed, near)
         haz = self.pair(t_s).view
         pixel = np.asarray(near.left_camera.project(followed.update.position), dtype=np.float64)
         given = Handoff(Side(haz, 0.3), Side(near, 0.8), pixel)

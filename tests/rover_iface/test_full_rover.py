@@ -82,6 +82,14 @@ def test_a_target_is_driven_to_and_touched_within_two_centimetres(story: Story) 
     assert np.linalg.norm(attempt.touch.point - truth) == pytest.approx(placed["placement_error_m"])
 
 
+def test_the_masts_cloud_is_laid_on_the_hazcams(story: Story) -> None:
+    laid = story.rover.placing.attempts["T1"].laid
+    assert laid is not None
+    assert laid.believed()
+    assert laid.residual_m < 0.006
+    assert laid.overlap > 0.7
+
+
 def test_the_track_is_settled_by_shape_on_arrival(story: Story) -> None:
     history = [r for r in story.rover.follower.history if r.target == "T1"]
     assert len(history) >= 3
