@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.floating]
 
+OWN_MARGIN_M = 0.02
+"""How near to the rock it comes for the rover may go: up to it, not onto it."""
+
 
 @njit(cache=True, nogil=True, inline="always")
 def _height(heights: Array, west: float, south: float, spacing: float, x: float, y: float) -> float:
@@ -276,8 +279,8 @@ def try_ways(
 
     A way [n, 3] is a turn in place, then an arc of a curvature and a length (backwards if negative). An
     obstacle stops it if it comes within the margin and nearer than it is now, so that the rover can leave
-    what it stands beside; so does ground never seen under the body itself. Obstacles within a circle (the
-    tracked target's own rock) do not count.
+    what it stands beside; so does ground never seen under the body itself. Within a circle (the tracked
+    target's own rock) obstacles may come as near as `OWN_MARGIN_M`, and unseen ground does not count.
     """
     rows, columns = hazard.shape
     result = np.zeros((ways.shape[0], 6))
@@ -331,6 +334,9 @@ def try_ways(
                         ax, ay = gx - x, gy - y
                         after = _clearance(u, v, half_length, half_width)
                         before = _clearance(ch * ax + sh * ay, -sh * ax + ch * ay, half_length, half_width)
+                        own = math.hypot(gx - ignore_x, gy - ignore_y) <= ignore_radius
+                        if own and (unseen or after >= OWN_MARGIN_M):
+                            continue
                         if after >= (0.0 if unseen else margin):
                             continue
                         if before < 0.0:
@@ -338,8 +344,6 @@ def try_ways(
                             if unseen or math.hypot(gx - px, gy - py) > math.hypot(ax, ay) - 0.02:
                                 continue
                         elif after >= before - 0.01:
-                            continue
-                        if math.hypot(gx - ignore_x, gy - ignore_y) <= ignore_radius:
                             continue
                         stop = True
                         break

@@ -105,7 +105,7 @@ class Navigator:
     step_m
         Longest way between two looks; a tracker may ask for less.
     ignore
-        Circle (x, y, radius) whose obstacles do not count: the tracked target's own rock.
+        Circle (x, y, radius) whose obstacles may be come near to: the tracked target's own rock.
     """
 
     profile: RoverProfile
@@ -286,13 +286,6 @@ class Navigator:
         first = self.map.cell * (factor - 1) / 2
         self._west, self._south, self._coarse = self.map.west + first, self.map.south + first, coarse
         gr, gc = self._index(goal[0], goal[1], rows, columns)
-        if self.ignore[2] > 0:
-            r, c = np.mgrid[0:rows, 0:columns]
-            near = (
-                np.hypot(self._west + c * coarse - self.ignore[0], self._south + r * coarse - self.ignore[1])
-                <= self.ignore[2]
-            )
-            blocked &= ~near
         distance = obstacle_distance(blocked, coarse)
         inner = self.profile.body.width_m / 2 + p.least_margin_m
         outer = self.profile.body.radius_m + p.margin_m

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -14,7 +15,7 @@ import numpy.typing as npt
 from executive.ports import Command, Value
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.errors import CameraError, PlacementError, RenderError, RoverError, TrackerError
-from rover_iface.frames import Pose
+from rover_iface.frames import Pose, wrap_angle
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
 from rover_iface.placement.base_adjustment import base_move
@@ -129,19 +130,38 @@ class ArmPlacing(Placing):
         TrackerError, RenderError, CameraError
             See `_attempt`.
         """
+        stand = self.driving.stand(followed.target.id)
+        if stand is not None and not self.eyes.sees(followed):
+            yield from self._move(followed, stand)
         attempt = self._attempt(followed, self.host.t_s)
         for _ in range(MOVES):
             move = attempt.verdict.base_move or self._nearer(attempt)
-            if move is None or move.distance_m > FARTHEST_MOVE_M or abs(move.turn_rad) > MOST_TURN_RAD:
+            if move is None:
                 break
-            duration, energy = self.host.spread("handoff")
-            yield Step(duration, energy)
             wanted = self.body.believed.site_from_rover * move.pose.site_from_rover
-            yield from self.driving.shift(Pose.from_transform(wanted))
-            if self.follower.tracked(followed.target.id) is None:
-                raise TrackerError(f"target {followed.target.id} was lost while the rover moved for it")
+            if not (yield from self._move(followed, Pose.from_transform(wanted))):
+                break
             attempt = self._attempt(followed, self.host.t_s)
         return attempt
+
+    def _move(self, followed: Followed, pose: Pose) -> Generator[Step, None, bool]:
+        """Move to a pose of the believed frame; False, and no move, if that is too far without a look.
+
+        Raises
+        ------
+        TrackerError
+            If the target is lost on the way.
+        """
+        here = self.body.believed
+        if math.hypot(pose.x - here.x, pose.y - here.y) > FARTHEST_MOVE_M:
+            return False
+        if abs(wrap_angle(pose.heading - here.heading)) > MOST_TURN_RAD:
+            return False
+        yield Step(*self.host.spread("handoff"))
+        yield from self.driving.shift(pose)
+        if self.follower.tracked(followed.target.id) is None:
+            raise TrackerError(f"target {followed.target.id} was lost while the rover moved for it")
+        return True
 
     def _nearer(self, attempt: Attempt) -> BaseMove | None:
         """Return the move that brings a refused target into the arm's reach; None when it is in reach.

@@ -105,6 +105,15 @@ class Driving:
         reason = yield from self._go(Way(angle, 0.0, 0.0))
         return Outcome(not reason, reason, {"energy_j": self.host.drawn_j - before})
 
+    def stand(self, name: str) -> Pose | None:
+        """Return a target's stand in the believed frame, laid out from where the target is believed to be."""
+        target = self.body.targets[name]
+        if target.observation_point is None:
+            return None
+        by = np.asarray(self.follower.position(name)[:2], dtype=float) - np.array(target.point[:2])
+        stand = target.observation_point
+        return Pose(stand.x + float(by[0]), stand.y + float(by[1]), heading=stand.heading)
+
     def shift(self, pose: Pose) -> Generator[Step, None, str]:
         """Move to a near pose of the believed frame by turn, drive and turn, without a look.
 
@@ -267,10 +276,8 @@ class Driving:
             away = math.hypot(x - here.x, y - here.y)
             share = max(0.0, 1.0 - standoff / away) if away > 0 else 0.0
             return (here.x + share * (x - here.x), here.y + share * (y - here.y)), wanted
-        target = self.body.targets[name]
-        centre = np.array(target.point[:2])
         now = np.asarray(self.follower.position(name)[:2], dtype=float)
-        stand = target.observation_point
+        stand = self.stand(name)
         if stand is None or standoff > 0:
             away = math.hypot(now[0] - here.x, now[1] - here.y)
             reach = standoff if standoff > 0 else 0.9
@@ -280,8 +287,7 @@ class Driving:
                 (here.x + share * (now[0] - here.x), here.y + share * (now[1] - here.y)),
                 face if wanted is None else wanted,
             )
-        goal = now + (np.array([stand.x, stand.y]) - centre)
-        return (float(goal[0]), float(goal[1])), stand.heading if wanted is None else wanted
+        return (stand.x, stand.y), stand.heading if wanted is None else wanted
 
     def _write_products(self, command: Command, goal: tuple[float, float]) -> None:
         """Write the hazard map, the odometry and the tracking history of a drive."""

@@ -172,6 +172,12 @@ class HazardEyes:
                 cv2.circle(image, middle, int(rng.integers(*GRAIN_PX)), grey, -1)
         return pair if not self.dusty else replace(pair, view=replace(pair.view, right=image))
 
+    def sees(self, followed: Followed) -> bool:
+        """Return whether the left hazard camera has a target in its frame, by where it is believed to be."""
+        rover_from_site = self.body.believed.site_from_rover.inverse()
+        camera = self.cameras.rig.camera(self.body.profile.cameras.hazard)
+        return bool(camera.sees(rover_from_site.apply(followed.update.position)))
+
     def at_this_stop(self, followed: Followed, t_s: float) -> HandedOff:
         """Return the hand-off of a target made at this stop, made now if there is none.
 
@@ -193,7 +199,7 @@ class HazardEyes:
     def hand_off(self, followed: Followed, method: str, t_s: float) -> HandedOff:
         """See `Handoff` of the rover's placing; the default method is the cascade from the near navcams."""
         name = followed.target.id
-        if not bool(self.pair(t_s).view.left_camera.sees(followed.update.position)):
+        if not self.sees(followed):
             raise TrackerError(f"the hazard camera does not see target {name}")
         try:
             near = self.cameras.stereo(followed.update.position, t_s).view

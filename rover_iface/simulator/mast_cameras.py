@@ -84,6 +84,27 @@ class MastCameras:
         rover_from_believed = self.body.believed.site_from_rover.inverse()
         return self.rig.point_at(rover_from_believed.apply(point_believed), camera)
 
+    def designated(self, point_true: Array, camera: str = "navcam_left") -> Array:
+        """Return where a surface point (3,) of the true site lies by a picture that a person points at it in.
+
+        Believed site frame. The mast is off by its bias in that picture as in all that are taken later, so
+        the pixel that the person meant is found again; by its noise they differ.
+
+        Raises
+        ------
+        CameraError
+            If the mast cannot point there.
+        """
+        point = np.asarray(point_true, dtype=np.float64)
+        believed, true = self.body.believed.site_from_rover, self.body.pose.site_from_rover
+        there = np.asarray(believed.apply(true.inverse().apply(point)), dtype=np.float64)
+        pan, tilt = self.point_at(there, camera)
+        bias = self._bias
+        actual = self.rig.camera(camera, pan + float(bias[0]), tilt + float(bias[1])).transformed(true)
+        told = self.rig.camera(camera, pan, tilt).transformed(believed)
+        eye, way = told.back_project(actual.project(point))
+        return np.asarray(eye + float(np.linalg.norm(point - actual.C)) * way)
+
     def stereo(self, point_believed: Array, t_s: float, camera: str = "navcam") -> Sighting:
         """Point the mast at a believed point and take a stereo pair round it.
 

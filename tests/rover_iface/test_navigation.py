@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -98,16 +98,38 @@ def test_an_arc_ends_where_the_circle_says() -> None:
     assert end_of(Pose(1, 2), math.pi / 2, 0.0, 2.0) == pytest.approx((1.0, 4.0, math.pi / 2))
 
 
-def test_the_tracked_targets_own_rock_is_no_obstacle() -> None:
+def test_the_rover_comes_near_the_tracked_targets_own_rock() -> None:
     rock = bumpy(lambda x, y: np.where(np.hypot(x - 1.6, y) < 0.3, 0.3, 0.0))
     hazards = looked(GroundRaster.of(rock, 5.9), Pose(0, 0))
-    navigator = Navigator(K9, hazards)
-    before = navigator.choose(Pose(0, 0), (1.2, 0.0))
+    navigator = Navigator(K9, hazards, step_m=0.6)
+    before = navigator.choose(Pose(0, 0), (0.6, 0.0))
     navigator.ignore = (1.6, 0.0, 0.6)
-    after = navigator.choose(Pose(0, 0), (1.2, 0.0))
+    after = navigator.choose(Pose(0, 0), (0.6, 0.0))
     assert after is not None
     assert abs(after.turn_rad) < 0.3
+    assert end_of(Pose(0, 0), *astuple(after))[0] > 0.4
     assert before is None or before.length_m < after.length_m or abs(before.turn_rad) > 0.3
+
+
+def test_the_rover_does_not_drive_over_the_tracked_targets_own_rock() -> None:
+    rock = bumpy(lambda x, y: np.where(np.hypot(x - 1.6, y) < 0.3, 0.3, 0.0))
+    hazards = looked(GroundRaster.of(rock, 5.9), Pose(0, 0))
+    navigator = Navigator(K9, hazards, ignore=(1.6, 0.0, 0.45))
+    pose, goal = Pose(0, 0), (2.5, 0.0)  # its stand is on the far side
+    for _ in range(12):
+        way = navigator.choose(pose, goal)
+        if way is None:
+            break
+        for share in np.linspace(0.0, 1.0, 6):
+            x, y, heading = end_of(pose, way.turn_rad, way.curvature_1_m, share * way.length_m)
+            ahead = (1.6 - x) * math.cos(heading) + y * -math.sin(heading)
+            aside = -(1.6 - x) * math.sin(heading) + -y * math.cos(heading)
+            off = math.hypot(
+                max(0.0, abs(ahead) - K9.body.length_m / 2), max(0.0, abs(aside) - K9.body.width_m / 2)
+            )
+            assert off > 0.25
+        pose = Pose(x, y, heading=heading)
+    assert math.hypot(pose.x, pose.y) > 0.5
 
 
 def test_slip_grows_uphill_and_the_rover_falls_short_of_what_it_believes() -> None:
