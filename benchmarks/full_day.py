@@ -20,7 +20,7 @@ import json
 import math
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
@@ -29,12 +29,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.operator_choice import Operator, choose
+from benchmarks.operator_choice import Operator, Pick, choose
 from benchmarks.subframe_day import WORLD_ERROR, flight_ends
 from executive.crl import canonical_text
 from ground.convert import DayRequest, prepare_day
 from ground.demo_day import loss_to_inject
-from ground.demo_mission import demo_mission
+from ground.demo_mission import DemoMission, demo_mission
 from ground.flight import fly
 from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
@@ -43,13 +43,16 @@ from planner.solve import solve
 from rover_iface.profile import load_profile
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.full_rover import FullRover, make_rover
+from rover_iface.simulator.mast_cameras import MastCameras
+from rover_iface.simulator.subframe_rover import body_of
+from rover_iface.simulator.world import load_world
 from rover_iface.terrain import Terrain, generate_terrain, load_terrain
 from rover_iface.terrain.strew import strew_rocks
 
 PLACEMENTS = 4
 """What the downlink of the day has room for: as many as the paper's rover approached."""
 BRANCHES = 6
-STREWN_COVER = 0.04
+STREWN_COVER = 0.06
 
 
 def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = True) -> dict[str, Any]:
@@ -68,6 +71,7 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
     with stage("targets, observation points, paths"):
         mission = demo_mission(terrain, profile, seed=seed)
         picks = choose(mission.limits.start, list(Operator(terrain, profile, mission).picks()))
+        picks = _designated(picks, mission, terrain, seed)
         chosen = tuple(pick.target for pick in picks)
         requests = tuple(
             DayRequest(f"R{k + 1}", p.target.id, "mi", 20.0, tracked=True, observation_point=p.stand)
@@ -118,6 +122,19 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
         "triangles": triangles,
         "stages": spent,
     }  # fmt: skip
+
+
+def _designated(picks: Sequence[Pick], mission: DemoMission, terrain: Terrain, seed: int) -> tuple[Pick, ...]:
+    """Return the targets where the rover's first pictures put them: the operator points at them there."""
+    start = mission.limits.start
+    pose = {"east_m": start.east_m, "north_m": start.north_m, "heading_rad": start.heading_rad}
+    world = load_world({"format": "world/1", "name": mission.name, "start": pose, "map_error": WORLD_ERROR})
+    cameras = MastCameras(body_of(world, terrain, seed))
+    found = []
+    for pick in picks:
+        x, y, z = (float(v) for v in cameras.designated(np.array(pick.target.point_site)))
+        found.append(replace(pick, target=replace(pick.target, point_site=(x, y, z))))
+    return tuple(found)
 
 
 def _strewn(terrain: Terrain, seed: int) -> Terrain:

@@ -42,12 +42,14 @@ RAY_M = 0.01
 """Distance between the rays that feel for a face."""
 FACE_M = 0.055
 """Radius of what must be one face: the tool and what track and hand-off may be off."""
-MOST_RELIEF_M, LEAST_FULL = 0.012, 0.9
-"""How far the face may leave its plane, and how much of the circle must be seen from the start."""
+MOST_RELIEF_M, MOST_GAP_M = 0.012, 0.03
+"""How far the face may leave its plane, and by how much a ray to its rim may miss it: beyond or short."""
 DAY_H, LEAST_LIGHT = 3.0, 0.25
 """How long a target must be lit, hours, and the least cosine of the sun's angle to its normal."""
 MOST_OBLIQUE_RAD, MOST_TILT_RAD = math.radians(55.0), math.radians(8.0)
 """Between the hazard camera's view and the normal, and between the tool and it."""
+MOST_GRAZING_RAD = math.radians(68.0)
+"""Between the view from the start and the normal: a pixel more or less is then decimetres."""
 PAN_MARGIN_RAD = math.radians(5.0)
 """What the mast's foot and the camera beside it take off the pan at a few metres."""
 TARGETS = 5
@@ -179,10 +181,11 @@ class Operator:
             middle = near.mean(axis=0)
             _, _, axes = np.linalg.svd(near - middle, full_matrices=False)
             normal = axes[2] * np.sign(axes[2] @ outward[k])
-            way = (self.eye - middle) / np.linalg.norm(self.eye - middle)
-            full = len(near) * RAY_M**2 / max(float(normal @ way), 1e-3) / (math.pi * FACE_M**2)
             relief = float(np.abs((near - middle) @ normal).max())
-            if full >= LEAST_FULL and relief <= MOST_RELIEF_M and np.linalg.norm(middle - points[k]) < 0.01:
+            steep = float(normal @ (self.eye - points[k])) / float(np.linalg.norm(self.eye - points[k]))
+            if steep < math.cos(MOST_GRAZING_RAD):
+                continue
+            if relief <= MOST_RELIEF_M and self._whole(points[k], normal, self.eye):
                 found.append(_Face(points[k], normal, relief))
         found.sort(key=lambda face: face.relief_m)
         apart: list[_Face] = []
@@ -190,6 +193,13 @@ class Operator:
             if all(np.linalg.norm(face.middle - f.middle) > 0.02 for f in apart):
                 apart.append(face)
         return apart
+
+    def _whole(self, point: Array, normal: Array, eye: Array) -> bool:
+        """Return whether all of the face is seen from an eye (3,): no rim within it, nothing before it."""
+        rays = point + _circle(normal) - eye
+        far = np.linalg.norm(rays, axis=1)
+        away = self.scene.ranges(eye, rays / far[:, None])
+        return bool((np.abs(away - far) < MOST_GAP_M).all())
 
     def _seen(self, rock: Rock) -> tuple[Array, Array]:
         """Return what is seen of a rock from the start: points and outward normals [n, 3]."""
@@ -257,6 +267,8 @@ class Operator:
         view = (camera.C - point) / np.linalg.norm(camera.C - point)
         if not bool(camera.sees(point, 40.0)) or float(view @ normal) < math.cos(MOST_OBLIQUE_RAD):
             return False
+        if not self._whole(point, normal, camera.C):
+            return False
         rover_from_site = pose.site_from_rover.inverse()
         posture = self.arm.solve(rover_from_site.apply(point), rover_from_site.rotate(normal))
         return isinstance(posture, Posture) and posture.tool_tilt_rad <= MOST_TILT_RAD
@@ -265,11 +277,7 @@ class Operator:
         """Return whether the sun reaches the face from the start to `DAY_H` hours after it."""
         if any(float(normal @ sun) < LEAST_LIGHT for sun in self.suns):
             return False
-        first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-        first /= np.linalg.norm(first)
-        turn = np.linspace(0.0, math.tau, 8, endpoint=False)[:, None]
-        ring = FACE_M * (np.cos(turn) * first + np.sin(turn) * np.cross(normal, first))
-        disc = point + 0.02 * normal + np.vstack((np.zeros(3), ring))
+        disc = point + 0.02 * normal + np.vstack((np.zeros(3), _circle(normal)))
         places = (disc - self.scene.origin).astype(np.float32)
         shadow = None if stand is None else OwnShadow(self.profile, lambda: stand.site_from_rover)
         for sun in self.suns:
@@ -284,3 +292,11 @@ class Operator:
         """Return whether the mast can turn to a rock from the start: not to what lies behind it."""
         pan = wrap_angle(math.atan2(rock.y - self.start.y, rock.x - self.start.x) - self.start.heading)
         return abs(pan) < self.profile.mast.pan_limit_rad - PAN_MARGIN_RAD
+
+
+def _circle(normal: Array) -> Array:
+    """Return the rim (12, 3) of a face round the origin with a unit normal (3,)."""
+    first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
+    first /= np.linalg.norm(first)
+    turn = np.linspace(0.0, math.tau, 12, endpoint=False)[:, None]
+    return np.asarray(FACE_M * (np.cos(turn) * first + np.sin(turn) * np.cross(normal, first)))
