@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rover_iface.placement.cloud import Array
+from rover_iface.placement.cloud import Array, SurfaceCloud
 from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.verdict import Finding, Reason
 
@@ -28,6 +28,12 @@ UNKNOWING = frozenset(
     }
 )
 """Reasons by which a cloud says that it does not know the surface; all others say that it is bad."""
+
+STRIP_M = 0.006
+"""Half the width of the strip in which a crease is looked for, and the length of its parts."""
+
+RELIEF = frozenset({Reason.EDGE, Reason.PROTRUSION, Reason.ROUGHNESS})
+"""Reasons that points beside a step may give falsely."""
 
 WAY_HEIGHTS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 """Where the tool's way is looked at, shares of its length over the surface."""
@@ -60,16 +66,44 @@ class JointCheck:
         with it."""
         judged = [check.judge(point) for check in self.checks]
         best = min(judged, key=_ignorance)
-        against = [
-            f for other in judged if other is not best for f in other.findings if f.reason not in UNKNOWING
-        ]
-        if against:
-            best = replace(best, findings=(*best.findings, *against))
-        if not best.findings and best.normal is not None:
-            hidden = self.hidden_share(best.point, best.normal)
-            if hidden > self.limits.most_hidden:
-                best = best.with_finding(Finding(Reason.WAY_HIDDEN, hidden, self.limits.most_hidden))
-        return best
+        others = [finding for one in judged if one is not best for finding in one.findings]
+        against = tuple(finding for finding in others if finding.reason not in UNKNOWING)
+        joint = replace(best, findings=(*best.findings, *against))
+        if best.normal is None or (joint.findings and len(self.checks) < 2):
+            return joint
+        strain = self._close_strain(judged, best)
+        if joint.findings and strain > 1.0:
+            return joint
+        hidden = self.hidden_share(best.point, best.normal)
+        if hidden > self.limits.most_hidden:
+            return joint.with_finding(Finding(Reason.WAY_HIDDEN, hidden, self.limits.most_hidden))
+        return replace(joint, close_strain=strain)
+
+    def _close_strain(self, judged: Sequence[Judged], best: Judged) -> float:
+        """Return the largest share of the close limits that a place takes; infinite where something besides
+        its relief is wrong, or with one cloud.
+
+        Beside a step stereo draws the foreground over its edge, and a surface that ends there seems to be
+        rough and deep. So the relief is that of the other points, and the clouds together must leave hardly
+        a gap between them.
+        """
+        knowing = [one for one in judged if one is best or not _ignorance(one)[0]]
+        if len(self.checks) < 2 or best.normal is None or best.measures is None:
+            return math.inf
+        if any(finding.reason not in RELIEF for one in knowing for finding in one.findings):
+            return math.inf
+        relief = max(
+            check.sound_relief(one.measures)
+            for check, one in zip(self.checks, judged, strict=True)
+            if one.measures is not None and any(one is known for known in knowing)
+        )
+        doubt = best.measures.doubtful_share
+        limits = self.limits
+        if max(relief / limits.close_relief, doubt / limits.close_doubt) > 1.0:
+            return math.inf
+        points = np.vstack([check.sound_points(best.point, best.normal) for check in self.checks])
+        hole = self.checks[0].hole_m(points, best.point, best.normal)
+        return max(relief / limits.close_relief, doubt / limits.close_doubt, hole / limits.close_hole_m)
 
     def hidden_share(self, at: Array, normal: Array) -> float:
         """Return the share of the tool's way that something hides from a camera and none sees to be free."""
@@ -82,6 +116,33 @@ class JointCheck:
         way = (at + disc[None] + heights[:, None, None] * normal).reshape(-1, 3)
         hidden, free = np.array([check.sight(way) for check in self.checks]).transpose(1, 0, 2)
         return float((hidden.any(axis=0) & ~free.any(axis=0)).mean())
+
+    def crease_m(self, at: Array, place: Array) -> float:
+        """Return how far the surface falls below the straight line from one point (3,) on it to another.
+
+        That is measured towards each eye, and the least of what the clouds say: what one sees beyond an edge
+        the other may see whole.
+        """
+        depths = [crease(check.cloud, at, place) for check in self.checks]
+        return min((depth for depth in depths if depth is not None), default=0.0)
+
+
+def crease(cloud: SurfaceCloud, at: Array, place: Array) -> float | None:
+    """Return the depth of the deepest part of a cloud under the straight line between two points (3,), seen
+    from its eye; None without an eye or points there."""
+    length = float(np.linalg.norm(place - at))
+    if cloud.eye is None or length < 2.0 * STRIP_M:
+        return None
+    along = (place - at) / length
+    up = cloud.eye - 0.5 * (at + place)
+    up -= (up @ along) * along
+    up /= max(float(np.linalg.norm(up)), 1e-9)
+    away = cloud.points - at
+    way = away @ along
+    strip = (np.abs(away @ np.cross(along, up)) < STRIP_M) & (way > 0.0) & (way < length)
+    part, height = (way[strip] / STRIP_M).astype(np.int64), (away[strip]) @ up
+    depths = [-float(np.median(height[part == k])) for k in np.unique(part) if (part == k).sum() > 1]
+    return max(depths, default=None)
 
 
 def _ignorance(judged: Judged) -> tuple[int, float]:

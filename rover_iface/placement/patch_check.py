@@ -48,6 +48,8 @@ class Judged:
     """Largest share of a limit that the surface takes: relief, gaps, steps, uncertainty of the normal."""
     restless: Finding | None = None
     """Why a safe point is not calm; None when it is."""
+    close_strain: float = math.inf
+    """Share of its limits that the surface takes when it is looked at closely; above 1 it is not safe."""
 
     def with_finding(self, finding: Finding) -> Judged:
         """Return the same with one more finding."""
@@ -189,12 +191,14 @@ class PatchCheck:
         cloud = window.cloud
         ball = kernels.in_ball(cloud.points, at, self._ball)
         across, height = kernels.across_and_height(cloud.points[ball], at, normal)
+        of_trust = window.trusted[ball]
         # what lies in the cylinder under the tool, however deep
         near = kernels.relief(across, height, self._near, self._above)
         wide = kernels.relief(across, height, self._wide, self._above)
         beside = kernels.obstruction(
             across, height, self._near, self.limits.calm_margin_m, self._above, SINGLE_POINTS
         )
+        sound = kernels.relief(across[of_trust], height[of_trust], self._near, self._above)
         surface = ball[wide[0]]
         sigma = kernels.median_sigma(cloud.covariances, surface, normal)
         trusted = window.trusted[surface]
@@ -212,6 +216,8 @@ class PatchCheck:
             wide_protrusion_m=wide[1],
             wide_depth_m=wide[2],
             wide_rms_m=wide[3],
+            sound_protrusion_m=sound[1],
+            sound_depth_m=sound[2],
             sigma_m=sigma,
             normal_sigma_rad=self._normal_sigma(cloud.points, surface, normal, sigma),
             view_angle_rad=_angle(normal, outward) if cloud.eye is not None else 0.0,
@@ -255,6 +261,29 @@ class PatchCheck:
             (m.wide_protrusion_m + sure) / limits.most_protrusion_m,
             _excess(m.wide_rms_m, m.sigma_m) / limits.most_rms_m,
         )
+
+    def sound_relief(self, m: PatchMeasures) -> float:
+        """Return the larger share of its limit that protrusion or depth takes, points beside steps left
+        out."""
+        limits, sure = self.limits, self._sure(m)
+        return max(
+            (m.sound_depth_m + sure) / limits.most_depth_m,
+            (m.sound_protrusion_m + sure) / limits.most_protrusion_m,
+        )
+
+    def sound_points(self, at: Array, normal: Array) -> Array:
+        """Return the trusted points (n, 3) under a tool on `at` along `normal`."""
+        window = self._window(at, self._ball)
+        ball = kernels.in_ball(window.cloud.points, at, self._ball)
+        ball = ball[window.trusted[ball]]
+        across, height = kernels.across_and_height(window.cloud.points[ball], at, normal)
+        return window.cloud.points[ball[(across < self._near) & (height < self._above)]]
+
+    def hole_m(self, points: Array, at: Array, normal: Array) -> float:
+        """Return the diameter of the largest circle under the tool without any of the points (n, 3)."""
+        if not len(points):
+            return 2.0 * self._near
+        return min(kernels.disc_gaps(points, at, normal, self._near, 0.0)[1], 2.0 * self._near)
 
     def _strain(self, m: PatchMeasures) -> float:
         limits = self.limits

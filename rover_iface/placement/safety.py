@@ -131,9 +131,10 @@ def _search(
 
     The nearest calm point that the arm reaches is taken; without one, the nearest where it would tilt the
     tool; without one, the safe one of least strain. Where none is safe, the search is done again in finer
-    steps.
+    steps, and then the one is taken that bears a close look best.
     """
     search = _Search(check, at, ask)
+    close: list[Judged] = []
     for coarse in (2.5, 1.0):
         safe: list[Judged] = []
         tilted: list[tuple[Judged, Posture | Motion]] = []
@@ -141,9 +142,12 @@ def _search(
             if search.asked == MOST_ASKED:
                 break
             judged = search.judge(point)
-            if judged.findings or judged.normal is None:
+            if judged.normal is None:
                 continue
-            if judged.restless is not None:
+            if judged.findings or (judged.restless is not None and judged.strain > check.limits.most_strain):
+                if judged.close_strain <= 1.0:
+                    close.append(judged)
+            elif judged.restless is not None:
                 safe.append(judged)
             elif (posture := search.reached(judged)) is not None:
                 if search.slope(judged, posture) <= check.limits.calm_slope_rad:
@@ -156,6 +160,9 @@ def _search(
                 return search.taken(judged, posture, rock)
         if search.asked:
             break
+    for judged in sorted(close, key=lambda one: one.close_strain):
+        if (posture := search.reached(judged)) is not None:
+            return search.taken(judged, posture, rock)
     return search.not_placed(rock, profile, terrain)
 
 
@@ -166,6 +173,7 @@ class _Search:
         self.check, self.at, self.ask = check, at, ask
         self.first: Judged | None = None
         self.out_of_reach: Judged | None = None
+        self.crease: Finding | None = None
         self.tried = self.asked = 0
 
     def judge(self, point: Array) -> Judged:
@@ -176,7 +184,8 @@ class _Search:
         return judged
 
     def reached(self, judged: Judged) -> Posture | Motion | None:
-        """Return the arm's answer for a safe point, None when it does not reach or would tilt the tool."""
+        """Return the arm's answer for a safe point; None when it does not reach or would tilt the tool, or
+        the point is not on the rock of the designated one."""
         if self.asked == MOST_ASKED:
             return None
         self.asked += 1
@@ -185,10 +194,15 @@ class _Search:
         if isinstance(answer, ArmRefusal):
             why = Finding(Reason.ARM, math.nan, math.nan, "", f"{answer.limit}: {answer.reason}")
         else:
+            limits = self.check.limits
             slope = self.slope(judged, answer)
-            if slope <= self.check.limits.most_slope_rad:
-                return answer
-            why = Finding(Reason.SLOPE, slope, self.check.limits.most_slope_rad, "rad")
+            if slope <= limits.most_slope_rad:
+                depth = self.check.crease_m(self.at, judged.point)
+                if depth <= limits.most_crease_m:
+                    return answer
+                self.crease = self.crease or Finding(Reason.CREASE, depth, limits.most_crease_m, "m")
+                return None
+            why = Finding(Reason.SLOPE, slope, limits.most_slope_rad, "rad")
         refused = judged.with_finding(why)
         if self.first is judged:
             self.first = refused
@@ -210,7 +224,7 @@ class _Search:
             judged.normal,
             float(np.linalg.norm(judged.point - self.at)),
             judged.measures,
-            self.first.findings or (() if designated else _why_left(self.first)),
+            () if designated else self.first.findings or _why_left(self.first),
             rock,
             self.tried,
             posture=posture,
@@ -226,7 +240,7 @@ class _Search:
             return PlacementVerdict(
                 Decision.REFUSE,
                 measures=self.first.measures,
-                findings=self.first.findings,
+                findings=self.first.findings if self.crease is None else (*self.first.findings, self.crease),
                 rock=rock,
                 tried=self.tried,
             )

@@ -31,6 +31,14 @@ class SafetyLimits:
         keeps this share of its limits, no hole is wider and no larger share lies beside a step; and if its
         normal is that certain. The nearest calm point is taken, and where there is none the safe one of
         least strain.
+    most_strain
+        Largest share of any limit that a safe surface which is not calm may take; those of relief and holes
+        are taken to `calm_margin_m`, and may be more than 1.
+    close_relief, close_hole_m, close_doubt
+        With a second cloud, where nothing is safe, points beside steps are left out of the relief, and a
+        cloud that does not know the place is not asked (`JointCheck.close_strain`): the relief may then take
+        this share of its limits, the largest hole of both clouds together and the share beside a step may
+        be no more than these.
     sigmas
         How many standard deviations of stereo's error are counted against the placement.
     most_normal_rad
@@ -54,6 +62,9 @@ class SafetyLimits:
         surface.
     most_hidden
         Share of the tool's way that may lie behind what the camera sees.
+    most_crease_m
+        How far the surface may fall below the straight line from the designated point to another: where two
+        rocks touch it falls into a crease.
     search_m
         How far from the designated point another may be taken.
     grid_m
@@ -71,6 +82,10 @@ class SafetyLimits:
     calm_hole_m: float = 0.012
     calm_doubt: float = 0.01
     calm_normal_rad: float = math.radians(10.0)
+    most_strain: float = 1.1
+    close_relief: float = 0.85
+    close_hole_m: float = 0.0085
+    close_doubt: float = 0.085
     sigmas: float = 2.0
     most_normal_rad: float = math.radians(12.0)
     least_share: float = 0.90
@@ -80,11 +95,12 @@ class SafetyLimits:
     most_doubt: float = 0.20
     most_view_rad: float = math.radians(70.0)
     least_rock_share: float = 0.985
-    most_slope_rad: float = math.radians(14.0)
+    most_slope_rad: float = math.radians(16.0)
     calm_slope_rad: float = math.radians(11.0)
     tool_length_m: float = 0.14
     clear_m: float = 0.03
     most_hidden: float = 0.04
+    most_crease_m: float = 0.015
     search_m: float = 0.15
     grid_m: float = 0.008
 

@@ -44,6 +44,7 @@ class Reason(StrEnum):
     SLOPE = "slope"
     STEP_NEAR = "step-near"
     WAY_HIDDEN = "way-hidden"
+    CREASE = "crease"
     RESTLESS = "restless"
     ARM = "arm"
     NO_BASE = "no-base"
@@ -66,6 +67,7 @@ _TEXT = {
     Reason.CLEARANCE: "height beside the tool over the plane",
     Reason.SLOPE: "angle between surface normal and tool, with its uncertainty",
     Reason.WAY_HIDDEN: "share of the tool's way that lies behind something",
+    Reason.CREASE: "depth of the surface between the designated point and the place, below the line there",
     Reason.STEP_NEAR: "share of the surface under the tool beside a step in depth",
     Reason.RESTLESS: "share of its limits that the relief under the tool takes",
     Reason.ARM: "the arm",
@@ -129,6 +131,8 @@ class PatchMeasures:
         Highest and lowest part over and below the fitted plane, and root mean square deviation.
     wide_protrusion_m, wide_depth_m, wide_rms_m
         The same, to somewhat beyond the tool.
+    sound_protrusion_m, sound_depth_m
+        Highest and lowest part under the tool of what does not lie beside a step.
     sigma_m
         What stereo errs across the plane, for one patch that it smooths over.
     normal_sigma_rad
@@ -155,6 +159,8 @@ class PatchMeasures:
     wide_protrusion_m: float
     wide_depth_m: float
     wide_rms_m: float
+    sound_protrusion_m: float
+    sound_depth_m: float
     sigma_m: float
     normal_sigma_rad: float
     view_angle_rad: float
