@@ -26,6 +26,9 @@ counts too."""
 
 LEAST_POINTS = 8
 
+COVER_CELL_M, COVERED_M = 0.005, 0.03
+"""A point so far below another of the same cell across the tool's way lies behind the surface."""
+
 SINGLE_POINTS = 8
 """So many points that stand high in the tool's way may be wrong matches; more are a thing."""
 
@@ -190,6 +193,8 @@ class PatchCheck:
     def _measure(self, window: _Window, at: Array, normal: Array, outward: Array) -> PatchMeasures:
         cloud = window.cloud
         ball = kernels.in_ball(cloud.points, at, self._ball)
+        # past the top of a slab its far side is seen, deep under the tool but behind what that meets
+        ball = ball[~kernels.covered(cloud.points[ball], at, normal, COVER_CELL_M, COVERED_M)]
         across, height = kernels.across_and_height(cloud.points[ball], at, normal)
         of_trust = window.trusted[ball]
         # what lies in the cylinder under the tool, however deep

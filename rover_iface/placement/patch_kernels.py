@@ -94,6 +94,41 @@ def quantile(ordered: Floats, share: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
+def covered(points: Floats, at: Floats, normal: Floats, cell: float, depth: float) -> Bools:
+    """Return which points (n, 3) the tool, coming along the unit `normal`, cannot meet: others lie over them.
+
+    A point is covered if one of its cell, of a raster across the normal round `at` (3,), lies `depth` higher.
+    """
+    axis = 0
+    for k in range(1, 3):
+        if abs(normal[k]) < abs(normal[axis]):
+            axis = k
+    other = np.zeros(3)
+    other[axis] = 1.0
+    first = np.cross(normal, other)
+    first /= math.sqrt((first * first).sum())
+    second = np.cross(normal, first)
+    u, v, h = np.empty(len(points)), np.empty(len(points)), np.empty(len(points))
+    reach = 0.0
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - at[0], points[i, 1] - at[1], points[i, 2] - at[2]
+        u[i] = x * first[0] + y * first[1] + z * first[2]
+        v[i] = x * second[0] + y * second[1] + z * second[2]
+        h[i] = x * normal[0] + y * normal[1] + z * normal[2]
+        reach = max(reach, abs(u[i]), abs(v[i]))
+    half = int(reach / cell) + 1
+    top = np.full((2 * half + 1, 2 * half + 1), -np.inf)
+    rows, columns = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        rows[i], columns[i] = math.floor(v[i] / cell) + half, math.floor(u[i] / cell) + half
+        top[rows[i], columns[i]] = max(top[rows[i], columns[i]], h[i])
+    found = np.empty(len(points), np.bool_)
+    for i in range(len(points)):
+        found[i] = top[rows[i], columns[i]] > h[i] + depth
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
 def relief(across: Floats, height: Floats, reach: float, above: float) -> tuple[Bools, float, float, float]:
     """Return which points lie under the tool, and their relief.
 

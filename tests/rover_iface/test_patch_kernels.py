@@ -55,6 +55,24 @@ def test_relief_is_that_of_numpy() -> None:
     assert rms == pytest.approx(np.sqrt(np.mean(height[expected] ** 2)))
 
 
+def test_what_lies_behind_the_surface_is_covered_and_what_lies_beyond_its_rim_is_not() -> None:
+    rng = np.random.default_rng(4)
+    normal = np.array([-0.6, 0.0, 0.8])
+    along, aside = np.array([0.8, 0.0, 0.6]), np.array([0.0, 1.0, 0.0])
+    at = np.array([1.0, -0.3, 0.2])
+
+    def face(low: float, high: float, deep: float) -> Array:
+        u, v = rng.uniform(low, high, 4000), rng.uniform(-0.04, 0.04, 4000)
+        return at + u[:, None] * along + v[:, None] * aside - deep * normal
+
+    surface, behind, beyond = face(-0.04, 0.02, 0.0), face(-0.04, 0.01, 0.12), face(0.03, 0.04, 0.12)
+    near = face(-0.04, 0.02, 0.02)
+    found = kernels.covered(np.vstack((surface, behind, beyond, near)), at, normal, 0.005, 0.03)
+    assert not found[:4000].any()
+    assert found[4000:8000].mean() > 0.99
+    assert not found[8000:].any()
+
+
 def test_what_stands_in_the_way_is_seen_beside_and_above() -> None:
     points, at = patch(), np.array([0.1, 0.2, 0.3])
     across, height = kernels.across_and_height(points, at, NORMAL)
