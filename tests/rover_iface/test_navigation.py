@@ -111,25 +111,20 @@ def test_the_rover_comes_near_the_tracked_targets_own_rock() -> None:
     assert before is None or before.length_m < after.length_m or abs(before.turn_rad) > 0.3
 
 
-def test_the_rover_does_not_drive_over_the_tracked_targets_own_rock() -> None:
-    rock = bumpy(lambda x, y: np.where(np.hypot(x - 1.6, y) < 0.3, 0.3, 0.0))
-    hazards = looked(GroundRaster.of(rock, 5.9), Pose(0, 0))
-    navigator = Navigator(K9, hazards, ignore=(1.6, 0.0, 0.45))
-    pose, goal = Pose(0, 0), (2.5, 0.0)  # its stand is on the far side
-    for _ in range(12):
-        way = navigator.choose(pose, goal)
-        if way is None:
-            break
-        for share in np.linspace(0.0, 1.0, 6):
-            x, y, heading = end_of(pose, way.turn_rad, way.curvature_1_m, share * way.length_m)
-            ahead = (1.6 - x) * math.cos(heading) + y * -math.sin(heading)
-            aside = -(1.6 - x) * math.sin(heading) + -y * math.cos(heading)
-            off = math.hypot(
-                max(0.0, abs(ahead) - K9.body.length_m / 2), max(0.0, abs(aside) - K9.body.width_m / 2)
-            )
-            assert off > 0.25
-        pose = Pose(x, y, heading=heading)
-    assert math.hypot(pose.x, pose.y) > 0.5
+def test_a_way_ends_at_the_tracked_targets_own_rock_and_not_before() -> None:
+    rock = bumpy(lambda x, y: np.where(np.hypot(x - 1.6, y) < 0.2, 0.3, 0.0))
+    seen = looked(GroundRaster.of(rock, 5.9), Pose(0, 0))
+    half_m, aside_m, margin_m = K9.body.length_m / 2, K9.body.width_m / 2, 0.13
+
+    def free(*own: float) -> float:
+        ways = np.array([[0.0, 0.0, 2.0]])
+        at = (seen.west, seen.south, seen.cell, 0.0, 0.0, 0.0)
+        return float(try_ways(seen.hazard, *at, ways, half_m, aside_m, margin_m, 0.35, *own)[0, 0])
+
+    other, own = free(0.0, 0.0, -1.0), free(1.6, 0.0, 0.45)
+    face_m = 1.4 - half_m  # where the bumper meets it
+    assert other <= own
+    assert face_m - 0.35 < own < face_m + 0.05
 
 
 def test_slip_grows_uphill_and_the_rover_falls_short_of_what_it_believes() -> None:
