@@ -194,7 +194,8 @@ class PatchCheck:
         cloud = window.cloud
         ball = kernels.in_ball(cloud.points, at, self._ball)
         # past the top of a slab its far side is seen, deep under the tool but behind what that meets
-        ball = ball[~kernels.covered(cloud.points[ball], at, normal, COVER_CELL_M, COVERED_M)]
+        hides = window.trusted[ball]
+        ball = ball[~kernels.covered(cloud.points[ball], hides, at, normal, COVER_CELL_M, COVERED_M)]
         across, height = kernels.across_and_height(cloud.points[ball], at, normal)
         of_trust = window.trusted[ball]
         # what lies in the cylinder under the tool, however deep

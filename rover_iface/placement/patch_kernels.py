@@ -94,10 +94,11 @@ def quantile(ordered: Floats, share: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def covered(points: Floats, at: Floats, normal: Floats, cell: float, depth: float) -> Bools:
+def covered(points: Floats, hides: Bools, at: Floats, normal: Floats, cell: float, depth: float) -> Bools:
     """Return which points (n, 3) the tool, coming along the unit `normal`, cannot meet: others lie over them.
 
-    A point is covered if one of its cell, of a raster across the normal round `at` (3,), lies `depth` higher.
+    A point is covered if one of its cell that `hides` (n,), of a raster across the normal round `at` (3,),
+    lies `depth` higher. What lies beside a step must not: stereo draws it over the edge.
     """
     axis = 0
     for k in range(1, 3):
@@ -121,7 +122,8 @@ def covered(points: Floats, at: Floats, normal: Floats, cell: float, depth: floa
     rows, columns = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
     for i in range(len(points)):
         rows[i], columns[i] = math.floor(v[i] / cell) + half, math.floor(u[i] / cell) + half
-        top[rows[i], columns[i]] = max(top[rows[i], columns[i]], h[i])
+        if hides[i]:
+            top[rows[i], columns[i]] = max(top[rows[i], columns[i]], h[i])
     found = np.empty(len(points), np.bool_)
     for i in range(len(points)):
         found[i] = top[rows[i], columns[i]] > h[i] + depth

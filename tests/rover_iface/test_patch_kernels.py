@@ -67,10 +67,13 @@ def test_what_lies_behind_the_surface_is_covered_and_what_lies_beyond_its_rim_is
 
     surface, behind, beyond = face(-0.04, 0.02, 0.0), face(-0.04, 0.01, 0.12), face(0.03, 0.04, 0.12)
     near = face(-0.04, 0.02, 0.02)
-    found = kernels.covered(np.vstack((surface, behind, beyond, near)), at, normal, 0.005, 0.03)
+    points = np.vstack((surface, behind, beyond, near))
+    every = np.ones(len(points), bool)
+    found = kernels.covered(points, every, at, normal, 0.005, 0.03)
     assert not found[:4000].any()
     assert found[4000:8000].mean() > 0.99
     assert not found[8000:].any()
+    assert not kernels.covered(points, ~every, at, normal, 0.005, 0.03).any()
 
 
 def test_what_stands_in_the_way_is_seen_beside_and_above() -> None:
