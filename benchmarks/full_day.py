@@ -52,7 +52,7 @@ from rover_iface.terrain.strew import strew_rocks
 PLACEMENTS = 4
 """What the downlink of the day has room for: as many as the paper's rover approached."""
 BRANCHES = 6
-STREWN_COVER = 0.06
+STREWN_COVER = 0.07
 
 
 def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = True) -> dict[str, Any]:

@@ -48,6 +48,8 @@ DAY_H, LEAST_LIGHT = 3.0, 0.25
 """How long a target must be lit, hours, and the least cosine of the sun's angle to its normal."""
 MOST_OBLIQUE_RAD, MOST_TILT_RAD = math.radians(55.0), math.radians(8.0)
 """Between the hazard camera's view and the normal, and between the tool and it."""
+FOOT_M = 0.04
+"""How far above the ground all of a face must lie: at its foot a rock passes into sand."""
 MOST_GRAZING_RAD = math.radians(68.0)
 """Between the view from the start and the normal: a pixel more or less is then decimetres."""
 PAN_MARGIN_RAD = math.radians(5.0)
@@ -55,7 +57,7 @@ PAN_MARGIN_RAD = math.radians(5.0)
 TARGETS = 5
 PAPER_M, DETOURS = 28.0, 0.85
 """What the paper's rover drove, and the straight way's share of what is driven among rocks."""
-STANDS, TRIES = 24, 6
+STANDS, TRIES = 24, 15
 ROOM_M, OBSTACLE_M = 0.30, 0.08
 """How far rocks of this height must lie from the outline of a rover on its stand, but for the target's."""
 MISSED = ((0.0, 0.0, 0.0), (0.07, 0.0, 0.0), (-0.07, 0.0, 0.0), (0.0, 0.07, 0.05), (0.0, -0.07, -0.05))
@@ -115,7 +117,7 @@ class Operator:
         self.terrain, self.profile, self.mission = terrain, profile, mission
         stand = mission.limits.start
         self.start = settled_pose(terrain, profile, stand.east_m, stand.north_m, stand.heading_rad)
-        self.eye: Array = self.start.site_from_rover.apply(StereoSensor(profile).eye)
+        self.eye = np.asarray(self.start.site_from_rover.apply(StereoSensor(profile).eye), dtype=np.float64)
         x, y = stand.east_m, stand.north_m
         half = FARTHEST_M + 2.0
         ground = terrain.mesh((x - half, y - half, x + half, y + half), 0.1)
@@ -185,7 +187,9 @@ class Operator:
             steep = float(normal @ (self.eye - points[k])) / float(np.linalg.norm(self.eye - points[k]))
             if steep < math.cos(MOST_GRAZING_RAD):
                 continue
-            if relief <= MOST_RELIEF_M and self._whole(points[k], normal, self.eye):
+            if relief > MOST_RELIEF_M or not self._off_the_ground(points[k], normal):
+                continue
+            if self._whole(points[k], normal, self.eye):
                 found.append(_Face(points[k], normal, relief))
         found.sort(key=lambda face: face.relief_m)
         apart: list[_Face] = []
@@ -200,6 +204,12 @@ class Operator:
         far = np.linalg.norm(rays, axis=1)
         away = self.scene.ranges(eye, rays / far[:, None])
         return bool((np.abs(away - far) < MOST_GAP_M).all())
+
+    def _off_the_ground(self, point: Array, normal: Array) -> bool:
+        """Return whether the lowest part of a face lies clear of the ground."""
+        rim = point + _circle(normal)
+        ground = self.terrain.height(rim[:, 0], rim[:, 1], ground=True)
+        return bool((rim[:, 2] - ground > FOOT_M).all())
 
     def _seen(self, rock: Rock) -> tuple[Array, Array]:
         """Return what is seen of a rock from the start: points and outward normals [n, 3]."""

@@ -178,7 +178,7 @@ def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: Casc
     standing, camera = side.view.left_camera.transformed(motion), scene.left_camera
     under = surface_under(hazcam, standing, pixel)
     if under is None:
-        return _refused(motion, "the hazcams do not range the surface there")
+        return _refused(motion, "missing stereo: the hazcams do not range the surface there")
     index, right = ranged_by(side, found)
     place = _placed(side, standing, pixel, under, _lifted(under[1], scene), found, index, right)
     expected = np.asarray(camera.project(place.point))
