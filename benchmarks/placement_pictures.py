@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.placement import designated
+from benchmarks.placement import designated, rendered_clouds
 from benchmarks.placement_rocks import RockScene, rock_scene
 from benchmarks.placement_worlds import views
 from benchmarks.segmentation import FARTHEST_M, segmented
@@ -55,18 +55,26 @@ def safety_over_rock(seed: int) -> tuple[Picture, PlacementVerdict]:
     rock = rock_scene(seed)
     image, camera = _image_of(rock)
     _, at = designated(rock)
-    cloud = rock.rendered_cloud(seed)
+    cloud, second = rendered_clouds(rock, at)
     found = segment(cloud)
     profile = load_profile("k9")
-    verdict = plan_placement(cloud, at, profile, segmentation=found)
+    verdict = plan_placement(cloud, at, profile, segmentation=found, second=second)
     big = 3
     canvas = cv2.resize(image, None, fx=big, fy=big, interpolation=cv2.INTER_CUBIC)
     wide = camera.scaled(float(big))
     label = verdict.rock.label if verdict.rock is not None else -1
     if label >= 0:
-        for judged in safety_map(cloud, found, label, profile):
+        for judged in safety_map(cloud, found, label, profile, near=at, second=second):
             x, y = np.round(wide.project(judged.point)).astype(int)
-            cv2.circle(canvas, (int(x), int(y)), 4, GREEN if not judged.findings else RED, -1, cv2.LINE_AA)
+            good = not judged.findings or judged.close_strain <= 1.0
+            cv2.circle(
+                canvas,
+                (int(x), int(y)),
+                4,
+                GREEN if good else RED,
+                -1,
+                cv2.LINE_AA,
+            )
     _mark(canvas, wide, at, WHITE, "designated", 34)
     if verdict.point is not None and verdict.accepted:
         assert verdict.normal is not None
@@ -192,7 +200,8 @@ def main() -> None:
         run_plot(rows, options.out / "placement_run.png")
         return
     for sensor in ("navcam", "hazcam"):
-        picture = segments_over_image(options.folder, *options.view, sensor)
+        world, number = options.view
+        picture = segments_over_image(options.folder, world, number, sensor)
         name = str(options.out / f"placement_segments_{sensor}.jpg")
         cv2.imwrite(name, picture, [cv2.IMWRITE_JPEG_QUALITY, 86])
     for name, seed in (("safe", options.safe), ("refused", options.refused)):

@@ -108,15 +108,29 @@ def plan_placement(
     label, miss = _label_at(cloud, found, at, limits, rock_only)
     if miss is not None:
         return _refused(miss)
+    check = _checks(cloud, found, label, at, profile, limits, axis, second)
+    rock = found.rocks[label] if label != GROUND else None
+    ask = arm if arm is not None else Arm(profile.arm).solve
+    return _search(check, at, ask, rock, profile, terrain)
+
+
+def _checks(
+    cloud: SurfaceCloud,
+    found: Segmentation,
+    label: int,
+    at: Array,
+    profile: RoverProfile,
+    limits: SafetyLimits,
+    axis: Array | None,
+    second: SurfaceCloud | None,
+) -> JointCheck:
+    """Return the check of the rock that holds `at` (3,), by both clouds if there are two."""
     checks = [PatchCheck(cloud, found.labels, label, profile, limits, axis)]
     if second is not None and len(second):
         labels = second_labels(second, at, cloud, found, label)
         near = replace(limits, edge_px=SECOND_EDGE_PX)
         checks.append(PatchCheck(second, labels, label, profile, near, axis))
-    check = JointCheck(checks)
-    rock = found.rocks[label] if label != GROUND else None
-    ask = arm if arm is not None else Arm(profile.arm).solve
-    return _search(check, at, ask, rock, profile, terrain)
+    return JointCheck(checks)
 
 
 def _search(
@@ -297,14 +311,15 @@ def safety_map(
     *,
     limits: SafetyLimits | None = None,
     near: npt.ArrayLike | None = None,
+    second: SurfaceCloud | None = None,
 ) -> list[Judged]:
-    """Return one judgement for each cell of `grid_m` of a rock, within `search_m` of `near` (its
-    centroid)."""
+    """Return one judgement for each cell of `grid_m` of a rock, within `search_m` of `near` (its centroid);
+    `second` as in `plan_placement`."""
     limits = limits or SafetyLimits()
     if not 0 <= label < len(segmentation.rocks):
         raise PlacementError(f"rock {label} of {len(segmentation.rocks)} is asked for")
-    check = JointCheck([PatchCheck(cloud, segmentation.labels, label, profile, limits)])
     at = segmentation.rocks[label].centroid if near is None else _three(near, "middle of the map")
+    check = _checks(cloud, segmentation, label, at, profile, limits, None, second)
     return [check.judge(point) for point in check.candidates(at)[1:]]
 
 
