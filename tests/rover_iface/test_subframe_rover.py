@@ -337,3 +337,22 @@ def test_a_shift_ends_near_the_pose_asked_for(world: Path, ahead: float, left: f
     assert math.hypot(here.x - wanted.x, here.y - wanted.y) < 0.02
     assert abs(here.heading - wanted.heading) < 0.05
     assert math.hypot(ahead, left) == pytest.approx(rover.body.chassis.travelled_m, abs=0.05)
+
+
+def test_a_point_designated_in_a_picture_is_where_later_pictures_show_it(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rover = make_rover(world, seed=1)
+    cameras, point = rover.parts.cameras, np.array(rover.body.targets["T1"].point)
+    bias = np.array((0.012, -0.007))
+    monkeypatch.setattr(cameras, "_bias", bias)
+    monkeypatch.setattr(cameras, "_jitter", lambda: bias)
+
+    def off_px(position: np.ndarray) -> float:
+        """Return how far the pixel that a position is looked for at is from that which shows the point."""
+        sighting = cameras.stereo(position, 0.0)
+        told, actual = sighting.view.left_camera.project(position), sighting.left.camera.project(point)
+        return float(np.linalg.norm(told - actual))
+
+    assert off_px(point) > 5.0
+    assert off_px(cameras.designated(point)) < 0.5
