@@ -13,9 +13,9 @@ residual; only the last tells.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +27,17 @@ from rover_iface.frames import Transform
 from rover_iface.vision import shape_kernels
 from rover_iface.vision.sift_motion import small_rotation
 
+if TYPE_CHECKING:
+    from small_gicp import RegistrationResult
+
 DISPARITY_PX = 0.15
 """Error of dense stereo's disparities."""
+REACHES = (5.0, 2.5)
+"""How far GICP looks for partners, in its voxels: first wide, then near."""
+ITERATIONS, FIRST_ITERATIONS = 25, 8
+LEAST_PARTNERS = 0.8
+"""Share of the points that find a partner from the best start, below which another one is given up after the
+first iterations: it leads off the surface, and searching there takes ten times as long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,12 +203,12 @@ def register(
     if not rough:
         why = f"no shift within {options.search_m:.2f} m gives half an overlap"
         return Registration(guess, 0.0, math.inf, math.inf, 1.0, (why,))
-    refine: Callable[[Transform], Transform]
+    refine: _Gicp | _NelderMead
     if options.engine == "gicp":
         refine = _Gicp(part, other, centre, options)
     else:
         refine = _NelderMead(part, sensor, centre, options)
-    found = [refine(start) for start in rough]
+    found = refine.all_of(rough)
     back = _Sensor.over(part, centre, options)
     pairs = [
         (sensor.gaps(part.points, m, options.cap_m), back.gaps(other.points, m.inverse(), options.cap_m))
@@ -331,28 +340,47 @@ class _Gicp:
         )
 
     def __call__(self, start: Transform) -> Transform:
-        import small_gicp
+        return self._finish(self._begin(start))
 
+    def all_of(self, starts: Sequence[Transform]) -> list[Transform]:
+        """Return where starts lead, without those that leave the surface: few points find a partner there."""
+        begun = [self._begin(start) for start in starts]
+        most = max(b.num_inliers for b in begun)
+        return [self._finish(b) for b in begun if b.num_inliers >= LEAST_PARTNERS * most]
+
+    def _begin(self, start: Transform) -> RegistrationResult:
+        """Return the first iterations, over the wide reach."""
         pose = np.eye(4)
         pose[:3, :3] = start.rotation
         pose[:3, 3] = start.translation + start.rotation @ self.base - self.base
-        for reach in (5.0, 2.5):
-            result = small_gicp.align(
-                self.target,
-                self.source,
-                self.tree,
-                pose,
-                registration_type="GICP",
-                max_correspondence_distance=reach * self.voxel_m,
-                num_threads=1,
-                max_iterations=25,
-                translation_epsilon=1e-4,
-                rotation_epsilon=1e-4,
-            )
-            pose = np.asarray(result.T_target_source)
+        return self._align(pose, REACHES[0], FIRST_ITERATIONS)
+
+    def _finish(self, begun: RegistrationResult) -> Transform:
+        wide = begun
+        if not begun.converged:
+            wide = self._align(np.asarray(begun.T_target_source), REACHES[0], ITERATIONS - FIRST_ITERATIONS)
+        pose = np.asarray(
+            self._align(np.asarray(wide.T_target_source), REACHES[1], ITERATIONS).T_target_source
+        )
         u, _, vt = np.linalg.svd(pose[:3, :3])
         rotation = u @ vt
         return Transform(rotation, pose[:3, 3] - rotation @ self.base + self.base)
+
+    def _align(self, pose: Array, reach: float, iterations: int) -> RegistrationResult:
+        import small_gicp
+
+        return small_gicp.align(
+            self.target,
+            self.source,
+            self.tree,
+            pose,
+            registration_type="GICP",
+            max_correspondence_distance=reach * self.voxel_m,
+            num_threads=1,
+            max_iterations=iterations,
+            translation_epsilon=1e-4,
+            rotation_epsilon=1e-4,
+        )
 
 
 class _NelderMead:
@@ -362,6 +390,10 @@ class _NelderMead:
         self.points = np.ascontiguousarray(part.points[:: max(1, len(part.points) // 1500)])
         self.buffer = np.empty(len(self.points))
         self.sensor, self.centre, self.cap_m = sensor, centre, options.cap_m
+
+    def all_of(self, starts: Sequence[Transform]) -> list[Transform]:
+        """Return where starts lead."""
+        return [self(start) for start in starts]
 
     def __call__(self, start: Transform) -> Transform:
         from scipy.optimize import minimize
