@@ -13,9 +13,8 @@ residual; only the last tells.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -25,19 +24,11 @@ from rover_iface.cameras.stereo import Cloud
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision import shape_kernels
+from rover_iface.vision.shape_engines import Gicp, NelderMead
 from rover_iface.vision.sift_motion import small_rotation
-
-if TYPE_CHECKING:
-    from small_gicp import RegistrationResult
 
 DISPARITY_PX = 0.15
 """Error of dense stereo's disparities."""
-REACHES = (5.0, 2.5)
-"""How far GICP looks for partners, in its voxels: first wide, then near."""
-ITERATIONS, FIRST_ITERATIONS = 25, 8
-LEAST_PARTNERS = 0.8
-"""Share of the points that find a partner from the best start, below which another one is given up after the
-first iterations: it leads off the surface, and searching there takes ten times as long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,18 +189,18 @@ def register(
     if len(part.points) < 100 or len(other.points) < 100 or len(other.triangles) < 50:
         why = f"{len(part.points)} and {len(other.points)} points are too few; 100 are needed"
         return Registration(guess, 0.0, math.inf, math.inf, 1.0, (why,))
-    sensor = _Sensor.over(other, centre, options)
+    sensor = Sensor.over(other, centre, options)
     rough = sensor.search(part.points, centre, options)
     if not rough:
         why = f"no shift within {options.search_m:.2f} m gives half an overlap"
         return Registration(guess, 0.0, math.inf, math.inf, 1.0, (why,))
-    refine: _Gicp | _NelderMead
+    refine: Gicp | NelderMead
     if options.engine == "gicp":
-        refine = _Gicp(part, other, centre, options)
+        refine = Gicp(part, other, centre, options)
     else:
-        refine = _NelderMead(part, sensor, centre, options)
+        refine = NelderMead(part, sensor, centre, options)
     found = refine.all_of(rough)
-    back = _Sensor.over(part, centre, options)
+    back = Sensor.over(part, centre, options)
     pairs = [
         (sensor.gaps(part.points, m, options.cap_m), back.gaps(other.points, m.inverse(), options.cap_m))
         for m in found
@@ -240,7 +231,7 @@ def register(
 
 
 @dataclass(frozen=True, eq=False)
-class _Sensor:
+class Sensor:
     """The virtual range sensor: a pinhole over the scene and the depth it sees of it."""
 
     sensor_from_site: Transform
@@ -248,7 +239,7 @@ class _Sensor:
     depth: Array
 
     @classmethod
-    def over(cls, scene: Surface, centre: Array, options: ShapeOptions) -> _Sensor:
+    def over(cls, scene: Surface, centre: Array, options: ShapeOptions) -> Sensor:
         """Return a sensor at the eye of the scene that frames what takes part."""
         away = float(np.linalg.norm(centre - scene.eye))
         side = options.sensor_px
@@ -318,100 +309,3 @@ def _ahead(gaps: Array, cap_m: float) -> float:
     """Return the share of points with known depth that lie in front of what was seen."""
     known = np.isfinite(gaps)
     return float((gaps[known] < -cap_m).mean()) if known.any() else 1.0
-
-
-class _Gicp:
-    """Generalised ICP from a start, in two reaches."""
-
-    def __init__(self, part: Surface, other: Surface, centre: Array, options: ShapeOptions) -> None:
-        import small_gicp
-
-        # numbers near zero: small-gicp's voxels count from the origin
-        self.base = centre
-        self.voxel_m = options.voxel_m
-        (self.target, self.tree), (self.source, _) = (
-            small_gicp.preprocess_points(
-                surface.points - centre,
-                downsampling_resolution=options.voxel_m,
-                num_neighbors=options.neighbours,
-                num_threads=1,
-            )
-            for surface in (other, part)
-        )
-
-    def __call__(self, start: Transform) -> Transform:
-        return self._finish(self._begin(start))
-
-    def all_of(self, starts: Sequence[Transform]) -> list[Transform]:
-        """Return where starts lead, without those that leave the surface: few points find a partner there."""
-        begun = [self._begin(start) for start in starts]
-        most = max(b.num_inliers for b in begun)
-        return [self._finish(b) for b in begun if b.num_inliers >= LEAST_PARTNERS * most]
-
-    def _begin(self, start: Transform) -> RegistrationResult:
-        """Return the first iterations, over the wide reach."""
-        pose = np.eye(4)
-        pose[:3, :3] = start.rotation
-        pose[:3, 3] = start.translation + start.rotation @ self.base - self.base
-        return self._align(pose, REACHES[0], FIRST_ITERATIONS)
-
-    def _finish(self, begun: RegistrationResult) -> Transform:
-        wide = begun
-        if not begun.converged:
-            wide = self._align(np.asarray(begun.T_target_source), REACHES[0], ITERATIONS - FIRST_ITERATIONS)
-        pose = np.asarray(
-            self._align(np.asarray(wide.T_target_source), REACHES[1], ITERATIONS).T_target_source
-        )
-        u, _, vt = np.linalg.svd(pose[:3, :3])
-        rotation = u @ vt
-        return Transform(rotation, pose[:3, 3] - rotation @ self.base + self.base)
-
-    def _align(self, pose: Array, reach: float, iterations: int) -> RegistrationResult:
-        import small_gicp
-
-        return small_gicp.align(
-            self.target,
-            self.source,
-            self.tree,
-            pose,
-            registration_type="GICP",
-            max_correspondence_distance=reach * self.voxel_m,
-            num_threads=1,
-            max_iterations=iterations,
-            translation_epsilon=1e-4,
-            rotation_epsilon=1e-4,
-        )
-
-
-class _NelderMead:
-    """The published engine from a start: Nelder-Mead over six parameters, restarted twice."""
-
-    def __init__(self, part: Surface, sensor: _Sensor, centre: Array, options: ShapeOptions) -> None:
-        self.points = np.ascontiguousarray(part.points[:: max(1, len(part.points) // 1500)])
-        self.buffer = np.empty(len(self.points))
-        self.sensor, self.centre, self.cap_m = sensor, centre, options.cap_m
-
-    def all_of(self, starts: Sequence[Transform]) -> list[Transform]:
-        """Return where starts lead."""
-        return [self(start) for start in starts]
-
-    def __call__(self, start: Transform) -> Transform:
-        from scipy.optimize import minimize
-
-        def motion(p: Array) -> Transform:
-            place = np.asarray(start.apply(self.centre), dtype=np.float64)
-            turn = small_rotation(p[3:])
-            return Transform(turn, place - turn @ place + p[:3]) * start
-
-        def cost(p: Array) -> float:
-            local = self.sensor.sensor_from_site * motion(p)
-            r, t = (np.ascontiguousarray(v, dtype=np.float64) for v in (local.rotation, local.translation))
-            depth, focal = self.sensor.depth, self.sensor.focal
-            return float(shape_kernels.deviations(self.points, r, t, depth, focal, self.cap_m, self.buffer))
-
-        p = np.zeros(6)
-        for size in (1.0, 0.5, 0.25):
-            simplex = np.vstack((p, p + size * np.diag([0.02, 0.02, 0.02, 0.05, 0.05, 0.05])))
-            options = {"initial_simplex": simplex, "maxfev": 250, "xatol": 2e-4, "fatol": 1e-6}
-            p = np.asarray(minimize(cost, p, method="Nelder-Mead", options=options).x)
-        return motion(p)
