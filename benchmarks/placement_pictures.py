@@ -96,17 +96,10 @@ def _mark(
     x, y = (int(v) for v in np.round(camera.project(point)))
     cv2.circle(canvas, (x, y), 11, (0, 0, 0), 4, cv2.LINE_AA)
     cv2.circle(canvas, (x, y), 11, colour, 2, cv2.LINE_AA)
-    for thickness, ink in ((4, (0, 0, 0)), (1, colour)):
-        cv2.putText(
-            canvas,
-            text,
-            (x + 16, y - 8 + lower_px),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.6,
-            ink,
-            thickness,
-            cv2.LINE_AA,
-        )
+    halo = [(dx, dy) for dx in (-2, 0, 2) for dy in (-2, 0, 2)]
+    for (dx, dy), ink in [*((shift, (0, 0, 0)) for shift in halo), ((0, 0), colour)]:
+        place = (x + 16 + dx, y - 8 + lower_px + dy)
+        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, ink, 1, cv2.LINE_AA)
 
 
 def _image_of(rock: RockScene) -> tuple[Picture, CameraModel]:
@@ -191,8 +184,8 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("/tmp/outcrop-placement"), help="of kept views")
     parser.add_argument("--spirit", type=Path)
     parser.add_argument("--view", type=int, nargs=2, default=(900, 1), help="world and number of the view")
-    parser.add_argument("--safe", type=int, default=5120)
-    parser.add_argument("--refused", type=int, default=5114)
+    parser.add_argument("--safe", type=int, default=5114)
+    parser.add_argument("--refused", type=int, default=24328)
     parser.add_argument("--run", type=Path, help="rows of a run of `benchmarks.placement`, to be drawn alone")
     options = parser.parse_args()
     if options.run is not None:

@@ -66,9 +66,15 @@ class JointCheck:
         with it."""
         judged = [check.judge(point) for check in self.checks]
         best = min(judged, key=_ignorance)
-        others = [finding for one in judged if one is not best for finding in one.findings]
-        against = tuple(finding for finding in others if finding.reason not in UNKNOWING)
-        joint = replace(best, findings=(*best.findings, *against))
+        against = {
+            finding.reason: finding
+            for one in judged
+            for finding in one.findings
+            if one is not best and finding.reason not in UNKNOWING
+        }
+        for finding in best.findings:
+            against.pop(finding.reason, None)
+        joint = replace(best, findings=(*best.findings, *against.values()))
         if best.normal is None or (joint.findings and len(self.checks) < 2):
             return joint
         strain = self._close_strain(judged, best)
