@@ -4,11 +4,11 @@
 
 Section 8 of the single-cycle instrument placement paper: K9 drove 28 m, approached four targets and took
 close-ups of three, the fourth was rejected for missing stereo; faults were injected to see the
-contingency branches taken. Here five targets are picked on sunlit rock faces in sight of the start, so
-that the way through them is about as long; the plan with its branches is emitted as CRL and flown by the
-executive. The track of one is made to fail on the way (`lose-target`), dust lies on the lens of a hazard
-camera before another (`lens-dust`). On a real DEM (`--terrain`) rocks are strewn first: its posts hold no
-detail at the scale of a tool.
+contingency branches taken. Here five targets are picked as an operator does (`operator_choice.py`); the
+downlink has room for four, so the fifth is what the plan's branches turn to when a track is lost. The plan is
+emitted as CRL and flown by the executive. The track of one is made to fail on the way (`lose-target`), dust
+lies on the lens of a hazard camera before another (`lens-dust`). On a real DEM (`--terrain`) rocks are strewn
+first: its posts hold no detail at the scale of a tool.
 
 Every stage is timed, wall and CPU; the bar is 6 minutes of wall time on two cores.
 """
@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.operator_choice import Operator, Pick, choose
-from benchmarks.subframe_day import WORLD_ERROR, flight_ends
+from benchmarks.subframe_day import WORLD_ERROR, failures
 from executive.crl import canonical_text
 from ground.convert import DayRequest, prepare_day
 from ground.demo_day import loss_to_inject
@@ -170,16 +170,12 @@ def _driven(rover: FullRover) -> float:
 def _target(rover: FullRover, name: str, out: Path) -> dict[str, Any]:
     """Return what came of one target; errors in centimetres from the point under the operator's pixel."""
     attempt = rover.placing.attempts.get(name)
-    ends = {str(row[1]): str(row[2]) for row in flight_ends(out)}
-    observed = [v for k, v in ends.items() if k.startswith("observe-") and name in k]
-    found: dict[str, Any] = {
-        "observed": observed[0] if observed else "",
-        "handoff": rover.eyes.answers.get(name, {}),
-    }
+    found: dict[str, Any] = {"handoff": rover.eyes.answers.get(name, {})}
     near = [r for r in rover.follower.history if r.target == name and r.range_m < 1.5]
     if near:
         found["tracked_cm"] = 100 * near[-1].error_m
     if attempt is None:
+        found["why"] = _failure(out, name) if near else "not approached"
         return found
     truth = rover.follower.truth(name)
     found["decision"] = attempt.verdict.decision.value
@@ -192,6 +188,16 @@ def _target(rover: FullRover, name: str, out: Path) -> dict[str, Any]:
         if attempt.touch.made:
             found["placement_cm"] = 100 * float(np.linalg.norm(attempt.touch.point - truth))
     return found
+
+
+def _failure(out: Path, name: str) -> str:
+    """Return why a target that was come near to has no placement: of its observation, else of its drive."""
+    reasons = dict(text.split(": ", 1) for text in failures(out))
+    for wanted in (f"observe-R{name[1:]}", f"navigate-{name}"):
+        for task, why in reasons.items():
+            if task == wanted or task.startswith(f"{wanted}-"):
+                return why.replace(f"hand-off of target {name} refused", "refused")
+    return "not placed on"
 
 
 def table(result: Mapping[str, Any]) -> str:
@@ -213,14 +219,14 @@ def table(result: Mapping[str, Any]) -> str:
         note = " (track lost on purpose)" if name in lost else " (dust on the lens)" if name in dusty else ""
         hand = found["handoff"]
         px = hand.get("error_px")
-        told = f"{px:.1f}" if px is not None else "; ".join(hand.get("reasons", [])) or "-"
+        told = f"{px:.1f}" if px is not None else "refused" if hand.get("reasons") else "-"
         seen = [r["range_m"] for r in result["track"] if r["target"] == name]
         cells = (
             name + note,
             f"{seen[0]:.1f}" if seen else "-",
             _cm(found.get("tracked_cm")),
             told,
-            found.get("why", "not approached"),
+            found["why"],
             _cm(found.get("placement_cm")),
         )
         lines.append(f"| {' | '.join(cells)} |")
