@@ -268,6 +268,23 @@ def plot(result: Mapping[str, Any], path: Path) -> None:
     plt.close(figure)
 
 
+def picture(result: Mapping[str, Any], out: Path) -> np.ndarray | None:
+    """Return the first placement side by side, BGR (420, n, 3), None without one: what the tracker saw at the
+    end of the drive, the hazcam with the decision, the close-up."""
+    import cv2
+
+    placed = [name for name, found in result["targets"].items() if "placement_cm" in found]
+    if not placed:
+        return None
+    latest: dict[str, Path] = {}
+    for line in (out / "products.jsonl").read_text("utf-8").splitlines():
+        row = json.loads(line)
+        if row["label"].get("target") == placed[0]:
+            latest[row["kind"]] = out / row["path"]
+    parts = [cv2.imread(str(latest[kind])) for kind in ("trackview", "placement", "microscopic")]
+    return np.hstack([cv2.resize(p, (round(420 * p.shape[1] / p.shape[0]), 420)) for p in parts])
+
+
 def main() -> None:
     """Fly the day, print its table; `--docs` puts table, plot and pictures into docs/full-rover.md."""
     parser = argparse.ArgumentParser(
@@ -284,6 +301,10 @@ def main() -> None:
     text = table(result)
     print(text)
     plot(result, arguments.out / "confidence.png")
+    if (seen := picture(result, arguments.out)) is not None:
+        import cv2
+
+        cv2.imwrite(str(arguments.out / "placement.jpg"), seen, [cv2.IMWRITE_JPEG_QUALITY, 88])
     if arguments.docs is not None:
         _document(
             arguments.docs, "generated" if arguments.terrain is None else "curiosity", text, arguments.out
@@ -296,6 +317,8 @@ def _document(docs: Path, key: str, text: str, out: Path) -> None:
     before, rest = page.read_text(encoding="utf-8").split(begin)
     page.write_text(f"{before}{begin}\n{text}\n{end}{rest.split(end)[1]}", encoding="utf-8")
     shutil.copy(out / "confidence.png", docs / "img" / f"full_confidence_{key}.png")
+    if (out / "placement.jpg").exists():
+        shutil.copy(out / "placement.jpg", docs / "img" / f"full_placement_{key}.jpg")
 
 
 if __name__ == "__main__":
