@@ -32,7 +32,7 @@ import numpy as np
 from benchmarks.operator_choice import Operator, Pick, choose
 from benchmarks.subframe_day import WORLD_ERROR, failures
 from executive.crl import canonical_text
-from ground.convert import DayRequest, prepare_day
+from ground.convert import DayRequest, PreparedDay, prepare_day
 from ground.demo_day import loss_to_inject
 from ground.demo_mission import DemoMission, demo_mission
 from ground.flight import fly
@@ -40,7 +40,7 @@ from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_from_dict
 from planner.solve import solve
-from rover_iface.profile import load_profile
+from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.full_rover import FullRover, make_rover
 from rover_iface.simulator.mast_cameras import MastCameras
@@ -70,16 +70,11 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
     profile = load_profile("k9")
     with stage("targets, observation points, paths"):
         mission = demo_mission(terrain, profile, seed=seed)
-        picks = choose(mission.limits.start, list(Operator(terrain, profile, mission).picks()))
+        seen = list(Operator(terrain, profile, mission).picks())
+        reached = {t["id"] for t in _prepared(terrain, profile, mission, seen).problem["targets"]}
+        picks = choose(mission.limits.start, [pick for pick in seen if pick.target.id in reached])
         picks = _designated(picks, mission, terrain, seed)
-        chosen = tuple(pick.target for pick in picks)
-        requests = tuple(
-            DayRequest(f"R{k + 1}", p.target.id, "mi", 20.0, tracked=True, observation_point=p.stand)
-            for k, p in enumerate(picks)
-        )
-        volume = PLACEMENTS * 8.0 * profile.instrument("mi").volume_mb
-        limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0, data_mbit=volume)
-        day = prepare_day(terrain, profile, limits, chosen, requests, mission.keep_outs)
+        day = _prepared(terrain, profile, mission, picks)
     with stage("plan and CRL"):
         problem = problem_from_dict(day.problem)
         plan = solve(problem, max_branches=BRANCHES, time_limit_s=20.0, seed=seed)
@@ -112,7 +107,7 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
         "hours": (flight.outcome.end_s or 0.0) / 3600,
         "driven_m": _driven(rover),
         "updates": len(rover.follower.history),
-        "targets": {t.id: _target(rover, t.id, out) for t in chosen},
+        "targets": {t.id: _target(rover, t.id, out) for t in (pick.target for pick in picks)},
         "track": [
             {"target": r.target, "confidence": r.confidence, "state": r.state, "range_m": r.range_m,
              "error_m": r.error_m, "t_s": r.t_s}
@@ -122,6 +117,20 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
         "triangles": triangles,
         "stages": spent,
     }  # fmt: skip
+
+
+def _prepared(
+    terrain: Terrain, profile: RoverProfile, mission: DemoMission, picks: Sequence[Pick]
+) -> PreparedDay:
+    """Return the planning problem of a placement on each target, with room for four in the downlink."""
+    requests = tuple(
+        DayRequest(f"R{k + 1}", p.target.id, "mi", 20.0, tracked=True, observation_point=p.stand)
+        for k, p in enumerate(picks)
+    )
+    volume = PLACEMENTS * 8.0 * profile.instrument("mi").volume_mb
+    limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0, data_mbit=volume)
+    targets = tuple(pick.target for pick in picks)
+    return prepare_day(terrain, profile, limits, targets, requests, mission.keep_outs)
 
 
 def _designated(picks: Sequence[Pick], mission: DemoMission, terrain: Terrain, seed: int) -> tuple[Pick, ...]:
