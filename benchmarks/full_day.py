@@ -102,7 +102,7 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
         "seed": seed,
         "faults": injected,
         "outcome": flight.outcome.outcome,
-        "branches_taken": list(flight.options_taken()),
+        "branches_taken": [o for o in flight.options_taken() if not o.startswith("go-on")],
         "branches": plan.branches,
         "hours": (flight.outcome.end_s or 0.0) / 3600,
         "driven_m": _driven(rover),
