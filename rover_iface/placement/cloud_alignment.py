@@ -34,7 +34,8 @@ class AlignmentOptions:
         One deviation of what the second eye may be off: turn about it, shift, and share of the range for each
         metre of it.
     reaches_m
-        Points farther than this from the other surface are left out, in turn.
+        Points farther than this from the other surface are left out, in turn; many turns with the far ones,
+        because rough rocks have more than one place where they nearly fit.
     samples, posts, neighbours
         Points of the first cloud, places of the second where its surface is known, and how many points tell
         the plane there: planes of a few points bear the noise of stereo, and the cloud ends up beside its
@@ -49,14 +50,14 @@ class AlignmentOptions:
     turn_rad: float = 0.02
     shift_m: float = 0.002
     stretch_per_m: float = 0.01
-    reaches_m: tuple[float, ...] = (0.12, 0.10, 0.08, 0.06, 0.06, 0.04, 0.04, 0.03, 0.02, 0.02, 0.02)
+    reaches_m: tuple[float, ...] = (*[0.12] * 4, *[0.08] * 6, *[0.06] * 5, *[0.04] * 4, *[0.02] * 3)
     samples: int = 4000
     posts: int = 5000
     neighbours: int = 100
     patch_px: float = 9.0
-    most_residual_m: float = 0.006
+    most_residual_m: float = 0.005
     least_overlap: float = 0.6
-    most_sigma_m: float = 0.003
+    most_sigma_m: float = 0.0022
 
     def __post_init__(self) -> None:
         for name in ("turn_rad", "shift_m", "stretch_per_m", "samples", "posts", "neighbours"):

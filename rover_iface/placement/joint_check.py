@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from rover_iface.placement.cloud import Array, SurfaceCloud
 from rover_iface.placement.patch_check import Judged, PatchCheck
@@ -31,6 +32,12 @@ UNKNOWING = frozenset(
 
 STRIP_M = 0.006
 """Half the width of the strip in which a crease is looked for, and the length of its parts."""
+
+BEYOND_M = 0.06
+"""So far beyond the designated point lines to a place begin."""
+
+BEHIND_M = 0.06
+"""What falls farther than this below a line is no crease: the line passes before an edge of the rock."""
 
 RELIEF = frozenset({Reason.EDGE, Reason.PROTRUSION, Reason.ROUGHNESS})
 """Reasons that points beside a step may give falsely."""
@@ -124,18 +131,26 @@ class JointCheck:
         return float((hidden.any(axis=0) & ~free.any(axis=0)).mean())
 
     def crease_m(self, at: Array, place: Array) -> float:
-        """Return how far the surface falls below the straight line from one point (3,) on it to another.
+        """Return how far the surface falls below the straight lines to a place (3,) from a point on it and
+        from what of the rock lies beyond that.
 
-        That is measured towards each eye, and the least of what the clouds say: what one sees beyond an edge
-        the other may see whole.
+        That is measured towards the eye of the last cloud, the mast's, which looks down on both; towards the
+        other where what is seen is far behind.
         """
-        depths = [crease(check.cloud, at, place) for check in self.checks]
-        return min((depth for depth in depths if depth is not None), default=0.0)
+        falls = [crease(check.cloud, check.labels == check.label, at, place) for check in self.checks]
+        known = [fall for fall in reversed(falls) if fall is not None]
+        return next((fall for fall in known if fall < BEHIND_M), min(known, default=0.0))
 
 
-def crease(cloud: SurfaceCloud, at: Array, place: Array) -> float | None:
-    """Return the depth of the deepest part of a cloud under the straight line between two points (3,), seen
-    from its eye; None without an eye or points there."""
+def crease(cloud: SurfaceCloud, own: npt.NDArray[np.bool_], at: Array, place: Array) -> float | None:
+    """Return how far a cloud falls below the straight lines to `place` (3,) from `at` and from the points of
+    the rock, `own` (n,), up to `BEYOND_M` beyond it, seen from the cloud's eye.
+
+    None without an eye or points there, or where `place` is `at`.
+
+    One rock is about convex. Where two touch there is a crease; the designated point may lie in it, and only
+    the lines from beyond it then pass over it.
+    """
     length = float(np.linalg.norm(place - at))
     if cloud.eye is None or length < 2.0 * STRIP_M:
         return None
@@ -145,10 +160,18 @@ def crease(cloud: SurfaceCloud, at: Array, place: Array) -> float | None:
     up /= max(float(np.linalg.norm(up)), 1e-9)
     away = cloud.points - at
     way = away @ along
-    strip = (np.abs(away @ np.cross(along, up)) < STRIP_M) & (way > 0.0) & (way < length)
-    part, height = (way[strip] / STRIP_M).astype(np.int64), (away[strip]) @ up
-    depths = [-float(np.median(height[part == k])) for k in np.unique(part) if (part == k).sum() > 1]
-    return max(depths, default=None)
+    strip = (np.abs(away @ np.cross(along, up)) < STRIP_M) & (way < length) & (way > -BEYOND_M - STRIP_M)
+    strip &= own | (way > 0.0)
+    part, height = np.floor(way[strip] / STRIP_M).astype(np.int64), away[strip] @ up
+    known = [k for k in np.unique(part) if (part == k).sum() > 1]
+    middle = np.array([(k + 0.5) * STRIP_M for k in known])
+    level = np.array([np.median(height[part == k]) for k in known])
+    falls = []
+    for start, rise in [(0.0, 0.0), *zip(middle[middle < 0.0], level[middle < 0.0], strict=True)]:
+        between = (middle > start) & (middle < length)
+        line = rise * (length - middle[between]) / (length - start)
+        falls.extend(line - level[between])
+    return float(max(falls)) if falls else None
 
 
 def _ignorance(judged: Judged) -> tuple[int, float]:

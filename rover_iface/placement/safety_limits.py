@@ -63,8 +63,8 @@ class SafetyLimits:
     most_hidden
         Share of the tool's way that may lie behind what the camera sees.
     most_crease_m
-        How far the surface may fall below the straight line from the designated point to another: where two
-        rocks touch it falls into a crease.
+        How far the surface may fall below straight lines from the designated point, and from beyond it, to
+        another: where two rocks touch it falls into a crease.
     search_m
         How far from the designated point another may be taken.
     grid_m

@@ -169,13 +169,28 @@ def test_a_close_look_leaves_out_what_lies_beside_a_step(k9: RoverProfile) -> No
 
 
 def test_a_crease_lies_between_two_rocks_and_not_on_one() -> None:
-    cloud, _ = hazcam()
+    cloud, found = hazcam()
+    own = found.labels != GROUND
     x, y, _, height = ROCKS[0]
     across = [np.array([x - 0.1, y + side * 0.05, 0.7 * height]) for side in (-1.0, 1.0)]
-    on_one = crease(cloud, *across)
+    on_one = crease(cloud, own, *across)
     assert on_one is not None
     assert on_one < 0.01
     other = np.array([ROCKS[2][0] - 0.05, ROCKS[2][1], 0.9 * ROCKS[2][3]])
-    depth = crease(cloud, across[1], other)
-    assert depth is not None
-    assert depth > 0.05
+    between = crease(cloud, own, across[1], other)
+    assert between is not None
+    assert between > 0.05
+
+
+def test_a_point_in_the_crease_is_told_by_what_lies_beyond_it() -> None:
+    # two low roofs side by side, seen from above; the point lies in the valley between them
+    y, x = np.meshgrid(np.linspace(-0.02, 0.02, 21), np.linspace(-0.1, 0.1, 101))
+    points = np.column_stack((x.ravel(), y.ravel(), 0.4 * np.abs(x.ravel())))
+    cloud = cloud_of_points(points, eye=(0.0, 0.0, 2.0))
+    valley, top = np.zeros(3), np.array([0.1, 0.0, 0.04])
+    one = crease(cloud, points[:, 0] >= 0.0, valley, top)
+    both = crease(cloud, np.ones(len(points), bool), valley, top)
+    assert one is not None
+    assert both is not None
+    assert one < 0.005
+    assert both > 0.02
