@@ -70,9 +70,10 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
     profile = load_profile("k9")
     with stage("targets, observation points, paths"):
         mission = demo_mission(terrain, profile, seed=seed)
-        seen = list(Operator(terrain, profile, mission).picks())
-        reached = {t["id"] for t in _prepared(terrain, profile, mission, seen).problem["targets"]}
-        picks = choose(mission.limits.start, [pick for pick in seen if pick.target.id in reached])
+        seen = Operator(terrain, profile, mission).picks()
+        # each alone: ground that is rough far off may close the ways of a network over all of it
+        reached = [p for p in seen if _prepared(terrain, profile, mission, [p]).problem["targets"]]
+        picks = choose(mission.limits.start, reached)
         picks = _designated(picks, mission, terrain, seed)
         day = _prepared(terrain, profile, mission, picks)
     with stage("plan and CRL"):

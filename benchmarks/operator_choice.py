@@ -50,6 +50,8 @@ MOST_OBLIQUE_RAD, MOST_TILT_RAD = math.radians(55.0), math.radians(8.0)
 """Between the hazard camera's view and the normal, and between the tool and it."""
 FOOT_M = 0.04
 """How far above the ground all of a face must lie: at its foot a rock passes into sand."""
+MARGIN_PX = 100.0
+"""How far within the hazard camera's frame a target must lie: at its sides the pair does not range."""
 MOST_GRAZING_RAD = math.radians(68.0)
 """Between the view from the start and the normal: a pixel more or less is then decimetres."""
 PAN_MARGIN_RAD = math.radians(5.0)
@@ -276,7 +278,7 @@ class Operator:
         """Return whether the hazard camera looks at a face, and the arm holds the tool along its normal."""
         camera = self.rig.camera(self.profile.cameras.hazard).transformed(pose.site_from_rover)
         view = (camera.C - point) / np.linalg.norm(camera.C - point)
-        if not bool(camera.sees(point, 40.0)) or float(view @ normal) < math.cos(MOST_OBLIQUE_RAD):
+        if not bool(camera.sees(point, MARGIN_PX)) or float(view @ normal) < math.cos(MOST_OBLIQUE_RAD):
             return False
         if not self._whole(point, normal, camera.C):
             return False
