@@ -68,10 +68,16 @@ class JointCheck:
         order = np.argsort(np.linalg.norm(found - at, axis=1))
         return [at, *found[order]]
 
-    def judge(self, point: Array) -> Judged:
+    def judge(self, point: Array, *, brief: bool = False) -> Judged:
         """Return the surface under the tool as the cloud that knows it best has it, and what is wrong
-        with it."""
-        judged = [check.judge(point) for check in self.checks]
+        with it.
+
+        When it need be `brief`, a place that the mast's cloud alone refuses is not judged by the other.
+        """
+        last = self.checks[-1].judge(point)
+        if brief and self._refused_alone(self.checks[-1], last):
+            return last
+        judged = [*(check.judge(point) for check in self.checks[:-1]), last]
         best = min(judged, key=_ignorance)
         against = {
             finding.reason: finding
@@ -91,6 +97,13 @@ class JointCheck:
         if hidden > self.limits.most_hidden:
             return joint.with_finding(Finding(Reason.WAY_HIDDEN, hidden, self.limits.most_hidden))
         return replace(joint, close_strain=strain)
+
+    def _refused_alone(self, check: PatchCheck, judged: Judged) -> bool:
+        """Return whether a cloud knows a place and has it bad even in a close look."""
+        reasons = {finding.reason for finding in judged.findings}
+        if judged.measures is None or not reasons or reasons & UNKNOWING:
+            return False
+        return bool(reasons - RELIEF) or check.sound_relief(judged.measures) > self.limits.close_relief
 
     def _close_strain(self, judged: Sequence[Judged], best: Judged) -> float:
         """Return the largest share of the close limits that a place takes; infinite where something besides

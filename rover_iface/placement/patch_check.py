@@ -208,8 +208,10 @@ class PatchCheck:
         surface = ball[wide[0]]
         sigma = kernels.median_sigma(cloud.covariances, surface, normal)
         trusted = window.trusted[surface]
-        share, hole = self._gaps(window, surface[trusted], at, normal, self._near)
-        wide_hole = self._gaps(window, surface[trusted], at, normal, self._wide)[1]
+        kept = surface[trusted]
+        pixel = self._pixel(window, kept, at, normal)
+        share, hole = self._gaps(cloud.points[kept], at, normal, self._near, pixel)
+        wide_hole = self._gaps(cloud.points[kept], at, normal, self._wide, pixel)[1]
         return PatchMeasures(
             points=len(surface),
             valid_share=share,
@@ -232,22 +234,25 @@ class PatchCheck:
             slope_rad=0.0 if self.axis is None else _angle(normal, self.axis),
         )
 
-    def _gaps(
-        self, window: _Window, index: npt.NDArray[np.int64], at: Array, normal: Array, radius: float
-    ) -> tuple[float, float]:
-        """Return the share of the disc of `radius` that lies within a pixel of a chosen point, and the
-        diameter of the largest hole.
-
-        A pixel on an oblique surface is as long as its slant makes it, at most three times its width.
-        """
+    def _pixel(self, window: _Window, index: npt.NDArray[np.int64], at: Array, normal: Array) -> float:
+        """Return the length of a pixel on the surface: its slant makes it up to three times its width."""
         if not len(index):
-            return 0.0, 2.0 * radius
+            return 0.0
         pixel = float(np.median(window.spacing_m[index]))
         eye = window.cloud.eye
-        if eye is not None:
-            slant = abs(float((eye - at) @ normal)) / float(np.linalg.norm(eye - at))
-            pixel /= max(slant, 1.0 / 3.0)
-        share, hole = kernels.disc_gaps(window.cloud.points[index], at, normal, radius, pixel)
+        if eye is None:
+            return pixel
+        slant = abs(float((eye - at) @ normal)) / float(np.linalg.norm(eye - at))
+        return pixel / max(slant, 1.0 / 3.0)
+
+    def _gaps(
+        self, points: Array, at: Array, normal: Array, radius: float, pixel: float
+    ) -> tuple[float, float]:
+        """Return the share of the disc of `radius` that lies within a pixel of a point (n, 3), and the
+        diameter of the largest hole."""
+        if not len(points):
+            return 0.0, 2.0 * radius
+        share, hole = kernels.disc_gaps(points, at, normal, radius, pixel)
         return float(share), min(float(hole), 2.0 * radius)
 
     def _normal_sigma(
@@ -287,9 +292,7 @@ class PatchCheck:
 
     def hole_m(self, points: Array, at: Array, normal: Array) -> float:
         """Return the diameter of the largest circle under the tool without any of the points (n, 3)."""
-        if not len(points):
-            return 2.0 * self._near
-        return min(kernels.disc_gaps(points, at, normal, self._near, 0.0)[1], 2.0 * self._near)
+        return self._gaps(points, at, normal, self._near, 0.0)[1]
 
     def _strain(self, m: PatchMeasures) -> float:
         limits = self.limits

@@ -192,7 +192,7 @@ class _Search:
 
     def judge(self, point: Array) -> Judged:
         """Judge one more point."""
-        judged = self.check.judge(point)
+        judged = self.check.judge(point, brief=self.first is not None)
         self.tried += 1
         self.first = self.first or judged
         return judged
