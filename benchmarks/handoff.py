@@ -322,9 +322,15 @@ def _methods(results: dict[str, Any]) -> str:
     return f"{found['trials']} trials a method.\n\n" + table(head, rows)
 
 
+def _near_first(entry: tuple[str, Any]) -> tuple[bool, int]:
+    """Return the place of a row of the cascade's table: `far, worlds 4 to 6` after all near ones."""
+    side, worlds = entry[0].split(", worlds ")
+    return side == "far", int(worlds.split()[0])
+
+
 def _cascade(results: dict[str, Any]) -> str:
     rows = []
-    for which, e in results["cascade"].items():
+    for which, e in sorted(results["cascade"].items(), key=_near_first):
         tilt = "-" if e["tilt_deg"] is None else " / ".join(f"{v:.2f}" for v in e["tilt_deg"])
         rows.append(
             [
