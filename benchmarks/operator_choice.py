@@ -52,8 +52,9 @@ FOOT_M = 0.04
 """How far above the ground all of a face must lie: at its foot a rock passes into sand."""
 MARGIN_PX = 100.0
 """How far within the hazard camera's frame a target must lie: at its sides the pair does not range."""
-MOST_GRAZING_RAD = math.radians(68.0)
-"""Between the view from the start and the normal: a pixel more or less is then decimetres."""
+MOST_GRAZING_RAD, POINTING_RAD = math.radians(68.0), 0.004
+"""Between the view from the start and the normal; and what the mast may be off, which must not take the pixel
+off the face as it is seen from there, foreshortened."""
 PAN_MARGIN_RAD = math.radians(5.0)
 """What the mast's foot and the camera beside it take off the pan at a few metres."""
 TARGETS = 5
@@ -187,8 +188,9 @@ class Operator:
             _, _, axes = np.linalg.svd(near - middle, full_matrices=False)
             normal = axes[2] * np.sign(axes[2] @ outward[k])
             relief = float(np.abs((near - middle) @ normal).max())
-            steep = float(normal @ (self.eye - points[k])) / float(np.linalg.norm(self.eye - points[k]))
-            if steep < math.cos(MOST_GRAZING_RAD):
+            away = float(np.linalg.norm(self.eye - points[k]))
+            steep = float(normal @ (self.eye - points[k])) / away
+            if steep < max(math.cos(MOST_GRAZING_RAD), POINTING_RAD * away / FACE_M):
                 continue
             if relief > MOST_RELIEF_M or not self._off_the_ground(points[k], normal):
                 continue
