@@ -58,7 +58,7 @@ off the face as it is seen from there, foreshortened."""
 PAN_MARGIN_RAD = math.radians(5.0)
 """What the mast's foot and the camera beside it take off the pan at a few metres."""
 TARGETS = 5
-PAPER_M, STRAIGHT = 28.0, 0.72
+PAPER_M, STRAIGHT = 28.0, 0.80
 """What the paper's rover drove; the shortest straight round is that share of it. The plan goes by the odds of
 tracks, not by the shortest way, and rocks lie in the way."""
 STANDS, TRIES = 24, 15
