@@ -164,8 +164,10 @@ def _search(
             elif judged.restless is not None:
                 safe.append(judged)
             elif (posture := search.reached(judged)) is not None:
-                if search.slope(judged, posture) <= check.limits.calm_slope_rad:
+                slope = search.slope(judged, posture)
+                if slope <= check.limits.calm_slope_rad:
                     return search.taken(judged, posture, rock)
+                search.leave(judged, Finding(Reason.SLOPE, slope, check.limits.calm_slope_rad, "rad"))
                 tilted.append((judged, posture))
         if tilted:
             return search.taken(*tilted[0], rock)
@@ -188,6 +190,8 @@ class _Search:
         self.first: Judged | None = None
         self.out_of_reach: Judged | None = None
         self.crease: Finding | None = None
+        self.left: Finding | None = None
+        """Why the designated point was left though nothing is wrong with the surface there."""
         self.tried = self.asked = 0
 
     def judge(self, point: Array) -> Judged:
@@ -214,7 +218,9 @@ class _Search:
                 depth = self.check.crease_m(self.at, judged.point)
                 if depth <= limits.most_crease_m:
                     return answer
-                self.crease = self.crease or Finding(Reason.CREASE, depth, limits.most_crease_m, "m")
+                crease = Finding(Reason.CREASE, depth, limits.most_crease_m, "m")
+                self.crease = self.crease or crease
+                self.leave(judged, crease)
                 return None
             why = Finding(Reason.SLOPE, slope, limits.most_slope_rad, "rad")
         refused = judged.with_finding(why)
@@ -222,6 +228,11 @@ class _Search:
             self.first = refused
         self.out_of_reach = self.out_of_reach or refused
         return None
+
+    def leave(self, judged: Judged, why: Finding) -> None:
+        """Take down why a point was left; only that of the designated one is told."""
+        if judged is self.first:
+            self.left = self.left or why
 
     def slope(self, judged: Judged, posture: Posture | Motion) -> float:
         """Return the angle between tool and surface normal, the normal's uncertainty added."""
@@ -238,11 +249,14 @@ class _Search:
             judged.normal,
             float(np.linalg.norm(judged.point - self.at)),
             judged.measures,
-            () if designated else self.first.findings or _why_left(self.first),
+            () if designated else self.first.findings or self._why_left(self.first),
             rock,
             self.tried,
             posture=posture,
         )
+
+    def _why_left(self, first: Judged) -> tuple[Finding, ...]:
+        return tuple(why for why in (first.restless, self.left) if why is not None)
 
     def not_placed(
         self, rock: RockSegment | None, profile: RoverProfile, terrain: Terrain | None
@@ -279,10 +293,6 @@ class _Search:
             self.tried,
             base_move=move,
         )
-
-
-def _why_left(judged: Judged) -> tuple[Finding, ...]:
-    return () if judged.restless is None else (judged.restless,)
 
 
 def _label_at(

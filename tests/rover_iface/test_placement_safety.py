@@ -19,7 +19,7 @@ from rover_iface.placement import (
     cloud_of_points,
     plan_placement,
 )
-from rover_iface.placement.arm import ArmLimit, ArmRefusal
+from rover_iface.placement.arm import Arm, ArmLimit, ArmRefusal, Posture
 from rover_iface.placement.cloud_edges import away_from_edges
 from rover_iface.placement.ground_plane import fit_ground_plane
 from rover_iface.placement.joint_check import JointCheck
@@ -256,6 +256,21 @@ def test_the_arm_has_the_last_word(k9: RoverProfile) -> None:
     assert verdict.decision in (Decision.MOVE_BASE, Decision.REFUSE)
     assert Reason.ARM in {f.reason for f in verdict.findings}
     assert "7 mm" in verdict.text
+
+
+def test_a_point_left_because_the_tool_would_tilt_says_so(k9: RoverProfile) -> None:
+    cloud, _, found = scene()
+    at, solve = on_first_rock(), Arm(k9.arm).solve
+
+    def tilting(point: npt.ArrayLike, normal: npt.ArrayLike) -> Posture | ArmRefusal:
+        answer = solve(point, normal)
+        near = float(np.linalg.norm(np.asarray(point) - at)) < 0.015
+        return replace(answer, tool_tilt_rad=0.2) if near and isinstance(answer, Posture) else answer
+
+    verdict = plan_placement(cloud, at, k9, segmentation=found, arm=tilting)
+    assert verdict.decision is Decision.PLACE_NEAR
+    assert [f.reason for f in verdict.findings] == [Reason.SLOPE]
+    assert verdict.findings[0].value > verdict.findings[0].limit == SafetyLimits().calm_slope_rad
 
 
 def test_a_point_out_of_reach_tells_how_the_rover_must_move(k9: RoverProfile) -> None:
