@@ -21,7 +21,7 @@ from ground.convert import DayTarget, StandPose, stand_for
 from ground.demo_mission import DemoMission
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.errors import PlacementError
-from rover_iface.frames import Pose, wrap_angle
+from rover_iface.frames import Pose, across, wrap_angle
 from rover_iface.mobility import settled_pose
 from rover_iface.navigation.sensor import StereoSensor
 from rover_iface.placement.arm import Arm, Posture
@@ -311,7 +311,6 @@ class Operator:
 
 def _circle(normal: Array) -> Array:
     """Return the rim (12, 3) of a face round the origin with a unit normal (3,)."""
-    first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-    first /= np.linalg.norm(first)
+    first, second = across(normal)
     turn = np.linspace(0.0, math.tau, 12, endpoint=False)[:, None]
-    return np.asarray(FACE_M * (np.cos(turn) * first + np.sin(turn) * np.cross(normal, first)))
+    return np.asarray(FACE_M * (np.cos(turn) * first + np.sin(turn) * second))

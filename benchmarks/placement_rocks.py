@@ -16,6 +16,7 @@ import numpy.typing as npt
 from benchmarks.placement_stereo import RockView, Seen, StereoModel, mast_view
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import load_cameras
+from rover_iface.frames import across
 from rover_iface.simulator.render.renderer import Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.terrain.fractal import spectral_noise
@@ -87,9 +88,7 @@ class RockScene:
     ) -> TruePatch:
         """Return the surface that a tool of `radius_m` meets when it comes down along -normal on `point`."""
         at = point if error is None else point + error
-        first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-        first /= np.linalg.norm(first)
-        second = np.cross(normal, first)
+        first, second = across(normal)
         line = np.arange(-radius_m, radius_m + 1e-9, 0.002)
         u, v = (g.ravel() for g in np.meshgrid(line, line))
         inside = np.hypot(u, v) <= radius_m

@@ -90,6 +90,14 @@ class Transform:
         return turned
 
 
+def across(normal: ArrayLike) -> NDArray[np.float64]:
+    """Return two unit vectors (2, 3) at right angles to a unit normal (3,) and to each other."""
+    up = np.asarray(normal, dtype=np.float64)
+    first = np.cross(up, np.eye(3)[int(np.abs(up).argmin())])
+    first /= np.linalg.norm(first)
+    return np.vstack((first, np.cross(up, first)))
+
+
 def rotation_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """Return Rz(yaw) Ry(pitch) Rx(roll) [3, 3]; positive pitch puts the nose down (REP 103)."""
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.errors import PlacementError
+from rover_iface.frames import across
 from rover_iface.placement.cloud import Array, SurfaceCloud
 
 CELL_M = 0.05
@@ -142,9 +143,7 @@ def fit_ground_plane(
     if share < options.least_share or normal @ up < math.cos(options.max_tilt_rad):
         return None
     rms = float(np.sqrt((((points[held] - origin) @ normal) ** 2).mean()))
-    first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-    first /= np.linalg.norm(first)
-    return GroundPlane(normal, origin, np.vstack((first, np.cross(normal, first))), share, rms)
+    return GroundPlane(normal, origin, across(normal), share, rms)
 
 
 def _least_squares(points: Array, sigma: Array, up: Array) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.frames import across
 from rover_iface.placement.cloud import Array, SurfaceCloud
 from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.verdict import Finding, Reason
@@ -133,10 +134,9 @@ class JointCheck:
 
     def hidden_share(self, at: Array, normal: Array) -> float:
         """Return the share of the tool's way that something hides from a camera and none sees to be free."""
-        first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-        first /= np.linalg.norm(first)
+        first, second = across(normal)
         turns = np.arange(12) * math.tau / 12.0
-        ring = np.outer(np.cos(turns), first) + np.outer(np.sin(turns), np.cross(normal, first))
+        ring = np.outer(np.cos(turns), first) + np.outer(np.sin(turns), second)
         disc = np.vstack((np.zeros(3), self.checks[0].radius_m * ring))
         heights = self.limits.tool_length_m * np.array(WAY_HEIGHTS)
         way = (at + disc[None] + heights[:, None, None] * normal).reshape(-1, 3)

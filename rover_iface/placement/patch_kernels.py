@@ -14,6 +14,20 @@ Bools = npt.NDArray[np.bool_]
 
 
 @numba.njit(cache=True, nogil=True)
+def _across(normal: Floats) -> tuple[Floats, Floats]:
+    """Return `rover_iface.frames.across` of a unit normal (3,)."""
+    least = 0
+    for k in range(1, 3):
+        if abs(normal[k]) < abs(normal[least]):
+            least = k
+    axis = np.zeros(3)
+    axis[least] = 1.0
+    first = np.cross(normal, axis)
+    first /= math.sqrt(first @ first)
+    return first, np.cross(normal, first)
+
+
+@numba.njit(cache=True, nogil=True)
 def in_ball(points: Floats, at: Floats, radius: float) -> Ints:
     """Return the indices of the points (n, 3) nearer to `at` (3,) than `radius`."""
     found = np.empty(len(points), np.int64)
@@ -100,15 +114,7 @@ def covered(points: Floats, hides: Bools, at: Floats, normal: Floats, cell: floa
     A point is covered if one of its cell that `hides` (n,), of a raster across the normal round `at` (3,),
     lies `depth` higher. What lies beside a step must not: stereo draws it over the edge.
     """
-    axis = 0
-    for k in range(1, 3):
-        if abs(normal[k]) < abs(normal[axis]):
-            axis = k
-    other = np.zeros(3)
-    other[axis] = 1.0
-    first = np.cross(normal, other)
-    first /= math.sqrt((first * first).sum())
-    second = np.cross(normal, first)
+    first, second = _across(normal)
     u, v, h = np.empty(len(points)), np.empty(len(points)), np.empty(len(points))
     reach = 0.0
     for i in range(len(points)):
@@ -209,15 +215,7 @@ def disc_gaps(points: Floats, at: Floats, normal: Floats, radius: float, pixel: 
 
     The points are looked at along the disc's normal.
     """
-    least = 0
-    for k in range(1, 3):
-        if abs(normal[k]) < abs(normal[least]):
-            least = k
-    axis = np.zeros(3)
-    axis[least] = 1.0
-    first = np.cross(normal, axis)
-    first /= math.sqrt(first @ first)
-    second = np.cross(normal, first)
+    first, second = _across(normal)
     n = len(points)
     u, v = np.empty(n), np.empty(n)
     for i in range(n):

@@ -14,6 +14,7 @@ from rover_iface.errors import FrameError
 from rover_iface.frames import (
     Pose,
     Transform,
+    across,
     ned_from_enu,
     quaternion_of,
     rotation_from_quaternion,
@@ -122,3 +123,10 @@ def test_spirits_138_site_frames_chain_to_the_published_place() -> None:
     assert steps >= 137
     assert np.allclose(here.translation, [-2034.054, 3104.650, -80.972], atol=2e-3)
     assert way == pytest.approx(5480.7, abs=0.1)
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (0.6, 0.0, 0.8), (-0.48, 0.64, 0.6)])
+def test_two_axes_lie_across_a_normal(normal: tuple[float, float, float]) -> None:
+    axes = np.vstack((across(normal), normal))
+    assert np.allclose(axes @ axes.T, np.eye(3))
+    assert np.linalg.det(axes) == pytest.approx(1.0)
