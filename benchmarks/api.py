@@ -1,6 +1,6 @@
 """Cost of the API beside a bare Starlette endpoint, in one run: CPU per request, rate, latency, conflicts.
 
-    python benchmarks/api.py [--database URL] [--seconds 10] [--connections 16 64] [--out results.json]
+    python -m benchmarks.api [--database URL] [--seconds 10] [--connections 16 64] [--out results.json]
 
 Yardstick and service are asked one after the other, each in a process of its own under uvicorn, by the same
 client. Rounds alternate; the figures are medians over rounds. CPU is that of the server's process.

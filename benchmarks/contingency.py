@@ -5,8 +5,8 @@ independent evaluator of the instances (`shared/contingency/evaluate.py`). With 
 families are generated from N new seeds; their optimum is that of the planner's own table on a fine grid,
 which agrees with the published one of the public instances within 0.1 %.
 
-    .venv/bin/python benchmarks/contingency.py [--pico] [--branches 0,1,2,3,4,6,12] [NAME ...]
-    .venv/bin/python benchmarks/contingency.py --new 2 --branches 0,6
+    .venv/bin/python -m benchmarks.contingency [--pico] [--branches 0,1,2,3,4,6,12] [NAME ...]
+    .venv/bin/python -m benchmarks.contingency --new 2 --branches 0,6
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Speed of the plan language: read, validate and print plans of many tasks.
 
-    .venv/bin/python benchmarks/crl.py [--tasks 1000 10000] [--repeat 5]
+    .venv/bin/python -m benchmarks.crl [--tasks 1000 10000] [--repeat 5]
 
 Every task has parameters, a duration, a condition, a window and an expectation. CPU seconds, median.
 """

@@ -3,7 +3,7 @@
 Each future is a table of draws that the evaluator and the abstract rover both meet. Prints, per problem,
 the share of futures with equal utility and the same options taken, and every difference.
 
-    .venv/bin/python benchmarks/executive_equality.py [--futures 2000] [--branches 6] [PROBLEM.json ...]
+    .venv/bin/python -m benchmarks.executive_equality [--futures 2000] [--branches 6] [PROBLEM.json ...]
 """
 
 from __future__ import annotations

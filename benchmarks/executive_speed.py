@@ -1,8 +1,8 @@
 """Speed of the executive beside py_trees, in one run.
 
-    .venv/bin/python benchmarks/executive.py                 all, about two minutes
-    .venv/bin/python benchmarks/executive.py --quick         1,000 tasks only
-    .venv/bin/python benchmarks/executive.py --only latency
+    .venv/bin/python -m benchmarks.executive_speed                 all, about two minutes
+    .venv/bin/python -m benchmarks.executive_speed --quick         1,000 tasks only
+    .venv/bin/python -m benchmarks.executive_speed --only latency
 
 Every task is asynchronous: its command returns one event later, as the leaf of py_trees returns RUNNING
 once. Times are the median of `--repeat` runs, wall and CPU, beside a yardstick loop; old and new alternate.

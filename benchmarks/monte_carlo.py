@@ -4,7 +4,7 @@ Plans with at most four branches are made for each public instance, carried out 
 thread, and timed in processor seconds (the best of five rounds of 200,000). `steps` are the drives and
 observations that a rollout meets in the mean, each with two log-normal draws.
 
-    .venv/bin/python benchmarks/monte_carlo.py [--futures 2000000] [--branches 4] [NAME ...]
+    .venv/bin/python -m benchmarks.monte_carlo [--futures 2000000] [--branches 4] [NAME ...]
 """
 
 from __future__ import annotations

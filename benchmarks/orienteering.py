@@ -1,7 +1,7 @@
 """Goal selection side by side: this product, PyVRP, OR-Tools routing and CP-SAT on the same files in one run.
 
-    .venv/bin/python benchmarks/orienteering.py --subset --limits 0.1 1 --seeds 1 2 3
-    .venv/bin/python benchmarks/orienteering.py --report
+    .venv/bin/python -m benchmarks.orienteering --subset --limits 0.1 1 --seeds 1 2 3
+    .venv/bin/python -m benchmarks.orienteering --report
 
 Rows are kept in `results/orienteering.jsonl` and what is there is not run again, so a run can be broken off
 and taken up; `--report` makes the tables and the plot of what is there. With `--clock cpu` all limits

@@ -3,7 +3,7 @@
 Each problem is planned in a fresh process (imports counted) and once more in the same, warm one. Processor
 seconds are what a quiet core would need; the wall beside them depends on what else the machine does.
 
-    .venv/bin/python benchmarks/planner_speed.py [--targets 8 10 30] [--time-limit 60]
+    .venv/bin/python -m benchmarks.planner_speed [--targets 8 10 30] [--time-limit 60]
 """
 
 from __future__ import annotations
@@ -146,7 +146,8 @@ def main() -> None:
             file.write_text(json.dumps(document(targets, arguments.seed)), encoding="utf-8")
             command = [
                 sys.executable,
-                __file__,
+                "-m",
+                "benchmarks.planner_speed",
                 "--child",
                 str(file),
                 "--time-limit",

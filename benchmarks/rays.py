@@ -1,6 +1,6 @@
 """Primary rays a second that one core casts into the scene of a generated site; for docs/cameras.md.
 
-.venv/bin/python benchmarks/rays.py
+.venv/bin/python -m benchmarks.rays
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Speed of the temporal network: full check, one added constraint, one executed point, dispatch bound.
 
-    .venv/bin/python benchmarks/stn.py [--points 1001] [--repeat 5]
+    .venv/bin/python -m benchmarks.stn [--points 1001] [--repeat 5]
 
 Networks look like plans: a chain of tasks with durations, a third of the constraints are cross links.
 Times are CPU milliseconds; beside them stands a fixed loop of pure Python, so that machines can be compared.

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.localization_legs import look, make_leg, stereo_points
 from ground.cli.localize import _stops
 from ground.cli.main import app, register_all
 from rover_iface.localization.site_frames import (
@@ -19,6 +18,7 @@ from rover_iface.localization.site_frames import (
     read_frame_file,
     site,
 )
+from studies.common.localization_legs import look, make_leg, stereo_points
 from tests.rover_iface.localization.test_site_frames import LANDING, START, UPRIGHT
 
 if not any(command.name == "localize" for command in app.registered_commands):

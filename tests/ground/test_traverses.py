@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.localization_legs import look, make_leg, stereo_points
 from ground.gdr.repository import Repository
 from ground.gdr.values import Mission
 from ground.services.check_files import check_files
+from studies.common.localization_legs import look, make_leg, stereo_points
 from tests.ground.conftest import Api, yard
 from tests.ground.test_missions_api import problem, upload
 from tests.ground.test_site_chain import choose, frames

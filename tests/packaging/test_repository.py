@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 import re
 import subprocess
 import sys
@@ -154,6 +156,23 @@ def test_links_inside_the_docs_lead_somewhere() -> None:
             if "://" not in link and not (page.parent / link).exists():
                 broken.append((page.name, link))
     assert broken == []
+
+
+def test_studies_and_benchmarks_named_in_the_docs_exist() -> None:
+    pages = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    text = "\n".join(page.read_text() for page in pages)
+    named = set(re.findall(r"-m ((?:studies|benchmarks)\.[\w.]*\w)", text))
+    named |= {n.replace("/", ".") for n in re.findall(r"`((?:studies|benchmarks)/[\w/]+)\.py", text)}
+    assert {"studies.full_day", "studies.subframe_day"} <= named
+    assert {n for n in named if not (ROOT / (n.replace(".", "/") + ".py")).is_file()} == set()
+
+
+@pytest.mark.parametrize("folder", ["studies", "benchmarks"])
+def test_every_study_and_benchmark_can_be_imported(folder: str) -> None:
+    modules = [m.name for m in pkgutil.walk_packages([str(ROOT / folder)], f"{folder}.") if not m.ispkg]
+    assert len(modules) > 10
+    for name in modules:
+        importlib.import_module(name)
 
 
 def test_docs_build_without_a_warning(tmp_path: Path) -> None:

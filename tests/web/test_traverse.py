@@ -43,7 +43,7 @@ def stop_files(folder: Path) -> list[tuple[str, bytes, np.ndarray[Any, Any]]]:
 
     With `OUTCROP_SCREENSHOTS` these are rendered panoramas, which take a minute; else modelled points.
     """
-    from benchmarks.localization_legs import look, make_leg, stereo_points
+    from studies.common.localization_legs import look, make_leg, stereo_points
 
     leg = make_leg(SEED, 26.0, rock_cover=0.06)
     if os.environ.get("OUTCROP_SCREENSHOTS"):
@@ -60,7 +60,7 @@ def stop_files(folder: Path) -> list[tuple[str, bytes, np.ndarray[Any, Any]]]:
 def _panorama(leg: Any, end: int, folder: Path) -> tuple[str, bytes, np.ndarray[Any, Any]]:
     from dataclasses import replace
 
-    from benchmarks.localization_legs import rendered_panorama
+    from studies.common.localization_legs import rendered_panorama
 
     panorama = rendered_panorama(leg, end, seed=SEED)
     error = OFF if end else np.zeros(3)

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.localization_drive import speed
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.errors import LocalizationError
 from rover_iface.frames import Transform, rotation_rpy
@@ -18,6 +17,7 @@ from rover_iface.localization.bundle_adjustment import (
     chained,
     small_motion,
 )
+from studies.common.localization_drive import speed
 
 TIGHT = 1e-8 * np.eye(6)
 MOTION = np.diag([0.01, 0.01, 0.02, 0.3, 0.3, 0.1]) ** 2

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.rock_solids import TABLE_I, a_rock, area_of, surface
 from rover_iface.errors import LocalizationError
 from rover_iface.localization.rock_models import FAMILIES, best_rock_model, fit_rock_model
+from studies.common.rock_solids import TABLE_I, a_rock, area_of, surface
 
 
 def test_exact_shapes_are_given_their_family():

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.localization_drive import feature_steps, navcams, step_figures
 from rover_iface.errors import LocalizationError
 from rover_iface.frames import Pose, Transform
 from rover_iface.localization.bundle_adjustment import small_motion
@@ -22,6 +21,7 @@ from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.vision.tracker import StereoView
+from studies.common.localization_drive import feature_steps, navcams, step_figures
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from benchmarks.localization_drive import Kilometre
-from benchmarks.localization_legs import LegRecord
 from rover_iface.localization.leg import LegResult
+from studies.common.localization_drive import Kilometre
+from studies.common.localization_legs import LegRecord
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 
 ::
 
-    python -m benchmarks.localization --cache var/localization          # about 15 CPU minutes the first time
-    python -m benchmarks.localization --trials 20 --kilometre-legs 40 --rendered 0   # a short look
+    python -m studies.localization --cache var/localization          # about 15 CPU minutes the first time
+    python -m studies.localization --trials 20 --kilometre-legs 40 --rendered 0   # a short look
 
 Extracted legs are kept in the cache folder; matching and all that follows runs anew each time.
 """
@@ -20,18 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.localization_drive import (
+from rover_iface.localization.leg import LegResult, localise_leg
+from rover_iface.localization.published_matching import PublishedOptions, match_as_published
+from studies.common.localization_drive import (
     feature_steps,
     kilometre,
     speed_summary,
     step_figures,
     tied_leg,
 )
-from benchmarks.localization_legs import LegRecord, leg_record, wheel_prior
-from benchmarks.localization_plots import draw_kilometre, draw_leg, draw_trials
-from benchmarks.rock_solids import table_one, whole_solids
-from rover_iface.localization.leg import LegResult, localise_leg
-from rover_iface.localization.published_matching import PublishedOptions, match_as_published
+from studies.common.localization_legs import LegRecord, leg_record, wheel_prior
+from studies.common.localization_plots import draw_kilometre, draw_leg, draw_trials
+from studies.common.rock_solids import table_one, whole_solids
 
 ROOT = Path(__file__).resolve().parent.parent
 FIRST_SEED = 20300
@@ -218,7 +218,7 @@ def main() -> None:
     parser.add_argument("--only", choices=["matching", "kilometre", "rest"], action="append")
     chosen = parser.parse_args()
     wanted = chosen.only or ["matching", "kilometre", "rest"]
-    target = ROOT / "benchmarks" / "results" / "localization.json"
+    target = ROOT / "studies" / "results" / "localization.json"
     results: dict[str, Any] = json.loads(target.read_text()) if target.exists() else {}
     images = ROOT / "docs" / "img"
     if "matching" in wanted:

@@ -1,8 +1,8 @@
 """A far target by the pancams: how well they range it, and how well their picture finds it again near by.
 
-    .venv/bin/python -m benchmarks.narrow_range --out docs
+    .venv/bin/python -m studies.narrow_range --out docs
 
-The approaches are those of `benchmarks.perception`. At the first stop, ten metres off, the pancam pair is
+The approaches are those of `studies.perception`. At the first stop, ten metres off, the pancam pair is
 taken too, with a mast noise of its own. Table 1: range of the designated pixels by the navcams' point stereo
 and by `narrow_sight`. Table 2: the first picture, the pancams' or the navcams', laid by the cascade over what
 the navcams range at stops of 3.4 m and less, from a start that is off as a track may be.
@@ -20,9 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.perception import axes, say
-from benchmarks.perception_worlds import TRAINING, Halt, approach, rock_scene
-from benchmarks.tracking_worlds import Array
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.stereo import point_stereo
 from rover_iface.frames import Transform
@@ -32,6 +29,9 @@ from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.narrow_range import narrow_sight
 from rover_iface.vision.shape_tracker import RECALL_M
 from rover_iface.vision.tracker import StereoView
+from studies.common.perception_worlds import TRAINING, Halt, approach, rock_scene
+from studies.common.tracking_worlds import Array
+from studies.perception import axes, say
 
 BEGIN, END = "<!-- begin:narrow -->", "<!-- end:narrow -->"
 HALF = 230
@@ -167,7 +167,7 @@ def main() -> None:
     )
     parser.add_argument("--worlds", type=int, default=12)
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
-    parser.add_argument("--results", type=Path, default=Path("benchmarks/results/narrow_range.json"))
+    parser.add_argument("--results", type=Path, default=Path("studies/results/narrow_range.json"))
     parser.add_argument("--out", type=Path, help="docs folder whose tracking page gets the tables")
     arguments = parser.parse_args()
     started = time.process_time()

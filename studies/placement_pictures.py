@@ -1,7 +1,7 @@
 """Pictures of `docs/placement.md`: masks of rocks over an image, safe and unsafe places of a rock, Spirit's
 cloud, what a run of placements came to.
 
-`python -m benchmarks.placement_pictures --out docs/img --spirit ../shared/data/terrain/mer_spirit`
+`python -m studies.placement_pictures --out docs/img --spirit ../shared/data/terrain/mer_spirit`
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.placement import designated, rendered_clouds
-from benchmarks.placement_rocks import RockScene, rock_scene
-from benchmarks.placement_worlds import views
-from benchmarks.segmentation import FARTHEST_M, segmented
 from rover_iface.cameras.model import CameraModel
 from rover_iface.placement import PlacementVerdict, cloud_of_points, plan_placement, segment
 from rover_iface.placement.safety import safety_map
 from rover_iface.profile import load_profile
 from rover_iface.simulator.render.renderer import Renderer
+from studies.common.placement_rocks import RockScene, rock_scene
+from studies.common.placement_worlds import views
+from studies.placement import designated, rendered_clouds
+from studies.segmentation import FARTHEST_M, segmented
 
 Picture = npt.NDArray[np.uint8]
 GREEN, RED, BLUE, WHITE = (90, 200, 60), (60, 60, 230), (255, 160, 40), (255, 255, 255)
@@ -186,7 +186,7 @@ def main() -> None:
     parser.add_argument("--view", type=int, nargs=2, default=(900, 1), help="world and number of the view")
     parser.add_argument("--safe", type=int, default=5114)
     parser.add_argument("--refused", type=int, default=24328)
-    parser.add_argument("--run", type=Path, help="rows of a run of `benchmarks.placement`, to be drawn alone")
+    parser.add_argument("--run", type=Path, help="rows of a run of `studies.placement`, to be drawn alone")
     options = parser.parse_args()
     if options.run is not None:
         rows = [json.loads(line) for line in options.run.read_text(encoding="utf-8").splitlines()]

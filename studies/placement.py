@@ -1,6 +1,6 @@
 """Placements over many rocks: unsafe accepts, false refusals, errors; and what stereo does at arm's length.
 
-`python -m benchmarks.placement --rocks 1000 --rendered 120 --out benchmarks/results/placement.json`
+`python -m studies.placement --rocks 1000 --rendered 120 --out studies/results/placement.json`
 
 Each rock is another scene of `placement_rocks` with another designated point, uniform over the visible face,
 and an error of 5 mm as of a hand-off; rocks that a neighbour hides are left out. The hazcams and the mast's
@@ -29,14 +29,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.placement_rocks import RockScene, TrueLimits, rock_scene
-from benchmarks.placement_stereo import RockView
 from rover_iface.placement import SafetyLimits, plan_placement, segment
 from rover_iface.placement.arm import Arm, ArmRefusal, Posture
 from rover_iface.placement.cloud import SurfaceCloud
 from rover_iface.placement.cloud_alignment import Alignment, align
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions
 from rover_iface.profile import load_profile
+from studies.common.placement_rocks import RockScene, TrueLimits, rock_scene
+from studies.common.placement_stereo import RockView
 
 Array = npt.NDArray[np.float64]
 

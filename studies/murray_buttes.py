@@ -4,7 +4,7 @@ The plan is compared with the same planner's plan without branches on fresh futu
 option's share of them is counted, and the executive flies the emitted CRL on the abstract rover in the same
 tables of draws.
 
-    .venv/bin/python -m benchmarks.murray_buttes TERRAIN_FOLDER [--futures 2000] [--time-limit 60]
+    .venv/bin/python -m studies.murray_buttes TERRAIN_FOLDER [--futures 2000] [--time-limit 60]
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Picture and timing of docs/path-network.md.
 
-    .venv/bin/python benchmarks/path_network.py --out docs
+    .venv/bin/python -m studies.path_network --out docs
 
 Draws one generated world (10 targets, 9 keep-outs, a ridge too steep to drive) with its network, and times
 40 targets with 30 keep-outs on a 64 m map, without and with terrain.

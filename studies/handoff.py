@@ -1,9 +1,9 @@
 """Hand-off from mast to hazcams: the twelve published methods (Table 1), the cascade, pancam to navcam.
 
-    python -m benchmarks.handoff --out docs                 # all, about 15 min of one core
-    python -m benchmarks.handoff --only cascade --draws 3
+    python -m studies.handoff --out docs                 # all, about 15 min of one core
+    python -m studies.handoff --only cascade --draws 3
 
-Uses the rendered approaches of benchmarks/perception.py. Each trial has its own errors: mast tilt (sigma 1
+Uses the rendered approaches of studies/perception.py. Each trial has its own errors: mast tilt (sigma 1
 degree), pose (5 % of 3 m and 2 degrees for the far pair), a navcam pair that has come out of calibration
 (range off by about 3 %), exposure and contrast of the hazcams off by up to 40 %, and one far picture in six
 washed out.
@@ -23,15 +23,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.perception_report import fill, table
-from benchmarks.perception_worlds import TRAINING, Sequence, approach
-from benchmarks.tracking_worlds import PIVOT, Array
 from rover_iface.cameras.model import CameraModel
 from rover_iface.frames import Transform
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
 from rover_iface.vision.handoff_cascade import cascade, mast_error
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import Image, StereoView
+from studies.common.perception_report import fill, table
+from studies.common.perception_worlds import TRAINING, Sequence, approach
+from studies.common.tracking_worlds import PIVOT, Array
 
 PUBLISHED = {
     "pure kinematic": ("100 %, 13 ± 3", "100 %, 107 ± 58"),
@@ -381,7 +381,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=16, help="world after the last")
     parser.add_argument("--draws", type=int, default=3, help="trials per target of the cascade study")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
-    parser.add_argument("--results", type=Path, default=Path("benchmarks/results/handoff.json"))
+    parser.add_argument("--results", type=Path, default=Path("studies/results/handoff.json"))
     parser.add_argument("--out", type=Path, help="docs folder whose hand-off page gets the tables")
     arguments = parser.parse_args()
     worlds, folder = list(range(arguments.first, arguments.worlds)), arguments.pictures

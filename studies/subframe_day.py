@@ -1,7 +1,7 @@
 """A day with five tracked targets, planned, emitted as CRL, flown by the executive on the `subframe` rover.
 
-    .venv/bin/python benchmarks/subframe_day.py --seed 1 --out /tmp/day [--docs docs]
-    .venv/bin/python benchmarks/subframe_day.py --seeds 1 2 3 4 5 --out /tmp/days [--docs docs]
+    .venv/bin/python -m studies.subframe_day --seed 1 --out /tmp/day [--docs docs]
+    .venv/bin/python -m studies.subframe_day --seeds 1 2 3 4 5 --out /tmp/days [--docs docs]
 
 The second form compares days: what was placed, lost and refused on each, and why. Every stage is timed, in
 wall and in CPU seconds; the bar is 120 s on two cores from terrain to products. The rover's world has rocks

@@ -1,10 +1,10 @@
 """Feature tracker, shape tracker and what people use today, side by side on the same rendered approaches.
 
-    python -m benchmarks.perception --out docs                    # all studies, about 25 min of one core
-    python -m benchmarks.perception --only approach --worlds 12
+    python -m studies.perception --out docs                    # all studies, about 25 min of one core
+    python -m studies.perception --only approach --worlds 12
 
 Pictures are rendered once into a folder (`--pictures`, by default in the temporary folder). Figures are kept
-in benchmarks/results/perception.json, tables go into docs/tracking.md.
+in studies/results/perception.json, tables go into docs/tracking.md.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.perception_faults import KINDS, disturbed
-from benchmarks.perception_report import write_report
-from benchmarks.perception_shape import registration_study
-from benchmarks.perception_worlds import TRAINING, Halt, Sequence, approach
-from benchmarks.tracking_worlds import Array
 from rover_iface.cameras.model import CameraModel
 from rover_iface.errors import TrackerError
 from rover_iface.vision.sift import SiftOptions, SiftTracker
 from rover_iface.vision.sift_features import Features
 from rover_iface.vision.tracker import StereoView
+from studies.common.perception_faults import KINDS, disturbed
+from studies.common.perception_report import write_report
+from studies.common.perception_shape import registration_study
+from studies.common.perception_worlds import TRAINING, Halt, Sequence, approach
+from studies.common.tracking_worlds import Array
 
 Say = Callable[[str], None]
 STARTS = {"10 m": 10.0, "7.5 m": 7.5, "5 m": 5.0}
@@ -325,7 +325,7 @@ def main() -> None:
     parser.add_argument("--only", choices=STUDIES, action="append")
     parser.add_argument("--worlds", type=int, default=12)
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
-    parser.add_argument("--results", type=Path, default=Path("benchmarks/results/perception.json"))
+    parser.add_argument("--results", type=Path, default=Path("studies/results/perception.json"))
     parser.add_argument("--out", type=Path, help="docs folder whose tracking page gets the tables")
     arguments = parser.parse_args()
     worlds = list(range(TRAINING, arguments.worlds))

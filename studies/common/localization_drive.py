@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.localization_legs import LegRecord, wheel_prior
 from rover_iface.cameras.model import CameraModel, pinhole
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.cameras.stereo import triangulate
@@ -32,6 +31,7 @@ from rover_iface.localization.visual_odometry import (
 )
 from rover_iface.vision.sift_features import Features
 from rover_iface.vision.tracker import StereoView
+from studies.common.localization_legs import LegRecord, wheel_prior
 
 Array = npt.NDArray[np.float64]
 STEP_M = 0.75

@@ -1,6 +1,6 @@
 """Rocks found in rendered stereo pairs against the renderer's truth.
 
-`python -m benchmarks.segmentation --worlds 6 --sensor navcam --out benchmarks/results/segmentation.json`
+`python -m studies.segmentation --worlds 6 --sensor navcam --out studies/results/segmentation.json`
 
 A rock's overlap (intersection over union) is that of the pixels of the left image that show it with the
 pixels of the mask that fits them best; pixels without stereo count like all others. Counted are rocks of at
@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.placement_worlds import VIEWS_PER_WORLD, StereoView, views
 from rover_iface.cameras.linear import warp
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.stereo import Cloud, dense_stereo
@@ -29,6 +28,7 @@ from rover_iface.placement.cloud import DISPARITY_RAD, SurfaceCloud, cloud_of_st
 from rover_iface.placement.ground_plane import GroundOptions
 from rover_iface.placement.rock_masks import MaskOptions, rock_masks
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
+from studies.common.placement_worlds import VIEWS_PER_WORLD, StereoView, views
 
 Array = npt.NDArray[np.float64]
 Labels = npt.NDArray[np.int64]

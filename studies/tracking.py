@@ -1,7 +1,7 @@
 """Tables and plots of docs/tracking.md: what the trackers do on rendered and on real images.
 
-    .venv/bin/python -m benchmarks.tracking --out docs          everything
-    .venv/bin/python -m benchmarks.tracking --only steps --worlds 2
+    .venv/bin/python -m studies.tracking --out docs          everything
+    .venv/bin/python -m studies.tracking --only steps --worlds 2
 
 Studies follow Kim et al. 2009: steps (Figure 8), orbit (Figure 10), turn, flight (Table III and the 10 m
 run), accuracy (Table I), wedges (two real Spirit frames), nominal (runs with slip and odometry error, and
@@ -23,8 +23,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.tracking_report import PUBLISHED_1, PUBLISHED_2, write_report
-from benchmarks.tracking_worlds import (
+from rover_iface.cameras.labels import read_product
+from rover_iface.cameras.rig import load_cameras
+from rover_iface.cameras.stereo import triangulate
+from rover_iface.vision.ncc import NccTracker
+from rover_iface.vision.template import NccOptions, Template, TemplateMatcher, template_roll
+from studies.common.tracking_report import PUBLISHED_1, PUBLISHED_2, write_report
+from studies.common.tracking_worlds import (
     PIVOT,
     Array,
     Disturbance,
@@ -41,11 +46,6 @@ from benchmarks.tracking_worlds import (
     track,
     turn_in_place,
 )
-from rover_iface.cameras.labels import read_product
-from rover_iface.cameras.rig import load_cameras
-from rover_iface.cameras.stereo import triangulate
-from rover_iface.vision.ncc import NccTracker
-from rover_iface.vision.template import NccOptions, Template, TemplateMatcher, template_roll
 
 Say = Callable[[str], None]
 SHARED = Path(__file__).resolve().parents[1].parent / "shared"
@@ -445,7 +445,7 @@ def main() -> None:
     parser.add_argument("--targets", type=int, default=24)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--flights", type=int, default=16, help="replays of the second checkout")
-    parser.add_argument("--results", type=Path, default=Path("benchmarks/results/tracking.json"))
+    parser.add_argument("--results", type=Path, default=Path("studies/results/tracking.json"))
     parser.add_argument("--out", type=Path, help="docs folder that gets tracking tables and plots")
     arguments = parser.parse_args()
     worlds = list(range(arguments.worlds))

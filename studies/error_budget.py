@@ -1,11 +1,11 @@
 """One error budget: from the surface point under the designated pixel to the tool at contact.
 
-    python -m benchmarks.error_budget --worlds 10 --draws 4 --out docs
+    python -m studies.error_budget --worlds 10 --draws 4 --out docs
 
 Every chain is real: a pixel is designated at 10 m and followed to the arm's reach by the feature tracker, the
 pixel that the tracker ends on goes through the cascade into the hazcams under a trial's mast, calibration and
 exposure errors, the hazcams range it, and the tool goes there with the arm's error. Each part's own error is
-measured on the way against the rendered truth. Worlds and pictures are those of benchmarks/perception.py.
+measured on the way against the rendered truth. Worlds and pictures are those of studies/perception.py.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.handoff import World
-from benchmarks.perception_report import fill, table
-from benchmarks.perception_worlds import TRAINING, Sequence, Shot, approach
-from benchmarks.tracking_worlds import Array
 from rover_iface.errors import TrackerError
 from rover_iface.profile import load_profile
 from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.sift import SiftTracker
 from rover_iface.vision.tracker import TrackState
+from studies.common.perception_report import fill, table
+from studies.common.perception_worlds import TRAINING, Sequence, Shot, approach
+from studies.common.tracking_worlds import Array
+from studies.handoff import World
 
 PARTS = {
     "stereo at designation": "point stereo of the designated pixel at 10 m, before anything is tracked",
@@ -188,7 +188,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=10)
     parser.add_argument("--draws", type=int, default=4, help="trials of mast and calibration per target")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
-    parser.add_argument("--results", type=Path, default=Path("benchmarks/results/error_budget.json"))
+    parser.add_argument("--results", type=Path, default=Path("studies/results/error_budget.json"))
     parser.add_argument("--out", type=Path, help="docs folder whose tracking page gets table and plot")
     parser.add_argument("--report-only", action="store_true", help="write the table of the kept figures")
     arguments = parser.parse_args()

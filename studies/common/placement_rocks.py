@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.placement_stereo import RockView, Seen, StereoModel, mast_view
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import load_cameras
 from rover_iface.frames import across
@@ -21,6 +20,7 @@ from rover_iface.simulator.render.renderer import Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.terrain.fractal import spectral_noise
 from rover_iface.terrain.rocks import Rock, icosphere, rock_meshes
+from studies.common.placement_stereo import RockView, Seen, StereoModel, mast_view
 
 Array = npt.NDArray[np.float64]
 

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.tracking_worlds import BIG, PIVOT, Array, Believed
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.frames import Pose, Transform
@@ -24,6 +23,7 @@ from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.rocks import Rock
 from rover_iface.vision.tracker import StereoView
+from studies.common.tracking_worlds import BIG, PIVOT, Array, Believed
 
 HALF = (230, 190)
 FIRST_M, LAST_M, SHARE = 10.0, 1.45, 0.10

@@ -7,7 +7,7 @@ import statistics
 from pathlib import Path
 from typing import Any
 
-from benchmarks.perception_report import fill, table
+from studies.common.perception_report import fill, table
 
 ORDER = ("plain NCC", "NCC + scale", "NCC + scale + roll (as flown)", "+ plane", "shipped")
 PUBLISHED_1 = {

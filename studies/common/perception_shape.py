@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.perception_worlds import Shot, approach
-from benchmarks.tracking_worlds import Array
 from rover_iface.frames import Transform
 from rover_iface.vision.handoff import Side
 from rover_iface.vision.shape import ShapeOptions, Surface, register
 from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import StereoView
+from studies.common.perception_worlds import Shot, approach
+from studies.common.tracking_worlds import Array
 
 PAIRS = {
     "navcam 2.0 m to navcam 1.5 m": (-4, -1),

@@ -1,6 +1,6 @@
 """Calibration from recorded runs of the `subframe` rover, and whether its odds hold on other sites.
 
-    .venv/bin/python -m benchmarks.calibration --cache var/calibration [--out docs]
+    .venv/bin/python -m studies.calibration --cache var/calibration [--out docs]
 
 Training: more than 200 runs on 12 sites (of 240 starts some find no room). In each the rover starts to track
 two targets on rocks in its view and drives: every third time to the first of them, else to a place 3 m away;

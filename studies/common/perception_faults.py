@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.perception_worlds import Halt, Sequence, Shot
-from benchmarks.tracking_worlds import Array
 from rover_iface.frames import Transform
+from studies.common.perception_worlds import Halt, Sequence, Shot
+from studies.common.tracking_worlds import Array
 
 Mask = npt.NDArray[np.bool_]
 BODY = ((-0.6, -0.5, 0.2), (0.45, 0.5, 0.7))

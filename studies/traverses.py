@@ -1,6 +1,6 @@
 """Random 20-m traverses through rocks: collisions, arrivals, time of a map update; for docs/simulator.md.
 
-    .venv/bin/python benchmarks/traverses.py --runs 500 --seed 1 --out docs
+    .venv/bin/python -m studies.traverses --runs 500 --seed 1 --out docs
 
 About 1.2 CPU seconds a drive. Every drive that did not arrive is printed as it ends.
 """

@@ -1,6 +1,6 @@
 """The paper's day on the `full` rover: tracked targets, one track lost on purpose, one target without stereo.
 
-    .venv/bin/python -m benchmarks.full_day --seed 2 --out /tmp/day [--terrain DIR] [--docs docs]
+    .venv/bin/python -m studies.full_day --seed 2 --out /tmp/day [--terrain DIR] [--docs docs]
 
 Section 8 of the single-cycle instrument placement paper: K9 drove 28 m, approached four targets and took
 close-ups of three, the fourth was rejected for missing stereo; faults were injected to see the
@@ -29,8 +29,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.operator_choice import Operator, Pick, choose
-from benchmarks.subframe_day import WORLD_ERROR, failures
 from executive.crl import canonical_text
 from ground.convert import DayRequest, PreparedDay, prepare_day
 from ground.demo_day import loss_to_inject
@@ -48,6 +46,8 @@ from rover_iface.simulator.subframe_rover import body_of
 from rover_iface.simulator.world import load_world
 from rover_iface.terrain import Terrain, generate_terrain, load_terrain
 from rover_iface.terrain.strew import strew_rocks
+from studies.common.operator_choice import Operator, Pick, choose
+from studies.subframe_day import WORLD_ERROR, failures
 
 PLACEMENTS = 4
 """What the downlink of the day has room for: as many as the paper's rover approached."""

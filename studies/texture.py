@@ -1,7 +1,7 @@
 """Texture of rendered and real pictures: table of docs/cameras.md and docs/img/render_and_real.png.
 
-    .venv/bin/python -m benchmarks.texture --out docs          about a minute of one core
-    .venv/bin/python -m benchmarks.texture --sites 2 --all     every picture's own figures
+    .venv/bin/python -m studies.texture --out docs          about a minute of one core
+    .venv/bin/python -m studies.texture --sites 2 --all     every picture's own figures
 
 Each site has its own terrain seed, rock and sun (behind the rover within 40 degrees, 35 to 55 degrees high).
 Ends with status 1 if a rendered picture lies outside the ranges of the flight frames.
@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.perception_report import fill, table
 from rover_iface.cameras.labels import read_product
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.frames import Pose
@@ -28,6 +27,7 @@ from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.statistics import RANGES, TextureStatistics, measure, stretch
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.rocks import Rock
+from studies.common.perception_report import fill, table
 
 Grey = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
