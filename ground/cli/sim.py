@@ -68,9 +68,9 @@ def _renderer(ground: Terrain, seed: int, x: float, y: float) -> Renderer:
 def _sun(azimuth: float | None, elevation: float | None, lmst: float, ls: float, latitude: float) -> Sun:
     import math
 
+    from mission.soltime import SunClock
     from rover_iface.errors import RenderError
     from rover_iface.simulator.render.renderer import Sun
-    from rover_iface.soltime import SunClock
 
     if (azimuth is None) != (elevation is None):
         raise RenderError("--sun-azimuth and --sun-elevation go together")

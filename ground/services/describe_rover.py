@@ -24,9 +24,9 @@ SUN_STEP_H = 0.25
 
 def describe_rover(repo: Repository, actor: Actor, mission_id: str) -> RoverShape:
     """Return the shape of a mission's rover."""
+    from mission.soltime import SunClock
     from rover_iface.profile import load_profile
     from rover_iface.simulator.world import Sun
-    from rover_iface.soltime import SunClock
 
     mission: v.Mission = get_resource(repo, actor, "mission", mission_id)
     profile = load_profile(mission.rover_profile)

@@ -229,10 +229,10 @@ def _render(place: _Place, index: int) -> None:
     import numpy as np
     from PIL import Image
 
+    from mission.soltime import SunClock
     from rover_iface.errors import RoverError
     from rover_iface.simulator.render.renderer import Sun
     from rover_iface.simulator.world import Sun as Season
-    from rover_iface.soltime import SunClock
 
     season = Season()
     clock = SunClock.at(season.ls_deg, season.latitude_deg, place.lmst_h)

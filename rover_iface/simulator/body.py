@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mission.soltime import SunClock
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose, Transform
 from rover_iface.navigation.sensor import GroundRaster
@@ -19,7 +20,6 @@ from rover_iface.simulator.own_shadow import OwnShadow, ShadowedScene
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.world import World, WorldTarget
-from rover_iface.soltime import SunClock
 from rover_iface.terrain.strew import add_rocks
 from rover_iface.terrain.terrain import Terrain
 

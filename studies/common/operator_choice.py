@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from ground.convert import DayTarget, StandPose, stand_for
 from ground.demo_mission import DemoMission
+from mission.soltime import SunClock
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.errors import PlacementError
 from rover_iface.frames import Pose, across, wrap_angle
@@ -29,7 +30,6 @@ from rover_iface.profile import RoverProfile
 from rover_iface.simulator.own_shadow import OwnShadow
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.simulator.world import Sun
-from rover_iface.soltime import SunClock
 from rover_iface.terrain import Terrain
 from rover_iface.terrain.rocks import Rock
 

@@ -14,10 +14,10 @@ from PIL import Image
 
 from ground.gdr.values import Mission
 from ground.services.look_around import tile_rays
+from mission.soltime import SunClock
 from rover_iface.cameras.panorama import camera_from_document
 from rover_iface.cameras.rig import load_cameras
 from rover_iface.profile import load_profile
-from rover_iface.soltime import SunClock
 from rover_iface.terrain import load_terrain, write_terrain
 from tests.ground.conftest import Api, yard
 from tests.ground.test_missions_api import TARGET, problem, upload

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from mission.soltime import SOL_S, SunClock, solar_longitude_deg
 from rover_iface.cameras.labels import read_product
 from rover_iface.cameras.model import pinhole
 from rover_iface.cameras.rig import Sensor
@@ -19,7 +20,6 @@ from rover_iface.simulator.render.picture import AutoExposure
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.simulator.render.statistics import RANGES, measure
-from rover_iface.soltime import SOL_S, SunClock, solar_longitude_deg
 from studies.texture import outside, rendered_pictures
 from tests.rover_iface.render.scenes import LOOK, SUN, picture, rig, rock_renderer
 from tests.shared import shared

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from rover_iface.errors import WorldError
+from mission.errors import MissionError
 
 SOL_S = 88775.244
 """Length of a mean solar day on Mars, seconds."""
@@ -29,7 +29,9 @@ class SolTime:
 
     def __post_init__(self) -> None:
         if not 0 <= self.lmst_h < 24:
-            raise WorldError(f"local mean solar time is {self.lmst_h} h; it must be at least 0 and below 24")
+            raise MissionError(
+                f"local mean solar time is {self.lmst_h} h; it must be at least 0 and below 24"
+            )
 
     def after(self, seconds: float) -> SolTime:
         """Return the time `seconds` (of a clock on Earth) later: a Mars hour lasts 3,699 s."""
@@ -47,11 +49,11 @@ def days_since_j2000(utc: datetime) -> float:
 
     Raises
     ------
-    WorldError
+    MissionError
         If the time has no zone.
     """
     if utc.tzinfo is None:
-        raise WorldError(f"time {utc.isoformat()} has no zone; UTC is needed")
+        raise MissionError(f"time {utc.isoformat()} has no zone; UTC is needed")
     return ((utc - _J2000_UTC).total_seconds() + _TT_MINUS_UTC_S) / 86400.0
 
 

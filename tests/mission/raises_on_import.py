@@ -1,0 +1,3 @@
+"""A module of a package that fails while it is imported."""
+
+Tracker = 1 // 0
