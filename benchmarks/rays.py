@@ -1,4 +1,4 @@
-"""Primary rays a second that one core casts into the scene of a generated site; for docs/cameras.md.
+"""Primary rays a second that one core casts into the scene of a generated site; for docs/results/cameras.md.
 
 .venv/bin/python -m benchmarks.rays
 """

@@ -1,6 +1,7 @@
 """How fast the browser's page is: sizes, first map, first 3D frame, what-if, panning of a large timeline.
 
-Run `python -m benchmarks.web` (needs Debian's chromium); `--write` puts the table into `docs/browser.md`.
+Run `python -m benchmarks.web` (needs Debian's chromium); `--write` puts the table
+into `docs/results/browser.md`.
 Wall times depend on what else the machine does, so the time that the page's main thread was on a processor
 stands beside them, and a fixed loop as yardstick.
 """
@@ -24,7 +25,7 @@ from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from tests.web.conftest import CHROMIUM, FLAGS, Server, build_ui, run_server
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "browser.md"
+PAGE = ROOT / "docs" / "results" / "browser.md"
 BEGIN, END = "<!-- benchmarks.web -->", "<!-- /benchmarks.web -->"
 REPEATS = 3
 ACTIVITIES, BRANCHES = 300, 50
@@ -334,7 +335,7 @@ def table(figures: list[Figure]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", help="put the table into docs/browser.md")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/results/browser.md")
     arguments = parser.parse_args()
     text = table(measure())
     print(text)

@@ -50,8 +50,8 @@ from rover_iface.simulator.render.renderer import Renderer
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.terrain import Terrain, generate_terrain
 from rover_iface.terrain.strew import add_rocks
+from studies.common.pages import write_section
 
-BEGIN, END = "<!-- begin:calibration -->", "<!-- end:calibration -->"
 TRAIN, TEST = 1000, 2000
 UNMAPPED_PER_M2 = 0.02
 PROFILE = load_profile("k9")
@@ -377,7 +377,9 @@ def main() -> None:
     parser.add_argument("--test", type=int, default=100)
     parser.add_argument("--half", type=int, choices=(0, 1), help="make only the runs of every other site")
     parser.add_argument("--made", action="store_true", help="make no runs; take what the cache has")
-    parser.add_argument("--out", type=Path, help="docs folder: img/calibration.png, table in path-network.md")
+    parser.add_argument(
+        "--out", type=Path, help="docs folder: img/calibration.png, table in results/path-network.md"
+    )
     arguments = parser.parse_args()
     cache = arguments.cache
     train = list(runs_of(TRAIN, arguments.train, 20, cache, arguments.half, arguments.made))
@@ -400,9 +402,7 @@ def main() -> None:
     print(text)
     if arguments.out is not None:
         plot(odds, arguments.out / "img" / "calibration.png")
-        page = arguments.out / "path-network.md"
-        before, rest = page.read_text(encoding="utf-8").split(BEGIN)
-        page.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        write_section(arguments.out, "path-network", "calibration", text)
 
 
 if __name__ == "__main__":

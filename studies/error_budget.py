@@ -26,7 +26,7 @@ from rover_iface.profile import load_profile
 from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.sift import SiftTracker
 from rover_iface.vision.tracker import TrackState
-from studies.common.perception_report import fill, table
+from studies.common.pages import table, write_sections
 from studies.common.perception_worlds import TRAINING, Sequence, Shot, approach
 from studies.common.tracking_worlds import Array
 from studies.handoff import World
@@ -189,7 +189,9 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=4, help="trials of mast and calibration per target")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
     parser.add_argument("--results", type=Path, default=Path("studies/results/error_budget.json"))
-    parser.add_argument("--out", type=Path, help="docs folder whose tracking page gets table and plot")
+    parser.add_argument(
+        "--out", type=Path, help="docs folder whose page of tracking results gets table and plot"
+    )
     parser.add_argument("--report-only", action="store_true", help="write the table of the kept figures")
     arguments = parser.parse_args()
 
@@ -201,7 +203,7 @@ def main() -> None:
         study(list(range(TRAINING, arguments.worlds)), arguments.draws, arguments.pictures, keep)
     if arguments.out:
         results = json.loads(arguments.results.read_text())
-        fill(arguments.out / "tracking.md", results, {"budget": _budget})
+        write_sections(arguments.out, "tracking", results, {"budget": _budget})
         draw(results["budget"], arguments.out / "img" / "error_budget.png")
 
 

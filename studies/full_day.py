@@ -47,6 +47,7 @@ from rover_iface.simulator.world import load_world
 from rover_iface.terrain import Terrain, generate_terrain, load_terrain
 from rover_iface.terrain.strew import strew_rocks
 from studies.common.operator_choice import Operator, Pick, choose
+from studies.common.pages import write_section
 from studies.subframe_day import WORLD_ERROR, failures
 
 PLACEMENTS = 4
@@ -296,7 +297,7 @@ def picture(result: Mapping[str, Any], out: Path) -> np.ndarray | None:
 
 
 def main() -> None:
-    """Fly the day, print its table; `--docs` puts table, plot and pictures into docs/full-rover.md."""
+    """Fly the day, print its table; `--docs` puts table, plot and pictures into the docs."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -322,10 +323,7 @@ def main() -> None:
 
 
 def _document(docs: Path, key: str, text: str, out: Path) -> None:
-    page = docs / "full-rover.md"
-    begin, end = f"<!-- begin:{key} -->", f"<!-- end:{key} -->"
-    before, rest = page.read_text(encoding="utf-8").split(begin)
-    page.write_text(f"{before}{begin}\n{text}\n{end}{rest.split(end)[1]}", encoding="utf-8")
+    write_section(docs, "full-rover", key, text)
     shutil.copy(out / "confidence.png", docs / "img" / f"full_confidence_{key}.png")
     if (out / "placement.jpg").exists():
         shutil.copy(out / "placement.jpg", docs / "img" / f"full_placement_{key}.jpg")

@@ -29,7 +29,7 @@ from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_
 from rover_iface.vision.handoff_cascade import cascade, mast_error
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import Image, StereoView
-from studies.common.perception_report import fill, table
+from studies.common.pages import table, write_sections
 from studies.common.perception_worlds import TRAINING, Sequence, approach
 from studies.common.tracking_worlds import PIVOT, Array
 
@@ -382,7 +382,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=3, help="trials per target of the cascade study")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
     parser.add_argument("--results", type=Path, default=Path("studies/results/handoff.json"))
-    parser.add_argument("--out", type=Path, help="docs folder whose hand-off page gets the tables")
+    parser.add_argument("--out", type=Path, help="docs folder whose page of hand-off results gets the tables")
     arguments = parser.parse_args()
     worlds, folder = list(range(arguments.first, arguments.worlds)), arguments.pictures
 
@@ -418,7 +418,7 @@ def main() -> None:
             "cascade": _cascade,
             "pancam": _pancam,
         }
-        fill(arguments.out / "handoff.md", results, makers)
+        write_sections(arguments.out, "handoff", results, makers)
 
 
 if __name__ == "__main__":

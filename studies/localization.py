@@ -1,4 +1,4 @@
-"""All tables and plots of docs/localization.md.
+"""All tables and plots of docs/results/localization.md.
 
 ::
 
@@ -14,7 +14,6 @@ import argparse
 import hashlib
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +30,7 @@ from studies.common.localization_drive import (
 )
 from studies.common.localization_legs import LegRecord, leg_record, wheel_prior
 from studies.common.localization_plots import draw_kilometre, draw_leg, draw_trials
+from studies.common.pages import write_section
 from studies.common.rock_solids import table_one, whole_solids
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -257,7 +257,7 @@ def main() -> None:
         results["no_slip"] = step_figures(feature_steps(100, 10))
     target.parent.mkdir(exist_ok=True)
     target.write_text(json.dumps(results, indent=1) + "\n")
-    write_report(results, ROOT / "docs" / "localization.md")
+    write_report(results, ROOT / "docs")
     print(json.dumps({k: v for k, v in results.items() if k != "table_one"}, indent=1))
 
 
@@ -265,19 +265,11 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in [head, ["---"] * len(head), *rows])
 
 
-def write_report(results: dict[str, Any], page: Path) -> None:
-    """Replace the generated sections of docs/localization.md."""
-    text = page.read_text()
+def write_report(results: dict[str, Any], docs: Path) -> None:
+    """Replace the generated sections of docs/results/localization.md."""
     for name, make in REPORTS.items():
         if name in results:
-            body = make(results[name])
-            text = re.sub(
-                rf"(<!-- begin:{name} -->).*?(<!-- end:{name} -->)",
-                lambda m, body=body: f"{m.group(1)}\n{body}\n{m.group(2)}",
-                text,
-                flags=re.DOTALL,
-            )
-    page.write_text(text)
+            write_section(docs, "localization", name, make(results[name]))
 
 
 def _matching(f: dict[str, Any]) -> str:

@@ -29,11 +29,11 @@ from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.narrow_range import narrow_sight
 from rover_iface.vision.shape_tracker import RECALL_M
 from rover_iface.vision.tracker import StereoView
+from studies.common.pages import write_section
 from studies.common.perception_worlds import TRAINING, Halt, approach, rock_scene
 from studies.common.tracking_worlds import Array
 from studies.perception import axes, say
 
-BEGIN, END = "<!-- begin:narrow -->", "<!-- end:narrow -->"
 HALF = 230
 TARGETS = 4
 """Targets of a world that are looked for again; all are ranged."""
@@ -161,14 +161,14 @@ def _three(values: list[float]) -> str:
 
 
 def main() -> None:
-    """Run the study and print its tables; `--out` puts them into docs/tracking.md."""
+    """Run the study and print its tables; `--out` puts them into docs/results/tracking.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--worlds", type=int, default=12)
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "outcrop_perception")
     parser.add_argument("--results", type=Path, default=Path("studies/results/narrow_range.json"))
-    parser.add_argument("--out", type=Path, help="docs folder whose tracking page gets the tables")
+    parser.add_argument("--out", type=Path, help="docs folder whose page of tracking results gets the tables")
     arguments = parser.parse_args()
     started = time.process_time()
     result = study(list(range(TRAINING, arguments.worlds)), arguments.pictures)
@@ -177,9 +177,7 @@ def main() -> None:
     text = table(result)
     print(text)
     if arguments.out is not None:
-        page = arguments.out / "tracking.md"
-        before, rest = page.read_text(encoding="utf-8").split(BEGIN)
-        page.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        write_section(arguments.out, "tracking", "narrow", text)
 
 
 if __name__ == "__main__":

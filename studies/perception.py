@@ -4,7 +4,7 @@
     python -m studies.perception --only approach --worlds 12
 
 Pictures are rendered once into a folder (`--pictures`, by default in the temporary folder). Figures are kept
-in studies/results/perception.json, tables go into docs/tracking.md.
+in studies/results/perception.json, tables go into docs/results/tracking.md.
 """
 
 from __future__ import annotations

@@ -39,9 +39,8 @@ from rover_iface.navigation.sensor import GroundRaster, StereoSensor
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.terrain import Terrain, generate_terrain
+from studies.common.pages import write_section
 
-BEGIN, END = "<!-- begin:day -->", "<!-- end:day -->"
-BEGIN_SEEDS, END_SEEDS = "<!-- begin:days -->", "<!-- end:days -->"
 TARGETS = 5
 WORLD_ERROR = {"unmapped_rocks_per_m2": 0.01, "softer": 1.2}
 
@@ -215,15 +214,8 @@ def table(result: dict[str, Any]) -> str:
     )
 
 
-def into_page(docs: Path, marks: tuple[str, str], text: str) -> None:
-    """Put a text between two marks of simulator.md."""
-    page = docs / "simulator.md"
-    before, rest = page.read_text(encoding="utf-8").split(marks[0])
-    page.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{rest.split(marks[1])[1]}", encoding="utf-8")
-
-
 def main() -> None:
-    """Fly the day or days, print the table, and with --docs put it into docs/simulator.md."""
+    """Fly the day or days, print the table, and with --docs put it into docs/results/simulator.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -238,13 +230,13 @@ def main() -> None:
         for seed in arguments.seeds:
             results.append(fly_day(seed, arguments.out / str(seed), arguments.targets))
             print(f"seed {seed}: {results[-1]['placed']} placed", flush=True)
-        text, marks = comparison(results), (BEGIN_SEEDS, END_SEEDS)
+        text, section = comparison(results), "days"
     else:
         text = table(fly_day(arguments.seed, arguments.out, arguments.targets))
-        marks = (BEGIN, END)
+        section = "day"
     print(text)
     if arguments.docs is not None:
-        into_page(arguments.docs, marks, text)
+        write_section(arguments.docs, "simulator", section, text)
 
 
 if __name__ == "__main__":

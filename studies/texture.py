@@ -1,4 +1,4 @@
-"""Texture of rendered and real pictures: table of docs/cameras.md and docs/img/render_and_real.png.
+"""Texture of rendered and real pictures: table of docs/results/cameras.md and docs/img/render_and_real.png.
 
     .venv/bin/python -m studies.texture --out docs          about a minute of one core
     .venv/bin/python -m studies.texture --sites 2 --all     every picture's own figures
@@ -27,7 +27,7 @@ from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.statistics import RANGES, TextureStatistics, measure, stretch
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.rocks import Rock
-from studies.common.perception_report import fill, table
+from studies.common.pages import table, write_section
 
 Grey = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
@@ -173,7 +173,7 @@ def main() -> int:
     )
     print(body)
     if arguments.out is not None:
-        fill(arguments.out / "cameras.md", {}, {"texture": lambda _: body})
+        write_section(arguments.out, "cameras", "texture", body)
         if len(crops) == 4:
             from PIL import Image
 

@@ -1,4 +1,4 @@
-"""Tables and plots of docs/tracking.md: what the trackers do on rendered and on real images.
+"""Tables and plots of docs/results/tracking.md: what the trackers do on rendered and on real images.
 
     .venv/bin/python -m studies.tracking --out docs          everything
     .venv/bin/python -m studies.tracking --only steps --worlds 2

@@ -1,4 +1,4 @@
-"""Random 20-m traverses through rocks: collisions, arrivals, time of a map update; for docs/simulator.md.
+"""Random 20-m traverses through rocks: collisions, arrivals, map updates (docs/results/simulator.md).
 
     .venv/bin/python -m studies.traverses --runs 500 --seed 1 --out docs
 
@@ -15,8 +15,7 @@ import numpy as np
 
 from rover_iface.navigation.traverse import Traverse, counted, random_traverses
 from rover_iface.profile import load_profile
-
-BEGIN, END = "<!-- begin:traverses -->", "<!-- end:traverses -->"
+from studies.common.pages import write_section
 
 
 def table(found: list[Traverse], seed: int) -> str:
@@ -50,11 +49,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rover", default="k9")
-    parser.add_argument("--out", type=Path, help="docs folder whose simulator.md gets the table")
+    parser.add_argument("--out", type=Path, help="docs folder whose results/simulator.md gets the table")
     arguments = parser.parse_args()
-    page = None if arguments.out is None else arguments.out / "simulator.md"
-    if page is not None and BEGIN not in page.read_text(encoding="utf-8"):
-        parser.error(f"{page} has no line {BEGIN}")
     profile = load_profile(arguments.rover)
     for _ in random_traverses(profile, runs=1, seed=arguments.seed + 1):
         pass  # compiles the kernels, where they are not yet
@@ -70,9 +66,8 @@ def main() -> None:
             print(f"{len(found)} drives, {time.process_time() - started:.0f} CPU s", flush=True)
     text = table(found, arguments.seed)
     print(text)
-    if page is not None:
-        before, rest = page.read_text(encoding="utf-8").split(BEGIN)
-        page.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    if arguments.out is not None:
+        write_section(arguments.out, "simulator", "traverses", text)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 DISPARITY_RAD = 0.0015
-"""Error of a disparity of dense stereo as an angle, measured on rendered hazcam pairs (docs/placement.md)."""
+"""Error of a disparity of dense stereo as an angle, of rendered hazcam pairs (docs/results/placement.md)."""
 
 NAVCAM_DISPARITY_RAD = 0.0003
 """The same of the navcams."""

@@ -6,7 +6,7 @@ and the template is replaced. `NccOptions.as_flown()` is that tracker. The defau
 ways, each of which can be switched off: the template is warped through the camera models over the plane
 that stereo found (`warp="plane"`, of which scale and roll are special cases); the match is aligned to a
 fraction of a pixel; a key template from an earlier stop takes the drift out; the best few peaks are
-compared over a wider patch before one is believed. The gain of each is in `docs/tracking.md`.
+compared over a wider patch before one is believed. The gain of each is in `docs/results/tracking.md`.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ pair are matched to 3-D points, those to the points of the last valid stop, a ri
 (100 draws of three points, Horn's method, inliers within 3 cm) and refitted until the consensus is stable;
 each target moves with it. `SiftOptions.as_published()` is that tracker.
 
-What ships differs where measurement showed a gain (docs/tracking.md): the motion is found and weighted in
+What ships differs where that gained (docs/results/tracking.md): the motion is found and weighted in
 the images (`sift_motion`), each target is looked at (`sift_anchor`), an unmatched stop widens the covariance
 by what dead reckoning may be off, and the confidence is the chance that the target is within 5 cm across the
 line of sight.

@@ -1,4 +1,4 @@
-"""Plots of docs/localization.md."""
+"""Plots of docs/results/localization.md."""
 
 from __future__ import annotations
 

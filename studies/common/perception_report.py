@@ -1,43 +1,21 @@
-"""Writes what the perception studies found into docs/tracking.md."""
+"""Writes what the perception studies found into docs/results/tracking.md."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from studies.common.pages import table, write_sections
 
 
 def write_report(results: dict[str, Any], docs: Path) -> None:
     """Replace the generated sections of the page."""
-    fill(
-        docs / "tracking.md",
+    write_sections(
+        docs,
+        "tracking",
         results,
         {"approach": _approach, "coverage": _coverage, "faults": _faults, "registration": _registration},
     )
-
-
-def fill(page: Path, results: dict[str, Any], makers: dict[str, Callable[[dict[str, Any]], str]]) -> None:
-    """Write what each maker says between its markers; a maker whose study has not run is passed over."""
-    text = page.read_text()
-    for name, make in makers.items():
-        try:
-            body = make(results).strip()
-        except KeyError:
-            continue
-        text = re.sub(
-            rf"(<!-- begin:{name} -->).*?(<!-- end:{name} -->)",
-            lambda m, body=body: f"{m.group(1)}\n{body}\n{m.group(2)}",
-            text,
-            flags=re.DOTALL,
-        )
-    page.write_text(text)
-
-
-def table(head: list[str], rows: list[list[str]]) -> str:
-    """Return a Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
 
 
 def _end(entry: dict[str, float]) -> str:

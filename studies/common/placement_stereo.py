@@ -40,7 +40,7 @@ NAVCAM_NEAREST_M = 1.15
 
 @dataclass(frozen=True)
 class StereoModel:
-    """The cheap model of stereo; defaults are fitted to rendered pairs of the hazcams (docs/placement.md)."""
+    """The cheap model of stereo; defaults fit rendered pairs of the hazcams (docs/results/placement.md)."""
 
     block_px: int = 5
     disparity_rad: float = 0.0011

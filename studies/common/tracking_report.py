@@ -1,4 +1,4 @@
-"""Writes what the tracking studies found into docs/tracking.md and docs/img."""
+"""Writes what the tracking studies found into docs/results/tracking.md and docs/img."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import statistics
 from pathlib import Path
 from typing import Any
 
-from studies.common.perception_report import fill, table
+from studies.common.pages import table, write_sections
 
 ORDER = ("plain NCC", "NCC + scale", "NCC + scale + roll (as flown)", "+ plane", "shipped")
 PUBLISHED_1 = {
@@ -23,9 +23,10 @@ PUBLISHED_2 = {"correction_m": 0.36, "largest_px": 11.0, "odometry": 0.02, "rock
 
 
 def write_report(results: dict[str, Any], docs: Path) -> None:
-    """Replace the generated sections of docs/tracking.md and draw the plots."""
-    fill(
-        docs / "tracking.md",
+    """Replace the generated sections of docs/results/tracking.md and draw the plots."""
+    write_sections(
+        docs,
+        "tracking",
         results,
         {
             "steps": lambda r: _steps(r["steps"]),

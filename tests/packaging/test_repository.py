@@ -14,6 +14,8 @@ import grimp
 import pytest
 import yaml
 
+from studies.common.pages import write_section
+
 ROOT = Path(__file__).resolve().parents[2]
 TRACKED = subprocess.run(
     ["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True
@@ -144,14 +146,14 @@ def test_wheel_names_every_room() -> None:
 
 def test_navigation_of_the_docs_is_complete() -> None:
     text = (ROOT / "mkdocs.yml").read_text()
-    listed = set(re.findall(r"([\w-]+\.md)", text))
-    pages = {p.name for p in (ROOT / "docs").glob("*.md")}
+    listed = set(re.findall(r"([\w/-]+\.md)", text))
+    pages = {p.relative_to(ROOT / "docs").as_posix() for p in (ROOT / "docs").rglob("*.md")}
     assert listed == pages
 
 
 def test_links_inside_the_docs_lead_somewhere() -> None:
     broken = []
-    for page in [*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]:
+    for page in [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]:
         for link in re.findall(r"\]\(([^)#\s]+)", page.read_text()):
             if "://" not in link and not (page.parent / link).exists():
                 broken.append((page.name, link))
@@ -165,6 +167,22 @@ def test_studies_and_benchmarks_named_in_the_docs_exist() -> None:
     named |= {n.replace("/", ".") for n in re.findall(r"`((?:studies|benchmarks)/[\w/]+)\.py", text)}
     assert {"studies.full_day", "studies.subframe_day"} <= named
     assert {n for n in named if not (ROOT / (n.replace(".", "/") + ".py")).is_file()} == set()
+
+
+def test_generated_tables_stand_on_pages_of_results_alone() -> None:
+    marked = {p.relative_to(ROOT / "docs") for p in (ROOT / "docs").rglob("*.md") if "<!-- " in p.read_text()}
+    assert marked
+    assert {page.parts[0] for page in marked} == {"results"}
+
+
+def test_study_is_told_when_the_page_has_no_place_for_its_table(tmp_path: Path) -> None:
+    page = tmp_path / "results" / "tracking.md"
+    page.parent.mkdir()
+    page.write_text("# Results\n\n<!-- begin:steps -->\nold\n<!-- end:steps -->\n")
+    write_section(tmp_path, "tracking", "steps", "| new |\n")
+    assert page.read_text() == "# Results\n\n<!-- begin:steps -->\n| new |\n<!-- end:steps -->\n"
+    with pytest.raises(ValueError, match=r"tracking\.md has 0 sections between begin:orbit and end:orbit"):
+        write_section(tmp_path, "tracking", "orbit", "| new |\n")
 
 
 @pytest.mark.parametrize("folder", ["studies", "benchmarks"])

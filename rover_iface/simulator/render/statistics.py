@@ -50,7 +50,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "second_peak": (0.31, 0.56),
     "sift_per_mpx": (900.0, 23000.0),
 }
-"""What eight frames of Spirit, Opportunity and Curiosity span (`docs/cameras.md`)."""
+"""What eight frames of Spirit, Opportunity and Curiosity span (`docs/results/cameras.md`)."""
 
 
 def stretch(
