@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from executive.crl import canonical_text
-from executive.loading import load_plan
 from executive.runtime import run_plan
+from executive.runtime.loading import load_plan
 from planner.emit_crl import emit
 from planner.evaluate.draws import draw_table, earned
 from planner.plan_tree import Branch, PlanTree, walk, with_ids

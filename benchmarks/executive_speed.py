@@ -21,13 +21,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from executive.journal import MemoryJournal
-from executive.loading import load_plan
 from executive.ports import Update
-from executive.recovery import replay
 from executive.runtime import run_plan
-from executive.scenario import Behaviour, ScriptedRover
-from executive.session import Session
+from executive.runtime.journal import MemoryJournal
+from executive.runtime.loading import load_plan
+from executive.runtime.recovery import replay
+from executive.runtime.scripted_rover import Behaviour, ScriptedRover
+from executive.runtime.session import Session
 
 Rows = list[dict[str, Any]]
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executive.journal import FileJournal, Sink, line_of, record_of
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -27,7 +26,8 @@ from executive.ports import (
     TraceRecord,
     Update,
 )
-from executive.session import RunOutcome, Session
+from executive.runtime.journal import FileJournal, Sink, line_of, record_of
+from executive.runtime.session import RunOutcome, Session
 from ground.errors import StateError
 
 FORMAT = "run/1"

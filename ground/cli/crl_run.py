@@ -27,7 +27,7 @@ def run(
     import json
 
     from executive.errors import ScenarioError
-    from executive.scenario import load_scenario, run_scenario
+    from executive.runtime.scenario import load_scenario, run_scenario
 
     disagreeing = broken = 0
     if trace_dir is not None:

@@ -31,8 +31,8 @@ def read_snapshot(
         If the run has no journal (yet), or it cannot be read.
     """
     from executive.errors import ExecutiveError
-    from executive.journal import JournalFile
-    from executive.recovery import state_at
+    from executive.runtime.journal import JournalFile
+    from executive.runtime.recovery import state_at
 
     if seq is not None and t_s is not None:
         raise InvalidInputError("give seq or t_s, not both", pointer="t_s")

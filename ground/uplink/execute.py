@@ -171,7 +171,7 @@ def _same_rover(begun: Mapping[str, Any], place: Place) -> int | None:
 def _set_aside(out: Path, run_id: str, crl_sha256: str) -> list[Any]:
     """Move what the dead process left out of the way; return the records of its journal."""
     from executive.errors import JournalError
-    from executive.journal import JournalFile
+    from executive.runtime.journal import JournalFile
 
     if (out / "run.json").exists():
         raise InvalidInputError(f"the run in {out} came to its end; there is nothing to resume")

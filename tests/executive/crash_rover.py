@@ -15,12 +15,12 @@ from multiprocessing.connection import Client, Connection, Listener
 from pathlib import Path
 from typing import Any
 
-from executive.codec import Json
-from executive.journal import FileJournal, JournalFile
 from executive.ports import Command, CommandId, CommandStatus, Event
-from executive.recovery import resume_session
 from executive.runtime import run_plan
-from executive.scenario import Behaviour, ScriptedRover
+from executive.runtime.codec import Json
+from executive.runtime.journal import FileJournal, JournalFile
+from executive.runtime.recovery import resume_session
+from executive.runtime.scripted_rover import Behaviour, ScriptedRover
 
 KEY = b"rover"
 

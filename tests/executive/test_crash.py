@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from executive.journal import JournalFile, MemoryJournal, Sink
-from executive.loading import load_plan
 from executive.ports import Event, TraceRecord, Update
-from executive.recovery import recorded_trace, replay, resume_session
 from executive.runtime import run_plan
-from executive.scenario import Behaviour, ScriptedRover
-from executive.session import Session
+from executive.runtime.journal import JournalFile, MemoryJournal, Sink
+from executive.runtime.loading import load_plan
+from executive.runtime.recovery import recorded_trace, replay, resume_session
+from executive.runtime.scripted_rover import Behaviour, ScriptedRover
+from executive.runtime.session import Session
 from tests.executive.crash_rover import RemoteRover, start_rover
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -19,11 +19,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from executive.codec import trace_line
 from executive.crl import CrlValidationError, Plan
 from executive.engine.spec import Kind, PlanSpec
-from executive.journal import MemoryJournal
-from executive.loading import load_plan, load_replacement
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -37,9 +34,12 @@ from executive.ports import (
     TraceRecord,
     Update,
 )
-from executive.recovery import recorded_trace, recover_session, replay
-from executive.scenario import ScriptedRover
-from executive.session import Session
+from executive.runtime.codec import trace_line
+from executive.runtime.journal import MemoryJournal
+from executive.runtime.loading import load_plan, load_replacement
+from executive.runtime.recovery import recorded_trace, recover_session, replay
+from executive.runtime.scripted_rover import ScriptedRover
+from executive.runtime.session import Session
 from tests.executive.invariants import check_commands, check_resources, check_trace
 from tests.executive.naive import NaiveEngine
 from tests.executive.worlds import Case, Maker, random_case

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from executive.codec import Json, trace_line
 from executive.errors import JournalError
-from executive.journal import FileJournal, JournalFile, MemoryJournal, line_of, record_of
-from executive.loading import load_plan
 from executive.ports import Command, CommandId
-from executive.recovery import recorded_trace, recover_run, replay, state_at
 from executive.runtime import run_plan
-from executive.scenario import Behaviour, ScriptedRover
-from executive.session import Session
+from executive.runtime.codec import Json, trace_line
+from executive.runtime.journal import FileJournal, JournalFile, MemoryJournal, line_of, record_of
+from executive.runtime.loading import load_plan
+from executive.runtime.recovery import recorded_trace, recover_run, replay, state_at
+from executive.runtime.scripted_rover import Behaviour, ScriptedRover
+from executive.runtime.session import Session
 
 PLAN = """
 (plan :id p :resources ((arm :unit)) :node

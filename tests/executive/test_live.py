@@ -8,11 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.clocks import MonotonicClock, SteadyClock, plan_start_ms
 from executive.errors import JournalError
-from executive.journal import JournalFile
-from executive.live import LiveRuntime, LiveSettings
-from executive.mailbox import Mailbox
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -24,8 +20,12 @@ from executive.ports import (
     Result,
     Update,
 )
-from executive.recovery import recorded_trace, replay
-from executive.scenario import Behaviour, ScriptedRover
+from executive.runtime.clocks import MonotonicClock, SteadyClock, plan_start_ms
+from executive.runtime.journal import JournalFile
+from executive.runtime.live import LiveRuntime, LiveSettings
+from executive.runtime.mailbox import Mailbox
+from executive.runtime.recovery import recorded_trace, replay
+from executive.runtime.scripted_rover import Behaviour, ScriptedRover
 
 TWO_TASKS = "(block :id root :node-list ((task :id a :action image) (task :id b :action drive)))"
 WITH_SAFE = (

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from executive.errors import ScenarioError
-from executive.scenario import load_scenario, parse_scenario, run_scenario
+from executive.runtime.scenario import load_scenario, parse_scenario, run_scenario
 
 GOOD: dict[str, Any] = {
     "id": "T",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.scenario import load_scenario, run_scenario
+from executive.runtime.scenario import load_scenario, run_scenario
 from tests.shared import shared
 
 OWN = sorted((Path(__file__).parent / "scenarios").glob("*.json"))

@@ -6,12 +6,12 @@ import pytest
 
 from executive.crl import CrlValidationError
 from executive.errors import MisuseError
-from executive.journal import MemoryJournal
-from executive.loading import load_plan
 from executive.ports import Operation, Operator, TraceRecord, Update
 from executive.runtime import run_plan
-from executive.scenario import Behaviour, ScriptedRover
-from executive.session import Session
+from executive.runtime.journal import MemoryJournal
+from executive.runtime.loading import load_plan
+from executive.runtime.scripted_rover import Behaviour, ScriptedRover
+from executive.runtime.session import Session
 
 PLAN = """
 (plan :id p :resources ((arm :unit) (energy :consumable :key :battery :floor 10))

@@ -6,7 +6,7 @@ import random
 from dataclasses import dataclass, field
 
 from executive.ports import Event, Operation, Operator, Update, Value
-from executive.scenario import Behaviour
+from executive.runtime.scripted_rover import Behaviour
 
 KEYS = ("k0", "k1", "k2")
 RESOURCES = "((arm :unit) (power :capacity 10) (energy :consumable :key :battery :floor 5))"

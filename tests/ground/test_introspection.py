@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from executive.journal import JournalFile
+from executive.runtime.journal import JournalFile
 from ground.work import run_work
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from executive.codec import Json, event_from_json
 from executive.engine.core import Engine
 from executive.engine.instance import Effect
 from executive.engine.snapshot import Snapshot, snapshot
 from executive.engine.spec import PlanSpec
 from executive.errors import JournalError
-from executive.journal import FileJournal, JournalFile, MemoryJournal, Sink, macro_steps, require
-from executive.loading import load_plan, load_replacement
 from executive.ports import (
     Rover,
     TraceListener,
@@ -20,7 +17,10 @@ from executive.ports import (
     UtilitySource,
     Value,
 )
-from executive.session import Session
+from executive.runtime.codec import Json, event_from_json
+from executive.runtime.journal import FileJournal, JournalFile, MemoryJournal, Sink, macro_steps, require
+from executive.runtime.loading import load_plan, load_replacement
+from executive.runtime.session import Session
 
 
 class RecordedUtilities:

@@ -7,15 +7,12 @@ import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from executive.codec import Json, effect_to_json, event_to_json
 from executive.crl import Plan
 from executive.engine.core import Engine
 from executive.engine.instance import Abort, Effect, Note, Send
 from executive.engine.snapshot import Snapshot, snapshot
 from executive.engine.spec import PlanSpec
 from executive.errors import MisuseError
-from executive.journal import MemoryJournal, Sink, header_record
-from executive.loading import load_plan, load_replacement
 from executive.ports import (
     Acknowledgement,
     CommandId,
@@ -29,7 +26,10 @@ from executive.ports import (
     TraceRecord,
     UtilitySource,
 )
-from executive.sanitize import sanitized
+from executive.runtime.codec import Json, effect_to_json, event_to_json
+from executive.runtime.journal import MemoryJournal, Sink, header_record
+from executive.runtime.loading import load_plan, load_replacement
+from executive.runtime.sanitize import sanitized
 
 logger = logging.getLogger(__name__)
 

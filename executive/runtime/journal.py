@@ -33,8 +33,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from executive.codec import Json
 from executive.errors import JournalError
+from executive.runtime.codec import Json
 
 FORMAT = "journal/1"
 

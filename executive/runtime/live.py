@@ -25,13 +25,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, cast, runtime_checkable
 
-from executive.clocks import MonotonicClock
 from executive.crl import Plan, canonical_text, parse
 from executive.engine.instance import Note
 from executive.engine.snapshot import Snapshot
 from executive.errors import MisuseError
-from executive.journal import FileJournal, JournalFile, Sink
-from executive.mailbox import Mailbox
 from executive.ports import (
     Acknowledgement,
     Clock,
@@ -48,8 +45,11 @@ from executive.ports import (
     TraceListener,
     UtilitySource,
 )
-from executive.recovery import resume_session
-from executive.session import RunOutcome, Session
+from executive.runtime.clocks import MonotonicClock
+from executive.runtime.journal import FileJournal, JournalFile, Sink
+from executive.runtime.mailbox import Mailbox
+from executive.runtime.recovery import resume_session
+from executive.runtime.session import RunOutcome, Session
 
 logger = logging.getLogger(__name__)
 

@@ -1,4 +1,4 @@
-"""Run a plan against a rover, on the virtual clock of the rover or on the wall clock."""
+"""Run a plan to its end in one call, on the virtual clock of its rover."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from pathlib import Path
 
 from executive.crl import Plan
 from executive.engine.spec import PlanSpec
-from executive.journal import FileJournal, Sink
-from executive.live import LiveRuntime, LiveSettings
 from executive.ports import Operator, Rover, TraceListener, UtilitySource
-from executive.session import RunOutcome, Session
+from executive.runtime.journal import FileJournal, Sink
+from executive.runtime.session import RunOutcome, Session
 
 
 def run_plan(
@@ -30,7 +29,7 @@ def run_plan(
     Parameters
     ----------
     plan
-        CRL text (validated), a plan, or one compiled by `executive.loading.load_plan` (to run it often).
+        CRL text (validated), a plan, or one compiled by `loading.load_plan` (to run it often).
     journal
         Path of a new journal file, or any sink; None keeps no journal.
     sync
@@ -59,6 +58,3 @@ def run_plan(
     finally:
         if isinstance(journal, Path) and sink is not None:
             sink.close()
-
-
-__all__ = ["LiveRuntime", "LiveSettings", "RunOutcome", "Session", "run_plan"]

@@ -1,168 +1,32 @@
-"""Scenarios: a plan, a scripted world and the trace that must come of it; and the rover that plays it."""
+"""Scenarios: a plan, a scripted world and the trace that must come of it."""
 
 from __future__ import annotations
 
-import heapq
 import json
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executive.codec import trace_line
 from executive.crl import CrlValidationError, Finding
 from executive.engine.spec import PlanSpec
 from executive.errors import ScenarioError
-from executive.journal import MemoryJournal
-from executive.loading import load_plan
 from executive.ports import (
-    Acknowledgement,
-    Command,
-    CommandId,
-    CommandState,
-    CommandStatus,
     Event,
     Operation,
     Operator,
-    Result,
-    TraceRecord,
     Update,
     Value,
 )
-from executive.recovery import recover_session
-from executive.session import RunOutcome, Session
+from executive.runtime.codec import trace_line
+from executive.runtime.journal import MemoryJournal
+from executive.runtime.loading import load_plan
+from executive.runtime.recovery import recover_session
+from executive.runtime.scripted_rover import Behaviour, ScriptedRover
+from executive.runtime.session import RunOutcome, Session
 
 Updates = dict[str, Value]
-
-
-@dataclass(frozen=True, slots=True)
-class Behaviour:
-    """What an action does: when it returns (None = never), with what, and what happens meanwhile."""
-
-    duration_ms: int | None = 1000
-    success: bool = True
-    updates: Mapping[str, Value] = field(default_factory=dict)
-    abort_delay_ms: int = 0
-    during: tuple[tuple[int, Mapping[str, Value]], ...] = ()
-    values: Mapping[str, Value] = field(default_factory=dict)
-
-
-_Entry = tuple[int, int, int, Event, CommandId | None]
-"""Time, rank at equal times, serial number, event, and the command it belongs to."""
-
-_UNKNOWN = CommandStatus(CommandState.UNKNOWN)
-_RUNNING = CommandStatus(CommandState.RUNNING)
-
-
-class ScriptedRover:
-    """A rover that does what a script says, on a virtual clock that it advances itself.
-
-    Parameters
-    ----------
-    initial
-        State values at t = 0.
-    actions
-        Behaviours by task id, one for each command of a copy of the task (the last one repeats); `*` for all
-        other tasks.
-    script
-        Events in file order; at equal stamps they come before what actions report.
-    """
-
-    def __init__(
-        self,
-        initial: Mapping[str, Value] | None = None,
-        actions: Mapping[str, Sequence[Behaviour]] | None = None,
-        script: Sequence[Event] = (),
-    ) -> None:
-        self.actions = dict(actions or {})
-        self.t_ms = 0
-        self.sent: list[Command] = []
-        self.aborted: list[CommandId] = []
-        self._queue: list[_Entry] = []
-        self._serial = 0
-        self._running: dict[CommandId, Behaviour] = {}
-        self._order: dict[CommandId, int] = {}
-        self._status: dict[CommandId, CommandStatus] = {}
-        if initial:
-            self._push(0, -1, Update(0, dict(initial)))
-        for event in script:
-            self._push(event.t_ms, 0, event)
-
-    def _push(self, t_ms: int, rank: int, event: Event, command: CommandId | None = None) -> None:
-        self._serial += 1
-        heapq.heappush(self._queue, (t_ms, rank, self._serial, event, command))
-
-    def behaviour_of(self, command: Command) -> Behaviour:
-        """Return how this command will go."""
-        script = self.actions.get(command.id.task) or self.actions.get("*")
-        if not script:
-            return Behaviour()
-        return script[min(command.issue, len(script)) - 1]
-
-    def send(self, command: Command) -> None:
-        if command.id in self._order:
-            return
-        self.sent.append(command)
-        rank = len(self._order) + 1
-        self._order[command.id] = rank
-        behaviour = self.behaviour_of(command)
-        self._running[command.id] = behaviour
-        self._status[command.id] = _RUNNING
-        for offset, values in behaviour.during:
-            if behaviour.duration_ms is None or offset <= behaviour.duration_ms:
-                at = self.t_ms + offset
-                self._push(at, rank, Update(at, values), command.id)
-        if behaviour.duration_ms is not None:
-            at = self.t_ms + behaviour.duration_ms
-            result = Result(at, command.id, behaviour.success, "", behaviour.values, behaviour.updates)
-            self._push(at, rank, result, command.id)
-
-    def abort(self, command: CommandId) -> None:
-        behaviour = self._running.pop(command, None)
-        if behaviour is None:
-            return
-        self.aborted.append(command)
-        at = self.t_ms + behaviour.abort_delay_ms
-        if behaviour.duration_ms is not None or behaviour.during:
-            self._call_off(command, at)
-        self._push(at, self._order[command], Acknowledgement(at, command), command)
-
-    def _call_off(self, command: CommandId, at: int) -> None:
-        """Take back what a stopped action would still have reported after its acknowledgement."""
-        kept: list[_Entry] = []
-        for entry in self._queue:
-            t_ms, rank, serial, event, of = entry
-            if of == command:
-                if isinstance(event, Result):
-                    if t_ms >= self.t_ms or not event.updates:
-                        continue
-                    entry = (t_ms, rank, serial, Update(t_ms, event.updates), of)
-                elif t_ms > at:
-                    continue
-            kept.append(entry)
-        self._queue = kept
-        heapq.heapify(self._queue)
-
-    def status(self, command: CommandId) -> CommandStatus:
-        return self._status.get(command, _UNKNOWN)
-
-    def next_event(self, until_ms: int | None) -> Event | None:
-        if not self._queue or (until_ms is not None and self._queue[0][0] > until_ms):
-            if until_ms is not None and until_ms > self.t_ms:
-                self.t_ms = until_ms
-            return None
-        t_ms, _, _, event, _ = heapq.heappop(self._queue)
-        self.t_ms = max(self.t_ms, t_ms)
-        if isinstance(event, Result | Acknowledgement):
-            self._running.pop(event.command, None)
-            self._status[event.command] = CommandStatus(CommandState.DONE, event)
-        return event
-
-    def wait_until(self, t_ms: int) -> None:
-        """Let time go by; what happens meanwhile is kept for the executive."""
-        self.t_ms = max(self.t_ms, t_ms)
-
 
 # --- files --------------------------------------------------------------------
 
@@ -463,16 +327,3 @@ def _compare_errors(findings: Sequence[Finding], expect: Mapping[str, Any]) -> t
     return tuple(
         f"error {code} is not reported, found {sorted(codes)}" for code in wanted if code not in codes
     )
-
-
-__all__ = [
-    "Behaviour",
-    "Scenario",
-    "ScenarioRun",
-    "ScriptedRover",
-    "TraceRecord",
-    "load_scenario",
-    "parse_scenario",
-    "play",
-    "run_scenario",
-]
