@@ -4,6 +4,7 @@ PlannerError
 ├── ProblemError      a problem document is not one, or contradicts itself
 │   ├── NetworkError  a path network request is wrong
 │   └── RoutingError  an orienteering problem or file is wrong
+├── ChangeError       a what-if changes what is not there, or contradicts itself
 ├── PlanTreeError     a plan tree is malformed, or does not fit its problem
 └── SolverError       an engine handed back what its independent checker rejects
 
@@ -27,6 +28,14 @@ class NetworkError(ProblemError):
 
 class RoutingError(ProblemError):
     """An orienteering problem or file is wrong; the message names the member, its value and the limit."""
+
+
+class ChangeError(PlannerError, ValueError):
+    """A what-if asks for an impossible change; `member` names the part of the changes that is wrong."""
+
+    def __init__(self, message: str, *, member: str) -> None:
+        super().__init__(message)
+        self.member = member
 
 
 class PlanTreeError(PlannerError, ValueError):

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from ground.gdr import values as v
-from ground.work.what_if import Changes, changes_of
+from planner.changes import Changes, changes_of
 
 T = TypeVar("T")
 

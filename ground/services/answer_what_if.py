@@ -18,11 +18,12 @@ from ground.services.actor import Actor
 from ground.services.day_inputs import choose_sol, day_inputs
 from ground.services.inputs_digest import inputs_digest
 from ground.services.read_plan import computed_plan
-from ground.work.what_if import Changes, Outcome, candidates, changed_problem, counted, what_if
+from planner.changes import Changes, changed_problem, counted
 
 if TYPE_CHECKING:
     from planner.plan_tree import Plan
     from planner.problem import Problem
+    from planner.what_if import Outcome
 
 KEPT = 16
 _plans: OrderedDict[str, _Known] = OrderedDict()
@@ -54,7 +55,8 @@ def answer_what_if(
     StateError
         If the plan is not computed.
     """
-    from planner.errors import PlannerError
+    from planner.errors import ChangeError, PlannerError
+    from planner.what_if import what_if
 
     began = time.monotonic()
     with repo.database.read() as session:
@@ -77,6 +79,8 @@ def answer_what_if(
                 seed=seed,
                 iterations=iterations,
             )
+    except ChangeError as err:
+        raise InvalidInputError(str(err), pointer=f"/changes/{err.member}") from err
     except PlannerError as err:
         raise InvalidInputError(str(err), pointer="/changes") from err
     return _value(plan_id, name, known, changed, changes, outcome, time.monotonic() - began)
@@ -85,6 +89,7 @@ def answer_what_if(
 def _known(key: str, document: Any, tree: Any) -> _Known:
     from planner.plan_tree import plan_tree_from_dict
     from planner.problem import problem_from_dict
+    from planner.what_if import candidates
 
     with _lock:
         if key in _plans:

@@ -25,7 +25,7 @@ from ground.services.inputs_digest import inputs_digest
 from ground.services.kinds import KINDS
 from ground.services.terrains import terrain_row
 from ground.services.views import show_jobs
-from ground.work.what_if import Changes
+from planner.changes import Changes
 
 KIND = "generate_plan"
 

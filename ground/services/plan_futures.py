@@ -8,7 +8,6 @@ from sqlalchemy.orm import Session
 
 from ground.gdr import models as m
 from ground.gdr import values as v
-from ground.work.what_if import begun
 
 if TYPE_CHECKING:
     from planner.evaluate.model import Floats
@@ -37,6 +36,7 @@ def fly(problem: Problem, plan: Plan, seed: int) -> tuple[Futures, dict[str, flo
     from planner.evaluate.model import Model
     from planner.evaluate.monte_carlo import simulate
     from planner.evaluate.program import compile_plan
+    from planner.what_if import begun
 
     model = Model.of(problem)
     program = compile_plan(model, plan)

@@ -10,7 +10,7 @@ from ground.convert import Report
 from ground.errors import JobFailedError
 from ground.jobs import WorkStoppedError
 from ground.work.day import network_geometry, observation_points, prepare
-from ground.work.what_if import changed_problem, changes_of
+from planner.changes import changed_problem, changes_of
 
 if TYPE_CHECKING:
     from planner.problem import Problem

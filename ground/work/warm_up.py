@@ -61,9 +61,10 @@ def warm_up() -> float:
 
     It is for a thread or a process with nothing else to do: nothing is kept but what Python and numba keep.
     """
-    from ground.work.what_if import Changes, candidates, changed_problem, what_if
+    from planner.changes import Changes, changed_problem
     from planner.problem import problem_from_dict
     from planner.solve import solve
+    from planner.what_if import candidates, what_if
 
     for needed_by_a_moved_keep_out in ("shapely", "planner.path_network.build"):
         import_module(needed_by_a_moved_keep_out)

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from ground.work.what_if import Changes, changed_problem, changes_of, what_if
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem as problem_of
@@ -112,25 +111,3 @@ def test_a_comparison_has_histograms_of_both_on_one_scale(planned_day: Any) -> N
     middle = [(low + high) / 2 for low, high in zip(pair["edges"], pair["edges"][1:], strict=False)]
     mean = sum(m * share for m, share in zip(middle, pair["share_a"], strict=True))
     assert mean == pytest.approx(compared["value_a"], abs=(pair["edges"][1] - pair["edges"][0]))
-
-
-def test_changes_survive_their_written_form() -> None:
-    changes = Changes(
-        exclude=("a",), values={"b": 2.0}, loss_factor=0.5, keep_outs=(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)),)
-    )
-    assert changes_of(changes.as_dict()) == changes
-    assert Changes().as_dict() == {}
-
-
-def test_more_time_and_surer_tracks_never_cost() -> None:
-    from planner.solve import solve
-    from tests.planner.examples import example
-
-    problem = example()
-    plan = solve(problem, iterations=3, max_branches=2).tree.plan
-    known = tuple(str(o.id) for o in problem.observations)
-    for changes in (Changes(time_budget_s=2.0 * problem.budget.time_s), Changes(loss_factor=0.0)):
-        changed = changed_problem(problem, changes)
-        found = what_if(problem, plan, changed, known=known, max_branches=2, seed=1, iterations=3)
-        assert found.change >= -3.0 * found.change_error
-        assert found.replanning >= -1e-9

@@ -12,16 +12,17 @@ import dataclasses
 import math
 import time
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
 
-from ground.errors import InvalidInputError
-
-if TYPE_CHECKING:
-    from planner.evaluate.model import Floats
-    from planner.evaluate.program import Program
-    from planner.plan_tree import Plan
-    from planner.problem import Leg, Observation, Problem
+from planner.contingency.reduction import live_sets_of, mean_route_of, only
+from planner.evaluate.model import Floats, Ints, Model
+from planner.evaluate.monte_carlo import simulate
+from planner.evaluate.program import Program, compile_plan
+from planner.plan_edits import fitted
+from planner.plan_tree import Observe, Plan, Visit, count_branches, planned_observations, walk
+from planner.problem import ObservationId, Problem
+from planner.solve import PlanStatus, solve
+from planner.threads import one_blas_thread
 
 FUTURES = 20_000
 STEP = 0.05
@@ -30,72 +31,6 @@ SEARCH_S = 0.35
 """Wall time for the new plan; without branches it takes about 0.3 s on the quiet machine."""
 MAX_LIVE_SETS = 300
 """Largest table of the optimal policy that is filled for an answer at once."""
-
-
-@dataclass(frozen=True, slots=True)
-class Changes:
-    """What is changed. Budgets are what may be used in all (seconds, joules); a late start costs time and
-    hotel energy and moves the windows; each chance `p` to lose a track becomes `1 - (1 - p) ** loss_factor`.
-    `keep_outs` are polygons (east, north) in metres that stand in the place of the mission's.
-    """
-
-    exclude: tuple[str, ...] = ()
-    force: tuple[str, ...] = ()
-    values: Mapping[str, float] = field(default_factory=dict)
-    time_budget_s: float | None = None
-    energy_budget_j: float | None = None
-    start_delay_s: float = 0.0
-    loss_factor: float = 1.0
-    keep_outs: tuple[tuple[tuple[float, float], ...], ...] | None = None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the changes as they are kept; what is not changed is left away."""
-        found: dict[str, Any] = {}
-        for member in dataclasses.fields(self):
-            value = getattr(self, member.name)
-            if value != getattr(UNCHANGED, member.name):
-                found[member.name] = list(value) if isinstance(value, tuple) else value
-        return found
-
-    def in_words(self) -> str:
-        """Return the changes as a line for people."""
-        words = []
-        if self.exclude:
-            words.append(f"{counted(len(self.exclude), 'request')} taken away")
-        if self.force:
-            words.append(f"{counted(len(self.force), 'request')} demanded")
-        if self.values:
-            words.append(f"{counted(len(self.values), 'value')} changed")
-        if self.time_budget_s is not None:
-            words.append(f"time budget {self.time_budget_s / 3600:.2f} h")
-        if self.energy_budget_j is not None:
-            words.append(f"energy budget {self.energy_budget_j / 3600:.0f} Wh")
-        if self.start_delay_s:
-            words.append(f"start {self.start_delay_s / 60:.0f} min later")
-        if self.loss_factor != 1.0:
-            words.append(f"tracks lost {self.loss_factor:g} times as readily")
-        if self.keep_outs is not None:
-            words.append(f"{counted(len(self.keep_outs), 'keep-out')} in place of the mission's")
-        return ", ".join(words) or "nothing changed"
-
-
-UNCHANGED = Changes()
-
-
-def counted(number: int, what: str) -> str:
-    """Return a number with its noun."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def changes_of(document: Mapping[str, Any]) -> Changes:
-    """Return changes as `as_dict` wrote them."""
-    members = dict(document)
-    for name in ("exclude", "force"):
-        if name in members:
-            members[name] = tuple(members[name])
-    if members.get("keep_outs") is not None:
-        members["keep_outs"] = tuple(tuple((e, n) for e, n in polygon) for polygon in members["keep_outs"])
-    return Changes(**members)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,66 +59,8 @@ class Outcome:
     compute_s: float
 
 
-def changed_problem(problem: Problem, changes: Changes) -> Problem:
-    """Return the problem of the changed day, of the same shape: what is excluded is worth nothing.
-
-    Raises
-    ------
-    InvalidInputError
-        If a request is not in the problem, or is both excluded and demanded.
-    """
-    known = {str(o.id) for o in problem.observations}
-    for name, asked in (("exclude", changes.exclude), ("force", changes.force), ("values", changes.values)):
-        for request in asked:
-            if request not in known:
-                raise InvalidInputError(
-                    f"request {request} is not in the plan's problem", pointer=f"/changes/{name}"
-                )
-    if both := set(changes.exclude) & set(changes.force):
-        raise InvalidInputError(
-            f"request {min(both)} is both excluded and demanded", pointer="/changes/force"
-        )
-    delay = changes.start_delay_s
-
-    def observed(o: Observation) -> Observation:
-        utility = 0.0 if o.id in changes.exclude else changes.values.get(o.id, o.utility)
-        window = o.window_s
-        if window is not None and delay:
-            window = (window[0] - delay, window[1] - delay)
-        return dataclasses.replace(
-            o,
-            utility=utility,
-            window_s=window,
-            must_do=(o.must_do or o.id in changes.force) and utility > 0.0,
-        )
-
-    def driven(leg: Leg) -> Leg:
-        if changes.loss_factor == 1.0:
-            return leg
-        lost = {t: 1.0 - (1.0 - p) ** changes.loss_factor for t, p in leg.p_lose.items()}
-        return dataclasses.replace(leg, p_lose=lost)
-
-    budget = problem.budget
-    time_s = budget.time_s if changes.time_budget_s is None else changes.time_budget_s
-    usable = budget.usable_energy_j if changes.energy_budget_j is None else changes.energy_budget_j
-    usable = max(0.0, usable - problem.hotel_w * delay)
-    return dataclasses.replace(
-        problem,
-        targets=tuple(
-            dataclasses.replace(t, observations=tuple(map(observed, t.observations))) for t in problem.targets
-        ),
-        legs=tuple(map(driven, problem.legs)),
-        budget=dataclasses.replace(
-            budget, time_s=max(0.0, time_s - delay), energy_j=budget.energy_floor_j + usable
-        ),
-    )
-
-
 def candidates(problem: Problem, plan: Plan) -> tuple[str, ...]:
     """Return the observations worth a thought: the plan's, then those of good routes on mean values."""
-    from planner.contingency.reduction import mean_route_of
-    from planner.plan_tree import planned_observations
-
     found: dict[str, None] = {str(o): None for o in sorted(planned_observations(plan))}
     for share in (1.0, 0.75, 1.3):
         found.update({str(o): None for o in mean_route_of(problem, share)})
@@ -192,9 +69,6 @@ def candidates(problem: Problem, plan: Plan) -> tuple[str, ...]:
 
 def _part(problem: Problem, wanted: Iterable[str], needed: Collection[str]) -> Problem:
     """Return as much of the problem as a small table holds: `needed` first, then `wanted` in their order."""
-    from planner.contingency.reduction import live_sets_of, only
-    from planner.problem import ObservationId
-
     before: dict[str, list[str]] = {}
     for first, second in problem.precedence:
         before.setdefault(str(second), []).append(str(first))
@@ -237,15 +111,6 @@ def what_if(
 
     `known` are the observations of `candidates`. With `iterations` the answer does not depend on the machine.
     """
-    from planner.contingency.reduction import mean_route_of
-    from planner.evaluate.model import Model
-    from planner.evaluate.monte_carlo import simulate
-    from planner.evaluate.program import compile_plan
-    from planner.plan_edits import fitted
-    from planner.plan_tree import count_branches, planned_observations
-    from planner.solve import PlanStatus, solve
-    from planner.threads import one_blas_thread
-
     began = time.monotonic()
     worthless = {str(o.id) for o in changed.observations if o.utility <= 0.0}
     must = [str(o.id) for o in changed.observations if o.must_do]
@@ -303,9 +168,6 @@ def _worth_of_budgets(problem: Problem, program: Program, earned: Floats, seed: 
 
     The plan stays as it is and the futures are the same, so this is a lower bound of what more is worth.
     """
-    from planner.evaluate.model import Model
-    from planner.evaluate.monte_carlo import simulate
-
     budget = problem.budget
     hours, lots = STEP * budget.time_s / 3600.0, STEP * budget.usable_energy_j / 1e5
     longer = dataclasses.replace(budget, time_s=budget.time_s * (1.0 + STEP))
@@ -323,15 +185,11 @@ def _worth_of_budgets(problem: Problem, program: Program, earned: Floats, seed: 
 
 def _without(problem: Problem, names: Collection[str]) -> Problem:
     """Return the problem without some observations, and without targets that have none left."""
-    from planner.contingency.reduction import only
-
     return only(problem, {o.id for o in problem.observations if str(o.id) not in names})
 
 
-def begun(program: Program, plan: Plan, visits: Any, futures: int) -> dict[str, float]:
+def begun(program: Program, plan: Plan, visits: Ints, futures: int) -> dict[str, float]:
     """Return the chance that each observation of a plan is begun, from how often futures came by."""
-    from planner.plan_tree import Observe, Visit, walk
-
     chance: dict[str, float] = {}
     for path, step in walk(plan):
         if isinstance(step, Observe | Visit) and path in program.step_row:
