@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.contingency.policy import Policy
-from planner.contingency.reduction import live_sets_of, only, reachable_targets, reduce_problem, several
+from planner.contingency.reduction import live_sets_of, only, reachable_targets, several
 from planner.contingency.sequences import Masses, best_sequences, sequence_steps
 from planner.errors import PlannerError
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
-from planner.evaluate.propagate import Evaluator, State
-from planner.plan_edits import fitted
-from planner.plan_tree import Path, Plan, PlanTree, TrackStart, planned_observations
+from planner.evaluate.propagate import State
+from planner.plan_tree import Plan, TrackStart, planned_observations
 from planner.problem import Observation, ObservationId, Problem
-from planner.solve import PlanResult, solve
 from planner.threads import one_blas_thread
 
 FUTURES = 100_000
@@ -53,25 +50,6 @@ class WhyNot:
     forced: Plan = ()
     displaced: tuple[ObservationId, ...] = ()
     relaxation: Relaxation | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
-    """What more of a budget is worth: utility per hour and per 100 kJ, by the optimal policy's value."""
-
-    per_hour: float
-    per_100_kj: float
-
-
-@dataclass(frozen=True, slots=True)
-class BranchGain:
-    """What is known of one option: where it stands, how often it is taken, what it wins, with its error."""
-
-    path: Path
-    option: str
-    p_taken: float
-    gain: float
-    standard_error: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,39 +91,6 @@ def compare_plans(
         overrun_a=float(one.overrun.mean()),
         overrun_b=float(two.overrun.mean()),
     )
-
-
-def branch_gains(
-    problem: Problem, tree: PlanTree, *, futures: int = FUTURES, seed: int = 0
-) -> list[BranchGain]:
-    """Return what each option wins against the plan without it, on common random numbers."""
-    from planner.plan_edits import without_option
-
-    model = Model.of(problem)
-    whole = simulate(model, tree.plan, futures, seed=seed).utility
-    found = []
-    for path, notes in sorted(tree.option_notes.items()):
-        less = simulate(model, without_option(tree.plan, path), futures, seed=seed).utility
-        difference = whole - less
-        found.append(
-            BranchGain(
-                path=path,
-                option=_option_name(tree.plan, path),
-                p_taken=notes.p_taken,
-                gain=float(difference.mean()),
-                standard_error=float(difference.std()) / float(np.sqrt(futures)),
-            )
-        )
-    return found
-
-
-def _option_name(plan: Plan, path: Path) -> str:
-    from planner.plan_tree import Branch
-
-    step = plan[path[0]]
-    assert isinstance(step, Branch)
-    option = step.options[path[1]]
-    return option.id if len(path) == 2 else _option_name(option.plan, path[2:])
 
 
 def _best_unbranched(model: Model) -> tuple[float, Plan]:
@@ -199,11 +144,11 @@ def why_not(
     if what.id in held:
         raise PlannerError(f'observation "{observation}" is in the plan')
     with one_blas_thread():
-        return _why_not(problem, plan, what, held, futures, seed)
+        return _why_not(problem, what, held, futures, seed)
 
 
 def _why_not(
-    problem: Problem, plan: Plan, what: Observation, held: set[ObservationId], futures: int, seed: int
+    problem: Problem, what: Observation, held: set[ObservationId], futures: int, seed: int
 ) -> WhyNot:
     sense = _obstacle(problem, what)
     if sense is not None:
@@ -302,53 +247,3 @@ def _widened(problem: Problem, what: str, factor: float) -> Problem:
         more = budget.usable_energy_j * (factor - 1.0)
         budget = dataclasses.replace(budget, energy_j=budget.energy_j + more)
     return dataclasses.replace(problem, budget=budget)
-
-
-def sensitivity(problem: Problem, *, step: float = 0.05) -> Sensitivity:
-    """Return what more time and more energy are worth, by differences of the optimal policy's value."""
-    part = reduce_problem(problem).problem
-    with one_blas_thread():
-
-        def optimum(p: Problem) -> float:
-            model = Model.of(p)
-            if model.t_max_s <= 0.0 or model.e_max_j <= 0.0:
-                return 0.0
-            return Policy(Grid(model, *GRID, Rounding.MID, np.float32), one_stay=several(model)).best()
-
-        here = optimum(part)
-        hours = part.budget.time_s * step / 3600.0
-        joules = part.budget.usable_energy_j * step / 1e5
-        time = (optimum(_widened(part, "time budget", 1.0 + step)) - here) / hours if hours > 0.0 else 0.0
-        wider = _widened(part, "energy budget", 1.0 + step)
-        energy = (optimum(wider) - here) / joules if joules > 0.0 else 0.0
-    return Sensitivity(time, energy)
-
-
-def replan(
-    problem: Problem,
-    before: PlanResult,
-    *,
-    time_limit_s: float = 1.0,
-    max_branches: int = 6,
-    seed: int = 0,
-    should_stop: Callable[[], bool] = lambda: False,
-) -> PlanResult:
-    """Return a plan for a changed problem, beginning from an earlier solution.
-
-    What the earlier plan holds that the changed problem lacks is left out of it first.
-    """
-    return solve(
-        problem,
-        max_branches=max_branches,
-        time_limit_s=time_limit_s,
-        seed=seed,
-        should_stop=should_stop,
-        warm=(fitted(problem, before.tree.plan),),
-        quick=True,
-    )
-
-
-def value_of(problem: Problem, plan: Plan) -> float:
-    """Return the expected utility of a plan, without sampling."""
-    with one_blas_thread():
-        return Evaluator(Model.of(problem)).value(plan).value

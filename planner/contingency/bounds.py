@@ -111,7 +111,7 @@ def upper_bound(
     return best
 
 
-def _within(model: Model, ln: tuple[float, float], cells: int, step: float) -> np.ndarray[Any, Any]:
+def _within(ln: tuple[float, float], cells: int, step: float) -> np.ndarray[Any, Any]:
     """Return P(X <= j * step) for j = 0..cells."""
     edges = np.asarray(np.arange(cells + 1) * step, np.float64)
     return np.asarray(probability_below(edges, ln[0], ln[1]))
@@ -152,9 +152,7 @@ def relaxed_bound(model: Model, *, limit_s: float = LP_LIMIT_S) -> Bound:
         legs = [a for a in range(model.n + 1) if model.has_leg[a, place]]
         if not legs:
             continue
-        within = np.max(
-            [_within(model, tuple(model.leg_ln[a, place, :2]), cells, step) for a in legs], axis=0
-        )
+        within = np.max([_within(tuple(model.leg_ln[a, place, :2]), cells, step) for a in legs], axis=0)
         driven[place] = within
         arrivals[place] = legs
         drives[place] = []
@@ -172,7 +170,7 @@ def relaxed_bound(model: Model, *, limit_s: float = LP_LIMIT_S) -> Bound:
         if place not in driven:
             continue
         worth = float(model.utility[m] * model.p_success[m])
-        within = _within(model, tuple(model.obs_ln[m, :2]), cells, step)
+        within = _within(tuple(model.obs_ln[m, :2]), cells, step)
         opens, closes = model.window[m]
         kept = 1.0
         if model.is_place[m]:  # the track must at least survive the drive that arrives

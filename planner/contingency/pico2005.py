@@ -69,7 +69,7 @@ def _mean_need(model: Model, steps: Plan, place: int) -> tuple[float, float]:
     return t, g + model.hotel_w * t
 
 
-def _points(model: Model, grid: Grid, plan: Plan, program: Program) -> list[tuple[_Point, dict[State, Any]]]:
+def _points(grid: Grid, plan: Plan, program: Program) -> list[tuple[_Point, dict[State, Any]]]:
     """Return the places where a branch may stand, by falling variance of the utility still to come."""
     flow = forward(grid, program)
     backward = Backward(grid, program)
@@ -201,7 +201,7 @@ def _grow(
     for _ in range(max_branches):
         best: tuple[float, Plan] | None = None
         fruitful = 0
-        for point, masses in _points(model, grid, plan, compile_plan(model, plan)):
+        for point, masses in _points(grid, plan, compile_plan(model, plan)):
             helps = False
             for option in _proposals(model, plan, point.path, masses, grid):
                 if (point.path, option) in refused:

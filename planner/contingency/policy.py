@@ -10,7 +10,6 @@ is an estimate good to about 0.1 %.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -463,11 +462,3 @@ class Policy:
     def best(self) -> float:
         """Return the optimal value of the problem; never below 0, the value of doing nothing."""
         return max(0.0, *self.start_values().values())
-
-
-def cells_for(model: Model, live_sets: int, budget_mb: float, largest: tuple[int, int]) -> tuple[int, int]:
-    """Return grid nodes (nt, ng) such that a float32 table stays within a size, never above `largest`."""
-    cells = budget_mb * 1e6 / 4.0 / max(1, live_sets * (model.n + 1))
-    ratio = largest[1] / largest[0]
-    nt = min(largest[0], int(math.sqrt(cells / ratio)))
-    return max(nt, 13), max(int(nt * ratio), 9)

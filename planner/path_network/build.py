@@ -122,7 +122,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
     order = {name: i for i, name in enumerate(places)}
     routes.sort(key=lambda r: (order[r.origin], order[r.destination]))
     missing.sort(key=lambda r: (order[r.origin], order[r.destination]))
-    segments, renumbered = _segments(routes, links, drawn.xy, tracked, request)
+    segments, renumbered = _segments(routes, links, drawn.xy, tracked)
     reached = {r.destination for r in routes if r.origin == START}
     why = {m.destination: m.reason for m in missing if m.origin == START}
     unreachable = tuple(
@@ -263,7 +263,7 @@ def _safest(links: _Links, nodes: int, origin: int, destination: int, own: int) 
 
 
 def _segments(
-    routes: list[Route], links: _Links, xy: FloatArray, tracked: list[str], request: NetworkRequest
+    routes: list[Route], links: _Links, xy: FloatArray, tracked: list[str]
 ) -> tuple[tuple[Segment, ...], tuple[Route, ...]]:
     """Return the segments that remain in use, and the routes with their indices."""
     count = Counter(e for r in routes for e in r.segments)
