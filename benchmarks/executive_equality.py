@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.draws import draw_table, earned
 from executive.crl import canonical_text
 from executive.runtime import run_plan
 from executive.runtime.loading import load_plan
 from planner.emit_crl import emit
-from planner.evaluate.draws import draw_table, earned
 from planner.plan_tree import Branch, PlanTree, walk, with_ids
 from planner.problem import load_problem, problem_to_dict
 from planner.solve import solve
