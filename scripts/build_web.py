@@ -31,7 +31,7 @@ except ImportError:  # run as a script in an environment that does not build whe
 
 SKIP_VARIABLE = "OUTCROP_SKIP_WEB_BUILD"
 STAMP = ".stamp"
-NOT_SOURCES = {"node_modules", "dist", "dist.new", "__pycache__", ".svelte-kit", "tests"}
+NOT_SOURCES = {"node_modules", "dist", "dist.new", "__pycache__", ".svelte-kit", "tests", "schema.d.ts"}
 TAIL_LINES = 40
 
 

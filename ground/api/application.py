@@ -10,7 +10,6 @@ from fastapi.openapi.utils import get_openapi
 
 from ground.api import problems
 from ground.api.context import PREFIX
-from ground.api.problems import ProblemDocument
 from ground.api.routers import (
     comments,
     exchange,
@@ -85,18 +84,6 @@ def _document(app: FastAPI) -> dict[str, Any]:
             routes=app.routes,
             openapi_version="3.1.0",
         )
-        schemas = document.setdefault("components", {}).setdefault("schemas", {})
-        problem = ProblemDocument.model_json_schema(ref_template="#/components/schemas/{model}")
-        schemas.update(problem.pop("$defs", {}))
-        schemas["ProblemDocument"] = problem
-        for name in ("HTTPValidationError", "ValidationError"):
-            schemas.pop(name, None)
-        for path in document["paths"].values():
-            for operation in path.values():
-                answer = operation.get("responses", {}).get("422")
-                if answer and "application/json" in answer.get("content", {}):
-                    answer["content"] = {
-                        problems.MEDIA: {"schema": {"$ref": "#/components/schemas/ProblemDocument"}}
-                    }
+        problems.state_once(document)
         app.openapi_schema = document
     return app.openapi_schema

@@ -223,3 +223,25 @@ def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
         }
         for status in statuses
     }
+
+
+def state_once(document: dict[str, Any]) -> None:
+    """Put the problem answers of an OpenAPI document under its components; the operations refer to them."""
+    components = document.setdefault("components", {})
+    schemas = components.setdefault("schemas", {})
+    schema = ProblemDocument.model_json_schema(ref_template="#/components/schemas/{model}")
+    schemas.update(schema.pop("$defs", {}))
+    schemas["ProblemDocument"] = schema
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    stated = components.setdefault("responses", {})
+    for path in document["paths"].values():
+        for operation in path.values():
+            answers = operation["responses"]
+            if "application/json" in answers.get("422", {}).get("content", {}):  # the framework's own form
+                answers.update({"422": responses(422)[422]})
+            for status, answer in answers.items():
+                if MEDIA in answer.get("content", {}):
+                    name = answer["description"].replace(" ", "-")
+                    stated[name] = answer
+                    answers[status] = {"$ref": f"#/components/responses/{name}"}

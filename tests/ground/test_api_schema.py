@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,8 +20,10 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
+import ground
 from ground.api.application import build_api
 from ground.app import build_app
+from ground.cli.openapi import document_text
 from ground.gdr.repository import open_repository
 from ground.gdr.values import Instrument
 from ground.services.create_keep_out import create_keep_out
@@ -129,3 +132,22 @@ def test_operation_ids_are_unique_and_every_operation_says_what_it_does() -> Non
             assert operation["operationId"] not in seen, (path, method)
             seen.add(operation["operationId"])
             assert operation["description"].endswith((".", ")")), (path, method)
+
+
+def test_the_document_beside_the_code_is_the_interface() -> None:
+    kept = (Path(ground.__file__).parent / "openapi.json").read_text(encoding="utf-8")
+    assert kept == document_text(build_api().openapi()) + "\n", "outcrop openapi --out ground/openapi.json"
+
+
+def test_a_problem_answer_is_stated_once() -> None:
+    document = build_api().openapi()
+    stated = document["components"]["responses"]
+    assert json.dumps(document).count('"application/problem+json"') == len(stated)
+    used = {
+        answer["$ref"].removeprefix("#/components/responses/")
+        for path in document["paths"].values()
+        for operation in path.values()
+        for answer in operation["responses"].values()
+        if "$ref" in answer
+    }
+    assert used == set(stated)
