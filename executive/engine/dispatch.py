@@ -8,14 +8,12 @@ that are not executed yet, their constraints, and executed points as constants.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from executive.engine.agenda import Agenda
 from executive.engine.instance import Instance, State
 from executive.engine.spec import END, INFINITY, PLAN_CLOCK, RELATIVE, START, Kind, NodeSpec, PlanSpec, Window
 from executive.stn import ORIGIN, Conflict, TemporalNetwork
-
-if TYPE_CHECKING:
-    from executive.engine.core import Engine
 
 
 def needs_network(plan: PlanSpec) -> bool:
@@ -72,11 +70,28 @@ def _pushes(window: Window) -> bool:
     return window.lo > 0 if window.ref == PLAN_CLOCK else window.lo > -INFINITY
 
 
+class Surroundings(Protocol):
+    """What the network sees of the run that it belongs to."""
+
+    plan: PlanSpec
+    agenda: Agenda
+    over: bool
+    root: Instance
+    stopping: set[Instance]
+    instances: dict[str, Instance]
+    dependents: dict[tuple[str, int], list[Instance]]
+
+    @property
+    def t(self) -> int: ...
+
+    def note(self, kind: str, text: str, node: str = "") -> None: ...
+
+
 class DispatchNetwork:
     """Tells whether a WAITING node may start now without making the network inconsistent."""
 
-    def __init__(self, engine: Engine, *, risks: bool) -> None:
-        self.engine = engine
+    def __init__(self, run: Surroundings, *, risks: bool) -> None:
+        self.run = run
         self.risks = risks
         self.network: TemporalNetwork | None = None
         self.points: dict[tuple[Instance, int], int] = {}
@@ -88,7 +103,7 @@ class DispatchNetwork:
 
     def rebuild(self) -> None:
         """Begin anew from the present state of the run."""
-        plan = self.engine.plan
+        plan = self.run.plan
         self.needed = needs_network(plan)
         self.wanted = self.needed or (self.risks and watches_windows(plan))
         self.network = None
@@ -122,7 +137,7 @@ class DispatchNetwork:
             if time is None:
                 network.void(index)
             else:
-                network.advance(self.engine.t)
+                network.advance(self.run.t)
                 network.execute(index, time)
         self.changed()
 
@@ -136,7 +151,7 @@ class DispatchNetwork:
         """What a delayed start waits for may be over."""
         if self.delayed:
             for node in list(self.delayed):
-                self.engine.consider(node)
+                self.run.agenda.consider(node)
 
     # --- asking -----------------------------------------------------------------
 
@@ -147,12 +162,12 @@ class DispatchNetwork:
         network = self._present()
         start = self.points.get((node, START))
         due = network.dispatch_time(start) if start is not None else None
-        if start is None or (due is not None and due <= self.engine.t):
+        if start is None or (due is not None and due <= self.run.t):
             self.delayed.pop(node, None)
             return True
         self.delayed[node] = None
         if due is not None:
-            self.engine.set_timer(due, node)
+            self.run.agenda.set_timer(due, node)
         return False
 
     def bound(self, node: Instance) -> int | None:
@@ -165,7 +180,7 @@ class DispatchNetwork:
 
     def report_risks(self) -> None:
         """Note when the windows can no longer all be kept, once until they can."""
-        if not (self.risks and self.wanted) or self.engine.over:
+        if not (self.risks and self.wanted) or self.run.over:
             return
         network = self._present()
         if network.consistent:
@@ -175,22 +190,22 @@ class DispatchNetwork:
             conflict = network.conflict
             if conflict is not None:
                 text, first = describe(conflict)
-                self.engine.note("risk", text, first)
+                self.run.note("risk", text, first)
 
     # --- building ---------------------------------------------------------------
 
     def _present(self) -> TemporalNetwork:
         if self.network is None:
             self.network = TemporalNetwork()
-            self.network.advance(self.engine.t)
+            self.network.advance(self.run.t)
             self.points = {}
             self.anchors = {}
-            roots = [self.engine.root, *(node for node in self.engine.stopping if node.parent is None)]
+            roots = [self.run.root, *(node for node in self.run.stopping if node.parent is None)]
             for root in roots:
                 self._add_tree(root, check=False)
             self.network.check()
             self.network.relax()
-        self.network.advance(self.engine.t)
+        self.network.advance(self.run.t)
         return self.network
 
     def _add_tree(self, root: Instance, *, check: bool = True) -> None:
@@ -247,7 +262,7 @@ class DispatchNetwork:
         if window.ref == RELATIVE and point == START:
             self._anchor(network, node, target, window, label)
             return
-        other = node if window.ref == RELATIVE else self.engine.instances.get(window.ref)
+        other = node if window.ref == RELATIVE else self.run.instances.get(window.ref)
         if other is None:
             return
         place = START if window.ref == RELATIVE else window.point
@@ -299,7 +314,7 @@ class DispatchNetwork:
         fresh = set(nodes)
         for node in nodes:
             for place in (START, END):
-                for other in self.engine.dependents.get((node.id, place), ()):
+                for other in self.run.dependents.get((node.id, place), ()):
                     if other in fresh:
                         continue
                     for conditions, point in (

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
-from executive.engine.spec import INFINITY, Kind, NodeSpec
+from executive.engine.spec import INFINITY, ContingencySpec, Kind, NodeSpec
 from executive.ports import Command, CommandId, TraceRecord, Value
 
 
@@ -160,6 +160,44 @@ class Instance:
     def failed_fatally(self) -> bool:
         """Tell whether the node finished FAILED and its parent must not go on."""
         return self.outcome is Outcome.FAILED and not self.spec.continue_on_failure
+
+
+class Floating:
+    """A contingency and what has become of it: armed or not, how often inserted, the truth of its trigger."""
+
+    __slots__ = ("armed", "insertions", "place", "spec", "state", "triggered")
+
+    def __init__(self, spec: ContingencySpec, place: int) -> None:
+        self.spec = spec
+        self.place = place
+        self.armed = True
+        self.insertions = 0
+        self.triggered = False
+        self.state: State | None = None
+        """Always None: a timer of a contingency never runs out of date."""
+
+
+class Hold:
+    """The contingency that is pending (not yet inserted) or active, and what it keeps from starting."""
+
+    __slots__ = ("blockers", "floating", "root", "scope")
+
+    def __init__(self, floating: Floating, scope: Instance) -> None:
+        self.floating = floating
+        self.scope = scope
+        self.root: Instance | None = None
+        self.blockers: list[Instance] = []
+
+    def stops(self, node: Instance) -> bool:
+        """Tell whether the node is of the scope, and not of the inserted tree."""
+        at: Instance | None = node
+        while at is not None:
+            if at is self.root:
+                return False
+            if at is self.scope:
+                return True
+            at = at.parent
+        return False
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,38 +2,34 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from executive.engine import floating, lifecycle
-from executive.engine.instance import ACTIVE, RUNNING, Instance, Outcome, State
-from executive.engine.spec import Kind, NodeSpec, PlanSpec
-
-if TYPE_CHECKING:
-    from executive.engine.core import Engine
+from executive.engine import contingencies, lifecycle, windows
+from executive.engine.instance import ACTIVE, RUNNING, Floating, Instance, Outcome, State
+from executive.engine.run import Run
+from executive.engine.spec import INFINITY, Kind, NodeSpec, PlanSpec
 
 KEPT_TASK_STATES = (State.FINISHED, State.ENDING, State.EXECUTING)
 
 
-def replace(engine: Engine, text: str) -> None:
+def replace(run: Run, text: str) -> None:
     """Let the plan in `text` take the place of the running one, or note why it cannot."""
-    loaded = engine.loader(text)
+    loaded = run.loader(text)
     if isinstance(loaded, str):
-        engine.note("rejected", loaded)
+        run.note("rejected", loaded)
         return
-    if engine.hold is not None and engine.hold.root is not None:
-        engine.note("rejected", f"E111: contingency {engine.hold.floating.spec.id} is active")
+    if run.hold is not None and run.hold.root is not None:
+        run.note("rejected", f"E111: contingency {run.hold.floating.spec.id} is active")
         return
-    wrong = out_of_order(engine, loaded)
+    wrong = out_of_order(run, loaded)
     if wrong:
-        engine.note("rejected", f"E110: {wrong}")
+        run.note("rejected", f"E110: {wrong}")
         return
-    engine.record("replace")
-    exchange(engine, loaded)
+    run.record("replace")
+    exchange(run, loaded)
 
 
-def kept(engine: Engine, spec: NodeSpec) -> Instance | None:
+def kept(run: Run, spec: NodeSpec) -> Instance | None:
     """Return the old node that the new one goes on with, if there is one."""
-    old = engine.instances.get(spec.id)
+    old = run.instances.get(spec.id)
     if old is None or old.kind is not spec.kind or (old.outcome is Outcome.SKIPPED and old.start is None):
         return None
     if spec.kind is Kind.TASK:
@@ -43,19 +39,19 @@ def kept(engine: Engine, spec: NodeSpec) -> Instance | None:
     return old if old.start is not None else None
 
 
-def out_of_order(engine: Engine, plan: PlanSpec) -> str:
+def out_of_order(run: Run, plan: PlanSpec) -> str:
     """Return what E110 forbids in the new main tree, or nothing."""
     stack: list[tuple[NodeSpec, str]] = [(plan.root, "")]
     while stack:
         spec, barrier = stack.pop()
-        old = kept(engine, spec)
+        old = kept(run, spec)
         if old is not None and barrier:
             return f"{spec.id} has started, {barrier}"
         if spec.kind is Kind.BLOCK and old is not None:
             waits = ""
             for child in spec.children:
                 stack.append((child, waits and f"but would follow {waits}, which has not"))
-                if not waits and kept(engine, child) is None:
+                if not waits and kept(run, child) is None:
                     waits = child.id
             continue
         for child in spec.below():
@@ -65,61 +61,61 @@ def out_of_order(engine: Engine, plan: PlanSpec) -> str:
     return ""
 
 
-def exchange(engine: Engine, plan: PlanSpec) -> None:
+def exchange(run: Run, plan: PlanSpec) -> None:
     """Keep what may be kept, stop or skip the rest, and open the new nodes."""
-    former_nodes = list(engine.instances.values())
-    keeping = {spec.id: node for spec in plan.root.walk() if (node := kept(engine, spec)) is not None}
-    alternate = keep_alternate(engine, plan)
-    engine.former_ids.update(dict.fromkeys(engine.plan.node_ids()))
-    engine.plan = plan
-    engine.ledger.redeclare(plan.resources)
-    engine.network.rebuild()
-    if engine.hold is not None:
-        engine.hold = None
-        engine.release_held()
-    exchange_contingencies(engine, plan)
-    engine.dependents = {}
-    root = rebuild(engine, plan.root, keeping)
+    former_nodes = list(run.instances.values())
+    keeping = {spec.id: node for spec in plan.root.walk() if (node := kept(run, spec)) is not None}
+    alternate = keep_alternate(run, plan)
+    run.former_ids.update(dict.fromkeys(run.plan.node_ids()))
+    run.plan = plan
+    run.ledger.redeclare(plan.resources)
+    run.network.rebuild()
+    if run.hold is not None:
+        run.hold = None
+        run.release_held()
+    exchange_contingencies(run, plan)
+    run.dependents = {}
+    root = rebuild(run, plan.root, keeping)
     if alternate is None:
-        engine.root = root
-        engine.root_alternate = None
+        run.root = root
+        run.root_alternate = None
     else:
         for node in alternate.walk():
             keeping[node.id] = node
-            engine.register_windows(node)
+            run.register_windows(node)
     gone = [node for node in former_nodes if keeping.get(node.id) is not node]
     for node in gone:
-        engine.old[node.id] = node
+        run.old[node.id] = node
     separate(gone, set(keeping.values()))
     for node in gone:
-        retire(engine, node)
-    reopen(engine, root)
-    engine.sort_again()
+        retire(run, node)
+    reopen(run, root)
+    run.agenda.sort_again()
 
 
-def exchange_contingencies(engine: Engine, plan: PlanSpec) -> None:
+def exchange_contingencies(run: Run, plan: PlanSpec) -> None:
     """Take over the contingencies of the new plan; those with a known id keep count and armed state."""
-    former = {f.spec.id: f for f in engine.floating}
-    engine.floating = []
+    former = {f.spec.id: f for f in run.contingencies}
+    run.contingencies = []
     for place, contingency in enumerate(plan.contingencies):
-        fresh = floating.Floating(contingency, place)
+        fresh = Floating(contingency, place)
         if contingency.id in former:
             fresh.armed = former[contingency.id].armed
             fresh.insertions = former[contingency.id].insertions
-        engine.floating.append(fresh)
-        floating.set_timers(engine, fresh)
-    floating.watch_triggers(engine)
+        run.contingencies.append(fresh)
+        contingencies.set_timers(run, fresh)
+    run.board.watch_triggers(run.contingencies)
 
 
-def keep_alternate(engine: Engine, plan: PlanSpec) -> Instance | None:
+def keep_alternate(run: Run, plan: PlanSpec) -> Instance | None:
     """Return the alternate that is running as the root, if the new plan has it unchanged."""
-    current = engine.root_alternate
-    old_main = engine.instances.get(plan.root.id)
+    current = run.root_alternate
+    old_main = run.instances.get(plan.root.id)
     if current is None or old_main is None or old_main.state is not State.FINISHED:
         return None
     for alternate in plan.alternates:
         if alternate.id == current.id and same_tree(alternate.node, current.node):
-            return engine.root
+            return run.root
     return None
 
 
@@ -131,7 +127,7 @@ def same_tree(left: NodeSpec, right: NodeSpec) -> bool:
     )
 
 
-def rebuild(engine: Engine, top: NodeSpec, keeping: dict[str, Instance]) -> Instance:
+def rebuild(run: Run, top: NodeSpec, keeping: dict[str, Instance]) -> Instance:
     """Make the new main tree out of kept and new nodes, in the text order of the new plan."""
     root: Instance | None = None
     stack: list[tuple[NodeSpec, Instance | None, int]] = [(top, None, 0)]
@@ -140,11 +136,11 @@ def rebuild(engine: Engine, top: NodeSpec, keeping: dict[str, Instance]) -> Inst
         node = keeping.get(spec.id)
         if node is None:
             node = Instance(spec, parent, index, 0)
-            engine.register(node)
+            run.register(node)
         else:
-            adopt(engine, node, spec, parent, index)
-        node.order = engine.next_order
-        engine.next_order += 1
+            adopt(run, node, spec, parent, index)
+        node.order = run.next_order
+        run.next_order += 1
         if parent is None:
             root = node
         else:
@@ -161,18 +157,18 @@ def rebuild(engine: Engine, top: NodeSpec, keeping: dict[str, Instance]) -> Inst
     return root
 
 
-def adopt(engine: Engine, node: Instance, spec: NodeSpec, parent: Instance | None, index: int) -> None:
+def adopt(run: Run, node: Instance, spec: NodeSpec, parent: Instance | None, index: int) -> None:
     """Let a kept node live on under the new definition."""
     chosen = node.spec.options[node.chosen].id if node.chosen is not None else None
-    engine.ledger.unreserve(node)
+    run.ledger.unreserve(node)
     node.spec = spec
     node.parent = parent
     node.index = index
     if node.start is not None and node.state in RUNNING:
-        engine.ledger.reserve(node)
+        run.ledger.reserve(node)
     if chosen is not None:
         node.chosen = next((i for i, o in enumerate(spec.options) if o.id == chosen), None)
-    engine.register_windows(node)
+    run.register_windows(node)
 
 
 def separate(gone: list[Instance], keeping: set[Instance]) -> None:
@@ -194,40 +190,52 @@ def separate(gone: list[Instance], keeping: set[Instance]) -> None:
             parent.extra.append(node)
 
 
-def retire(engine: Engine, node: Instance) -> None:
+def retire(run: Run, node: Instance) -> None:
     """Stop an old node that is not kept, or skip it."""
     if node.state in (State.INACTIVE, State.WAITING):
         node.void = True
-        lifecycle.close(engine, node, Outcome.SKIPPED, "replaced")
+        lifecycle.close(run, node, Outcome.SKIPPED, "replaced")
     elif node.state is not State.FINISHED:
-        engine.stopping.add(node)
+        run.stopping.add(node)
         if node.state in ACTIVE:
-            lifecycle.begin_failing(engine, node, Outcome.ABORTED, "replaced")
-        engine.touch(node)
+            lifecycle.begin_failing(run, node, Outcome.ABORTED, "replaced")
+        run.agenda.touch(node)
 
 
-def reopen(engine: Engine, root: Instance) -> None:
+def reopen(run: Run, root: Instance) -> None:
     """Open what follows from the kept nodes: activate new children, skip those of finished parents."""
     if root.state is State.INACTIVE:
-        lifecycle.activate(engine, root)
+        lifecycle.activate(run, root)
     for node in list(root.walk()):
         if node.state in (State.FINISHED, State.FAILING):
             for child in node.below:
                 if child.state is State.INACTIVE:
-                    lifecycle.skip(engine, child, "parent-ended")
+                    lifecycle.skip(run, child, "parent-ended")
             continue
         if node.state not in ACTIVE:
             continue
         if node.kind is Kind.CONCURRENT:
             for child in node.below:
                 if child.state is State.INACTIVE:
-                    lifecycle.activate(engine, child)
+                    lifecycle.activate(run, child)
         elif node.kind is Kind.BRANCH:
-            reopen_branch(engine, node)
-        engine.refresh(node)
+            reopen_branch(run, node)
+        refresh(run, node)
 
 
-def reopen_branch(engine: Engine, node: Instance) -> None:
+def refresh(run: Run, node: Instance) -> None:
+    """Look at everything of a node again: its definition or its surroundings have changed."""
+    node.end_lo, node.end_hi, node.end_held = 0, INFINITY, False
+    windows.open_end(run, node)
+    if node.kind is Kind.BRANCH and node.chosen is None:
+        lifecycle.watch_options(run, node)
+        run.undecided[node] = None
+    elif node.state is not State.SUSPENDED:
+        run.board.watch(node, node.spec.maintain)
+    run.agenda.wake(node)
+
+
+def reopen_branch(run: Run, node: Instance) -> None:
     """Open the chosen option of a kept branch; skip the others unless they may still be tried."""
     if node.chosen is None:
         return
@@ -235,6 +243,6 @@ def reopen_branch(engine: Engine, node: Instance) -> None:
         if child.state is not State.INACTIVE:
             continue
         if index == node.chosen:
-            lifecycle.activate(engine, child)
+            lifecycle.activate(run, child)
         elif not node.spec.next_on_failure:
-            lifecycle.skip(engine, child, "not-chosen")
+            lifecycle.skip(run, child, "not-chosen")

@@ -3,40 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from executive.engine.instance import Instance, State
+from executive.engine.run import Run
 from executive.engine.spec import INFINITY
-
-if TYPE_CHECKING:
-    from executive.engine.core import Engine
 
 Snapshot = dict[str, Any]
 
 
-def snapshot(engine: Engine, *, pending_events: Sequence[dict[str, Any]] = (), sequence: int = 0) -> Snapshot:
+def snapshot(run: Run, *, pending_events: Sequence[dict[str, Any]] = (), sequence: int = 0) -> Snapshot:
     """Return the state of a run.
 
     `nodes` are in text order, each with its parent, so that a reader needs no recursion; times are
     milliseconds on the plan clock, None is unbounded or not yet.
     """
-    roots = [engine.instances[engine.plan.root.id]]
-    if engine.root is not roots[0]:
-        roots.append(engine.root)
-    nodes = [_node(engine, node) for root in roots for node in root.walk()]
-    hold = engine.hold
+    roots = [run.instances[run.plan.root.id]]
+    if run.root is not roots[0]:
+        roots.append(run.root)
+    nodes = [_node(run, node) for root in roots for node in root.walk()]
+    hold = run.hold
     return {
-        "t": engine.t,
+        "t": run.t,
         "sequence": sequence,
-        "paused": engine.paused,
-        "over": engine.over,
-        "outcome": engine.outcome.value if engine.outcome is not None else None,
-        "root": engine.root.id,
-        "plan": engine.plan.id,
-        "digest": engine.plan.digest,
-        "next_wakeup": engine.next_wakeup(),
+        "paused": run.paused,
+        "over": run.over,
+        "outcome": run.outcome.value if run.outcome is not None else None,
+        "root": run.root.id,
+        "plan": run.plan.id,
+        "digest": run.plan.digest,
+        "next_wakeup": None if run.over else run.agenda.next_time(),
         "nodes": nodes,
-        "watched": {key: [node.id for node in nodes_] for key, nodes_ in sorted(engine.watchers.items())},
+        "watched": {key: [node.id for node in nodes_] for key, nodes_ in sorted(run.board.watchers.items())},
         "contingencies": [
             {
                 "id": f.spec.id,
@@ -49,17 +47,17 @@ def snapshot(engine: Engine, *, pending_events: Sequence[dict[str, Any]] = (), s
                 if hold.root is not None
                 else "pending",
             }
-            for f in engine.floating
+            for f in run.contingencies
         ],
-        "alternates": [{"id": a.id, "used": a.id in engine.used_alternates} for a in engine.plan.alternates],
+        "alternates": [{"id": a.id, "used": a.id in run.used_alternates} for a in run.plan.alternates],
         "commands": [
             {"task": c.task, "attempt": c.attempt, "abort_asked": node.abort_asked}
-            for c, node in engine.commands.items()
+            for c, node in run.commands.items()
         ],
-        "resources": engine.ledger.levels(engine.database),
-        "database": dict(engine.database),
+        "resources": run.ledger.levels(run.database),
+        "database": dict(run.database),
         "pending_events": list(pending_events),
-        "reward": engine.reward,
+        "reward": run.reward,
     }
 
 
@@ -67,7 +65,7 @@ def _bound(t_ms: int) -> int | None:
     return None if abs(t_ms) >= INFINITY else t_ms
 
 
-def _node(engine: Engine, node: Instance) -> dict[str, Any]:
+def _node(run: Run, node: Instance) -> dict[str, Any]:
     chosen = node.spec.options[node.chosen].id if node.chosen is not None else None
     waiting = node.state is State.WAITING
     return {
@@ -86,5 +84,5 @@ def _node(engine: Engine, node: Instance) -> dict[str, Any]:
         "attempts": node.attempts,
         "chosen": chosen,
         "action": node.spec.action,
-        "held": engine.hold is not None and engine.hold.stops(node),
+        "held": run.hold is not None and run.hold.stops(node),
     }

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from executive.engine.instance import ACTIVE, Instance, State
+from executive.engine.run import Run
 from executive.engine.spec import END, INFINITY, RELATIVE, START, Window
-
-if TYPE_CHECKING:
-    from executive.engine.core import Engine
 
 
 def occurred(node: Instance, point: int) -> int | None:
@@ -16,9 +12,7 @@ def occurred(node: Instance, point: int) -> int | None:
     return node.start if point == START else node.end
 
 
-def intersect(
-    engine: Engine, node: Instance, conditions: tuple[Window, ...], origin: int
-) -> tuple[int, int, bool]:
+def intersect(run: Run, conditions: tuple[Window, ...], origin: int) -> tuple[int, int, bool]:
     """Return lower bound, upper bound and whether a point is still awaited."""
     lo, hi, awaited = 0, INFINITY, False
     for window in conditions:
@@ -28,7 +22,7 @@ def intersect(
         elif ref == RELATIVE:
             base = origin
         else:
-            other = engine.instances.get(ref)
+            other = run.instances.get(ref)
             time = None if other is None else occurred(other, window.point)
             if time is None:
                 if (other is None or not other.void) and window.lo >= 0:
@@ -42,42 +36,51 @@ def intersect(
     return lo, hi, awaited
 
 
-def open_start(engine: Engine, node: Instance) -> None:
+def open_start(run: Run, node: Instance) -> None:
     """Work out the start window of a WAITING node, with its timer and deadline."""
     if not node.spec.start_windows:
         return
-    lo, hi, awaited = intersect(engine, node, node.spec.start_windows, node.activation)
+    lo, hi, awaited = intersect(run, node.spec.start_windows, node.activation)
     node.start_blocked = awaited
     if lo != node.start_lo:
         node.start_lo = lo
-        engine.set_timer(lo, node)
+        run.agenda.set_timer(lo, node)
     if hi != node.start_hi:
         node.start_hi = hi
-        engine.set_deadline(hi, node)
+        run.agenda.set_deadline(hi, node)
 
 
-def open_end(engine: Engine, node: Instance) -> None:
+def open_end(run: Run, node: Instance) -> None:
     """Work out the end window of a node that has started, with its timer and deadline."""
     if not node.spec.end_windows or node.start is None:
         return
-    lo, hi, awaited = intersect(engine, node, node.spec.end_windows, node.start)
+    lo, hi, awaited = intersect(run, node.spec.end_windows, node.start)
     node.end_held = awaited
     if lo != node.end_lo:
         node.end_lo = lo
-        engine.set_timer(lo, node)
+        run.agenda.set_timer(lo, node)
     if hi != node.end_hi:
         node.end_hi = hi
-        engine.set_deadline(hi, node)
+        run.agenda.set_deadline(hi, node)
 
 
-def reference_settled(engine: Engine, node: Instance, other: Instance, point: int) -> None:
+def point_settled(run: Run, node: Instance, point: int) -> None:
+    """A time point has occurred or is void: look at those whose windows refer to it."""
+    run.network.settled(node, point)
+    dependents = run.dependents.get((node.id, point))
+    if dependents and run.instances.get(node.id) is node:
+        for other in dependents:
+            reference_settled(run, other, node, point)
+
+
+def reference_settled(run: Run, node: Instance, other: Instance, point: int) -> None:
     """A point that the node refers to has occurred or is void."""
     if node.state is State.WAITING:
-        open_start(engine, node)
-        engine.consider(node)
+        open_start(run, node)
+        run.agenda.consider(node)
     elif node.state in ACTIVE:
-        open_end(engine, node)
-        engine.touch(node)
+        open_end(run, node)
+        run.agenda.touch(node)
     time = occurred(other, point)
     if time is None:
         return
@@ -89,7 +92,7 @@ def reference_settled(engine: Engine, node: Instance, other: Instance, point: in
             continue
         for window in conditions:
             if window.ref == other.id and window.point == point and not window.lo <= own - time <= window.hi:
-                engine.note(
+                run.note(
                     "risk",
                     f"{name} of {node.id} at {own / 1000:g} s lies outside its window on the "
                     f"{'end' if point == END else 'start'} of {other.id} at {time / 1000:g} s",

@@ -237,7 +237,7 @@ class LiveRuntime:
         session.step(now)
         if not session.over:
             self._watch_over(now)
-        self._running = tuple(session.engine.commands)
+        self._running = tuple(session.engine.run.commands)
         self._picture = session.snapshot()
 
     def run(self) -> RunOutcome:
@@ -318,7 +318,7 @@ class LiveRuntime:
         if self._heard > since:
             self._safing_since = None
             return
-        for command, node in list(self.session.engine.commands.items()):
+        for command, node in list(self.session.engine.run.commands.items()):
             if node.abort_asked:
                 self.complain("safing", f"{command} was not acknowledged: taken as stopped")
                 self._inbox.events.append(Acknowledgement(now, command))

@@ -74,7 +74,7 @@ def rebuild(
         utilities=RecordedUtilities(records),
         risks=require(header, "risks", bool),
     )
-    engine.begin_at(require(header, "start", int))
+    engine.move_to(require(header, "start", int))
     effects: list[Effect] = []
     missing: list[Effect] = []
     for record, written in macro_steps(records[1:]):
@@ -118,7 +118,7 @@ def state_at(records: Sequence[Json], seq: int, plan: PlanSpec | None = None) ->
         raise JournalError(f"the journal has records 0 to {len(records) - 1}, there is none of number {seq}")
     engine, effects, _ = rebuild(records, plan, upto=seq)
     trace = sum(isinstance(e, TraceRecord) for e in effects)
-    picture = snapshot(engine, sequence=trace)
+    picture = snapshot(engine.run, sequence=trace)
     picture["record"] = seq
     return picture
 
@@ -135,7 +135,7 @@ def resume_session(
 ) -> Session:
     """Return the session that goes on from a journal, after its first macro step (CRL.md 10)."""
     engine, _, unwritten = rebuild(records, plan)
-    engine.utilities = utility_source
+    engine.run.utilities = utility_source
     session = Session.resumed(
         engine,
         rover,

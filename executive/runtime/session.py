@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from executive.crl import Plan
 from executive.engine.core import Engine
 from executive.engine.instance import Abort, Effect, Note, Send
+from executive.engine.run import command_of
 from executive.engine.snapshot import Snapshot, snapshot
 from executive.engine.spec import PlanSpec
 from executive.errors import MisuseError
@@ -110,7 +111,7 @@ class Session:
         self.engine = Engine(
             compiled, run_id=run_id, loader=load_replacement, utilities=utility_source, risks=self.risks
         )
-        self.engine.begin_at(start_ms)
+        self.engine.move_to(start_ms)
         self.rover = rover
         self.run_id = run_id
         self.start_ms = start_ms
@@ -142,7 +143,7 @@ class Session:
         plan_text: str = "",
     ) -> Session:
         """Return the session of a run that is under way: its engine was rebuilt from a journal."""
-        session = cls(engine.plan, rover, run_id=engine.run_id, journal=journal, listeners=listeners)
+        session = cls(engine.run.plan, rover, run_id=engine.run.run_id, journal=journal, listeners=listeners)
         session.engine = engine
         session.plan_text = plan_text
         session.trace = list(trace)
@@ -183,7 +184,7 @@ class Session:
                     header_record(
                         run_id=self.run_id,
                         plan_text=self.plan_text,
-                        plan_digest=self.engine.plan.digest,
+                        plan_digest=self.engine.run.plan.digest,
                         start_ms=self.start_ms,
                         risks=self.risks,
                     )
@@ -250,7 +251,7 @@ class Session:
     def snapshot(self) -> Snapshot:
         """Return the node tree, windows, watched conditions, pending events and resource levels."""
         pending = [event_to_json(entry.event) for entry in sorted(self._injected)]
-        return snapshot(self.engine, pending_events=pending, sequence=len(self.trace))
+        return snapshot(self.engine.run, pending_events=pending, sequence=len(self.trace))
 
     def events_since(self, sequence: int) -> list[tuple[int, TraceRecord]]:
         """Return the trace records after the first `sequence` ones, each with its number, counted from 1.
@@ -264,17 +265,17 @@ class Session:
         engine = self.engine
         return RunOutcome(
             run_id=self.run_id,
-            plan_digest=engine.plan.digest,
-            outcome=engine.outcome.value if engine.outcome is not None else None,
-            end_ms=engine.end_ms if engine.over else None,
+            plan_digest=engine.run.plan.digest,
+            outcome=engine.run.outcome.value if engine.run.outcome is not None else None,
+            end_ms=engine.run.end_ms if engine.over else None,
             trace=tuple(self.trace),
             outcomes=engine.outcomes(),
-            reward=engine.reward,
+            reward=engine.run.reward,
             utility=engine.utility(),
             over_budget=engine.over_budget(),
             products=tuple(self.products),
             notes=tuple(self.notes),
-            reason=engine.root.reason if engine.over else "",
+            reason=engine.run.root.reason if engine.over else "",
         )
 
     def come_back(self, now_ms: int, unwritten: Sequence[Effect] = ()) -> None:
@@ -292,7 +293,7 @@ class Session:
             self._end()
             return
         unknown: list[CommandId] = []
-        for command in list(engine.commands):
+        for command in list(engine.run.commands):
             status = self.rover.status(command)
             if status.state is CommandState.UNKNOWN:
                 unknown.append(command)
@@ -300,19 +301,19 @@ class Session:
                 self.inject(replace(status.result, t_ms=now_ms))
         effects = engine.restart(now_ms)
         aborted = {effect.command for effect in effects if isinstance(effect, Abort)}
-        open_aborts = [c for c, node in engine.commands.items() if node.abort_asked and c not in aborted]
+        open_aborts = [c for c, node in engine.run.commands.items() if node.abort_asked and c not in aborted]
         self._handle({"k": "restart", "t": engine.t}, [e for e in effects if e_is_not_for(e, unknown)], True)
         for command in open_aborts:
             if command not in unknown:
                 self.rover.abort(command)
         for command in unknown:
-            node = engine.commands.get(command)
+            node = engine.run.commands.get(command)
             if node is None:
                 continue
             if node.abort_asked:
                 self.inject(Acknowledgement(engine.t, command))
             else:
-                self.rover.send(engine.command_of(node))
+                self.rover.send(command_of(node))
         events = self._collect(engine.t)
         self._macro_step(engine.t, events)
 
@@ -407,9 +408,9 @@ class Session:
                 [
                     {
                         "k": "end",
-                        "t": engine.end_ms,
-                        "outcome": engine.outcome.value if engine.outcome is not None else None,
-                        "reward": engine.reward,
+                        "t": engine.run.end_ms,
+                        "outcome": engine.run.outcome.value if engine.run.outcome is not None else None,
+                        "reward": engine.run.reward,
                         "utility": engine.utility(),
                     }
                 ],

@@ -60,7 +60,7 @@ def check_commands(sent: Sequence[Command]) -> None:
 
 def check_resources(engine: Engine) -> None:
     """What is taken never exceeds what there is, and only started nodes hold anything."""
-    ledger = engine.ledger
+    ledger = engine.run.ledger
     for name, resource in ledger.resources.items():
         if resource.capacity is None:
             continue
@@ -68,7 +68,7 @@ def check_resources(engine: Engine) -> None:
         assert sum(held.values()) <= resource.capacity + 1e-6, (name, held)
         for node in held:
             assert node.state in (State.EXECUTING, State.ENDING, State.SUSPENDING, State.FAILING), node
-    for node in engine.instances.values():
+    for node in engine.run.instances.values():
         if node.state is State.FINISHED:
             assert node.command is None
             assert not node.held

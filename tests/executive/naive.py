@@ -6,7 +6,7 @@ the temporal network whether it is needed or not; so the two agree only if nothi
 
 from __future__ import annotations
 
-from executive.engine import floating, lifecycle
+from executive.engine import contingencies, lifecycle
 from executive.engine.core import Engine
 from executive.engine.instance import Instance, State
 
@@ -15,38 +15,33 @@ class NaiveEngine(Engine):
     """An engine that finds what can happen by looking at every node."""
 
     def everything(self) -> list[Instance]:
+        run = self.run
         nodes: dict[Instance, None] = {}
-        for top in [self.root, *self.stopping, *self.instances.values()]:
+        for top in [run.root, *run.stopping, *run.instances.values()]:
             nodes[top] = None
         return sorted(nodes, key=lambda n: n.order)
 
-    def run_e(self) -> None:
-        moved = True
-        while moved:
-            moved = False
-            for node in self.everything():
-                if lifecycle.transition(self, node):
-                    moved = True
-                    break
+    def take_e(self) -> None:
+        while any(lifecycle.transition(self.run, node) for node in self.everything()):
+            pass
 
-    def run_s(self) -> bool:
-        if self.paused or self.stopping:
+    def take_s(self) -> bool:
+        run = self.run
+        if run.paused or run.stopping:
             return False
         ready = [n for n in self.everything() if n.state in (State.WAITING, State.SUSPENDED)]
         ready.sort(key=lambda n: (n.spec.priority, n.activation, n.order))
-        for node in ready:
-            if self.hold is not None and self.hold.stops(node):
-                continue
-            if lifecycle.try_start(self, node):
-                return True
-        return False
+        return any(
+            lifecycle.try_start(run, node) for node in ready if run.hold is None or not run.hold.stops(node)
+        )
 
     def quiesce(self) -> None:
-        self.network.needed = self.network.wanted = True
+        run = self.run
+        run.network.needed = run.network.wanted = True
         while True:
-            self.run_e()
-            self.stale = list(self.floating)
-            if floating.phase_f(self):
+            self.take_e()
+            run.board.stale = list(run.contingencies)
+            if contingencies.phase_f(run):
                 continue
-            if self.over or not self.run_s():
+            if run.over or not self.take_s():
                 return

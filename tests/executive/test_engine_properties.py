@@ -259,7 +259,7 @@ class ExecutiveMachine(RuleBasedStateMachine):
     def the_process_dies_and_comes_back(self) -> None:
         session = recover_session(self.plan, self.rover, self.journal, now_ms=self.session.now_ms)
         assert session.trace[: len(self.session.trace)] == self.session.trace
-        self.left_alone |= set(self.session.engine.commands) - set(session.engine.commands)
+        self.left_alone |= set(self.session.engine.run.commands) - set(session.engine.run.commands)
         self.session = session
 
     @invariant()
@@ -268,7 +268,7 @@ class ExecutiveMachine(RuleBasedStateMachine):
             return
         check_resources(self.session.engine)
         check_commands(self.rover.sent)
-        check_trace(self.session.engine.plan, [], over=False)
+        check_trace(self.session.engine.run.plan, [], over=False)
         picture = self.session.snapshot()
         assert picture["t"] == self.session.now_ms
 

@@ -209,11 +209,11 @@ def test_garbage_is_noted_and_harms_nothing() -> None:
     for event in garbage:
         bench.run.post(event)  # type: ignore[arg-type]
     bench.at(1)
-    database = bench.run.session.engine.database
+    database = bench.run.session.engine.run.database
     assert database["good"] == 1
     assert database["time"] == 1
     assert "k" not in database
-    assert bench.run.session.engine.instances["a"].outcome is None
+    assert bench.run.session.engine.run.instances["a"].outcome is None
     assert len(bench.notes) >= 9
     bench.returns("a", 2)
     bench.returns("b", 3)
@@ -232,7 +232,7 @@ def test_the_second_answer_to_a_command_is_ignored() -> None:
     bench.returns("a", 1)
     bench.returns("a", 2, success=False)
     assert "result of live/a/1: no such command is running" in bench.notes
-    assert bench.run.session.engine.instances["a"].outcome == "SUCCEEDED"
+    assert bench.run.session.engine.run.instances["a"].outcome == "SUCCEEDED"
 
 
 def test_a_rover_that_stops_an_action_by_itself_is_taken_at_its_word() -> None:
