@@ -1,10 +1,16 @@
 /** The what-if that is tried on the open plan: one question under way, the newest one asked next. */
 
 import * as calls from "../api/calls";
-import type { Plan, WhatIfAnswer } from "../api/types";
+import type { KeepOut, ObservationRequest, Plan, WhatIfAnswer } from "../api/types";
 import { type Baseline, changesOf, type Draft, isUnchanged, UNCHANGED, type Wish } from "../lib/what-if";
 import { app } from "./app.svelte";
-import type { MissionState } from "./mission.svelte";
+
+/** The day that is changed, as the open mission holds it. */
+interface Day {
+  readonly requests: readonly ObservationRequest[];
+  readonly keepOuts: readonly KeepOut[];
+  reload(kind: string): Promise<void>;
+}
 
 export class WhatIfState {
   draft = $state.raw<Draft>(UNCHANGED);
@@ -19,15 +25,15 @@ export class WhatIfState {
   readonly baseline = $derived.by<Baseline>(() => ({
     time_budget_s: this.base?.time_budget_s ?? 0,
     energy_budget_j: this.base?.energy_budget_j ?? 0,
-    values: new Map(this.m.requests.map((request) => [request.id, request.value])),
-    keepOuts: this.m.keepOuts,
+    values: new Map(this.day.requests.map((request) => [request.id, request.value])),
+    keepOuts: this.day.keepOuts,
   }));
   readonly unchanged = $derived(this.base === null || isUnchanged(this.draft, this.baseline));
 
   private again = false;
 
   constructor(
-    readonly m: MissionState,
+    readonly day: Day,
     readonly plan: Plan,
   ) {}
 
@@ -67,12 +73,12 @@ export class WhatIfState {
   /** Save the outlines that were tried: from then on they are the mission's. */
   async accept(): Promise<void> {
     for (const [id, polygon_m] of Object.entries(this.draft.moved)) {
-      const keepOut = this.m.keepOuts.find((known) => known.id === id);
+      const keepOut = this.day.keepOuts.find((known) => known.id === id);
       if (keepOut === undefined) continue;
       const done = await app.attempt(`The keep-out ${keepOut.name}`, () => calls.changeKeepOut(keepOut, { polygon_m }));
       if (done !== null) this.draft = { ...this.draft, moved: withEntry(this.draft.moved, id, undefined) };
     }
-    await app.attempt("The keep-outs", () => this.m.reload("keep_out"));
+    await app.attempt("The keep-outs", () => this.day.reload("keep_out"));
     void this.ask();
   }
 
