@@ -38,17 +38,20 @@ uvicorn.run(app, port=int(sys.argv[1]), log_level="error", access_log=False)
 
 
 def free_port() -> int:
+    """Return a port of this machine that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def cpu_s(pid: int) -> float:
+    """Return the processor seconds that a process has used."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(") ", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 async def wait_ready(url: str) -> None:
+    """Ask until the service answers."""
     async with httpx.AsyncClient() as client:
         for _ in range(300):
             try:
@@ -92,6 +95,7 @@ async def ask(port: int, path: str, connections: int, seconds: float) -> tuple[l
 
 
 async def measure(port: int, pid: int, path: str, connections: int, seconds: float) -> dict[str, Any]:
+    """Return rate, processor time and latencies of one path under load."""
     before = cpu_s(pid)
     began = time.perf_counter()
     latencies, errors = await ask(port, path, connections, seconds)
@@ -108,6 +112,7 @@ async def measure(port: int, pid: int, path: str, connections: int, seconds: flo
 
 
 def file_mission(base: str) -> tuple[str, str]:
+    """Make a mission with one target; return the ids of both."""
     with httpx.Client(base_url=base, timeout=120.0) as client:
         mission = client.post(
             "/missions", json={"name": "Bench", "terrain": {"source": "generated", "seed": 1, "size_m": 48.0}}
@@ -148,6 +153,7 @@ def edit_together(base: str, target: str, people: int, edits: int) -> dict[str, 
 
 
 def main() -> None:
+    """Measure and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--database", default="", help="SQLAlchemy address; default a fresh SQLite file")
     parser.add_argument("--seconds", type=float, default=8.0)

@@ -168,6 +168,7 @@ def open_in_browser(address: str, rounds: int) -> list[float]:
 
 
 def main() -> None:
+    """Fill a mission, measure its pages and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--database", default="", help="SQLAlchemy address; default a fresh SQLite file")
     parser.add_argument("--rounds", type=int, default=5)

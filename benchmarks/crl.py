@@ -48,6 +48,7 @@ def branches(tasks: int) -> str:
 
 
 def task(number: object) -> str:
+    """Return a task with parameters, conditions and an expectation as CRL."""
     return (
         f'(task :id t{number} :action image :parameters (camera = "navcam" x = 1.5) :duration (10 20)'
         " :start-conditions ((database (:battery > 5))) :start-temporal-conditions ((0 :plus-infinity))"
@@ -56,6 +57,7 @@ def task(number: object) -> str:
 
 
 def seconds(work: Callable[[], object], repeat: int) -> float:
+    """Return the median of the processor seconds of several runs."""
     times = []
     for _ in range(repeat):
         begin = time.process_time()
@@ -65,6 +67,7 @@ def seconds(work: Callable[[], object], repeat: int) -> float:
 
 
 def main() -> None:
+    """Measure and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--tasks", type=int, nargs="*", default=[1_000, 10_000])
     parser.add_argument("--repeat", type=int, default=5)

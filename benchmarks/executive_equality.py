@@ -1,4 +1,4 @@
-"""Does the executive running the emitted CRL earn what the planner's evaluator says, future by future?
+"""Compare what the executive running the emitted CRL earns with what the planner's evaluator says.
 
 Each future is a table of draws that the evaluator and the abstract rover both meet. Prints, per problem,
 the share of futures with equal utility and the same options taken, and every difference.

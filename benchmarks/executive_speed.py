@@ -60,6 +60,7 @@ def measure(work: Callable[[], Any], repeat: int) -> dict[str, float]:
 
 
 def tasks(names: list[str]) -> str:
+    """Return one plain task for each name as CRL."""
     return " ".join(f"(task :id {name} :action noop)" for name in names)
 
 
@@ -114,6 +115,7 @@ def tick_to_the_end(root: Any, *, bare: bool) -> None:
 
 
 def run_shape(shape: str, count: int, *, journal: str) -> Callable[[], None]:
+    """Return a call that runs a plan of a shape once, with the journal that is named."""
     plan = load_plan(plan_text(shape, count), trusted=True)
 
     def work() -> None:
@@ -168,7 +170,7 @@ def loading(repeat: int, quick: bool) -> Rows:
     return rows
 
 
-def latency(repeat: int, quick: bool) -> Rows:
+def latency(_repeat: int, quick: bool) -> Rows:
     """From an event to its command, with nodes waiting on distinct keys."""
     rows: Rows = []
     for waiting in (1_000,) if quick else (1_000, 10_000):
@@ -236,8 +238,8 @@ def day_text(count: int) -> str:
     )
 
 
-def days(repeat: int, quick: bool) -> Rows:
-    """A simulated sol of 200 tasks, and 40-task days in a row on one core."""
+def days(repeat: int, _quick: bool) -> Rows:
+    """Time a simulated sol of 200 tasks, and 40-task days in a row on one core."""
     rows: Rows = []
     actions = {"*": (Behaviour(140_000, updates={"tilt": 0.1, "soc": 50}),)}
     initial = {"battery": 1e6, "soc": 80, "tilt": 0.0}
@@ -270,11 +272,11 @@ def windows(repeat: int, quick: bool) -> Rows:
     rows: Rows = []
     for count in (100,) if quick else (100, 1_000):
         parts = ["(task :id t0 :action noop)"]
-        for n in range(1, count):
-            parts.append(
-                f"(task :id t{n} :action noop :duration (0 60) "
-                f":start-temporal-conditions ((t{n - 1} end (0 30)) ({n} :plus-infinity)))"
-            )
+        parts += (
+            f"(task :id t{n} :action noop :duration (0 60) "
+            f":start-temporal-conditions ((t{n - 1} end (0 30)) ({n} :plus-infinity)))"
+            for n in range(1, count)
+        )
         plan = load_plan(f"(block :id root :node-list ({' '.join(parts)}))", trusted=True)
 
         def work(plan: Any = plan) -> None:
@@ -299,6 +301,7 @@ STUDIES: dict[str, Callable[[int, bool], Rows]] = {
 
 
 def main() -> None:
+    """Run the studies that were asked for and print their rows."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

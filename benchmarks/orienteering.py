@@ -163,7 +163,7 @@ def pyvrp(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
     return tuple(route), False, None
 
 
-def routing(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
+def routing(problem: RoutingProblem, limit_s: float, _seed: int) -> Answer:
     """Return what OR-Tools routing finds with guided local search."""
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2
 

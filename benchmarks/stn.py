@@ -48,6 +48,7 @@ def plan_like(points: int, seed: int) -> tuple[list[Row], list[int]]:
 
 
 def build(points: int, rows: list[Row]) -> TemporalNetwork:
+    """Return the network of so many points and these constraints."""
     network = TemporalNetwork()
     for _ in range(points - 1):
         network.add_point()
@@ -57,10 +58,12 @@ def build(points: int, rows: list[Row]) -> TemporalNetwork:
 
 
 def quantile(values: list[float], q: float) -> float:
+    """Return the value below which a share `q` of the values lies."""
     return sorted(values)[min(len(values) - 1, int(q * len(values)))]
 
 
 def measure(points: int, seed: int) -> dict[str, float]:
+    """Return milliseconds of each operation on a network like a plan's."""
     rows, when = plan_like(points, seed)
     clock = time.process_time
     begin = clock()
@@ -114,6 +117,7 @@ def measure(points: int, seed: int) -> dict[str, float]:
 
 
 def main() -> None:
+    """Measure and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--points", type=int, nargs="*", default=[101, 1001])
     parser.add_argument("--repeat", type=int, default=5)

@@ -334,6 +334,7 @@ def table(figures: list[Figure]) -> str:
 
 
 def main() -> None:
+    """Measure, print the table, and put it into its page if asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true", help="put the table into docs/results/browser.md")
     arguments = parser.parse_args()

@@ -11,6 +11,7 @@ config = context.config
 
 
 def run(connection: Connection) -> None:
+    """Run the migrations on a connection."""
     context.configure(
         connection=connection,
         target_metadata=Base.metadata,

@@ -4,10 +4,11 @@ A leaf: every room but the executive may read it, it reads none of them.
 """
 
 from mission.constraints import After, Constraint, MustDo, SunElevation, Tracked, Window
-from mission.day import Day, DriveRule, KeepOut, Limits, Request, Sky, Target
+from mission.day import Day, DriveRule, KeepOut, Limits, Request, Target
 from mission.errors import FormatError, MissionError, PluginError
 from mission.geometry import Pose
 from mission.instrument import Amount, Instrument, Use
+from mission.sky import Sky
 from mission.terrain_grid import TerrainGrid
 
 __all__ = [

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
     from pydantic_core import CoreSchema
 
-    from mission.day import Sky
+    from mission.sky import Sky
 
 GROUP = "outcrop.constraints"
 SUN_STEP_S = 60.0

@@ -269,9 +269,11 @@ def evaluated(
         world = json.loads((folder / "world.json").read_text("utf-8"))
         for leg in legs_of_run(folder):
             said = [predicted(leg, world, map_of(seed), model) for model in (before, after)]
-            for track in leg.tracks:
-                if all(track.target in chances for chances, _ in said):
-                    odds.append(Odds(said[0][0][track.target], said[1][0][track.target], track.lost))
+            odds += [
+                Odds(said[0][0][track.target], said[1][0][track.target], track.lost)
+                for track in leg.tracks
+                if all(track.target in chances for chances, _ in said)
+            ]
             if leg.arrived and said[1][1] is not None:
                 times.append((said[1][1] + overhead * len(leg.tracks), leg.duration_s))
     return odds, times

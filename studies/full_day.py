@@ -281,7 +281,8 @@ def plot(result: Mapping[str, Any], path: Path) -> None:
 
 def picture(result: Mapping[str, Any], out: Path) -> np.ndarray | None:
     """Return the first placement side by side, BGR (420, n, 3), None without one: what the tracker saw at the
-    end of the drive, the hazcam with the decision, the close-up."""
+    end of the drive, the hazcam with the decision, the close-up.
+    """
     import cv2
 
     placed = [name for name, found in result["targets"].items() if "placement_cm" in found]

@@ -84,7 +84,8 @@ def safe_place(rock: RockScene, at: Array, arm: Arm, limits: SafetyLimits, true:
 
 def rendered_clouds(rock: RockScene, at: Array) -> tuple[SurfaceCloud, SurfaceCloud | None]:
     """Return the clouds of dense stereo on rendered pairs: the hazcams', and the mast's, turned to a point
-    (3,), laid on it; None where that is not believed."""
+    (3,), laid on it; None where that is not believed.
+    """
     cloud = rock.hazcam.rendered_cloud(rock.seed)
     laid = align(rock.navcam(at).rendered_cloud(rock.seed + MAST_SEED), cloud)
     return cloud, laid.cloud if laid is not None and laid.believed() else None
@@ -150,7 +151,8 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
 
 def _alignment_figures(laid: Alignment | None, navcam: RockView, at: Array) -> dict[str, float] | None:
     """Return how well the mast's cloud was laid on the hazcams', lengths in mm: what it says of itself, and
-    how far the place of the tool (3,) is truly off, before and after."""
+    how far the place of the tool (3,) is truly off, before and after.
+    """
     if laid is None or navcam.told_from_true is None:
         return None
     one = navcam.seen[0]

@@ -81,7 +81,8 @@ def cloud_of_view(view: StereoView) -> tuple[Cloud, SurfaceCloud]:
 
 def segmented(view: StereoView) -> tuple[Labels, Labels, Segmentation]:
     """Return for each pixel of the left image the rock by its mask (-1: none) and by the cloud alone (-2: no
-    point), and the segmentation."""
+    point), and the segmentation.
+    """
     chosen = SETTINGS[view.sensor]
     stereo, cloud = cloud_of_view(view)
     found = segment(cloud, chosen.segmentation)

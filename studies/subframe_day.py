@@ -39,6 +39,7 @@ from rover_iface.navigation.sensor import GroundRaster, StereoSensor
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.terrain import Terrain, generate_terrain
+from studies.common.operator_choice import is_kept_out
 from studies.common.pages import write_section
 
 TARGETS = 5
@@ -178,6 +179,8 @@ def targets_in_sight(terrain: Terrain, profile: RoverProfile, mission: DemoMissi
         away = cast_ranges(ground.heights, ground.west, ground.south, ground.spacing, eye, way[None], 15.0)
         point = eye + float(away[0]) * way
         if not math.hypot(rock.x - point[0], rock.y - point[1]) < 0.5 * rock.diameter:
+            continue
+        if is_kept_out(mission, float(point[0]), float(point[1])):
             continue
         target = target_at(terrain, f"T{len(chosen) + 1}", rock.id, float(point[0]), float(point[1]))
         try:

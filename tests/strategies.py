@@ -185,6 +185,12 @@ def _common(draw: st.DrawFn, book: Book, held: frozenset[str], kind: str) -> dic
         fields["requires"] = draw(
             st.lists(st.builds(Amount, st.just("energy"), amounts), max_size=1).map(tuple)
         )
+    fields |= _worth(draw, chance)
+    return fields
+
+
+def _worth(draw: st.DrawFn, chance: st.SearchStrategy[bool]) -> dict[str, Any]:
+    fields: dict[str, Any] = {}
     if draw(chance):
         fields["priority"] = draw(st.one_of(st.integers(0, 100), st.floats(0, 100, allow_nan=False)))
     if draw(chance):

@@ -12,6 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
+    """Make the tables of the first version."""
     op.create_table(
         "event_chains",
         sa.Column("id", sa.String(length=40), nullable=False),
@@ -511,6 +512,7 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
+    """Drop them."""
     op.drop_index(op.f("ix_products_target_id"), table_name="products")
     op.drop_index(op.f("ix_products_sha256"), table_name="products")
     op.drop_index(op.f("ix_products_run_id"), table_name="products")

@@ -30,6 +30,7 @@ def _row(name: str, *columns: sa.Column | sa.Constraint) -> None:
 
 
 def upgrade() -> None:
+    """Add frames, solutions, legs and maps of sites."""
     _row(
         "frames",
         sa.Column("key", sa.String(length=120), nullable=False),
@@ -112,6 +113,7 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
+    """Drop them."""
     # one column at a time: a batch would make the table anew, and what refers to it would go with the old one
     op.drop_index(op.f("ix_keep_outs_frame_id"), "keep_outs")
     for column in ("sigma_m", "in_frame", "frame_id"):

@@ -12,8 +12,10 @@ depends_on = None
 
 
 def upgrade() -> None:
+    """Give missions a calibration."""
     op.add_column("missions", sa.Column("calibration", sa.JSON(), nullable=True))
 
 
 def downgrade() -> None:
+    """Take it away."""
     op.drop_column("missions", "calibration")

@@ -12,8 +12,10 @@ depends_on = None
 
 
 def upgrade() -> None:
+    """Give missions rules of drives."""
     op.add_column("missions", sa.Column("drive_rules", sa.JSON(), nullable=True))
 
 
 def downgrade() -> None:
+    """Take them away."""
     op.drop_column("missions", "drive_rules")

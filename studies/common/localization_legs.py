@@ -168,7 +168,7 @@ def see(leg: Leg, end: int, seed: int, *, models: bool = True, farthest_m: float
     local = GroundPoints(points.points - points.eye, np.zeros(3), points.range_factor)
     rocks = extract_rocks(local, models=models)
     bodies = bodies_of(leg, leg.eyes[end], local, rocks)
-    return Seen(rocks, bodies, visible_rocks(leg, end, sight, farthest_m))
+    return Seen(rocks, bodies, visible_rocks(leg, sight, farthest_m))
 
 
 def bodies_of(leg: Leg, eye: Array, local: GroundPoints, rocks: list[SeenRock]) -> list[frozenset[str]]:
@@ -186,7 +186,7 @@ def bodies_of(leg: Leg, eye: Array, local: GroundPoints, rocks: list[SeenRock]) 
     return found
 
 
-def visible_rocks(leg: Leg, end: int, sight: Sight, farthest_m: float) -> frozenset[str]:
+def visible_rocks(leg: Leg, sight: Sight, farthest_m: float) -> frozenset[str]:
     """Return the ids of the rocks that stereo could find from one end."""
     values, cells = np.unique(sight.bodies, return_counts=True)
     shown = {leg.scene.ids[k]: int(n) for k, n in zip(values, cells, strict=True) if k >= 0}
@@ -277,7 +277,7 @@ def _rendered_ends(leg: Leg, seed: int, *, models: bool) -> tuple[tuple[Seen, Se
         seen = points_of_panorama(rendered_panorama(leg, end, seed=seed))
         local = GroundPoints(seen.points - seen.eye, np.zeros(3), seen.range_factor)
         rocks = extract_rocks(local, models=models)
-        visible = visible_rocks(leg, end, look(leg, end), 24.0)
+        visible = visible_rocks(leg, look(leg, end), 24.0)
         ends.append(Seen(rocks, bodies_of(leg, seen.eye, local, rocks), visible))
         eyes.append(seen.eye)
     return (ends[0], ends[1]), (eyes[0], eyes[1])

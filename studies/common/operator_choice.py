@@ -16,6 +16,7 @@ from itertools import combinations, pairwise, permutations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from shapely import Point, Polygon
 
 from ground.convert import DayTarget, StandPose, stand_for
 from ground.demo_mission import DemoMission
@@ -114,6 +115,12 @@ def choose(start: StandPose, seen: Sequence[Pick]) -> tuple[Pick, ...]:
     )
 
 
+def is_kept_out(mission: DemoMission, east_m: float, north_m: float) -> bool:
+    """Return whether a place lies in a keep-out of the mission: a target there has no drive to it."""
+    place = Point(east_m, north_m)
+    return any(Polygon(keep_out.polygon_m).intersects(place) for keep_out in mission.keep_outs)
+
+
 class Operator:
     """Looks at a map and the first panorama."""
 
@@ -166,6 +173,8 @@ class Operator:
             if not self._sunlit(face.middle, face.normal):
                 continue
             x, y, z = (float(v) for v in face.middle)
+            if is_kept_out(self.mission, x, y):
+                continue
             nx, ny, nz = (float(v) for v in face.normal)
             target = DayTarget(name, rock.id, (x, y, z), (nx, ny, nz))
             stand = self._stand(target)

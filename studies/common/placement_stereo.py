@@ -227,7 +227,8 @@ class RockView:
 
 def mast_view(scene: Scene, sun: Sun, seed: int, at: Array) -> RockView:
     """Return the view of the mast's pair, turned to a point (3,), in subframes like those of the `full`
-    rover."""
+    rover.
+    """
     rng = np.random.default_rng([seed, 0x3A57])
     rig = CameraRig(load_cameras("k9"), MAST_M)
     pan, tilt = rig.point_at(at, "navcam_left")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given, settings
@@ -24,31 +25,26 @@ class Oracle:
         self.void: set[int] = set()
         self.now = 0
 
+    def edges(self) -> Iterator[tuple[int, int, int]]:
+        """Yield each edge (from, to, least difference) of points that count."""
+        for point in set(range(self.points)) - self.void:
+            yield ORIGIN, point, self.executed.get(point, self.now)
+            if point in self.executed:
+                yield point, ORIGIN, -self.executed[point]
+        for source, target, lo, hi in self.constraints.values():
+            if {source, target} & self.void or {source, target} <= self.executed.keys():
+                continue
+            if lo is not None:
+                yield source, target, lo
+            if hi is not None:
+                yield target, source, -hi
+
     def longest(self) -> list[list[int]] | None:
         """Return longest path lengths; None if there is a cycle of positive length."""
         size = self.points
         d = [[0 if i == j else NEVER for j in range(size)] for i in range(size)]
-
-        def edge(u: int, v: int, w: int) -> None:
+        for u, v, w in self.edges():
             d[u][v] = max(d[u][v], w)
-
-        for point in range(size):
-            if point in self.void:
-                continue
-            if point in self.executed:
-                edge(ORIGIN, point, self.executed[point])
-                edge(point, ORIGIN, -self.executed[point])
-            else:
-                edge(ORIGIN, point, self.now)
-        for source, target, lo, hi in self.constraints.values():
-            if source in self.void or target in self.void:
-                continue
-            if source in self.executed and target in self.executed:
-                continue
-            if lo is not None:
-                edge(source, target, lo)
-            if hi is not None:
-                edge(target, source, -hi)
         for k in range(size):
             dk = d[k]
             for i in range(size):

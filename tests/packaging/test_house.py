@@ -1,0 +1,133 @@
+"""Each rule of `scripts/check` on the shape of the tree fails on a planted fault."""
+
+from __future__ import annotations
+
+import runpy
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.xdist_group("house")
+ROOT = Path(__file__).resolve().parents[2]
+DEEP = "".join(f"    if x == {n}:\n        return {n}\n" for n in range(16))
+
+FAULTS = {
+    "planner/forgotten.py": "",
+    "planner/tangled.py": f"def tangle(x: int) -> int:\n{DEEP}    return -1\n",
+    "executive/untyped.py": "def plan(day: dict[str, list[int]]) -> 'Mapping[str, Any]':\n    return day\n",
+    "executive/uses_them.py": "import executive.untyped, planner.tangled\n",
+    "mission/astray.py": "",
+    "mission/first.py": "import mission.second\n",
+    "mission/second.py": "import mission.first\n",
+    "planner/left/__init__.py": "",
+    "planner/left/a.py": "import planner.right.b\n",
+    "planner/left/c.py": "",
+    "planner/right/__init__.py": "",
+    "planner/right/b.py": "import planner.left.c\n",
+    **{f"web/page_{n}.py": "" for n in range(31)},
+}
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a copy of the product and its rules."""
+    tree = tmp_path_factory.mktemp("tree")
+    command = ["git", "ls-files", "-co", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    for path in map(Path, listed.splitlines()):
+        wanted = path.suffix == ".py" or path.name in {"pyproject.toml", "house.toml", "py.typed"}
+        if wanted and path.parts[0] not in {"tests", "studies", "benchmarks"} and (ROOT / path).is_file():
+            (tree / path).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / path, tree / path)
+    return tree
+
+
+@pytest.fixture(scope="module")
+def with_faults(tree: Path) -> Path:
+    """Return the copy with every fault planted in it."""
+    for name, text in FAULTS.items():
+        (tree / name).parent.mkdir(exist_ok=True)
+        (tree / name).write_text(text)
+    (tree / "web/py.typed").unlink()
+    options = tree / "scripts/house.toml"
+    text = options.read_text().replace("kernels = [", 'kernels = [\n  "planner/tangled.py:tangle",')
+    options.write_text(text.rstrip() + '\n\n[known.py-typed]\n"executive" = 1\n')
+    return tree
+
+
+@pytest.fixture(scope="module")
+def house(with_faults: Path) -> str:
+    done = subprocess.run(
+        [sys.executable, str(with_faults / "scripts/house.py")],
+        cwd=with_faults,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def imports(with_faults: Path) -> str:
+    command = [
+        sys.executable,
+        "-c",
+        "from importlinter.cli import lint_imports_command as c; c()",
+        "--no-cache",
+    ]
+    done = subprocess.run(command, cwd=with_faults, capture_output=True, text=True)
+    assert done.returncode == 1, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    "finding",
+    [
+        "unimported: planner/forgotten.py: no product module imports planner.forgotten",
+        "complexity: planner/tangled.py: line 1: `tangle` is too complex (17 > 15)",
+        "folder: web: 32 modules; a folder holds at most 30",
+        "untyped-signature: executive/untyped.py: line 1: plan has 'Mapping[str, Any]'",
+        "py-typed: web: web/py.typed is missing",
+    ],
+)
+def test_house_tells_a_planted_fault(house: str, finding: str) -> None:
+    assert finding in house.splitlines()
+
+
+def test_house_tells_nothing_of_modules_that_are_imported_and_plain(house: str) -> None:
+    told = {line.split(": ")[1] for line in house.splitlines() if line.startswith("unimported: ")}
+    assert "planner/tangled.py" not in told
+    assert "executive/untyped.py" not in told
+
+
+def test_named_kernel_counts_only_if_it_is_compiled(house: str) -> None:
+    assert "planner/tangled.py:tangle is no compiled function over the limit" in house
+
+
+def test_exception_that_is_mended_fails_the_check_until_it_is_taken_out(house: str, tmp_path: Path) -> None:
+    assert "exceptions of house.toml are mended; take them out with --tighten" in house
+    rules = runpy.run_path(str(ROOT / "scripts/house.py"))
+    left = [rules["Finding"]("folder", "ground/services", ""), rules["Finding"]("complexity", "new.py", "")]
+    known = {"folder": {"ground/services": 2, "gone": 1}, "py-typed": {"executive": 1}}
+    smaller = rules["tightened"](left, known)
+    assert smaller == {"folder": {"ground/services": 1}}
+    options = tmp_path / "house.toml"
+    options.write_text('modules-in-a-folder = 30\n\n[known.py-typed]\n"executive" = 1\n')
+    rules["write_known"](options, smaller)
+    assert tomllib.loads(options.read_text()) == {"modules-in-a-folder": 30, "known": smaller}
+
+
+def test_import_linter_tells_a_module_under_no_layer(imports: str) -> None:
+    assert "Inside mission: codec > day > constraints > values BROKEN" in imports
+    assert "mission.astray" in imports
+
+
+def test_import_linter_tells_circles_of_modules_and_of_folders(imports: str) -> None:
+    assert "No circle of modules or folders inside a room BROKEN" in imports
+    assert "mission.first" in imports
+    assert ".left" in imports
+    assert ".right" in imports
