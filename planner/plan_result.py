@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 from planner.evaluate.monte_carlo import Estimate
@@ -58,7 +58,6 @@ class PlanResult:
     seed: int = 0
     reasons: tuple[str, ...] = ()
     regret_left: float | None = None
-    seeds: tuple[Plan, ...] = field(default=(), repr=False)
 
     @property
     def branches(self) -> int:

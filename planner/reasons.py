@@ -29,6 +29,14 @@ def why_impossible(model: Model) -> tuple[str, ...]:
     )
 
 
+def why_none_within(must: set[str], allowed: float) -> tuple[str, ...]:
+    """Return why what must be done cannot be under a chance constraint."""
+    return (
+        f"observation {', '.join(sorted(must))} must be done, but no plan found does that with a chance of "
+        f"at most {allowed:g} to end over a budget",
+    )
+
+
 def why_empty(problem: Problem, *, planned: bool) -> tuple[str, ...]:
     """Return why nothing is planned; `planned` says that there were plans, which had too many overruns."""
     if not problem.observations:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +17,6 @@ INFEASIBLE = 3
 NO_PLAN = 4
 
 
-class Strategy(StrEnum):
-    OPTIMAL = "optimal"
-    PICO2005 = "pico2005"
-
-
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command("plan")(plan)
@@ -31,7 +25,12 @@ def register(app: typer.Typer) -> None:
 def plan(
     file: Path = typer.Argument(..., help="A problem/1 or contingency/1 document."),
     out: Path = typer.Option(..., "--out", help="Folder for plan.crl, plan_tree.json and summary.json."),
-    strategy: Strategy = typer.Option(Strategy.OPTIMAL, help="How branches are chosen."),
+    strategy: str = typer.Option(
+        "optimal", help="How branches are chosen: optimal, pico2005, or that of a package."
+    ),
+    options: Path | None = typer.Option(
+        None, "--options", help="TOML file with numbers that steer planning (docs/planner.md)."
+    ),
     max_branches: int = typer.Option(6, min=0, max=200, help="Most options in the whole plan."),
     time_limit: float = typer.Option(60.0, help="Seconds of wall time."),
     iterations: int | None = typer.Option(None, min=1, help="A limit that does not depend on the machine."),
@@ -46,6 +45,7 @@ def plan(
     time.
     """
     from planner.errors import PlannerError
+    from planner.options import load_options
     from planner.problem import load_problem
     from planner.solve import PlanStatus, solve
 
@@ -54,12 +54,13 @@ def plan(
             problem = load_problem(file)
             result = solve(
                 problem,
-                strategy=strategy.value,
+                strategy=strategy,
                 max_branches=max_branches,
                 time_limit_s=time_limit,
                 iterations=iterations,
                 seed=seed,
                 least_taken=least_taken,
+                options=None if options is None else load_options(options),
                 report=line.show,
                 should_stop=interrupt.wanted,
             )

@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol
 
+from mission.errors import PluginError
+from mission.plugins import Registry
 from planner.errors import RoutingError
 from planner.orienteering.check import route_value
 from planner.orienteering.problem import Experiment, RoutingProblem, RoutingSolution
 
 AUTO = "auto"
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """What an engine may spend: wall seconds, and a limit in its own steps which does not depend on the
+    machine; `threads` only where an engine has use for more than one.
+    """
+
+    time_limit_s: float
+    iterations: int | None = None
+    seed: int = 0
+    threads: int = 1
 
 
 class RoutingEngine(Protocol):
@@ -21,14 +36,10 @@ class RoutingEngine(Protocol):
     more than `upper`, and the answer is the same for the same seed when `iterations` is what stops it.
     """
 
-    def __call__(
-        self, problem: RoutingProblem, *, time_limit_s: float, iterations: int | None, seed: int, threads: int
-    ) -> RoutingSolution: ...
+    def __call__(self, problem: RoutingProblem, effort: Effort) -> RoutingSolution: ...
 
 
-def solve_exact(
-    problem: RoutingProblem, *, time_limit_s: float, iterations: int | None, seed: int, threads: int
-) -> RoutingSolution:
+def solve_exact(problem: RoutingProblem, effort: Effort) -> RoutingSolution:
     """Return the answer of the exact engine (one thread)."""
     from planner.orienteering.exact import ExactSolver
 
@@ -36,22 +47,24 @@ def solve_exact(
         raise RoutingError("the exact engine needs moves that take time and at most 512 experiments")
     begin = time.perf_counter()
     solver = ExactSolver(problem)
-    solution = solver.solve(time_limit_s=time_limit_s, iterations=iterations, seed=seed)
+    solution = solver.solve(time_limit_s=effort.time_limit_s, iterations=effort.iterations, seed=effort.seed)
     return replace(solution, wall_s=time.perf_counter() - begin)
 
 
-def solve_by_model(
-    problem: RoutingProblem, *, time_limit_s: float, iterations: int | None, seed: int, threads: int
-) -> RoutingSolution:
+def solve_by_model(problem: RoutingProblem, effort: Effort) -> RoutingSolution:
     """Return the answer of CP-SAT; a greedy route is its hint."""
     from planner.orienteering.cp_sat import solve_cp_sat
 
-    return solve_cp_sat(problem, time_limit_s=time_limit_s, iterations=iterations, seed=seed, threads=threads)
+    return solve_cp_sat(
+        problem,
+        time_limit_s=effort.time_limit_s,
+        iterations=effort.iterations,
+        seed=effort.seed,
+        threads=effort.threads,
+    )
 
 
-def solve_by_survey(
-    problem: RoutingProblem, *, time_limit_s: float, iterations: int | None, seed: int, threads: int
-) -> RoutingSolution:
+def solve_by_survey(problem: RoutingProblem, effort: Effort) -> RoutingSolution:
     """Return the answer of the local search (one thread)."""
     from planner.orienteering.survey import is_survey, solve_survey
 
@@ -59,14 +72,37 @@ def solve_by_survey(
         raise RoutingError(
             "the survey engine takes symmetric problems with one time budget and no other rule"
         )
-    return solve_survey(problem, time_limit_s=time_limit_s, iterations=iterations, seed=seed)
+    return solve_survey(
+        problem, time_limit_s=effort.time_limit_s, iterations=effort.iterations, seed=effort.seed
+    )
 
 
-ENGINES: dict[str, RoutingEngine] = {
-    "exact": solve_exact,
-    "cp-sat": solve_by_model,
-    "survey": solve_by_survey,
-}
+ENGINES = Registry(
+    "engine",
+    "outcrop.engines",
+    {
+        "exact": "planner.orienteering.engines:solve_exact",
+        "cp-sat": "planner.orienteering.engines:solve_by_model",
+        "survey": "planner.orienteering.engines:solve_by_survey",
+    },
+)
+
+
+def engine_named(name: str) -> Callable[[RoutingProblem, Effort], RoutingSolution]:
+    """Return the engine of that name.
+
+    Raises
+    ------
+    RoutingError
+        If there is none, or its package cannot be imported; the message names it and what is known.
+    """
+    try:
+        found = ENGINES.load(name)
+    except PluginError as err:
+        raise RoutingError(f"{err} (or {AUTO}, which chooses)") from err
+    if not callable(found):
+        raise RoutingError(f'engine "{name}" is {found!r}, which cannot be called')
+    return found
 
 
 @lru_cache(maxsize=1)
@@ -107,7 +143,8 @@ def solve(
         A limit in the engine's own steps (labels, search steps, thousandths of deterministic time); with
         it and a generous `time_limit_s` the answer does not depend on the machine.
     engine
-        `exact`, `cp-sat`, `survey`, or `auto`: surveys go to the local search (and, when small, on to the
+        A name in `ENGINES` (`exact`, `cp-sat`, `survey`, or an installed package's), or `auto`: surveys go
+        to the local search (and, when small, on to the
         exact engine for a bound), all else to the exact engine, and to CP-SAT what that cannot take.
 
     Raises
@@ -115,14 +152,12 @@ def solve(
     RoutingError
         If the engine is unknown or cannot take the problem.
     """
+    effort = Effort(time_limit_s, iterations, seed, threads)
     if engine != AUTO:
-        if engine not in ENGINES:
-            raise RoutingError(f"engine is {engine!r}; {', '.join(ENGINES)} and {AUTO} are known")
-        if engine != "cp-sat":
+        chosen = engine_named(engine)
+        if engine in ("exact", "survey"):
             warm_up()
-        return ENGINES[engine](
-            problem, time_limit_s=time_limit_s, iterations=iterations, seed=seed, threads=threads
-        )
+        return chosen(problem, effort)
     from planner.orienteering.exact import ExactSolver
     from planner.orienteering.survey import is_survey
 
@@ -131,14 +166,8 @@ def solve(
     warm_up()
     begin = time.perf_counter()
     if is_survey(problem):
-        return _survey_then_bound(problem, time_limit_s, iterations, seed, begin)
-    if ExactSolver.fits(problem):
-        return solve_exact(
-            problem, time_limit_s=time_limit_s, iterations=iterations, seed=seed, threads=threads
-        )
-    return solve_by_model(
-        problem, time_limit_s=time_limit_s, iterations=iterations, seed=seed, threads=threads
-    )
+        return _survey_then_bound(problem, effort, begin)
+    return (solve_exact if ExactSolver.fits(problem) else solve_by_model)(problem, effort)
 
 
 def _nothing_to_do(problem: RoutingProblem, seed: int) -> RoutingSolution:
@@ -149,13 +178,12 @@ def _nothing_to_do(problem: RoutingProblem, seed: int) -> RoutingSolution:
     return RoutingSolution(value, value, True, (), "none", seed)
 
 
-def _survey_then_bound(
-    problem: RoutingProblem, time_limit_s: float, iterations: int | None, seed: int, begin: float
-) -> RoutingSolution:
+def _survey_then_bound(problem: RoutingProblem, effort: Effort, begin: float) -> RoutingSolution:
     """Return the local search's route with the bound of the exact engine's table where that is affordable."""
     from planner.orienteering.exact import ExactSolver
     from planner.orienteering.survey import solve_survey
 
+    time_limit_s, iterations, seed = effort.time_limit_s, effort.iterations, effort.seed
     count = len(problem.experiments)
     affordable = count <= 200 and time_limit_s >= 0.5 and ExactSolver.fits(problem)
     share = 0.5 if affordable and count <= 70 else 0.7 if affordable else 1.0

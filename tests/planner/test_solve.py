@@ -72,7 +72,7 @@ def test_a_cancelled_search_still_answers() -> None:
 
 def test_limits_out_of_range_are_refused() -> None:
     problem = example()
-    with pytest.raises(PlannerError, match='strategy "best" is unknown; known are optimal, pico2005'):
+    with pytest.raises(PlannerError, match='unknown strategy "best"; known are optimal, pico2005'):
         solve(problem, strategy="best")
     with pytest.raises(PlannerError, match="max_branches is -1"):
         solve(problem, max_branches=-1)

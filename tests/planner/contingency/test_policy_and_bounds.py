@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from planner.contingency.bounds import relaxed_bound, trivial_bound, upper_bound
 from planner.contingency.branching import SearchLimits, plan_optimal
 from planner.contingency.conditions import Bins, best_condition
-from planner.contingency.pico2005 import plan_pico2005
 from planner.contingency.policy import LiveSets, Policy
 from planner.contingency.reduction import reduce_problem
 from planner.contingency.seeding import mean_route, mean_seed
@@ -22,6 +21,7 @@ from planner.evaluate.model import Model
 from planner.evaluate.propagate import Evaluator, State
 from planner.plan_tree import TimeCondition, TrackedCondition, count_branches
 from planner.problem import Problem, load_problem
+from planner.strategies.pico2005 import plan_pico2005
 from tests.planner.examples import example, observation, problems, visits
 from tests.shared import shared
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.metadata import EntryPoint, EntryPoints
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mission import plugins
 from planner.errors import RoutingError
 from planner.orienteering import Experiment, RoutingProblem, SideLimit, exact, route_value, solve
 from planner.orienteering.cp_sat import solve_cp_sat
+from planner.orienteering.engines import ENGINES, Effort, RoutingEngine, engine_named
 from planner.orienteering.exact import ExactOptions, ExactSolver
 from planner.orienteering.survey import is_survey, solve_survey
 from tests.planner.orienteering.brute_force import optimum
@@ -224,3 +227,43 @@ def test_two_hundred_identical_targets_are_solved() -> None:
     assert solution.value == 50
     assert solution.upper is not None
     assert solution.upper >= 50
+
+
+# ------------------------------------------------------------------------------------- every engine
+
+
+@pytest.fixture(params=ENGINES.names())
+def engine(request: pytest.FixtureRequest) -> RoutingEngine:
+    return engine_named(request.param)
+
+
+def _survey(seed: int) -> RoutingProblem:
+    """Return a problem that every engine takes: symmetric, one budget, no other rule."""
+    rng = np.random.default_rng(seed)
+    at = rng.uniform(0.0, 100.0, (9, 2))
+    roads = np.rint(np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1))).astype(np.int64)
+    prizes = rng.integers(1, 20, 9)
+    experiments = tuple(Experiment(f"E{k}", k, int(prizes[k])) for k in range(1, 9))
+    return RoutingProblem(roads, roads * 0, experiments, 180, end_site=0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_every_engine_keeps_its_promise(engine: RoutingEngine, seed: int) -> None:
+    problem = _survey(seed)
+    found = engine(problem, Effort(20.0, iterations=20_000, seed=seed))
+    best = optimum(problem)
+    assert best is not None
+    assert found.value == route_value(problem, found.route)
+    assert found.value >= 0.9 * best
+    assert found.upper is None or found.upper >= best
+    assert found.proven is False or found.value == best
+    assert engine(problem, Effort(20.0, iterations=20_000, seed=seed)).route == found.route
+
+
+def test_an_engine_of_a_package_that_fails_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = EntryPoints([EntryPoint("broken", "no_such_package:solve", "outcrop.engines")])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: points.select(group=group))
+    with pytest.raises(RoutingError, match=r'engine "broken" \(no_such_package:solve\) cannot be loaded'):
+        solve(_survey(1), engine="broken")
+    with pytest.raises(RoutingError, match="known are broken, cp-sat, exact, survey"):
+        solve(_survey(1), engine="best")

@@ -1,10 +1,10 @@
 """The contingency planner of Pedersen et al. 2005 (section 8, "PICo"), kept for comparison.
 
-Seed plan by orienteering on mean values; then again and again: the point with the highest variance of the
-utility still to come, a branch there on the loss of a track or on resources below 80 % of what the rest of
-the plan is expected to need, a branch plan by orienteering on mean values from there, kept if it improves
-the plan. The paper estimates values by Monte Carlo; here the same quantities come from the grid, which
-leaves out the sampling noise.
+Figure 15: a seed plan by orienteering on mean values; then again and again the point with the highest
+variance of the utility still to come, a branch there on the loss of a track or on resources below 80 % of
+what the rest of the plan is expected to need, a branch plan by orienteering on mean values from there, kept
+if it improves the plan. The paper estimates values by Monte Carlo; here the same quantities come from the
+grid, which leaves out the sampling noise.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from planner.plan_tree import (
     TrackedCondition,
     walk,
 )
+from planner.strategies.registry import Found, Task
 
 SHARE = 0.8
 """A branch is taken when less than this share of the expected need is left."""
@@ -139,9 +140,22 @@ def _proposals(model: Model, plan: Plan, path: Path, masses: dict[State, Any], g
     return options
 
 
+def search(task: Task) -> Found:
+    """Return the plan of the 2004 planner."""
+    plan = plan_pico2005(
+        task.model,
+        task.grid,
+        max_branches=task.max_branches,
+        max_steps=task.iterations,
+        should_stop=lambda: task.watch.stop(0.9),
+        report=task.watch.told,
+    )
+    return Found([(0.0, plan)])
+
+
 def plan_pico2005(
     model: Model,
-    grid: Grid | None,
+    grid: Grid,
     *,
     max_branches: int,
     max_steps: int | None = None,
@@ -155,11 +169,12 @@ def plan_pico2005(
     returned without the tracks that it does not use. `max_steps` limits the number of branches tried.
     `report` is told each plan that is kept.
     """
+    # Figure 15, step 1: generate seed plan.
     must = sum(1 << m for m in range(model.m) if model.must_do[m])
     order = mean_seed(model, must=must)
     route = route_steps(model, order, 0, OnFail.STOP)
     seed: Plan = (*track_steps(model, set(order)), *route)
-    if grid is None or not order:
+    if not order:
         return seed
     best, best_value = seed, Backward(grid, compile_plan(model, seed)).total()
     report(best, best_value)
@@ -201,8 +216,10 @@ def _grow(
     for _ in range(max_branches):
         best: tuple[float, Plan] | None = None
         fruitful = 0
+        # Step 2: identify best branch point, by the variance of what is still to come.
         for point, masses in _points(grid, plan, compile_plan(model, plan)):
             helps = False
+            # Step 3: generate contingency branch.
             for option in _proposals(model, plan, point.path, masses, grid):
                 if (point.path, option) in refused:
                     continue
@@ -211,6 +228,7 @@ def _grow(
                 candidate = put_option(plan, point.path, option)
                 if not model.plan_fits_downlink(candidate):
                     continue
+                # Step 4: evaluate & integrate branch.
                 new = Backward(grid, compile_plan(model, candidate)).total()
                 if new > value + LEAST_GAIN * abs(value) + 1e-9:
                     helps = True

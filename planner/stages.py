@@ -1,0 +1,189 @@
+"""The stages of planning that `solve` joins: each takes what is asked and returns values."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.contingency.bounds import upper_bound
+from planner.contingency.chance import keeps_to, plans_within
+from planner.contingency.reduction import Reduction
+from planner.contingency.sampled_futures import Growth
+from planner.contingency.seeding import mean_seed, route_steps, track_steps
+from planner.evaluate.grid import Grid
+from planner.evaluate.model import Model
+from planner.evaluate.monte_carlo import Estimate
+from planner.evaluate.notes import annotate, annotate_sampled
+from planner.evaluate.propagate import Evaluator
+from planner.large_plans import Checked, plan_large
+from planner.options import PlannerOptions
+from planner.plan_choice import held_up
+from planner.plan_tree import Observe, OnFail, Plan, PlanTree, TrackStart, Visit, count_branches
+from planner.problem import Problem
+from planner.progress import Watch
+from planner.strategies import Found, Task
+from planner.strategies.registry import Curve
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """What is asked of one planning; the members are those of `solve.solve`."""
+
+    problem: Problem
+    strategy: str
+    search: Callable[[Task], Found]
+    max_branches: int
+    iterations: int | None
+    seed: int
+    least_taken: float
+    warm: tuple[Plan, ...]
+    quick: bool
+    options: PlannerOptions
+    watch: Watch
+
+    @property
+    def must(self) -> set[str]:
+        """Observations without which a plan is none."""
+        return {str(o.id) for o in self.problem.observations if o.must_do}
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """A plan that held up on fresh futures, with its check, and the values by number of branches."""
+
+    plan: Plan
+    check: Estimate | None
+    values: list[float]
+
+    @property
+    def mean(self) -> float:
+        return 0.0 if self.check is None else self.check.mean
+
+
+def long_plan(order: Order) -> Checked | None:
+    """Return a plan for more observations than a table holds, as it holds up on fresh futures."""
+    found = plan_large(
+        order.problem,
+        Growth(0 if order.quick else order.max_branches, order.seed + 3, order.iterations),
+        most=order.max_branches,
+        fresh_seed=order.seed + 1,
+        first_price=_first_price(order, order.problem.utility_sum),
+        warm=order.warm,
+        should_stop=lambda: order.watch.stop(0.6 if order.quick else 0.75),
+        told=order.watch.told,
+    )
+    if found is not None:
+        order.watch.told(found.plan, found.check.mean)
+    return found
+
+
+def _first_price(order: Order, utility_sum: float) -> float:
+    return order.options.first_price * max(1.0, utility_sum)
+
+
+def pressed(model: Model) -> Model:
+    """Return the model with what must be done worth more than everything else together."""
+    if not np.any(model.must_do):
+        return model
+    bonus = 2.0 * float(model.utility.sum()) + 1.0
+    return dataclasses.replace(model, utility=np.where(model.must_do, model.utility + bonus, model.utility))
+
+
+def searched(order: Order, model: Model, part: Reduction, *, quick: bool) -> Found:
+    """Return the plans that the strategy finds, by number of branches."""
+    options = order.options
+    usual = options.coarse_nodes if part.live_sets > options.many_live_sets else options.search_nodes
+    grid = Grid(model, *(options.quick_nodes if quick else usual))
+    warm, watch = order.warm, order.watch
+    task = Task(model, grid, order.max_branches, order.iterations, warm, quick, options, watch)
+    return order.search(task)
+
+
+def searched_within(
+    order: Order, model: Model, small: Model, part: Reduction, allowed: float
+) -> tuple[Found, list[float]]:
+    """Return the plans whose chance of an overrun is within `allowed`, and the prices next to the right one.
+
+    `model` is `small` with what must be done pressed for.
+    """
+
+    def find(price: float, quick: bool) -> list[Plan]:
+        priced = dataclasses.replace(model, penalty=model.penalty + price)
+        return [plan for _, plan in searched(order, priced, part, quick=quick).curve]
+
+    plans, prices = plans_within(
+        find,
+        lambda plan: keeps_to(small, plan, allowed, seed=order.seed + 2),
+        first_price=_first_price(order, float(small.utility.sum())),
+        should_stop=lambda: order.watch.stop(0.55),
+    )
+    evaluator = Evaluator(small)
+    valued = sorted(((evaluator.value(plan).value, plan) for plan in plans), key=lambda pair: pair[0])
+    curve: Curve = []
+    for most in range(order.max_branches + 1):
+        within = [pair for pair in valued if count_branches(pair[1]) <= most]
+        curve.append(within[-1] if within else (0.0, ()))
+    return Found(curve), prices
+
+
+def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
+    """Return the plan of a curve that holds up; where something must be done, one whose main line does it."""
+    found = _held_up(order, model, curve)
+    if not order.must or order.must <= _main_line(found.plan):
+        return found
+    route = mean_seed(model, must=sum(1 << m for m in range(model.m) if model.must_do[m]))
+    plan = (*track_steps(model, set(route)), *route_steps(model, route, 0, OnFail.SKIP))
+    return _held_up(order, model, [(0.0, plan)])
+
+
+def _main_line(plan: Plan) -> set[str]:
+    return {str(s.observation) for s in plan if isinstance(s, Observe | Visit)}
+
+
+def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
+    options = order.options
+    return Chosen(
+        *held_up(
+            model,
+            curve,
+            futures=options.quick_check_futures if order.quick else options.check_futures,
+            seed=order.seed + 1,
+            allowed=order.problem.max_overrun_probability,
+            least_taken=order.least_taken,
+            hasty=lambda: order.quick or order.watch.cancelled(),
+        )
+    )
+
+
+def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
+    """Return what no policy earns more than; under a chance constraint, no policy that keeps to it.
+
+    For any price, the bound with it plus price times allowed chance holds (Everett 1963, theorem 1).
+    """
+    watch, options = order.watch, order.options
+    left = max(0.5, watch.limit_s - watch.elapsed_s())
+    hasty = watch.cancelled()
+    seconds, wall_s = (options.hasty_bound_s, 1.0) if order.quick or hasty else (options.bound_s, left)
+    share = 1.0 / len(prices)
+    allowed = order.problem.max_overrun_probability or 0.0
+    return min(
+        upper_bound(
+            dataclasses.replace(model, penalty=model.penalty + price),
+            time_limit_s=min(left, seconds) * share,
+            wall_limit_s=wall_s * share,
+            deterministic=watch.deterministic,
+            should_stop=lambda: not hasty and watch.cancelled(),
+        ).value
+        + price * allowed
+        for price in prices
+    )
+
+
+def annotated(order: Order, model: Model, tree: PlanTree) -> PlanTree:
+    """Return the tree with notes on its steps and options."""
+    if sum(isinstance(step, TrackStart) for step in tree.plan) > order.options.most_noted_tracks:
+        return annotate_sampled(model, tree, seed=order.seed + 4)
+    return annotate(model, Grid(model, *order.options.notes_nodes), tree)

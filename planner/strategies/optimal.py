@@ -1,0 +1,69 @@
+"""Branches where the optimal policy says that most is to be won (`contingency/branching.py`)."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from planner.contingency.branching import SearchLimits, plan_optimal
+from planner.contingency.policy import Policy
+from planner.contingency.reduction import several
+from planner.contingency.seeding import mean_seed, route_steps, track_steps
+from planner.evaluate.grid import Grid, Rounding
+from planner.evaluate.program import compile_plan
+from planner.evaluate.propagate import Backward
+from planner.plan_edits import fitted
+from planner.plan_tree import OnFail, Plan
+from planner.strategies.registry import Found, Task
+
+USUAL_BRANCHES, USUAL_TARGETS = 6, 8
+"""For these `PlannerOptions.search_s` is meant."""
+
+
+def search(task: Task) -> Found:
+    """Return the best plans found with 0, 1, 2, ... branches, and the value of the optimal policy."""
+    model, options, watch = task.model, task.options, task.watch
+    early = routes_cut_short(task)
+    policy = Policy(
+        Grid(model, task.grid.nt, task.grid.ng, Rounding.MID, np.float32),
+        one_stay=several(model),
+        should_stop=lambda: watch.stop(0.6),
+    )
+    limits = SearchLimits(
+        max_branches=task.max_branches,
+        iterations=task.iterations,
+        main_lines=1 if task.quick else options.main_lines,
+        tolerance=options.quick_tolerance if task.quick else options.tolerance,
+    )
+    allowed_s = options.search_s * max(1.0, task.max_branches / USUAL_BRANCHES)
+    allowed_s += options.search_s_per_target * max(0, model.n - USUAL_TARGETS)
+    until = time.thread_time() + (options.quick_search_s if task.quick else allowed_s)
+    found = plan_optimal(
+        policy,
+        task.grid,
+        limits,
+        should_stop=lambda: watch.stop(0.6) or (not watch.deterministic and time.thread_time() > until),
+        report=watch.told,
+        extra=(*(fitted(model.problem, plan) for plan in task.warm), *early),
+    )
+    return Found(found.curve, found.optimum)
+
+
+def routes_cut_short(task: Task) -> tuple[Plan, ...]:
+    """Return plans that need no table, best first: the route on mean values, cut short at every length.
+
+    They are there before the table of the optimal policy is, and on problems that are large for the time
+    limit they are what the search begins with.
+    """
+    model, grid = task.model, task.grid
+    order = mean_seed(model)
+    plans: list[tuple[float, Plan]] = []
+    for length in range(len(order), 0, -1):
+        route = order[:length]
+        plan = (*track_steps(model, set(route)), *route_steps(model, route, 0, OnFail.SKIP))
+        plans.append((Backward(grid, compile_plan(model, plan)).total(), plan))
+    plans.sort(key=lambda pair: -pair[0])
+    if plans and plans[0][0] > task.watch.best_value:
+        task.watch.told(plans[0][1], plans[0][0])
+    return tuple(plan for _, plan in plans[: task.options.quick_plans])
