@@ -22,15 +22,19 @@ import httpx
 from sqlalchemy import insert, select
 
 from benchmarks.api import ROOT, cpu_s, free_port
-from ground.gdr import models as m
 from ground.gdr.ids import new_id
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository, open_repository
-from ground.gdr.values import Role
-from ground.services.actor import Actor
-from ground.services.create_mission import GeneratedTerrain, create_mission
-from ground.services.create_sol import create_sol
-from ground.services.people import ensure_profiles
+from ground.records.actor import Actor, Role
+from ground.resources.mission_setup.create_mission import GeneratedTerrain, create_mission
+from ground.resources.missions.row import MissionRow
+from ground.resources.observation_requests.row import ObservationRequestRow
+from ground.resources.people.accounts import ensure_profiles
+from ground.resources.plans.row import PlanRow
+from ground.resources.products.row import ProductRow
+from ground.resources.runs.row import RunRow
+from ground.resources.sols.create_sol import create_sol
+from ground.resources.targets.row import TargetRow
 from ground.settings import load_settings
 
 TARGETS, REQUESTS, PRODUCTS = 300, 2000, 10_000
@@ -76,7 +80,7 @@ def fill(repo: Repository) -> str:
         }
         for i in range(REQUESTS)
     ]
-    plan = m.PlanRow(
+    plan = PlanRow(
         id=new_id("pln"),
         sol_id=sol.id,
         number=1,
@@ -98,7 +102,7 @@ def fill(repo: Repository) -> str:
         author="Planner",
         mission_id=mission.id,
     )
-    run = m.RunRow(
+    run = RunRow(
         id=new_id("run"),
         plan_id=plan.id,
         kind="execution",
@@ -133,13 +137,13 @@ def fill(repo: Repository) -> str:
         for i in range(PRODUCTS)
     ]
     with repo.database.write() as session:
-        session.execute(insert(m.TargetRow), targets)
-        session.execute(insert(m.ObservationRequestRow), requests)
+        session.execute(insert(TargetRow), targets)
+        session.execute(insert(ObservationRequestRow), requests)
         session.add_all([plan])
         session.flush()
         session.add(run)
         session.flush()
-        session.execute(insert(m.ProductRow), products)
+        session.execute(insert(ProductRow), products)
     return mission.id
 
 
@@ -180,7 +184,7 @@ def main() -> None:
         migrate(repo.database)
         ensure_profiles(repo)
         with repo.database.read() as session:
-            if session.scalars(select(m.MissionRow.id).limit(1)).first() is not None:
+            if session.scalars(select(MissionRow.id).limit(1)).first() is not None:
                 raise SystemExit("the database is not empty")
         mission = fill(repo)
         repo.database.dispose()

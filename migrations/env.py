@@ -5,7 +5,7 @@ from __future__ import annotations
 from alembic import context
 from sqlalchemy import Connection
 
-from ground.gdr.models import Base
+from ground.resources.tables import METADATA
 
 config = context.config
 
@@ -14,7 +14,7 @@ def run(connection: Connection) -> None:
     """Run the migrations on a connection."""
     context.configure(
         connection=connection,
-        target_metadata=Base.metadata,
+        target_metadata=METADATA,
         render_as_batch=connection.dialect.name == "sqlite",
         transaction_per_migration=False,
     )

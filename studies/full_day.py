@@ -30,10 +30,10 @@ from typing import Any
 import numpy as np
 
 from executive.crl import canonical_text
-from ground.convert import DayRequest, PreparedDay, prepare_day
-from ground.demo_day import loss_to_inject
-from ground.demo_mission import DemoMission, demo_mission
-from ground.flight import fly
+from ground.day.convert import DayRequest, PreparedDay, prepare_day
+from ground.demo.day import loss_to_inject
+from ground.demo.mission import DemoMission, demo_mission
+from ground.uplink.flight import fly
 from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_from_dict

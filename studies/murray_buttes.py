@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.executive_equality import compare
-from ground.convert import prepare_day
-from ground.demo_mission import demo_mission
+from ground.day.convert import prepare_day
+from ground.demo.mission import demo_mission
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.problem import problem_from_dict

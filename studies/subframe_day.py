@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 
 from executive.crl import canonical_text
-from ground.convert import DayRequest, DayTarget, prepare_day, stand_for
-from ground.demo_mission import DemoMission, demo_mission, target_at
-from ground.flight import fly
+from ground.day.convert import DayRequest, DayTarget, prepare_day, stand_for
+from ground.demo.mission import DemoMission, demo_mission, target_at
+from ground.uplink.flight import fly
 from planner.emit_crl import emit
 from planner.problem import problem_from_dict
 from planner.solve import solve

@@ -7,24 +7,26 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, Concatenate, ParamSpec, TypeVar
+from pathlib import Path as FilePath
+from typing import Annotated, Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import orjson
 from fastapi import APIRouter, Depends, Header, Path, Query, Request
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import Response
+from starlette.responses import FileResponse, Response
 
+from ground.api.forms import set_members
 from ground.api.problems import responses
-from ground.api.schemas import set_members
 from ground.errors import InvalidInputError, PreconditionRequiredError
 from ground.gdr.repository import Repository
-from ground.services.actor import Actor
-from ground.services.change_resource import change_resource
-from ground.services.delete_resource import delete_resource
-from ground.services.get_resource import get_resource
-from ground.services.list_resources import list_resources
+from ground.records.actor import Actor
+from ground.records.change_resource import change_resource
+from ground.records.delete_resource import delete_resource
+from ground.records.get_resource import get_resource
+from ground.records.kind import Kind
+from ground.records.list_resources import list_resources
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -103,6 +105,7 @@ class Ask:
 
     repo: Repository
     who: Actor
+    kinds: Mapping[str, Kind]
 
     async def do(
         self,
@@ -120,8 +123,8 @@ class Ask:
         and no writer ever makes a reader wait (write-ahead log): it is read where the request is.
         """
         if self.repo.database.is_sqlite:
-            return answer(get_resource(self.repo, self.who, kind, identifier))
-        return answer(await look(get_resource, self.repo, self.who, kind, identifier))
+            return answer(get_resource(self.repo, self.who, self.kinds[kind], identifier))
+        return answer(await look(get_resource, self.repo, self.who, self.kinds[kind], identifier))
 
     async def page(
         self,
@@ -134,25 +137,35 @@ class Ask:
         """Answer with one page of a list; conditions that are None do not count."""
         return answer(
             await look(
-                list_resources, self.repo, self.who, kind, mission_id, limit=limit, cursor=cursor, where=where
+                list_resources,
+                self.repo,
+                self.who,
+                self.kinds[kind],
+                mission_id,
+                limit=limit,
+                cursor=cursor,
+                where=where,
             )
         )
 
     async def change(self, kind: str, identifier: str, body: BaseModel, if_match: str | None) -> Response:
         """Set the members that the body names, if the resource is still the one that was seen."""
         return answer(
-            await self.do(change_resource, kind, identifier, set_members(body), revision_wanted(if_match))
+            await self.do(
+                change_resource, self.kinds[kind], identifier, set_members(body), revision_wanted(if_match)
+            )
         )
 
     async def delete(self, kind: str, identifier: str, if_match: str | None) -> Response:
         """Delete a resource, if it is still the one that was seen."""
-        await self.do(delete_resource, kind, identifier, revision_wanted(if_match))
+        await self.do(delete_resource, self.kinds[kind], identifier, revision_wanted(if_match))
         return no_content()
 
 
 async def ask(request: Request) -> Ask:
     """Return what an endpoint works with; the gate has found who asks."""
-    return Ask(request.app.state.repository, request.state.actor)
+    state = request.app.state
+    return Ask(state.repository, request.state.actor, state.kinds)
 
 
 async def repository(request: Request) -> Repository:
@@ -178,3 +191,53 @@ def api_router(tag: str) -> APIRouter:
 
 Asked = Annotated[Ask, Depends(ask)]
 Repo = Annotated[Repository, Depends(repository)]
+
+
+SEALED = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox"
+
+
+def media_answers(*media: str) -> dict[int | str, dict[str, Any]]:
+    return {
+        200: {
+            "content": {
+                kind: {"schema": {"type": "object" if kind.endswith("json") else "string"}} for kind in media
+            }
+        }
+    }
+
+
+def attachment(name: str) -> dict[str, str]:
+    return {"Content-Disposition": f'attachment; filename="{name}"'}
+
+
+PRODUCT_FILE: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"application/octet-stream": {}}},
+    206: {"description": "A part, as asked for with Range"},
+    416: {"description": "There is no such part"},
+}
+
+
+class StoredProduct(Protocol):
+    """What is needed of a data product to send its file."""
+
+    @property
+    def sha256(self) -> str: ...
+
+    @property
+    def media(self) -> str: ...
+
+    @property
+    def file_name(self) -> str: ...
+
+
+def product_file(product: StoredProduct, path: FilePath) -> FileResponse:
+    """Answer with the file of a data product; its ETag is the SHA-256 of the content."""
+    headers = {"ETag": f'"{product.sha256}"', "Cache-Control": "private, max-age=31536000, immutable"}
+    headers["Content-Security-Policy"] = "default-src 'none'; sandbox"
+    return FileResponse(
+        path,
+        media_type=product.media,
+        filename=product.file_name.rsplit("/", 1)[-1],
+        content_disposition_type="inline",
+        headers=headers,
+    )

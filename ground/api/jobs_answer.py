@@ -11,16 +11,17 @@ from starlette.responses import Response
 
 from ground.api.context import answer, look
 from ground.errors import InvalidInputError
-from ground.gdr import values as v
 from ground.gdr.repository import Repository
-from ground.services.actor import Actor
-from ground.services.get_resource import get_resource
+from ground.jobs.kind import JOB
+from ground.jobs.value import Job, JobState
+from ground.records.actor import Actor
+from ground.records.get_resource import get_resource
 
 Prefer = Annotated[
     str | None, Header(max_length=100, description="`wait=N`: answer 200 if done in N seconds")
 ]
 MAX_WAIT_S = 60.0
-FINISHED = {v.JobState.SUCCEEDED, v.JobState.FAILED, v.JobState.CANCELLED}
+FINISHED = {JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED}
 
 
 def wait_wanted(prefer: str | None) -> float:
@@ -44,13 +45,13 @@ def wait_wanted(prefer: str | None) -> float:
     return 0.0
 
 
-async def accepted(repo: Repository, who: Actor, job: v.Job, prefer: str | None) -> Response:
+async def accepted(repo: Repository, who: Actor, job: Job, prefer: str | None) -> Response:
     """Return the job with its place, after waiting for it if that was preferred."""
     wait = wait_wanted(prefer)
     with anyio.move_on_after(wait):
         while wait and job.state not in FINISHED:
             await anyio.sleep(0.05)
-            job = await look(get_resource, repo, who, "job", job.id)
+            job = await look(get_resource, repo, who, JOB, job.id)
     done = job.state in FINISHED and wait > 0
     headers = {"Location": f"/api/v1/jobs/{job.id}"}
     if wait:

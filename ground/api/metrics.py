@@ -5,17 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 from prometheus_client import (
-    CONTENT_TYPE_LATEST,
     CollectorRegistry,
     Counter,
     Gauge,
     Histogram,
-    generate_latest,
 )
-from sqlalchemy import func, select
-
-from ground.gdr.models import JobRow, MissionRow
-from ground.gdr.repository import Repository
 
 REGISTRY = CollectorRegistry()
 REQUESTS = Counter(
@@ -46,15 +40,3 @@ def observe(method: str, route: str, status: int, seconds: float) -> None:
     counter, histogram = _children(method if method in _METHODS else "other", route, status)
     counter.inc()
     histogram.observe(seconds)
-
-
-def exposition(repo: Repository) -> tuple[bytes, str]:
-    """Return the metrics as text and their media type."""
-    with repo.database.read() as session:
-        JOBS.clear()
-        for kind, state, count in session.execute(
-            select(JobRow.kind, JobRow.state, func.count()).group_by(JobRow.kind, JobRow.state)
-        ):
-            JOBS.labels(kind, state).set(count)
-        MISSIONS.set(session.scalar(select(func.count()).select_from(MissionRow)) or 0)
-    return generate_latest(REGISTRY), CONTENT_TYPE_LATEST

@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator
-from typing import Any
+from typing import Annotated, Any
 
 import anyio
 import orjson
+from fastapi import Header
 from starlette.responses import StreamingResponse
 
 from ground.api import metrics
 from ground.api.context import call, look
-from ground.gdr import values as v
 from ground.gdr.repository import Repository
-from ground.services.actor import Actor
-from ground.services.get_resource import get_resource
-from ground.services.list_history import last_event, list_history
+from ground.jobs.kind import JOB
+from ground.jobs.value import JobState
+from ground.records.actor import Actor
+from ground.records.get_resource import get_resource
+from ground.records.list_history import last_event, list_history
 
+LastEventId = Annotated[
+    str | None, Header(max_length=40, pattern=r"^[0-9]{1,18}$", description="go on behind it")
+]
+
+
+EVENT_STREAM: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}
+}
 LOOK_S = 0.2
-FINISHED = {v.JobState.SUCCEEDED, v.JobState.FAILED, v.JobState.CANCELLED}
+FINISHED = {JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED}
 
 
 def sse(event: str, data: Any, event_id: int | None = None) -> bytes:
@@ -44,7 +54,7 @@ def stream(source: AsyncIterator[bytes]) -> StreamingResponse:
     return StreamingResponse(counted(), media_type="text/event-stream", headers=headers)
 
 
-class _Pulse:
+class Pulse:
     """Says when a silent stream needs a comment to stay open."""
 
     def __init__(self, every_s: float) -> None:
@@ -61,11 +71,11 @@ async def job_stream(
     repo: Repository, who: Actor, job_id: str, last_event_id: str | None
 ) -> StreamingResponse:
     """Stream a job until it is over."""
-    job = await look(get_resource, repo, who, "job", job_id)
+    job = await look(get_resource, repo, who, JOB, job_id)
 
     async def events() -> AsyncIterator[bytes]:
         current, sent = job, int(last_event_id or 0)
-        pulse = _Pulse(repo.settings.stream_seconds)
+        pulse = Pulse(repo.settings.stream_seconds)
         while True:
             over = current.state in FINISHED
             if current.revision > sent or (over and sent == int(last_event_id or 0)):
@@ -76,7 +86,7 @@ async def job_stream(
             if over:
                 return
             await anyio.sleep(LOOK_S)
-            current = await look(get_resource, repo, who, "job", job_id)
+            current = await look(get_resource, repo, who, JOB, job_id)
 
     return stream(events())
 
@@ -89,7 +99,7 @@ async def mission_stream(
 
     async def events() -> AsyncIterator[bytes]:
         after = newest if last_event_id is None else int(last_event_id)
-        pulse = _Pulse(repo.settings.stream_seconds)
+        pulse = Pulse(repo.settings.stream_seconds)
         while True:
             page = await call(list_history, repo, who, mission_id, after=after, limit=200, newest_first=False)
             for item in page.items:
@@ -99,32 +109,5 @@ async def mission_stream(
                 if pulse.due():
                     yield b": still here\n\n"
                 await anyio.sleep(LOOK_S)
-
-    return stream(events())
-
-
-async def run_stream(
-    repo: Repository, who: Actor, run_id: str, last_event_id: str | None
-) -> StreamingResponse:
-    """Stream a run line by line as it is written, then the finished run."""
-    from ground.services.read_run import live_lines
-
-    await look(get_resource, repo, who, "run", run_id)
-
-    async def events() -> AsyncIterator[bytes]:
-        line = int(last_event_id or 0)
-        pulse = _Pulse(repo.settings.stream_seconds)
-        while True:
-            run = await look(get_resource, repo, who, "run", run_id)
-            parts = await call(live_lines, repo, run, line)
-            for kind, data in parts:
-                line += 1
-                yield sse(kind, data, line)
-            if run.state in FINISHED:
-                yield sse("end", run, line)
-                return
-            if pulse.due():
-                yield b": still here\n\n"
-            await anyio.sleep(LOOK_S)
 
     return stream(events())

@@ -33,7 +33,7 @@ def register(app: typer.Typer) -> None:
     def backup_command(target: Path = typer.Argument(..., help="tar file to write")) -> None:
         """Write database and files into one tar file, also while a server runs. Needs no server."""
         from ground.cli.repository import open_or_fail
-        from ground.services.backup import backup
+        from ground.resources.backups.backup import backup
 
         counts = backup(open_or_fail(), target)
         typer.echo(f"{target}: {sum(counts.values())} rows, {target.stat().st_size} bytes")
@@ -44,7 +44,7 @@ def register(app: typer.Typer) -> None:
         from ground.cli.repository import settings_or_fail
         from ground.errors import GroundError
         from ground.gdr.repository import open_repository
-        from ground.services.backup import restore
+        from ground.resources.backups.backup import restore
 
         try:
             counts = restore(open_repository(settings_or_fail()), source)
@@ -60,7 +60,7 @@ def register(app: typer.Typer) -> None:
     ) -> None:
         """Look for records without their file and files that no record names. Needs no server."""
         from ground.cli.repository import open_or_fail
-        from ground.services.check_files import check_files, sweep_files
+        from ground.resources.backups.check_files import check_files, sweep_files
 
         repo = open_or_fail()
         gone = sweep_files(repo) if sweep else []
@@ -87,9 +87,8 @@ def register(app: typer.Typer) -> None:
         """Add a person. Needs no server."""
         from ground.cli.repository import open_or_fail
         from ground.errors import GroundError
-        from ground.gdr.values import Role
-        from ground.services.actor import SYSTEM_ACTOR
-        from ground.services.people import create_person
+        from ground.records.actor import SYSTEM_ACTOR, Role
+        from ground.resources.people.accounts import create_person
 
         try:
             chosen = Role(role)

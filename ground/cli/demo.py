@@ -26,7 +26,7 @@ def demo(
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
     from executive.errors import ExecutiveError
-    from ground.demo_day import run_day, summary_lines
+    from ground.demo.day import run_day, summary_lines
     from ground.errors import GroundError
     from planner.errors import PlannerError
     from rover_iface.errors import RoverError

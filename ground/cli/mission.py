@@ -22,8 +22,8 @@ def register(app: typer.Typer) -> None:
         """File the demo mission unless it is there. Needs no server."""
         from ground.cli.repository import open_or_fail
         from ground.errors import GroundError
-        from ground.services.actor import SYSTEM_ACTOR
-        from ground.services.load_demo import load_demo
+        from ground.records.actor import SYSTEM_ACTOR
+        from ground.resources.mission_setup.load_demo import load_demo
 
         try:
             mission, new = load_demo(open_or_fail(), SYSTEM_ACTOR, name=name, terrain=terrain, seed=seed)
@@ -52,8 +52,8 @@ def register(app: typer.Typer) -> None:
 
         from ground.cli.repository import open_or_fail
         from ground.errors import GroundError
-        from ground.services.actor import SYSTEM_ACTOR
-        from ground.services.calibrate_from_folders import calibrate_from_folders
+        from ground.records.actor import SYSTEM_ACTOR
+        from ground.resources.calibrations.calibrate_from_folders import calibrate_from_folders
 
         repo = open_or_fail()
         try:
@@ -79,8 +79,8 @@ def register(app: typer.Typer) -> None:
         """Write a whole mission into one archive. Needs no server."""
         from ground.cli.repository import open_or_fail
         from ground.errors import GroundError
-        from ground.services.actor import SYSTEM_ACTOR
-        from ground.services.mission_archive import export_mission
+        from ground.records.actor import SYSTEM_ACTOR
+        from ground.resources.mission_archives.mission_archive import export_mission
 
         try:
             export_mission(open_or_fail(), SYSTEM_ACTOR, mission, target)
@@ -93,8 +93,8 @@ def register(app: typer.Typer) -> None:
         """Take in the archive of a mission. Needs no server."""
         from ground.cli.repository import open_or_fail
         from ground.errors import GroundError
-        from ground.services.actor import SYSTEM_ACTOR
-        from ground.services.mission_archive import import_mission
+        from ground.records.actor import SYSTEM_ACTOR
+        from ground.resources.mission_archives.mission_archive import import_mission
 
         try:
             mission = import_mission(open_or_fail(), SYSTEM_ACTOR, source)

@@ -28,7 +28,7 @@ def register(app: typer.Typer) -> None:
         check: Path | None = typer.Option(None, "--check", help="only say whether this file holds it"),
     ) -> None:
         """Print the OpenAPI document of the REST interface. Needs no server."""
-        from ground.api.application import build_api
+        from ground.app.api import build_api
 
         text = document_text(build_api().openapi()) + "\n"
         if check is not None:

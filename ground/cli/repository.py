@@ -8,7 +8,7 @@ from ground.cli.failure import fail
 
 if TYPE_CHECKING:
     from ground.gdr.repository import Repository
-    from ground.services.actor import Actor
+    from ground.records.actor import Actor
     from ground.settings import Settings
 
 
@@ -57,8 +57,8 @@ def actor_or_fail(repo: Repository, name: str) -> Actor:
     """Return a person by name, or end with one line that lists who there is."""
     from sqlalchemy import select
 
-    from ground.gdr.models import PersonRow
-    from ground.services.people import actor_of
+    from ground.resources.people.accounts import actor_of
+    from ground.resources.people.row import PersonRow
 
     with repo.database.read() as session:
         people = list(session.scalars(select(PersonRow).where(PersonRow.active).order_by(PersonRow.id)))

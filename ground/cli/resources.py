@@ -10,10 +10,17 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ground.cli.failure import fail
+from ground.resources.keep_outs.value import KeepOut
+from ground.resources.missions.value import Mission
+from ground.resources.observation_requests.value import ObservationRequest
+from ground.resources.plans.value import Plan
+from ground.resources.products.value import Product
+from ground.resources.runs.value import Run
+from ground.resources.targets.value import Target
 
 if TYPE_CHECKING:
-    from ground.client import Client
-    from ground.gdr.values import Job
+    from ground.client.rest import Client
+    from ground.jobs.value import Job
 
 SERVER = typer.Option(
     "http://127.0.0.1:8000", "--server", envvar="OUTCROP_SERVER", help="address of the server"
@@ -26,7 +33,7 @@ def connected(server: str, person: str | None) -> Iterator[Client]:
     """Give a client; its errors end the program with one line."""
     import os
 
-    from ground.client import ApiError, Client, ServerUnreachableError
+    from ground.client.rest import ApiError, Client, ServerUnreachableError
 
     with Client(server, person=person, api_key=os.environ.get("OUTCROP_API_KEY")) as client:
         try:
@@ -49,7 +56,7 @@ def group_of(app: typer.Typer, name: str, about: str) -> typer.Typer:
 
 def follow(client: Client, job: Job) -> Job:
     """Print the job's progress on stderr and return it when it is over; end the program if it failed."""
-    from ground.gdr.values import JobState
+    from ground.jobs.value import JobState
 
     last = job
     for last in client.wait(job):
@@ -74,8 +81,6 @@ def _missions(app: typer.Typer) -> None:
     @group.command("list")
     def list_missions(server: str = SERVER, person: str | None = PERSON) -> None:
         """List missions. Needs a server."""
-        from ground.gdr.values import Mission
-
         with connected(server, person) as client:
             for mission in client.each(Mission):
                 count = mission.counts
@@ -93,8 +98,6 @@ def _missions(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Open a mission on a terrain. Needs a server."""
-        from ground.gdr.values import Mission
-
         if terrain is not None and not terrain.is_file():
             fail(f"{terrain} is no file; zip a terrain folder first")
         with connected(server, person) as client:
@@ -129,8 +132,6 @@ def _targets(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Pick a target. Needs a server."""
-        from ground.gdr.values import Target
-
         body: dict[str, Any] = {"east_m": east, "north_m": north}
         if name is not None:
             body["name"] = name
@@ -143,14 +144,12 @@ def _targets(app: typer.Typer) -> None:
         mission: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON
     ) -> None:
         """List targets. Needs a server."""
-        from ground.gdr.values import Target
-
         with connected(server, person) as client:
             for target in client.each(Target, mission):
                 p = target.position
                 typer.echo(f"{target.id}  {target.name}  {p.east_m:.2f} {p.north_m:.2f} {p.up_m:.2f}")
 
-    _common(group, "target", "Target")
+    _common(group, "target", Target)
 
 
 def _requests(app: typer.Typer) -> None:
@@ -167,8 +166,6 @@ def _requests(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """File an observation request. Needs a server."""
-        from ground.gdr.values import ObservationRequest
-
         body = {"target_id": target, "instrument": instrument, "value": value, "must_do": must_do}
         with connected(server, person) as client:
             made = client.create(ObservationRequest, body, mission)
@@ -182,8 +179,6 @@ def _requests(app: typer.Typer) -> None:
         mission: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON
     ) -> None:
         """List observation requests. Needs a server."""
-        from ground.gdr.values import ObservationRequest
-
         with connected(server, person) as client:
             for request in client.each(ObservationRequest, mission):
                 typer.echo(
@@ -191,7 +186,7 @@ def _requests(app: typer.Typer) -> None:
                     f"value {request.value:g}  {request.state.value}  {request.state_reason}"
                 )
 
-    _common(group, "observation request", "ObservationRequest")
+    _common(group, "observation request", ObservationRequest)
 
 
 def _keep_outs(app: typer.Typer) -> None:
@@ -205,8 +200,6 @@ def _keep_outs(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Draw a keep-out. Needs a server."""
-        from ground.gdr.values import KeepOut
-
         try:
             polygon = [[float(part) for part in corner.split(",")] for corner in corners]
         except ValueError:
@@ -214,18 +207,16 @@ def _keep_outs(app: typer.Typer) -> None:
         with connected(server, person) as client:
             typer.echo(client.create(KeepOut, {"polygon_m": polygon}, mission).id)
 
-    _common(group, "keep-out", "KeepOut")
+    _common(group, "keep-out", KeepOut)
 
 
-def _common(group: typer.Typer, title: str, kind: str) -> None:
+def _common(group: typer.Typer, title: str, kind: type) -> None:
     @group.command("delete", help=f"Delete a {title}. Needs a server.")
     def delete(
         identifier: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON
     ) -> None:
-        from ground.gdr import values
-
         with connected(server, person) as client:
-            client.delete(getattr(values, kind), identifier)
+            client.delete(kind, identifier)
 
 
 def _work(app: typer.Typer) -> None:
@@ -242,8 +233,6 @@ def _work(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Plan a mission's day on the server. Needs a server."""
-        from ground.gdr.values import Plan
-
         with connected(server, person) as client:
             order = {
                 "time_limit_s": time_limit,
@@ -278,8 +267,7 @@ def _work(app: typer.Typer) -> None:
     ) -> None:
         """Run a plan on a simulated rover on the server. Needs a server."""
         from ground.errors import GroundError
-        from ground.gdr.values import Run
-        from ground.rehearsal import Sent
+        from ground.uplink.rehearsal import Sent
 
         link: dict[str, Any] = {} if light_time is None else {"light_time_s": light_time}
         try:
@@ -307,8 +295,6 @@ def _products(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """List data products. Needs a server."""
-        from ground.gdr.values import Product
-
         where = {"orphan": "true"} if orphans else {}
         with connected(server, person) as client:
             for product in client.each(Product, mission, **where):
@@ -325,8 +311,6 @@ def _products(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Fetch the file of a data product. Needs a server."""
-        from ground.gdr.values import Product
-
         with connected(server, person) as client:
             found = client.get(Product, product)
             target = out or Path(Path(found.file_name).name)

@@ -47,7 +47,7 @@ def register(app: typer.Typer) -> None:
         shown = settings.host if settings.host not in {"0.0.0.0", "::"} else socket.gethostname()
         typer.echo(f"Outcrop is at http://{shown}:{listener.getsockname()[1]}/  (stop with Ctrl-C)")
         config = uvicorn.Config(
-            "ground.app:create_app",
+            "ground.app.service:create_app",
             factory=True,
             log_config=None,
             access_log=False,
@@ -63,10 +63,10 @@ def register(app: typer.Typer) -> None:
         """Do jobs for a server elsewhere on the same database. Needs no server."""
         import signal
 
+        from ground.app.job_kinds import job_kinds
+        from ground.app.logs import set_up_logging
         from ground.cli.repository import open_or_fail
-        from ground.jobs import Worker
-        from ground.logs import set_up_logging
-        from ground.services.job_kinds import job_kinds
+        from ground.jobs.worker import Worker
 
         repo = open_or_fail()
         set_up_logging(repo.settings)
@@ -90,7 +90,7 @@ def register(app: typer.Typer) -> None:
         from ground.cli.repository import settings_or_fail
         from ground.gdr.migrate import migrate
         from ground.gdr.repository import open_repository
-        from ground.services.people import ensure_profiles
+        from ground.resources.people.accounts import ensure_profiles
 
         repo = open_repository(settings_or_fail())
         before, after = migrate(repo.database)

@@ -180,7 +180,7 @@ def _traverses(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Match rocks between stops and adjust them; wait for the solutions. Needs a server."""
-        from ground.gdr.values import Job
+        from ground.jobs.value import Job
 
         with connected(server, person) as client:
             listed = []

@@ -38,7 +38,7 @@ def register(app: typer.Typer) -> None:
         """Make the signed uplink package of an approved plan. Needs no server."""
         from ground.cli.repository import actor_or_fail, open_or_fail
         from ground.errors import GroundError
-        from ground.services.package_plan import package_plan
+        from ground.resources.packages.package_plan import package_plan
 
         repo = open_or_fail()
         try:
@@ -74,9 +74,9 @@ def register(app: typer.Typer) -> None:
         """
         from executive.errors import ExecutiveError
         from ground.errors import GroundError
-        from ground.link import Link, read_passes
-        from ground.rehearsal import Sent
         from ground.uplink.execute import Place, execute_package
+        from ground.uplink.link import Link, read_passes
+        from ground.uplink.rehearsal import Sent
         from rover_iface.errors import RoverError
 
         try:
@@ -112,15 +112,16 @@ def register(app: typer.Typer) -> None:
         """Take in the folder of an execution and tie its products. Needs no server."""
         from ground.cli.repository import actor_or_fail, open_or_fail
         from ground.errors import GroundError
-        from ground.services.ingest_run import ingest_run
-        from ground.services.list_resources import list_resources
+        from ground.records.list_resources import list_resources
+        from ground.resources.products.kind import PRODUCT
+        from ground.resources.runs.ingest_run import ingest_run
 
         repo = open_or_fail()
         who = actor_or_fail(repo, actor)
         try:
             value = ingest_run(repo, who, run)
             page = list_resources(
-                repo, who, "product", value.mission_id, limit=1000, cursor=None, where={"run_id": value.id}
+                repo, who, PRODUCT, value.mission_id, limit=1000, cursor=None, where={"run_id": value.id}
             )
         except GroundError as err:
             fail(err.message)

@@ -12,10 +12,17 @@ from datetime import UTC, datetime
 from typing import Any
 
 import orjson
-from sqlalchemy import select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    String,
+    Text,
+    select,
+    update,
+)
+from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from ground.gdr.models import Base, ChainRow, EventRow, utc_now
+from ground.gdr.base import Base, utc_now
 
 SYSTEM = "system"
 GENESIS = "0" * 64
@@ -144,3 +151,34 @@ def verify_chains(session: Session) -> tuple[int, list[ChainFault]]:
         if stray not in known:
             faults.append(ChainFault(stray, 0, "events without a chain head"))
     return count, faults
+
+
+class ChainRow(Base):
+    """Head of one hash chain of events: that of a mission, or `system`."""
+
+    __tablename__ = "event_chains"
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    seq: Mapped[int] = mapped_column(BigInteger)
+    sha256: Mapped[str] = mapped_column(String(64))
+
+
+class EventRow(Base):
+    """One change, never altered: `sha256` covers its content and the hash of the one before."""
+
+    __tablename__ = "events"
+
+    chain_id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    seq: Mapped[int] = mapped_column(BigInteger, primary_key=True)
+    at_utc: Mapped[datetime]
+    actor: Mapped[str] = mapped_column(String(80))
+    action: Mapped[str] = mapped_column(String(40))
+    kind: Mapped[str] = mapped_column(String(40))
+    subject_id: Mapped[str] = mapped_column(String(40))
+    reason: Mapped[str] = mapped_column(Text, default="")
+    undoes: Mapped[int | None] = mapped_column(BigInteger)
+    group: Mapped[str] = mapped_column("group_id", String(40))
+    """Changes made by one act; undo takes them back together."""
+    before: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    after: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    sha256: Mapped[str] = mapped_column(String(64))

@@ -12,11 +12,11 @@ from typing import Any
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
 from ground.errors import AlreadyExecutedError, ArchiveError, InvalidInputError
-from ground.flight import Flight, Sample, fly
-from ground.link import Link
-from ground.rehearsal import Sent, heard, write_ground_view
+from ground.uplink.flight import Flight, Sample, fly
 from ground.uplink.keys import load_public
+from ground.uplink.link import Link
 from ground.uplink.package import Package, read_package
+from ground.uplink.rehearsal import Sent, heard, write_ground_view
 from rover_iface.registry import find_rover
 
 LEDGER = "executed.jsonl"

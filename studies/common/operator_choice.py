@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely import Point, Polygon
 
-from ground.convert import DayTarget, StandPose, stand_for
-from ground.demo_mission import DemoMission
+from ground.day.convert import DayTarget, StandPose, stand_for
+from ground.demo.mission import DemoMission
 from mission.soltime import SunClock
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.errors import PlacementError

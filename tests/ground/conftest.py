@@ -23,16 +23,16 @@ from anyio.from_thread import BlockingPortal, start_blocking_portal
 from sqlalchemy import create_engine, make_url, text
 from sqlalchemy.exc import SQLAlchemyError
 
-from ground.app import JOB_KINDS, build_app
+from ground.app.service import JOB_KINDS, build_app
 from ground.gdr.database import Database
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository, open_repository
-from ground.gdr.values import Mission, Role
-from ground.jobs import Worker
-from ground.services.actor import Actor
-from ground.services.create_mission import FolderTerrain, create_mission
-from ground.services.create_sol import create_sol
-from ground.services.people import ensure_profiles
+from ground.jobs.worker import Worker
+from ground.records.actor import Actor, Role
+from ground.resources.mission_setup.create_mission import FolderTerrain, create_mission
+from ground.resources.missions.value import Mission
+from ground.resources.people.accounts import ensure_profiles
+from ground.resources.sols.create_sol import create_sol
 from ground.settings import Settings, load_settings
 
 PLANNER = Actor("Planner", Role.PLANNER)

@@ -15,14 +15,17 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from ground.gdr.ids import new_id
-from ground.gdr.models import CommentRow, JobRow, PackageRow, PlanRow
 from ground.gdr.repository import Repository, open_repository
-from ground.gdr.values import Role
-from ground.jobs import JobKind, Worker, enqueue
-from ground.services.actor import Actor
-from ground.services.create_comment import create_comment
-from ground.services.ingest_run import ingest_run
-from ground.services.store_upload import UploadDraft
+from ground.jobs.queue import JobKind, enqueue
+from ground.jobs.row import JobRow
+from ground.jobs.worker import Worker
+from ground.records.actor import Actor, Role
+from ground.resources.comments.create_comment import create_comment
+from ground.resources.comments.row import CommentRow
+from ground.resources.packages.row import PackageRow
+from ground.resources.plans.row import PlanRow
+from ground.resources.runs.ingest_run import ingest_run
+from ground.resources.uploads.store_upload import UploadDraft
 from ground.settings import load_settings
 from tests.ground import work_for_tests
 from tests.ground.conftest import PLANNER

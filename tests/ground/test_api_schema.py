@@ -21,15 +21,15 @@ from schemathesis.specs.openapi.checks import (
 )
 
 import ground
-from ground.api.application import build_api
-from ground.app import build_app
+from ground.app.api import build_api
+from ground.app.service import build_app
 from ground.cli.openapi import document_text
 from ground.gdr.repository import open_repository
-from ground.gdr.values import Instrument
-from ground.services.create_keep_out import create_keep_out
-from ground.services.create_request import create_request
-from ground.services.create_target import create_target
-from ground.services.people import ensure_profiles
+from ground.resources.keep_outs.create_keep_out import create_keep_out
+from ground.resources.observation_requests.create_request import create_request
+from ground.resources.observation_requests.value import Instrument
+from ground.resources.people.accounts import ensure_profiles
+from ground.resources.targets.create_target import create_target
 from rover_iface import terrain
 from tests.ground.conftest import PLANNER, PostgresServer, settings_for, yard
 

@@ -13,14 +13,15 @@ from sqlalchemy import select
 
 from ground.errors import ArchiveError, ConflictError
 from ground.gdr.history import verify_chains
-from ground.gdr.models import Base, ProductRow
 from ground.gdr.repository import Repository, open_repository
-from ground.gdr.values import Mission
-from ground.services.actor import SYSTEM_ACTOR
-from ground.services.backup import backup, restore
-from ground.services.check_files import check_files
-from ground.services.mission_archive import export_mission, import_mission
-from ground.services.people import ensure_profiles
+from ground.records.actor import SYSTEM_ACTOR
+from ground.resources.backups.backup import backup, restore
+from ground.resources.backups.check_files import check_files
+from ground.resources.mission_archives.mission_archive import export_mission, import_mission
+from ground.resources.missions.value import Mission
+from ground.resources.people.accounts import ensure_profiles
+from ground.resources.products.row import ProductRow
+from ground.resources.tables import METADATA
 from tests.ground.conftest import Api, settings_for
 from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem, upload
@@ -30,7 +31,7 @@ def contents(repo: Repository) -> dict[str, Any]:
     with repo.database.read() as session:
         return {
             t.name: sorted(map(str, session.execute(select(t)).all()))
-            for t in Base.metadata.sorted_tables
+            for t in METADATA.sorted_tables
             if t.name not in {"credentials", "login_failures", "idempotency_keys"}
         }
 

@@ -9,20 +9,21 @@ from typing import Any
 
 import pytest
 
+from ground.day.payload import prepare
 from ground.errors import InvalidInputError
-from ground.gdr.models import MissionRow
 from ground.gdr.repository import Repository
-from ground.gdr.values import Instrument, Mission
-from ground.jobs import WorkStoppedError
-from ground.services import calibrate_mission as service
-from ground.services.calibrate_from_folders import calibrate_from_folders
-from ground.services.calibrate_mission import calibrate_mission
-from ground.services.create_request import create_request
-from ground.services.create_target import create_target
-from ground.services.day_inputs import choose_sol, day_inputs
-from ground.services.inputs_digest import inputs_digest
-from ground.work.calibration_work import work
-from ground.work.day import prepare
+from ground.jobs.queue import WorkStoppedError
+from ground.resources.calibrations import calibrate_mission as service
+from ground.resources.calibrations.calibrate_from_folders import calibrate_from_folders
+from ground.resources.calibrations.calibrate_mission import calibrate_mission
+from ground.resources.calibrations.work import work
+from ground.resources.missions.row import MissionRow
+from ground.resources.missions.value import Mission
+from ground.resources.observation_requests.create_request import create_request
+from ground.resources.observation_requests.value import Instrument
+from ground.resources.problems.day_inputs import choose_sol, day_inputs
+from ground.resources.problems.inputs_digest import inputs_digest
+from ground.resources.targets.create_target import create_target
 from tests.ground.conftest import PLANNER, Api
 
 

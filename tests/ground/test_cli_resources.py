@@ -14,8 +14,8 @@ import typer
 import uvicorn
 from typer.testing import CliRunner
 
-from ground.api.application import build_api
-from ground.app import build_app
+from ground.app.api import build_api
+from ground.app.service import build_app
 from ground.cli.main import app, register_all
 from ground.gdr.repository import Repository
 from tests.ground.conftest import yard

@@ -14,9 +14,8 @@ import httpx
 import pytest
 from fastapi.routing import APIRoute
 
-from ground.api.application import build_api
-from ground.client import COLLECTIONS, ApiError, Client
-from ground.client_operations import (
+from ground.app.api import build_api
+from ground.client.operations import (
     Caller,
     MissionOperations,
     PeopleOperations,
@@ -26,7 +25,8 @@ from ground.client_operations import (
     TerrainOperations,
     events_of,
 )
-from ground.gdr import values as v
+from ground.client.rest import COLLECTIONS, ApiError, Client
+from ground.resources.targets.value import Target
 
 GROUPS = (
     MissionOperations,
@@ -189,5 +189,5 @@ def test_the_token_of_a_session_goes_with_every_change() -> None:
 
     with Client("http://nowhere", transport=httpx.MockTransport(serve)) as client:
         client.log_in("Ada", "secret")
-        client.delete(v.Target, "tgt-1")
+        client.delete(Target, "tgt-1")
     assert seen == [None, "t0"]

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from ground.api.application import build_api
 from ground.api.problems import STATUS
+from ground.app.api import build_api
 from ground.cli.admin import register as register_admin
 from ground.cli.serve import register as register_serve
 from ground.errors import GroundError

@@ -8,10 +8,10 @@ from functools import cache
 
 import pytest
 
-from ground.convert import DayKeepOut, DayRequest, PreparedDay, prepare_day, stand_for
-from ground.demo_mission import DemoMission, demo_mission, target_at
+from ground.day.convert import DayKeepOut, DayRequest, PreparedDay, prepare_day, stand_for
+from ground.demo.mission import DemoMission, demo_mission, target_at
 from ground.errors import InvalidInputError
-from ground.figures import ribbons
+from ground.reports.figures import ribbons
 from planner.problem import problem_from_dict
 from rover_iface.errors import PlacementError
 from rover_iface.profile import RoverProfile, load_profile
@@ -159,7 +159,7 @@ def test_request_that_names_what_does_not_exist_is_refused(request_: DayRequest,
 
 
 def test_heights_of_the_network_are_those_of_the_terrain() -> None:
-    from ground.convert import network_heights
+    from ground.day.convert import network_heights
 
     grid = network_heights(_terrain(), [(0.0, 0.0), (4.0, 9.0)])
     for row, column in ((0, 0), (3, 40), (grid.heights_m.shape[0] - 1, 5)):

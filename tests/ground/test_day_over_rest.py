@@ -12,7 +12,7 @@ import pytest
 
 from ground.errors import AlreadyExecutedError, ArchiveError
 from ground.gdr.history import verify_chains
-from ground.gdr.values import Mission
+from ground.resources.missions.value import Mission
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.keys import PUBLIC, make_keys
 from tests.ground.conftest import Api

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from ground.demo_day import loss_to_inject
+from ground.demo.day import loss_to_inject
 from tests.shared import ROOT, shared
 
 
@@ -115,8 +115,8 @@ def test_nothing_is_lost_where_nothing_is_tracked() -> None:
 @pytest.mark.slow
 def test_executive_earns_on_curiosity_terrain_what_the_planner_evaluated() -> None:
     from benchmarks.executive_equality import compare
-    from ground.convert import prepare_day
-    from ground.demo_mission import demo_mission
+    from ground.day.convert import prepare_day
+    from ground.demo.mission import demo_mission
     from planner.problem import problem_from_dict
     from planner.solve import solve
     from rover_iface.profile import load_profile

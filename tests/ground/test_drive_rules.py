@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from ground.gdr.values import Mission
+from ground.resources.missions.value import Mission
 from tests.ground.conftest import Api, yard
 from tests.ground.test_missions_api import problem
 

@@ -9,10 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ground.convert import calibration_of
-from ground.driven_legs import DrivenLeg, WatchedTrack, calibrate, exposure_m, legs_of_run
+from ground.day.convert import calibration_of
 from ground.errors import ArchiveError, InvalidInputError
-from ground.flight import fly
+from ground.resources.calibrations.driven_legs import (
+    DrivenLeg,
+    WatchedTrack,
+    calibrate,
+    exposure_m,
+    legs_of_run,
+)
+from ground.uplink.flight import fly
 from planner.path_network import Calibration
 from rover_iface.contract import write_contract_world
 from rover_iface.profile import load_profile

@@ -18,8 +18,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.errors import InvalidInputError
-from ground.plan_drawing import boxes, lay_out, to_dot, to_svg
-from ground.site_geometry import read_shapes
+from ground.reports.plan_drawing import boxes, lay_out, to_dot, to_svg
+from ground.resources.geometry_files.site_geometry import read_shapes
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem, upload
@@ -173,7 +173,7 @@ class Page(HTMLParser):
 
 
 def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(world: tuple[Api, str]) -> None:
-    from ground.gdr.values import Mission
+    from ground.resources.missions.value import Mission
 
     api, mission = world
     named = Mission(**api.get(f"/missions/{mission}"))
@@ -215,7 +215,7 @@ def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(wo
 
 
 def test_a_rehearsal_says_when_the_ground_knows_what(world: tuple[Api, str]) -> None:
-    from ground.gdr.values import Mission
+    from ground.resources.missions.value import Mission
 
     api, mission = world
     named = Mission(**api.get(f"/missions/{mission}"))
@@ -251,7 +251,7 @@ def test_a_rehearsal_says_when_the_ground_knows_what(world: tuple[Api, str]) -> 
 
 
 def test_a_plan_is_reported_before_its_run(world: tuple[Api, str]) -> None:
-    from ground.gdr.values import Mission
+    from ground.resources.missions.value import Mission
 
     api, mission = world
     named = Mission(**api.get(f"/missions/{mission}"))

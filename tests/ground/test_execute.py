@@ -14,8 +14,8 @@ import pytest
 
 from executive.crl import digest, parse
 from ground.errors import AlreadyExecutedError, InvalidInputError, StateError
-from ground.flight import Sample
 from ground.uplink.execute import LEDGER, Place, execute_package
+from ground.uplink.flight import Sample
 from ground.uplink.keys import PUBLIC, load_private, make_keys
 from ground.uplink.package import write_package
 from rover_iface.commands import COMMANDS

@@ -12,11 +12,12 @@ from typing import Any
 
 import pytest
 
-from ground.gdr.models import JobRow
 from ground.gdr.repository import Repository
-from ground.gdr.values import Mission
-from ground.jobs import InlineExecutor, Worker
-from ground.services.build_path_network import build_path_network
+from ground.jobs.executors import InlineExecutor
+from ground.jobs.row import JobRow
+from ground.jobs.worker import Worker
+from ground.resources.missions.value import Mission
+from ground.resources.path_networks.build_path_network import build_path_network
 from ground.settings import ExecutorKind, SettingsError, load_settings
 from tests.ground.conftest import PLANNER, yard
 from tests.ground.killed import KINDS, queue_job

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ground.failure_modes import failure_modes
+from ground.reports.failure_modes import failure_modes
 from tests.rover_iface.worlds import small_problem
 
 NAMES = {"T1": "Rock", "T2": "Slab"}

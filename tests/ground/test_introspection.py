@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from executive.runtime.journal import JournalFile
-from ground.work import run_work
+from ground.resources.runs import work as run_work
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem

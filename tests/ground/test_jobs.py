@@ -16,11 +16,13 @@ from hypothesis.strategies import integers
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
-from ground.gdr.models import JobRow, utc_now
+from ground.gdr.base import utc_now
 from ground.gdr.repository import Repository
-from ground.jobs import Claim, JobKind, Worker, claim_job, enqueue, give_up, hand_back, renew, settle
-from ground.services.actor import Actor
-from ground.services.cancel_job import cancel_job, retry_job
+from ground.jobs.queue import Claim, JobKind, claim_job, enqueue, give_up, hand_back, renew, settle
+from ground.jobs.row import JobRow
+from ground.jobs.worker import Worker
+from ground.records.actor import Actor
+from ground.resources.jobs.cancel_job import cancel_job, retry_job
 from ground.settings import ExecutorKind, Settings
 from tests.ground import work_for_tests
 from tests.ground.conftest import PLANNER, Api

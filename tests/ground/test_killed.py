@@ -23,23 +23,22 @@ from executive.crl import digest, parse
 from ground.errors import AlreadyExecutedError
 from ground.gdr.history import verify_chains
 from ground.gdr.ids import new_id
-from ground.gdr.models import (
-    CommentRow,
-    JobRow,
-    PackageRow,
-    PlanRow,
-    ProductRow,
-    RunRow,
-    SolRow,
-    UploadRow,
-)
 from ground.gdr.repository import Repository
-from ground.gdr.values import Instrument, Mission
-from ground.jobs import Worker
-from ground.services.check_files import check_files
-from ground.services.create_request import create_request
-from ground.services.create_target import create_target
-from ground.services.ingest_run import ingest_run
+from ground.jobs.row import JobRow
+from ground.jobs.worker import Worker
+from ground.resources.backups.check_files import check_files
+from ground.resources.comments.row import CommentRow
+from ground.resources.missions.value import Mission
+from ground.resources.observation_requests.create_request import create_request
+from ground.resources.observation_requests.value import Instrument
+from ground.resources.packages.row import PackageRow
+from ground.resources.plans.row import PlanRow
+from ground.resources.products.row import ProductRow
+from ground.resources.runs.ingest_run import ingest_run
+from ground.resources.runs.row import RunRow
+from ground.resources.sols.row import SolRow
+from ground.resources.targets.create_target import create_target
+from ground.resources.uploads.row import UploadRow
 from tests.ground.conftest import PLANNER
 from tests.ground.killed import KINDS, OPERATOR, PRODUCTS, TASK, main
 

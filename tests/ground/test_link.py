@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 from ground.cli.main import app, register_all
 from ground.errors import InvalidInputError
-from ground.gdr.values import Trace
-from ground.link import Link, Pass, read_passes
-from ground.rehearsal import GROUND_VIEW, Sent
-from ground.services.report_run import known_on_the_ground
+from ground.resources.reports.report_run import known_on_the_ground
+from ground.resources.runs.trace_value import Trace
 from ground.uplink.execute import Place, execute_package
+from ground.uplink.link import Link, Pass, read_passes
+from ground.uplink.rehearsal import GROUND_VIEW, Sent
 from tests.ground.test_execute import site as site
 
 TWO = (Pass("noon", 100.0, 200.0, 50.0), Pass("dusk", 1000.0, 1100.0, 200.0))

@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from ground.resources.runs.kind import RUN
 from tests.ground.conftest import Api, yard
 from tests.ground.test_control_run import _over, _until
 from tests.ground.test_day_over_rest import file_requests, planned
@@ -26,9 +27,9 @@ def _announced(api: Api, run_id: str) -> list[dict[str, Any]]:
 def test_products_can_be_fetched_while_the_run_goes_on_and_keep_their_ids(
     sqlite_api: Api, terrain_folder: Path
 ) -> None:
-    from ground.services.actor import SYSTEM_ACTOR
-    from ground.services.get_resource import get_resource
-    from ground.services.read_run import live_lines
+    from ground.records.actor import SYSTEM_ACTOR
+    from ground.records.get_resource import get_resource
+    from ground.resources.runs.read_run import live_lines
 
     api = sqlite_api
     mission = yard(api.repo, terrain_folder)
@@ -37,7 +38,7 @@ def test_products_can_be_fetched_while_the_run_goes_on_and_keep_their_ids(
     run_id = api.post(f"/missions/{mission.id}/runs", {"plan_id": plan["id"], "pace": 3000.0}, status=202)[
         "subject_id"
     ]
-    run = get_resource(api.repo, SYSTEM_ACTOR, "run", run_id)
+    run = get_resource(api.repo, SYSTEM_ACTOR, RUN, run_id)
 
     def made() -> list[Any]:
         return [data for kind, data in live_lines(api.repo, run, 0) if kind == "product"]

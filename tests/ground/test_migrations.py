@@ -12,18 +12,21 @@ from sqlalchemy import inspect, select
 from ground.gdr.database import Database
 from ground.gdr.history import verify_chains
 from ground.gdr.migrate import current_revision, migrate, migrations_dir, newest_revision
-from ground.gdr.models import Base, KeepOutRow, MissionRow, TargetRow
 from ground.gdr.repository import Repository
-from ground.gdr.values import Mission
-from ground.services.create_keep_out import create_keep_out
-from ground.services.create_target import create_target
+from ground.resources.keep_outs.create_keep_out import create_keep_out
+from ground.resources.keep_outs.row import KeepOutRow
+from ground.resources.missions.row import MissionRow
+from ground.resources.missions.value import Mission
+from ground.resources.tables import METADATA
+from ground.resources.targets.create_target import create_target
+from ground.resources.targets.row import TargetRow
 from tests.ground.conftest import PLANNER
 
 
 def test_migrations_from_empty_give_exactly_the_schema_of_the_models(repo: Repository) -> None:
     with repo.database.engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
-        assert compare_metadata(context, Base.metadata) == []
+        assert compare_metadata(context, METADATA) == []
 
 
 def test_migrations_go_down_with_rows_and_up_again(repo: Repository, mission: Mission) -> None:

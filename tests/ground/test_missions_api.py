@@ -13,8 +13,8 @@ import pytest
 from sqlalchemy import select
 
 from ground.gdr.history import verify_chains
-from ground.gdr.models import TargetRow
-from ground.gdr.values import Mission
+from ground.resources.missions.value import Mission
+from ground.resources.targets.row import TargetRow
 from tests.ground.conftest import Api
 
 TARGET = {"name": "Rock1", "east_m": 4.0, "north_m": 1.0}
@@ -232,7 +232,7 @@ def test_the_history_is_complete_and_shows_any_tampering(api: Api, mission: Miss
     assert [e["seq"] for e in history] == list(range(1, len(history) + 1))
     assert [(e["kind"], e["action"]) for e in history[-2:]] == [("target", "create"), ("target", "change")]
     assert history[-1]["before"]["notes"] == ""
-    from ground.gdr.models import ChainRow, EventRow
+    from ground.gdr.history import ChainRow, EventRow
 
     with api.repo.database.write() as session:
         assert verify_chains(session)[1] == []

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ground.gdr.files import FileStore
-from ground.work.run_work import MAX_LABEL_BYTES, _store_product
+from ground.resources.runs.work import MAX_LABEL_BYTES, _store_product
 
 CAMERA = {"kind": "CAHV", "width": 4, "height": 3, "C": [0.0, 0.0, 1.0]}
 

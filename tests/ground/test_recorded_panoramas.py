@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from executive.crl import canonical_text, parse
 from ground.cli.main import app, register_all
-from ground.flight import fly
+from ground.uplink.flight import fly
 from rover_iface.cameras.panorama import load_panorama
 from rover_iface.frames import Pose
 from rover_iface.profile import load_profile

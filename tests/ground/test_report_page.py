@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
-from ground.report_page import confidence_chart
+from ground.reports.page import confidence_chart
 
 SVG = "{http://www.w3.org/2000/svg}"
 

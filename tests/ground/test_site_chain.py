@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ground.gdr.history import verify_chains
-from ground.gdr.values import Mission
+from ground.resources.missions.value import Mission
 from rover_iface.localization.site_frames import (
     LANDING,
     ROVER,
@@ -304,7 +304,7 @@ def test_tied_targets_that_are_moved_or_untied_by_hand_stay_where_they_are_put(
 
 
 def test_an_uncertain_keep_out_keeps_the_rover_off_more_ground() -> None:
-    from ground.services.keep_clear import kept_clear
+    from ground.resources.keep_outs.rules import kept_clear
 
     assert kept_clear(RING, 0.0) == RING
     wide = np.array(kept_clear([[0, 0], [2, 0], [2, 2], [0, 2]], 0.25))

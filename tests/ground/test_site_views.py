@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ground.gdr.values import Mission
-from ground.services.look_around import tile_rays
+from ground.resources.missions.value import Mission
+from ground.resources.site_views.look_around import tile_rays
 from mission.soltime import SunClock
 from rover_iface.cameras.panorama import camera_from_document
 from rover_iface.cameras.rig import load_cameras

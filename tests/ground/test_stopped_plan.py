@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from ground.jobs import WorkStoppedError
-from ground.work import plan_work
+from ground.jobs.queue import WorkStoppedError
+from ground.resources.plans import work as plan_work
 from planner.plan_tree import plan_tree_from_dict, planned_observations
 from planner.problem import load_problem, problem_from_dict, problem_to_dict
 from tests.planner.examples import problem_document

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from executive.crl import canonical_text
-from ground.flight import Flight, fly
+from ground.uplink.flight import Flight, fly
 from planner.emit_crl import emit
 from planner.problem import problem_from_dict
 from planner.solve import solve

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from ground.gdr.repository import Repository
-from ground.gdr.values import Mission
-from ground.services.check_files import check_files
+from ground.resources.backups.check_files import check_files
+from ground.resources.missions.value import Mission
+from ground.resources.runs.row import RunRow
 from studies.common.localization_legs import look, make_leg, stereo_points
 from tests.ground.conftest import Api, yard
 from tests.ground.test_missions_api import problem, upload
@@ -161,8 +162,9 @@ def test_a_run_is_asked_for_its_panorama_by_name(
     sqlite_api: Api, sqlite_repo: Repository, terrain_folder: Path
 ) -> None:
     from ground.errors import InvalidInputError
-    from ground.gdr import models as m
-    from ground.services.adjust_traverse import Stop, _source
+
+    pass
+    from ground.resources.traverses.adjust_traverse import Stop, _source
 
     mission = yard(sqlite_repo, terrain_folder).id
     for name in ("a", "b"):
@@ -171,7 +173,7 @@ def test_a_run_is_asked_for_its_panorama_by_name(
 
     class Rows:
         def get(self, _row: Any, _identifier: Any) -> Any:
-            return m.RunRow(id="run-1", mission_id=mission)
+            return RunRow(id="run-1", mission_id=mission)
 
     rows: Any = Rows()
     assert _source(sqlite_repo, rows, mission, Stop("f", "run-1", None, "b"), "")[1] == "b"

@@ -9,10 +9,10 @@ import anyio
 import httpx
 import pytest
 
-import ground.app
-from ground.app import build_app
+import ground.app.service
+from ground.app import warm_up as module
+from ground.app.service import build_app
 from ground.gdr.repository import Repository
-from ground.work import warm_up as module
 
 
 def test_the_small_day_is_planned_and_asked_about() -> None:
@@ -33,7 +33,7 @@ def test_the_server_answers_while_the_planner_gets_ready(
         begun.set()
         go_on.wait(30.0)
 
-    monkeypatch.setattr(ground.app, "warm_up_quietly", slow)
+    monkeypatch.setattr(ground.app.service, "warm_up_quietly", slow)
     app = build_app(sqlite_repo, with_worker=False, warm=True)
 
     async def asked() -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ground.errors import JobFailedError
-from ground.jobs import WorkStoppedError
+from ground.jobs.queue import WorkStoppedError
 
 
 def count(

@@ -1,0 +1,123 @@
+"""What the bodies of requests are made of: strict members, every number bounded, every text limited."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Generic, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
+
+from ground.gdr.geometry import Pose
+
+T = TypeVar("T")
+
+
+class Page(BaseModel, Generic[T]):
+    """One page of a list; give `next_cursor` as `cursor` for the one behind it."""
+
+    items: list[T]
+    next_cursor: str | None
+
+
+class Body(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def unset() -> Any:
+    """Stand in for a member that was not sent; null is not allowed there."""
+    return None
+
+
+PRINTABLE = r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f]*$"
+
+
+ONE_LINE = r"^[^\x00-\x1f\x7f]*$"
+
+
+def not_blank(text: str) -> str:
+    if not text.strip():
+        raise ValueError("a name needs a visible character")
+    return text
+
+
+Name = Annotated[
+    str, StringConstraints(min_length=1, max_length=80, pattern=ONE_LINE), AfterValidator(not_blank)
+]
+
+
+LongName = Annotated[
+    str, StringConstraints(min_length=1, max_length=200, pattern=ONE_LINE), AfterValidator(not_blank)
+]
+
+
+Line = Annotated[str, StringConstraints(max_length=200, pattern=ONE_LINE)]
+
+
+Text = Annotated[str, StringConstraints(max_length=20_000, pattern=PRINTABLE)]
+
+
+Id = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+
+
+Flag = Annotated[bool, Field(strict=True)]
+
+
+Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-100_000.0, le=100_000.0)]
+
+
+Radians = Annotated[
+    float, Field(strict=True, allow_inf_nan=False, ge=-6.2831853071795869, le=6.2831853071795869)
+]
+
+
+Seconds = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e7)]
+
+
+Joules = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e12)]
+
+
+Utility = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e6)]
+
+
+Chance = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, lt=1.0)]
+
+
+Corner = Annotated[list[Metres], Field(min_length=2, max_length=2)]
+
+
+Window = Annotated[
+    list[Seconds], Field(min_length=2, max_length=2, description="[earliest start, latest start]")
+]
+
+
+Index = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
+Unit = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1.01, le=1.01)]
+Variance = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]
+Seed = Annotated[int, Field(strict=True, ge=0, le=2**53 - 1)]
+
+
+Moment = Annotated[datetime, Field(description="UTC, RFC 3339")]
+
+
+class PoseBody(Body):
+    """A place to stand in the site frame; heading counter-clockwise from east."""
+
+    east_m: Metres
+    north_m: Metres
+    heading_rad: Radians = 0.0
+
+    def value(self) -> Pose:
+        return Pose(self.east_m, self.north_m, self.heading_rad)
+
+
+def set_members(body: BaseModel) -> dict[str, Any]:
+    """Return the members a PATCH body names, values of our own kind unpacked."""
+    out: dict[str, Any] = {}
+    for name in body.model_fields_set:
+        value = getattr(body, name)
+        if isinstance(value, PoseBody):
+            value = value.value()
+        elif isinstance(value, list):
+            value = [item.model_dump() if isinstance(item, BaseModel) else item for item in value]
+        out[name] = value
+    return out

@@ -1,0 +1,1 @@
+"""The service: the parts joined, and what every request passes."""

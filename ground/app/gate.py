@@ -1,0 +1,240 @@
+"""What every request passes: host and origin, size, identity, idempotency, safe headers, metrics."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import time
+from collections.abc import Iterable
+from functools import lru_cache
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ground.api import metrics
+from ground.api.context import call
+from ground.api.problems import MEDIA, describe_error, from_anything, problem
+from ground.errors import AuthenticationError, ForbiddenError, GroundError, InvalidInputError, TooLargeError
+from ground.gdr.repository import Repository
+from ground.records import idempotency
+from ground.resources.people.authentication import SAFE, Identities
+
+logger = logging.getLogger(__name__)
+
+API = "/api/v1/"
+OPEN = {"/api/v1/session", "/api/v1/openapi.json", "/api/v1/docs"}
+"""Paths that need nobody in particular."""
+UPLOADS = "/api/v1/uploads"
+SMALL_BODY = 8 * 2**20
+IDEMPOTENT_BODY = 1 << 20
+_LOOPBACK = {"localhost", "127.0.0.1", "::1", "[::1]", "testserver"}
+SECURITY_HEADERS = [
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+]
+PAGE_POLICY = (
+    "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; script-src 'self'; "
+    "connect-src 'self'; worker-src 'self' blob:; object-src 'none'; base-uri 'none'; "
+    "frame-ancestors 'none'; "
+    "form-action 'self'"
+)
+
+DOCS_POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors 'none'"
+
+
+@lru_cache(maxsize=256)
+def _host_name(host: str) -> str:
+    """Return the name in a Host header, without its port; empty if it is malformed."""
+    try:
+        return (urlsplit(f"//{host}").hostname or "").lower()
+    except ValueError:
+        return ""
+
+
+def _safe_headers(given: Iterable[tuple[bytes, bytes]], path: str) -> list[tuple[bytes, bytes]]:
+    """Return the headers of an answer with those that keep browsers from harm."""
+    headers = list(given)
+    present = {name.lower(): value for name, value in headers}
+    headers += SECURITY_HEADERS
+    if path.startswith(API) and b"cache-control" not in present:
+        headers.append((b"cache-control", b"no-store"))
+    is_page = present.get(b"content-type", b"").startswith(b"text/html")
+    if is_page and b"content-security-policy" not in present:
+        policy = DOCS_POLICY if path.startswith(API) else PAGE_POLICY
+        headers.append((b"content-security-policy", policy.encode()))
+    return headers
+
+
+class Gate:
+    """ASGI middleware round the whole application."""
+
+    def __init__(self, app: ASGIApp, repo: Repository, identities: Identities) -> None:
+        self.app, self.repo, self.identities = app, repo, identities
+        names = [n.strip().lower() for n in repo.settings.public_hosts.split(",")]
+        self._hosts = _LOOPBACK | {n for n in names if n}
+        self._any_host = not repo.settings.is_loopback and not self._hosts - _LOOPBACK
+        self._limit = int(repo.settings.max_body_mib * 2**20)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        began = time.perf_counter()
+        headers = Headers(scope=scope)
+        method, path = scope["method"], scope["path"]
+        status = 0
+
+        async def safe_send(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                message["headers"] = _safe_headers(message["headers"], path)
+            await send(message)
+
+        try:
+            try:
+                await self._pass(scope, receive, safe_send, headers, method, path)
+            except GroundError as err:
+                await self._refuse(err, path)(scope, receive, safe_send)
+            except Exception as err:
+                if status:
+                    raise
+                await from_anything(path, err)(scope, receive, safe_send)
+        finally:
+            route = scope.get("route")
+            name = getattr(route, "path_format", None) or getattr(route, "path", None) or "other"
+            metrics.observe(method, name, status, time.perf_counter() - began)
+
+    async def _pass(
+        self, scope: Scope, receive: Receive, send: Send, headers: Headers, method: str, path: str
+    ) -> None:
+        self._check_host(headers)
+        if method not in SAFE:
+            self._check_origin(headers)
+        if path.startswith(API):
+            state = scope.setdefault("state", {})
+            try:
+                state["actor"] = await self.identities.actor_of(method, headers)
+            except (AuthenticationError, ForbiddenError):
+                if path not in OPEN:
+                    raise
+                state["actor"] = None
+        limit = self._limit if path == UPLOADS else min(self._limit, SMALL_BODY)
+        length = headers.get("content-length", "")
+        if length.isdigit() and int(length) > limit:
+            raise TooLargeError(f"the body has {length} bytes; {limit} are allowed here")
+        taken = 0
+
+        async def counted() -> Message:
+            nonlocal taken
+            message = await receive()
+            if message["type"] == "http.request":
+                taken += len(message.get("body", b""))
+                if taken > limit:  # reading a body passes only this kind of error on as it is
+                    raise HTTPException(413, f"the body has more than {limit} bytes")
+            return message
+
+        key = headers.get("idempotency-key") if method == "POST" and path != UPLOADS else None
+        if key is None:
+            await self.app(scope, counted, send)
+        else:
+            await self._once(scope, counted, send, key)
+        if method not in SAFE and path.startswith("/api/v1/people"):
+            self.identities.forget()
+
+    def _check_host(self, headers: Headers) -> None:
+        """Refuse names under which we do not serve: what a page gets by rebinding its own name to
+        loopback."""
+        host = headers.get("host", "")
+        name = _host_name(host)
+        if not self._any_host and name not in self._hosts and name != self.repo.settings.host:
+            raise InvalidInputError(
+                f"the host {host[:100]!r} is not served here (OUTCROP_PUBLIC_HOSTS)", pointer="Host"
+            )
+
+    def _check_origin(self, headers: Headers) -> None:
+        origin = headers.get("origin")
+        if origin is not None and origin != "null":
+            try:
+                name = (urlsplit(origin).netloc or "").lower()
+            except ValueError:
+                name = ""
+            if name == headers.get("host", "").lower():
+                return
+            raise ForbiddenError(f"a page of {origin[:100]!r} may not change anything here")
+        if origin == "null" or headers.get("sec-fetch-site") in {"cross-site", "same-site"}:
+            raise ForbiddenError("a page of another site may not change anything here")
+
+    async def _once(self, scope: Scope, receive: Receive, send: Send, key: str) -> None:
+        """Answer a repeated POST with what was answered the first time."""
+        if not 0 < len(key) <= 255 or not key.isprintable() or not key.isascii():
+            raise InvalidInputError(
+                "an Idempotency-Key has 1 to 255 printable characters", pointer="Idempotency-Key"
+            )
+        body, more = b"", True
+        while more:
+            try:
+                message = await receive()
+            except HTTPException as err:
+                raise TooLargeError(str(err.detail)) from err
+            if message["type"] == "http.disconnect":
+                return
+            body += message.get("body", b"")
+            more = message.get("more_body", False)
+            if len(body) > IDEMPOTENT_BODY:
+                raise TooLargeError(f"with an Idempotency-Key a body has at most {IDEMPOTENT_BODY} bytes")
+        actor = scope["state"].get("actor")
+        who = "" if actor is None else actor.name
+        line = f"{scope['path']}?{scope['query_string'].decode('latin-1')}\n"
+        digest = hashlib.sha256(line.encode() + body).hexdigest()
+        stored = await call(idempotency.begin, self.repo, who, key, digest)
+        if stored is not None:
+            response = Response(
+                stored.body, stored.status, headers={**stored.headers, "Idempotent-Replay": "true"}
+            )
+            await response(scope, receive, send)
+            return
+        start: Message | None = None
+        parts: list[bytes] = []
+
+        async def replay() -> Message:
+            nonlocal body
+            current, body = body, b""
+            return {"type": "http.request", "body": current, "more_body": False}
+
+        async def keep(message: Message) -> None:
+            nonlocal start
+            if message["type"] == "http.response.start":
+                start = message
+            elif message["type"] == "http.response.body":
+                parts.append(message.get("body", b""))
+            await send(message)
+
+        done = False
+        try:
+            await self.app(scope, replay, keep)
+            done = start is not None and start["status"] < 500
+        finally:
+            if done and start is not None:
+                kept = {
+                    k.decode("latin-1"): v.decode("latin-1")
+                    for k, v in start["headers"]
+                    if k.lower() in {b"content-type", b"location", b"etag", b"content-disposition"}
+                }
+                await call(idempotency.finish, self.repo, who, key, start["status"], kept, b"".join(parts))
+            else:
+                await call(idempotency.forget, self.repo, who, key)
+
+    def _refuse(self, error: GroundError, path: str) -> Response:
+        status, members = describe_error(error)
+        members.pop("retry_after_s", None)
+        headers = {"WWW-Authenticate": "Bearer"} if status == 401 else None
+        response = problem(status, instance=path, headers=headers, **members)
+        response.headers["Content-Type"] = MEDIA
+        return response

@@ -1,0 +1,76 @@
+"""Join the parts: settings, repository, job kinds, worker, API, UI."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
+
+from ground.app.api import build_api
+from ground.app.gate import Gate
+from ground.app.job_kinds import job_kinds
+from ground.app.logs import set_up_logging
+from ground.app.pages import install_pages
+from ground.app.warm_up import warm_up_quietly
+from ground.gdr.repository import Repository, open_repository
+from ground.jobs.queue import JobKind
+from ground.jobs.worker import Worker
+from ground.resources.kinds import KINDS
+from ground.resources.people.accounts import ensure_profiles
+from ground.resources.people.authentication import Identities
+from ground.settings import Settings, load_settings
+
+logger = logging.getLogger(__name__)
+
+JOB_KINDS: Mapping[str, JobKind] = job_kinds()
+"""All long work that a worker can do."""
+
+
+def make_worker(repo: Repository) -> Worker:
+    """Return a worker for every kind of job."""
+    return Worker(repo, JOB_KINDS)
+
+
+def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> FastAPI:
+    """Return the whole service over a repository whose database is migrated.
+
+    With `warm` the planner is got ready beside it, here for what-if and in a worker process for plans: the
+    service does not wait for that.
+    """
+    worker = make_worker(repo) if with_worker else None
+
+    @asynccontextmanager
+    async def life(_app: FastAPI) -> AsyncIterator[None]:
+        if worker is not None:
+            worker.start(warm_up_quietly if warm else None)
+        if warm:
+            threading.Thread(target=warm_up_quietly, name="warm-up", daemon=True).start()
+        try:
+            yield
+        finally:
+            if worker is not None:
+                await run_in_threadpool(worker.stop)
+            repo.database.dispose()
+
+    app = build_api(lifespan=life)
+    identities = Identities(repo)
+    app.state.repository = repo
+    app.state.kinds = KINDS
+    app.state.identities = identities
+    app.state.worker = worker
+    install_pages(app)
+    app.add_middleware(Gate, repo=repo, identities=identities)
+    return app
+
+
+def create_app() -> FastAPI:
+    """Return the service as `outcrop serve` runs it: settings from the environment, the database migrated."""
+    settings: Settings = load_settings()
+    set_up_logging(settings)
+    repo = open_repository(settings)
+    ensure_profiles(repo)
+    return build_app(repo, with_worker=settings.serve_worker, warm=settings.warm_up)

@@ -1,0 +1,1 @@
+"""A mission's day as it goes from the repository to planner and rover."""

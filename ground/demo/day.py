@@ -1,0 +1,324 @@
+"""One day, end to end, without a database: terrain to data products, with a lost track on the way."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ground.day.convert import PreparedDay, prepare_day
+from ground.demo.mission import DemoMission, demo_mission
+from ground.errors import InvalidInputError
+from ground.reports.figures import draw_day
+from ground.uplink.flight import Flight, fly
+
+if TYPE_CHECKING:
+    from planner.solve import PlanResult
+
+PROFILE = "k9"
+BRANCHES = 6
+LEAST_TAKEN = 0.02
+"""Options that fewer futures take are left out: nobody reviews what never happens."""
+
+PROGRESS_S = 20.0
+GENERATED_TERRAIN = "generated"
+
+Report = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Day:
+    """All that a demo day produced; `products` are by request, `seconds` by stage."""
+
+    folder: Path
+    mission: DemoMission
+    prepared: PreparedDay
+    plan: PlanResult
+    tree: Mapping[str, Any]
+    flight: Flight
+    fault: Mapping[str, Any] | None
+    products: Mapping[str, tuple[Mapping[str, Any], ...]]
+    orphans: int
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def observed(self) -> dict[str, int]:
+        """Number of data products by target."""
+        target_of = {r.id: r.target_id for r in self.mission.requests}
+        count: dict[str, int] = {}
+        for request, rows in self.products.items():
+            count[target_of[request]] = count.get(target_of[request], 0) + len(rows)
+        return count
+
+
+def run_day(
+    terrain_folder: Path | None,
+    *,
+    seed: int,
+    out: Path,
+    time_limit_s: float = 30.0,
+    rover: str = "abstract",
+    report: Report | None = None,
+) -> Day:
+    """Run a whole day and write every artefact into `out`; `rover` names the simulated rover of the dry run.
+
+    Raises
+    ------
+    InvalidInputError
+        If `out` holds an earlier day or is no folder, or the terrain has no room for ten targets.
+    RoverError, PlannerError, ExecutiveError
+        If a room refuses its part.
+    """
+    from executive.crl import canonical_text
+    from planner.emit_crl import emit
+    from planner.plan_tree import plan_tree_to_dict
+    from planner.problem import problem_from_dict
+    from planner.solve import solve
+    from rover_iface.profile import load_profile
+    from rover_iface.registry import find_rover
+    from rover_iface.simulator.faults import Fault
+    from rover_iface.terrain import generate_terrain, load_terrain
+
+    _check_folder(out)
+    make_rover = find_rover(rover)
+    clock = _Stages(report or (lambda _stage, _share: None))
+    with clock.stage("terrain"):
+        terrain = generate_terrain(seed) if terrain_folder is None else load_terrain(terrain_folder)
+    profile = load_profile(PROFILE)
+    with clock.stage("targets and observation requests"):
+        mission = demo_mission(terrain, profile, seed=seed)
+    with clock.stage("observation points and path network") as tell:
+        prepared = prepare_day(
+            terrain,
+            profile,
+            mission.limits,
+            mission.targets,
+            mission.requests,
+            mission.keep_outs,
+            report=lambda share, _what: tell(share),
+        )
+        out.mkdir(parents=True, exist_ok=True)
+        _write_json(out / "problem.json", prepared.problem)
+    problem = problem_from_dict(prepared.problem)
+    with clock.stage("contingent plan") as tell:
+        plan = solve(
+            problem,
+            max_branches=BRANCHES,
+            least_taken=LEAST_TAKEN,
+            time_limit_s=time_limit_s,
+            seed=seed,
+            report=lambda progress: tell(progress.fraction),
+        )
+        tree = plan_tree_to_dict(plan.tree, problem)
+        _write_json(out / "plan_tree.json", tree)
+    with clock.stage("CRL"):
+        crl_text = canonical_text(emit(problem, plan.tree, plan_id="demo"))
+        (out / "plan.crl").write_text(crl_text, encoding="utf-8")
+    fault = loss_to_inject(prepared.problem, tree)
+    with clock.stage("dry run on the simulated rover") as tell:
+        simulated = make_rover(
+            prepared.problem,
+            out=out,
+            seed=seed,
+            faults=() if fault is None else (Fault.from_dict(fault),),
+            progress_s=PROGRESS_S,
+            terrain=terrain,
+        )
+        flight = fly(
+            crl_text,
+            simulated,
+            out,
+            run_id="demo",
+            about={"rover": rover, "seed": seed, "faults": [] if fault is None else [fault]},
+            on_sample=lambda sample: tell(min(1.0, sample.t_s / mission.limits.time_s)),
+            sync=False,
+        )
+    with clock.stage("data products to their requests"):
+        products, orphans = tie_products(out, mission)
+    day = Day(out, mission, prepared, plan, tree, flight, fault, products, orphans, clock.seconds)
+    with clock.stage("map"):
+        draw_day(
+            out / "map.png",
+            terrain,
+            prepared.problem,
+            tree,
+            driven_m=[(s.east_m, s.north_m) for s in flight.samples],
+            observed=day.observed,
+            lost=flight.lost_targets(),
+            keep_outs=[k.polygon_m for k in mission.keep_outs],
+            title=f"{mission.name}: plan of {plan.expected_utility:.1f}, run of {flight.outcome.utility:.1f}",
+        )
+    (out / "summary.txt").write_text("\n".join(summary_lines(day)) + "\n", encoding="utf-8")
+    return day
+
+
+class _Stages:
+    """Times the stages of a day and reports where they stand."""
+
+    def __init__(self, report: Report) -> None:
+        self._report = report
+        self.seconds: dict[str, float] = {}
+
+    def stage(self, name: str) -> _Stage:
+        return _Stage(self, name)
+
+    def tell(self, name: str, share: float) -> None:
+        self._report(name, share)
+
+
+class _Stage:
+    def __init__(self, stages: _Stages, name: str) -> None:
+        self._stages, self._name = stages, name
+        self._begin = 0.0
+
+    def __enter__(self) -> Callable[[float], None]:
+        self._begin = time.monotonic()
+        self._stages.tell(self._name, 0.0)
+        return lambda share: self._stages.tell(self._name, share)
+
+    def __exit__(self, *_: object) -> None:
+        self._stages.seconds[self._name] = time.monotonic() - self._begin
+        self._stages.tell(self._name, 1.0)
+
+
+def _check_folder(out: Path) -> None:
+    if out.exists() and not out.is_dir():
+        raise InvalidInputError(f"{out} is a file; --out needs a folder")
+    if (out / "journal.jsonl").exists():
+        raise InvalidInputError(
+            f"{out} holds the journal of an earlier day; choose another folder or remove it"
+        )
+
+
+def _write_json(path: Path, document: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+
+def loss_to_inject(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return a fault that makes the plan show what it holds: a track lost in the middle of the first drive.
+
+    Preferred is the target whose loss has the branch that gains most, then one on whose track a branch asks,
+    then the last tracked target that the mainline visits; None if nothing is tracked.
+    """
+    tracked = [s["target"] for s in tree["plan"] if s["op"] == "track_start"]
+    if not tracked:
+        return None
+    asked = [t for t, _ in sorted(_asked_tracks(tree["plan"]), key=lambda a: -a[1]) if t in tracked]
+    visits = [s.get("to", s.get("target")) for s in tree["plan"] if s["op"] in ("visit", "navigate")]
+    later = [t for t in visits[1:] if t in tracked]
+    target = next(iter([*asked, *reversed(later), *tracked]))
+    first = visits[0] if visits else None
+    leg = next((x for x in problem["legs"] if x["from"] == "start" and x["to"] == first), None)
+    drive_s = leg["time_s"]["mean"] if leg is not None else 60.0
+    return {
+        "kind": "lose-target",
+        "target": target,
+        "at_s": round(problem["track_start"]["time_s"] * len(tracked) + drive_s / 2, 1),
+    }
+
+
+def _asked_tracks(steps: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, float]]:
+    """Yield targets on whose track a branch asks, and what it gains; 0 if it asks that they are tracked."""
+    for step in steps:
+        for option in step.get("options", ()):
+            for condition in option["when"]:
+                if condition["var"] == "tracked":
+                    yield condition["target"], 0.0 if condition["is"] else option.get("gain") or 0.0
+            yield from _asked_tracks(option["plan"])
+
+
+def tie_products(folder: Path, mission: DemoMission) -> tuple[dict[str, tuple[Mapping[str, Any], ...]], int]:
+    """Return the data products of a run by observation request, and how many match none."""
+    known = {request.id for request in mission.requests}
+    tied: dict[str, list[Mapping[str, Any]]] = {}
+    orphans = 0
+    for line in (folder / "products.jsonl").read_text(encoding="utf-8").splitlines():
+        row = json.loads(line)
+        request = row["label"].get("request")
+        if request in known:
+            tied.setdefault(request, []).append(row)
+        else:
+            orphans += 1
+    return {request: tuple(rows) for request, rows in tied.items()}, orphans
+
+
+def summary_lines(day: Day) -> list[str]:
+    """Return one page about the day, for a terminal of 80 columns or more."""
+    names = {t.id: t.name for t in day.mission.targets}
+    spent = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in day.seconds.items() if seconds >= 0.05)
+    return [
+        "",
+        *_plan_lines(day, names),
+        *_run_lines(day, names),
+        "",
+        *_request_lines(day, names),
+        "",
+        f"  {spent}",
+        f"  artefacts in {day.folder}",
+    ]
+
+
+def _plan_lines(day: Day, names: Mapping[str, str]) -> Iterator[str]:
+    mission, plan, limits = day.mission, day.plan, day.mission.limits
+    yield (
+        f"{mission.name}: {len(mission.targets)} targets, {len(mission.requests)} observation requests, "
+        f"{limits.time_s / 3600:g} h, {limits.energy_j / 3600:.0f} Wh"
+    )
+    yield (
+        f"  plan      {plan.expected_utility:.2f} expected, no policy earns more than {plan.upper:.2f}; "
+        f"{plan.branches} branch options"
+    )
+    for option in _options(day.tree["plan"]):
+        when = " and ".join(_words(condition, names) for condition in option["when"]) or "always"
+        yield f"              {option.get('p_taken', 0.0):6.1%}  if {when}"
+
+
+def _run_lines(day: Day, names: Mapping[str, str]) -> Iterator[str]:
+    run = day.flight.outcome
+    if day.fault is not None:
+        target = day.fault["target"]
+        yield f"  injected  track of {names[target]} ({target}) lost at {day.fault['at_s']:.0f} s"
+    energy = day.flight.samples[-1].energy_used_j if day.flight.samples else 0.0
+    taken = ", ".join(day.flight.options_taken()) or "none"
+    yield (
+        f"  dry run   {run.outcome or 'unfinished'} after {(run.end_s or 0.0) / 3600:.2f} h, "
+        f"{energy / 3600:.0f} Wh, utility {run.utility:g}; branches taken: {taken}"
+    )
+
+
+def _request_lines(day: Day, names: Mapping[str, str]) -> Iterator[str]:
+    refused = {r.request_id: r.reason for r in day.prepared.refused}
+    yield f"  {'request':<9}{'target':<18}{'instrument':<12}{'value':>6}   what came back"
+    for request in day.mission.requests:
+        rows = day.products.get(request.id, ())
+        files = ", ".join(Path(row["path"]).name for row in rows)
+        target = f"{names[request.target_id]} {request.target_id}"
+        came = files or refused.get(request.id, "nothing")
+        yield f"  {request.id:<9}{target:<18}{request.instrument:<12}{request.value:>6g}   {came}"
+    if day.orphans:
+        yield f"  {day.orphans} products match no request"
+
+
+def _options(steps: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+    for step in steps:
+        for option in step.get("options", ()):
+            yield option
+            yield from _options(option["plan"])
+
+
+def _words(condition: Mapping[str, Any], names: Mapping[str, str]) -> str:
+    limit = condition.get("ge", condition.get("lt"))
+    match condition["var"]:
+        case "time_s":
+            return f"{'later than' if 'ge' in condition else 'before'} {limit:.0f} s"
+        case "energy_j":
+            return f"{'over' if 'ge' in condition else 'under'} {limit / 3600:.0f} Wh used"
+        case "tracked":
+            name = names.get(condition["target"], condition["target"])
+            return f"{name} {'tracked' if condition['is'] else 'lost'}"
+        case _:
+            what = condition.get("observation", condition.get("target"))
+            return f"{what} {'done' if condition['is'] else 'not done'}"

@@ -1,0 +1,87 @@
+"""What all tables of the repository share.
+
+Every resource has a `revision` that grows by one with each change (the optimistic lock) and is written
+together with an event in the same transaction. Composite values (poses, polygons, labels) are JSON.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any, ClassVar
+
+from sqlalchemy import (
+    JSON,
+    Boolean,
+    DateTime,
+    Float,
+    ForeignKey,
+    Integer,
+    MetaData,
+    String,
+)
+from sqlalchemy.engine import Dialect
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.types import TypeDecorator
+
+CONVENTION = {
+    "ix": "ix_%(column_0_label)s",
+    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+    "ck": "ck_%(table_name)s_%(constraint_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_name)s",
+    "pk": "pk_%(table_name)s",
+}
+
+
+class Utc(TypeDecorator[datetime]):
+    """An aware UTC time on every database."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        if value is None:
+            return None
+        value = value.astimezone(UTC)
+        return value.replace(tzinfo=None) if dialect.name == "sqlite" else value
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        if value is None:
+            return None
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+def utc_now() -> datetime:
+    """Return the wall-clock time, aware, in UTC."""
+    return datetime.now(UTC)
+
+
+class Base(DeclarativeBase):
+    metadata = MetaData(naming_convention=CONVENTION)
+    type_annotation_map: ClassVar[dict[Any, Any]] = {
+        dict[str, Any]: JSON(none_as_null=True),
+        list[Any]: JSON(none_as_null=True),
+        datetime: Utc(),
+        str: String(),
+        int: Integer(),
+        float: Float(),
+        bool: Boolean(),
+    }
+
+
+class Row(Base):
+    """What all resources have."""
+
+    __abstract__ = True
+
+    mission_key: ClassVar[str] = "mission_id"
+    """The column with the mission that it belongs to, if it belongs to one."""
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    author: Mapped[str] = mapped_column(String(80))
+    created_utc: Mapped[datetime] = mapped_column(default=utc_now)
+    modified_utc: Mapped[datetime] = mapped_column(default=utc_now)
+    revision: Mapped[int] = mapped_column(default=1)
+
+
+def mission_column() -> Mapped[str]:
+    return mapped_column(ForeignKey("missions.id", ondelete="CASCADE"), index=True)

@@ -1,0 +1,99 @@
+"""Where a job's work is done: here, in a process, on a cluster; and the word it leaves of its progress."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ground.jobs.queue import Work
+from ground.settings import ExecutorKind, Settings
+
+
+@dataclass(slots=True)
+class _Channel:
+    """Word between work and worker: a file with the progress, a file that says stop."""
+
+    folder: str
+    name: str
+    last: float = field(default=0.0)
+
+    def report(self, progress: float, message: str) -> None:
+        now = time.monotonic()
+        if now - self.last < 0.1 and progress < 1.0:
+            return
+        self.last = now
+        path = Path(self.folder) / f"{self.name}.progress"
+        draft = path.with_suffix(".draft")
+        draft.write_text(json.dumps([progress, message]), encoding="utf-8")
+        draft.replace(path)
+
+    def should_stop(self) -> bool:
+        return (Path(self.folder) / f"{self.name}.stop").exists()
+
+
+def run_work(work: Work, payload: dict[str, Any], folder: str, name: str) -> dict[str, Any]:
+    """Do the work in this process; BLAS keeps to one thread."""
+    from threadpoolctl import threadpool_limits
+
+    channel = _Channel(folder, name)
+    with threadpool_limits(limits=1):
+        return work(payload, channel.report, channel.should_stop)
+
+
+class InlineExecutor(Executor):
+    """Does the work at once in the caller's thread; for tests and commands."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as err:
+            future.set_exception(err)
+        return future
+
+
+class ClusterExecutor(Executor):
+    """Does the work on a Dask cluster, over a connection of its own that ends with it.
+
+    Dask's own executor takes no `cancel_futures`: without waiting it always cancels what is not done.
+    """
+
+    def __init__(self, address: str) -> None:
+        from distributed import Client
+
+        self._client = Client(address)
+        self._inner: Executor = self._client.get_executor(pure=False)
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        return self._inner.submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._inner.shutdown(wait=wait and not cancel_futures)
+        self._client.close()
+
+
+def _quiet() -> None:
+    """Leave Ctrl-C to the server: it hands its jobs back itself."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def make_executor(settings: Settings) -> Executor:
+    """Return an executor for one slot of a worker."""
+    match settings.executor:
+        case ExecutorKind.INLINE:
+            return InlineExecutor()
+        case ExecutorKind.DISTRIBUTED:
+            return ClusterExecutor(settings.dask_scheduler)
+        case ExecutorKind.PROCESS:
+            import multiprocessing
+            from concurrent.futures import ProcessPoolExecutor
+
+            context = multiprocessing.get_context("forkserver")
+            return ProcessPoolExecutor(1, mp_context=context, initializer=_quiet)

@@ -1,0 +1,277 @@
+"""Long work as rows with a lease, and the worker that does it on an Executor.
+
+A job is committed together with the request that made it. A worker claims it with a lease and a fencing
+token that grows by one with each claim; it renews the lease while the work goes on, and its result is
+written only if the token is still the newest one, in the same transaction as everything that the result
+changes. So a worker that dies loses nothing (the lease runs out and any other takes the job up) and one
+that was merely slow doubles nothing.
+
+The work itself is a pure function `work(payload, report, should_stop)` on a `concurrent.futures.Executor`.
+It may be in another process or on another host; word of its progress goes through a small file in the data
+folder.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any
+
+from sqlalchemy import and_, or_, select
+from sqlalchemy.orm import Session
+
+from ground.errors import GroundError, JobFailedError
+from ground.gdr.base import utc_now
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.jobs.row import JobRow
+from ground.settings import Settings
+
+logger = logging.getLogger(__name__)
+
+
+Report = Callable[[float, str], None]
+
+
+ShouldStop = Callable[[], bool]
+
+
+Work = Callable[[dict[str, Any], Report, ShouldStop], dict[str, Any]]
+
+
+Settle = Callable[[Repository, Session, JobRow, dict[str, Any]], str | None]
+
+
+Abandon = Callable[[Session, JobRow], None]
+
+
+LOG_LINES = 200
+
+
+WAKE = threading.Event()
+"""Set when a job was queued in this process, so that its worker need not wait for the next look."""
+
+
+class WorkStoppedError(Exception):
+    """Raised by work that was asked to stop and did."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobKind:
+    """One kind of long work.
+
+    `work` must be importable by name (it is sent to another process). `settle` writes the result into the
+    repository and returns its address; `abandon` is called when the job ends without a result, `begin` when
+    a worker takes it up.
+    """
+
+    name: str
+    work: Work
+    settle: Settle
+    abandon: Abandon
+    begin: Abandon | None = None
+
+
+def enqueue(
+    session: Session,
+    settings: Settings,
+    *,
+    kind: str,
+    mission_id: str | None,
+    subject_kind: str,
+    subject_id: str,
+    payload: Mapping[str, Any],
+    author: str,
+    job_id: str | None = None,
+) -> JobRow:
+    """Return a queued job; it exists when the caller's transaction is committed."""
+    row = JobRow(
+        id=job_id or new_id("job"),
+        author=author,
+        mission_id=mission_id,
+        kind=kind,
+        payload=dict(payload),
+        subject_kind=subject_kind,
+        subject_id=subject_id,
+        state="queued",
+        max_attempts=settings.job_attempts,
+        time_limit_s=settings.job_time_limit_s,
+        log=[],
+    )
+    session.add(row)
+    session.flush()
+    return row
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """The right to do a job, until its token is outdated."""
+
+    job_id: str
+    kind: str
+    token: int
+    attempt: int
+    payload: dict[str, Any]
+    time_limit_s: float
+
+
+def _log(row: JobRow, text: str) -> None:
+    row.log = [*row.log, {"at_utc": utc_now().isoformat(), "text": text}][-LOG_LINES:]
+
+
+def _end(row: JobRow, state: str, message: str, problem: dict[str, Any] | None = None) -> None:
+    row.state, row.message, row.problem = state, message, problem
+    row.finished_utc, row.lease_until_utc = utc_now(), None
+    row.revision += 1
+    row.modified_utc = utc_now()
+    _log(row, message or state)
+
+
+def claim_job(repo: Repository, kinds: Mapping[str, JobKind], worker: str) -> Claim | None:
+    """Return the oldest job that waits or whose lease has run out, now leased to `worker`; None if there
+    is none.
+
+    A job that was begun too often is ended as failed; one that was to be cancelled is cancelled.
+    """
+    with repo.database.write() as session:
+        while True:
+            now = utc_now()
+            query = (
+                select(JobRow)
+                .where(
+                    JobRow.kind.in_(list(kinds)),
+                    or_(
+                        JobRow.state == "queued",
+                        and_(JobRow.state == "running", JobRow.lease_until_utc < now),
+                    ),
+                )
+                .order_by(JobRow.id)
+                .limit(1)
+                .with_for_update(skip_locked=True)
+            )
+            row = session.scalars(query).first()
+            if row is None:
+                return None
+            if row.cancel_requested:
+                _end(row, "cancelled", "cancelled before it began")
+                kinds[row.kind].abandon(session, row)
+                session.flush()
+                continue
+            if row.attempt >= row.max_attempts:
+                detail = f"given up: it was begun {row.attempt} times and its worker vanished each time"
+                _end(row, "failed", detail, problem_of(JobFailedError(detail)))
+                kinds[row.kind].abandon(session, row)
+                session.flush()
+                continue
+            row.state, row.worker = "running", worker
+            row.token += 1
+            row.attempt += 1
+            row.revision += 1
+            row.progress, row.message = 0.0, "begun"
+            row.lease_until_utc = now + timedelta(seconds=repo.settings.job_lease_s)
+            row.started_utc = row.started_utc or now
+            _log(row, f"attempt {row.attempt} by {worker}")
+            begin = kinds[row.kind].begin
+            if begin is not None:
+                begin(session, row)
+            return Claim(row.id, row.kind, row.token, row.attempt, dict(row.payload), row.time_limit_s)
+
+
+def renew(repo: Repository, claim: Claim, progress: float, message: str) -> tuple[bool, bool]:
+    """Renew the lease and note the progress; return (still ours, cancel wanted)."""
+    with repo.database.write() as session:
+        row = _ours(session, claim)
+        if row is None:
+            return False, True
+        row.lease_until_utc = utc_now() + timedelta(seconds=repo.settings.job_lease_s)
+        progress = min(1.0, max(row.progress, progress))
+        if (progress, message) != (row.progress, row.message):
+            if message != row.message:
+                _log(row, message)
+            row.progress, row.message = progress, message
+            row.revision += 1
+        return True, row.cancel_requested
+
+
+def _ours(session: Session, claim: Claim) -> JobRow | None:
+    query = select(JobRow).where(
+        JobRow.id == claim.job_id, JobRow.token == claim.token, JobRow.state == "running"
+    )
+    return session.scalars(query.with_for_update()).first()
+
+
+def settle(repo: Repository, kind: JobKind, claim: Claim, result: dict[str, Any]) -> bool:
+    """Write a result if the claim still holds; return whether it did.
+
+    Work that was asked to stop may still have a result; then its member `stopped` says in words what it is.
+    """
+    with repo.database.write() as session:
+        row = _ours(session, claim)
+        if row is None:
+            logger.warning("late result dropped", extra={"job_id": claim.job_id, "token": claim.token})
+            return False
+        row.result_url = kind.settle(repo, session, row, result)
+        row.progress = 1.0
+        _end(row, "succeeded", result.get("stopped") or "done")
+        return True
+
+
+def give_up(
+    repo: Repository, kind: JobKind, claim: Claim, state: str, message: str, problem: dict[str, Any] | None
+) -> bool:
+    """End a job without a result if the claim still holds; return whether it did."""
+    with repo.database.write() as session:
+        row = _ours(session, claim)
+        if row is None:
+            return False
+        _end(row, state, message, problem)
+        kind.abandon(session, row)
+        return True
+
+
+def hand_back(repo: Repository, claim: Claim, reason: str) -> None:
+    """Queue a job again whose worker process died or is about to stop."""
+    with repo.database.write() as session:
+        row = _ours(session, claim)
+        if row is not None:
+            row.state, row.lease_until_utc, row.message = "queued", None, reason
+            row.revision += 1
+            _log(row, reason)
+
+
+def problem_of(error: BaseException) -> dict[str, Any]:
+    """Return the problem document of work that failed."""
+    if isinstance(error, GroundError):
+        kind, detail = str(error.extra.get("type", "job-failed")), error.message
+    else:
+        kind, detail = "internal-error", f"{type(error).__name__}: {error}"
+    return {
+        "type": f"urn:outcrop:problem:{kind}",
+        "title": "The work ended without a result",
+        "status": 422,
+        "detail": detail,
+    }
+
+
+def cancel(session: Session, row: JobRow, kinds_abandon: Abandon | None, now: datetime) -> None:
+    """Ask a job to stop; one that waits is over at once."""
+    if row.state == "queued":
+        row.cancel_requested = True
+        _end(row, "cancelled", "cancelled before it began")
+        if kinds_abandon is not None:
+            kinds_abandon(session, row)
+    elif row.state == "running" and not row.cancel_requested:
+        row.cancel_requested = True
+        row.revision += 1
+        row.modified_utc = now
+
+
+def requeue(row: JobRow) -> None:
+    """Queue a job that ended without a result once more, with its attempts counted from zero."""
+    row.state, row.attempt, row.cancel_requested = "queued", 0, False
+    row.problem, row.finished_utc, row.progress, row.message = None, None, 0.0, "queued again"
+    row.revision += 1
+    _log(row, "queued again")

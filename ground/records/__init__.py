@@ -1,0 +1,1 @@
+"""What all kinds of resource have in common: rights, reading, listing, changing, deleting, history."""

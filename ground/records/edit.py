@@ -1,0 +1,103 @@
+"""What all changes have in common: the lock, the rights, the revision, the event."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from ground.errors import (
+    StaleRevisionError,
+)
+from ground.gdr.base import Row, utc_now
+from ground.gdr.history import SYSTEM, Change, dump_row, record
+from ground.records.actor import Actor
+from ground.records.get_resource import find_row, mission_of
+from ground.records.kind import Kind
+
+
+def chain_of(row: Row) -> str:
+    """Return the chain of events a row's changes are written to."""
+    return mission_of(row) or SYSTEM
+
+
+def insert(
+    session: Session, actor: Actor, kind: Kind, row: Row, *, reason: str = "", group: str = ""
+) -> None:
+    """Add a row and write the event."""
+    session.add(row)
+    session.flush()
+    change = Change(actor.name, "create", kind.name, row.id, None, public(row), reason, group=group)
+    record(session, chain_of(row), change)
+
+
+def open_for_change(
+    session: Session, actor: Actor, kind: Kind, resource_id: str, revision: int | None
+) -> Any:
+    """Return a row locked for change.
+
+    Raises
+    ------
+    StaleRevisionError
+        If `revision` is given and is not the present one.
+    """
+    row = find_row(session, kind, resource_id, lock=True)
+    actor.require(kind.edit, mission_of(row))
+    if revision is not None and row.revision != revision:
+        raise StaleRevisionError(
+            f"{kind.title} {resource_id} is at revision {row.revision}; the change was meant for {revision}",
+            current=kind.show(session, [row])[0],
+        )
+    return row
+
+
+def update(
+    session: Session,
+    actor: Actor,
+    kind: Kind,
+    row: Row,
+    changes: Mapping[str, Any],
+    *,
+    action: str = "change",
+    reason: str = "",
+    group: str = "",
+) -> None:
+    """Set columns, count the revision up and write the event; nothing happens if nothing is new."""
+    if all(getattr(row, name) == value for name, value in changes.items()):
+        return
+    before = public(row)
+    for name, value in changes.items():
+        setattr(row, name, value)
+    row.revision += 1
+    row.modified_utc = utc_now()
+    session.flush()
+    record(
+        session,
+        chain_of(row),
+        Change(actor.name, action, kind.name, row.id, before, public(row), reason, group=group),
+    )
+
+
+def remove(
+    session: Session, actor: Actor, kind: Kind, row: Row, *, reason: str = "", group: str = ""
+) -> None:
+    """Delete a row and write the event, which keeps the whole row."""
+    before, chain = public(row), chain_of(row)
+    session.delete(row)
+    session.flush()
+    record(session, chain, Change(actor.name, "delete", kind.name, row.id, before, None, reason, group=group))
+
+
+_BULKY = frozenset({"tree", "summary", "crl_text", "document", "geometry", "payload", "log", "password_hash"})
+
+
+def public(row: Row) -> dict[str, Any]:
+    """Return a row as it stands in the history: without secrets and without the bulk of computed results."""
+    return {name: value for name, value in dump_row(row).items() if name not in _BULKY}
+
+
+def next_number(session: Session, row: Any, mission_id: str) -> int:
+    """Return one more than the largest `number` in the mission."""
+    return int(session.scalar(select(func.max(row.number)).where(row.mission_id == mission_id)) or 0) + 1

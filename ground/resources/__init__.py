@@ -1,0 +1,1 @@
+"""One folder a noun: value, rules, row, kind, use cases, routes."""

@@ -1,0 +1,1 @@
+"""Approvals, waivers and flight rules."""

@@ -1,0 +1,58 @@
+"""Endpoints: approvals, waivers and flight rules."""
+
+from __future__ import annotations
+
+from starlette.responses import Response
+
+from ground.api.context import Asked, Cursor, Id, Limit, answer, api_router, created
+from ground.api.forms import Page
+from ground.api.problems import responses
+from ground.resources.approvals.bodies import ApprovalCreate, WaiverCreate
+from ground.resources.approvals.value import Approval, FlightRuleResult
+
+router = api_router("uplink")
+
+
+@router.get("/missions/{mission_id}/approvals", response_model=Page[Approval], responses=responses(404, 422))
+async def list_approvals(ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None) -> Response:
+    """List approvals, with those that are void."""
+    return await ask.page("approval", mission_id, limit, cursor)
+
+
+@router.get(
+    "/plans/{plan_id}/flight-rules",
+    response_model=list[FlightRuleResult],
+    responses=responses(404, 409, 422),
+)
+async def get_flight_rules(ask: Asked, plan_id: Id) -> Response:
+    """Hold every flight rule against the plan."""
+    from ground.resources.approvals.check_flight_rules import check_flight_rules
+
+    return answer(await ask.do(check_flight_rules, plan_id))
+
+
+@router.post(
+    "/plans/{plan_id}/waivers",
+    response_model=list[FlightRuleResult],
+    status_code=201,
+    responses=responses(400, 404, 409, 422),
+)
+async def create_waiver(ask: Asked, plan_id: Id, body: WaiverCreate) -> Response:
+    """Accept that one flight rule does not hold for this plan, with the reason."""
+    from ground.resources.approvals.check_flight_rules import waive_rule
+
+    return answer(await ask.do(waive_rule, plan_id, body.rule, body.reason), 201)
+
+
+@router.post(
+    "/plans/{plan_id}/approval",
+    response_model=Approval,
+    status_code=201,
+    responses=responses(400, 404, 409, 422),
+)
+async def approve_plan(ask: Asked, plan_id: Id, body: ApprovalCreate) -> Response:
+    """Approve a verified plan; not one's own, and only with the digest that was read."""
+    from ground.resources.approvals.approve_plan import approve_plan
+
+    approval = await ask.do(approve_plan, plan_id, body.crl_sha256, body.note)
+    return created(approval, f"/api/v1/missions/{approval.mission_id}/approvals")

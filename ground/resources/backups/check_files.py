@@ -1,0 +1,90 @@
+"""Compare the records with the files they name."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import select
+
+from ground.gdr.repository import Repository
+from ground.resources.packages.row import PackageRow
+from ground.resources.products.row import ProductRow
+from ground.resources.runs.row import RunRow
+from ground.resources.site_maps.row import SiteMapRow
+from ground.resources.traverses.row import TraverseRow
+from ground.resources.uploads.row import UploadRow
+
+FRESH_S = 3600.0
+"""A file younger than this may belong to a request still being answered."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileReport:
+    """Records whose file is missing, files that no record names, number of files, folders of no run."""
+
+    without_file: list[str]
+    unnamed: list[str]
+    files: int
+    stray_runs: list[str]
+
+
+_NAMED = (
+    ProductRow.sha256,
+    RunRow.trace_sha256,
+    RunRow.telemetry_sha256,
+    UploadRow.sha256,
+    PackageRow.sha256,
+    SiteMapRow.sha256,
+)
+
+
+def pictures_of(document: Mapping[str, Any] | None) -> list[str]:
+    """Return the hashes of the pictures of a traverse's stops."""
+    return [] if document is None else [str(stop["picture"]["sha256"]) for stop in document["stops"]]
+
+
+def named_files(repo: Repository) -> dict[str, str]:
+    """Return the hashes that records name, each with the id of such a record."""
+    with repo.database.read() as session:
+        named: dict[str, str] = {}
+        for column in _NAMED:
+            query = select(column, column.class_.id).where(column.is_not(None))
+            named |= {str(sha256): str(owner) for sha256, owner in session.execute(query)}
+        documents = select(TraverseRow.id, TraverseRow.document).where(TraverseRow.document.is_not(None))
+        for owner, document in session.execute(documents):
+            named |= dict.fromkeys(pictures_of(document), str(owner))
+        return named
+
+
+def stray_runs(repo: Repository) -> list[Path]:
+    """Return the folders of runs that are in no record: left by a downlink that did not come to its end."""
+    folder = repo.data_dir / "runs"
+    found = sorted(folder.iterdir()) if folder.is_dir() else []  # before the rows: who is faster is in them
+    with repo.database.read() as session:
+        known = set(session.scalars(select(RunRow.id)))
+    return [path for path in found if path.name not in known]
+
+
+def check_files(repo: Repository) -> FileReport:
+    """Return what does not fit together."""
+    named = named_files(repo)
+    present = set(repo.files.hashes())
+    missing = sorted(owner for sha256, owner in named.items() if sha256 not in present)
+    strays = [path.name for path in stray_runs(repo)]
+    return FileReport(missing, sorted(present - set(named)), len(present), strays)
+
+
+def sweep_files(repo: Repository) -> list[str]:
+    """Remove files and folders that no record names and that are older than an hour; return their names."""
+    old = time.time() - FRESH_S
+    gone = repo.files.sweep(set(named_files(repo)), old)
+    for path in stray_runs(repo):
+        if path.stat().st_mtime < old:
+            shutil.rmtree(path, ignore_errors=True)
+            gone.append(path.name)
+    return gone

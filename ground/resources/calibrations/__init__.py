@@ -1,0 +1,1 @@
+"""Calibrations of a mission's path network."""

@@ -1,0 +1,50 @@
+"""Learn a mission's calibration from run folders at once, without a worker."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ground.errors import NotFoundError
+from ground.gdr.repository import Repository
+from ground.records.actor import Action, Actor
+from ground.records.edit import update
+from ground.resources.calibrations.calibrate_mission import calibration_payload, run_folders
+from ground.resources.missions.kind import MISSION, show_missions
+from ground.resources.missions.row import MissionRow
+from ground.resources.missions.value import Mission
+
+
+def calibrate_from_folders(
+    repo: Repository, actor: Actor, mission_id: str, folders: Sequence[Path] = (), *, name: str = ""
+) -> Mission:
+    """Return the mission with the calibration that run folders on its terrain bear out.
+
+    Its own runs when there are no folders; those that hold no legs are passed over then.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such mission.
+    InvalidInputError
+        If a folder holds no legs, or there are too few legs.
+    """
+    from ground.resources.calibrations.work import learn
+
+    actor.require(Action.EDIT_MISSION, mission_id)
+    with repo.database.read() as session:
+        payload = calibration_payload(
+            repo,
+            session,
+            mission_id,
+            folders or run_folders(repo, session, mission_id),
+            strict=bool(folders),
+            name=name,
+        )
+    document = learn(payload, lambda _share, _what: None, lambda: False)
+    with repo.database.write() as session:
+        row = session.get(MissionRow, mission_id, with_for_update=True)
+        if row is None:
+            raise NotFoundError(f"there is no mission {mission_id}")
+        update(session, actor, MISSION, row, {"calibration": document}, action="calibrate")
+        return show_missions(session, [row])[0]

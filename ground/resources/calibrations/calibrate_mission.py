@@ -1,0 +1,130 @@
+"""Learn loss, duration and energy parameters of a mission's path network from its recorded runs: a job."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.errors import InvalidInputError, NotFoundError
+from ground.gdr.repository import Repository
+from ground.jobs.kind import show_jobs
+from ground.jobs.queue import WAKE, enqueue
+from ground.jobs.row import JobRow
+from ground.jobs.value import Job
+from ground.records.actor import SYSTEM_ACTOR, Action, Actor
+from ground.records.edit import update
+from ground.resources.missions.kind import MISSION
+from ground.resources.missions.row import MissionRow
+from ground.resources.missions.terrain import terrain_row
+from ground.resources.runs.row import RunRow
+
+KIND = "calibrate_mission"
+
+
+def calibrate_mission(
+    repo: Repository, actor: Actor, mission_id: str, *, run_ids: Sequence[str] = (), name: str = ""
+) -> Job:
+    """Return the job that gives the mission the calibration that its recorded runs bear out.
+
+    Plans made from then on use it.
+
+    Parameters
+    ----------
+    run_ids
+        Runs of the mission to learn from; all that a rover on terrain drove when empty.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such mission.
+    InvalidInputError
+        If a run is not of the mission.
+    """
+    actor.require(Action.EDIT_MISSION, mission_id)
+    with repo.database.write() as session:
+        folders = run_folders(repo, session, mission_id, run_ids)
+        job = enqueue(
+            session,
+            repo.settings,
+            kind=KIND,
+            mission_id=mission_id,
+            subject_kind="mission",
+            subject_id=mission_id,
+            payload=calibration_payload(repo, session, mission_id, folders, strict=bool(run_ids), name=name),
+            author=actor.name,
+        )
+        value = show_jobs(session, [job])[0]
+    WAKE.set()
+    return value
+
+
+def run_folders(
+    repo: Repository, session: Session, mission_id: str, run_ids: Sequence[str] = ()
+) -> list[Path]:
+    """Return the folders of these runs of a mission, of all of them when there are none.
+
+    Raises
+    ------
+    InvalidInputError
+        If a run is not of the mission.
+    """
+    row = RunRow
+    known = list(session.scalars(select(row.id).where(row.mission_id == mission_id).order_by(row.id)))
+    for index, wanted in enumerate(run_ids):
+        if wanted not in known:
+            raise InvalidInputError(
+                f"there is no run {wanted} in mission {mission_id}", pointer=f"/run_ids/{index}"
+            )
+    return [repo.run_dir(run_id) for run_id in run_ids or known]
+
+
+def calibration_payload(
+    repo: Repository,
+    session: Session,
+    mission_id: str,
+    folders: Sequence[Path],
+    *,
+    strict: bool,
+    name: str,
+) -> dict[str, Any]:
+    """Return what the work needs; without `strict`, folders that hold no legs are passed over.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such mission.
+    """
+    mission = session.get(MissionRow, mission_id)
+    if mission is None:
+        raise NotFoundError(f"there is no mission {mission_id}")
+    return {
+        "folders": [str(folder) for folder in folders],
+        "strict": strict,
+        "name": name or f"runs of {mission.name}",
+        "rover_profile": mission.rover_profile,
+        "terrain_dir": str(repo.terrain_dir(terrain_row(session, mission_id).id)),
+    }
+
+
+def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, Any]) -> str | None:
+    """Give the mission its calibration, unless it is gone."""
+    row = session.get(MissionRow, job.subject_id, with_for_update=True)
+    if row is None:
+        return None
+    update(
+        session,
+        SYSTEM_ACTOR,
+        MISSION,
+        row,
+        {"calibration": result["calibration"]},
+        action="calibrate",
+    )
+    return f"/api/v1/missions/{row.id}"
+
+
+def abandon(_session: Session, _job: JobRow) -> None:
+    """Leave the mission as it is."""

@@ -1,0 +1,71 @@
+"""Learn the parameters of a path network from recorded runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ground.day.convert import Report
+from ground.errors import ArchiveError, InvalidInputError, JobFailedError
+from ground.jobs.queue import WorkStoppedError
+from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
+
+READING = 0.3
+"""Share of the work that reading the runs is."""
+
+
+def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+    """Return `calibration`, the document `calibration/1` that run folders bear out.
+
+    Raises
+    ------
+    JobFailedError
+        If a run that was asked for holds no legs, or there are too few of them.
+    WorkStoppedError
+        If it was asked to stop.
+    """
+    try:
+        return {"calibration": learn(payload, report, should_stop)}
+    except InvalidInputError as err:
+        raise JobFailedError(err.message) from err
+
+
+def learn(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+    """Return the document; see above, but wrong runs are an `InvalidInputError`."""
+    from ground.gdr.terrain_folders import load_cached
+    from planner.path_network import calibration_to_json
+    from rover_iface.profile import load_profile
+
+    def tell(share: float, what: str) -> None:
+        if should_stop():
+            raise WorkStoppedError
+        report(share, what)
+
+    folders = [Path(folder) for folder in payload["folders"]]
+    legs: list[DrivenLeg] = []
+    used = 0
+    for index, folder in enumerate(folders):
+        tell(READING * index / len(folders), f"legs of {folder.name}")
+        try:
+            found = legs_of_run(folder)
+        except ArchiveError as err:
+            if payload["strict"]:
+                raise InvalidInputError(err.message, pointer="/run_ids") from err
+            continue
+        legs += found
+        used += bool(found)
+    profile = load_profile(payload["rover_profile"])
+    tell(READING, "terrain")
+    runs = f"{used} recorded run{'' if used == 1 else 's'}"
+    fitted = calibrate(
+        legs,
+        profile,
+        load_cached(Path(payload["terrain_dir"])),
+        name=payload["name"],
+        source=f"{len(legs)} legs of {runs} of rover profile {profile.name} {profile.version}",
+        report=lambda share: tell(READING + (1.0 - READING) * share, "metres in and out of view"),
+    )
+    calibration_to_json(fitted)  # refuses what could not be read again
+    return {"format": "calibration/1", **asdict(fitted)}

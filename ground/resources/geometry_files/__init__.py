@@ -1,0 +1,1 @@
+"""Files of targets and keep-outs."""

@@ -1,0 +1,44 @@
+"""Endpoints: files of targets and keep-outs."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from starlette.responses import Response
+
+from ground.api.context import Asked, Id, answer, api_router, attachment, media_answers
+from ground.api.problems import responses
+from ground.resources.geometry_files.bodies import GeometryImport
+from ground.resources.geometry_files.value import ImportedGeometry
+
+router = api_router("exchange")
+
+
+@router.get(
+    "/missions/{mission_id}/geometry",
+    response_class=Response,
+    responses={**media_answers("application/geo+json", "text/csv"), **responses(404, 422)},
+)
+async def export_geometry(
+    ask: Asked, mission_id: Id, form: Literal["geojson", "csv"] = "geojson"
+) -> Response:
+    """Send all targets and keep-outs as GeoJSON in site metres or as CSV."""
+    from ground.resources.geometry_files.exchange_geometry import export_geometry
+
+    content = await ask.do(export_geometry, mission_id, form=form)
+    media = "text/csv; charset=utf-8" if form == "csv" else "application/geo+json"
+    return Response(content, media_type=media, headers=attachment(f"{mission_id}.{form}"))
+
+
+@router.post(
+    "/missions/{mission_id}/geometry",
+    response_model=ImportedGeometry,
+    status_code=201,
+    responses=responses(400, 404, 413, 422),
+)
+async def import_geometry(ask: Asked, mission_id: Id, body: GeometryImport) -> Response:
+    """Take in targets and keep-outs from an uploaded GeoJSON or CSV file: all of them, or none with the rows
+    that are wrong."""
+    from ground.resources.geometry_files.exchange_geometry import import_geometry
+
+    return answer(await ask.do(import_geometry, mission_id, body.upload_id), 201)

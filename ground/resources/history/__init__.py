@@ -1,0 +1,1 @@
+"""A mission's history."""

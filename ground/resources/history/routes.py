@@ -1,0 +1,50 @@
+"""Endpoints: a mission's history."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import Query
+from starlette.responses import Response
+
+from ground.api.context import Asked, Id, Limit, answer, api_router
+from ground.api.forms import Page
+from ground.api.problems import responses
+from ground.records.list_history import Event
+from ground.resources.history.bodies import UndoBody
+
+router = api_router("missions")
+
+
+@router.get("/missions/{mission_id}/history", response_model=Page[Event], responses=responses(404, 422))
+async def list_history(
+    ask: Asked,
+    mission_id: Id,
+    limit: Limit = 100,
+    after: Annotated[int, Query(ge=0, le=2**53, description="events behind this number")] = 0,
+    newest_first: bool = False,
+) -> Response:
+    """List the changes of a mission; `next_cursor` is the number to give as `after`."""
+    from ground.records.list_history import list_history
+
+    return answer(await ask.do(list_history, mission_id, after=after, limit=limit, newest_first=newest_first))
+
+
+@router.post(
+    "/missions/{mission_id}/undo", response_model=list[Event], responses=responses(400, 404, 409, 422)
+)
+async def undo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
+    """Take back the last act; the answer holds the events that did it."""
+    from ground.resources.history.undo import undo
+
+    return answer(await ask.do(undo, mission_id, anyone=body.anyone))
+
+
+@router.post(
+    "/missions/{mission_id}/redo", response_model=list[Event], responses=responses(400, 404, 409, 422)
+)
+async def redo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
+    """Do again what was last taken back."""
+    from ground.resources.history.undo import redo
+
+    return answer(await ask.do(redo, mission_id, anyone=body.anyone))

@@ -1,0 +1,73 @@
+"""Jobs: long work, its progress, and the stream of a mission's changes."""
+
+from __future__ import annotations
+
+from starlette.responses import Response, StreamingResponse
+
+from ground.api.context import Asked, Cursor, FilterId, Id, Limit, answer, api_router
+from ground.api.forms import Page
+from ground.api.problems import responses
+from ground.api.streams import EVENT_STREAM, LastEventId
+from ground.jobs.value import Job, JobState
+
+router = api_router("jobs")
+
+
+@router.get("/missions/{mission_id}/jobs", response_model=Page[Job], responses=responses(404, 422))
+async def list_jobs(
+    ask: Asked,
+    mission_id: Id,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+    state: JobState | None = None,
+    subject_id: FilterId = None,
+) -> Response:
+    """List the jobs of a mission."""
+    where = {"state": state, "subject_id": subject_id}
+    return await ask.page("job", mission_id, limit, cursor, where)
+
+
+@router.get("/jobs/{job_id}", response_model=Job, responses=responses(404, 422))
+async def get_job(ask: Asked, job_id: Id) -> Response:
+    """Read a job: state, progress, log, what came of it."""
+    return await ask.one("job", job_id)
+
+
+@router.post("/jobs/{job_id}/cancel", response_model=Job, responses=responses(404, 422))
+async def cancel_job(ask: Asked, job_id: Id) -> Response:
+    """Ask a job to stop; one that waits is cancelled at once, one that is over stays as it is."""
+    from ground.resources.jobs.cancel_job import cancel_job
+
+    return answer(await ask.do(cancel_job, job_id))
+
+
+@router.post("/jobs/{job_id}/retry", response_model=Job, responses=responses(404, 409, 422))
+async def retry_job(ask: Asked, job_id: Id) -> Response:
+    """Queue a failed or cancelled job once more."""
+    from ground.resources.jobs.cancel_job import retry_job
+
+    return answer(await ask.do(retry_job, job_id))
+
+
+@router.get(
+    "/jobs/{job_id}/events",
+    response_class=StreamingResponse,
+    responses={**EVENT_STREAM, **responses(404, 422)},
+)
+async def stream_job(ask: Asked, job_id: Id, last_event_id: LastEventId = None) -> Response:
+    """Stream a job: events `job` with the whole job at each change, the last one when it is over."""
+    from ground.api.streams import job_stream
+
+    return await job_stream(ask.repo, ask.who, job_id, last_event_id)
+
+
+@router.get(
+    "/missions/{mission_id}/events",
+    response_class=StreamingResponse,
+    responses={**EVENT_STREAM, **responses(404, 422)},
+)
+async def stream_mission(ask: Asked, mission_id: Id, last_event_id: LastEventId = None) -> Response:
+    """Stream the changes of a mission: events `change`; without Last-Event-ID from now on."""
+    from ground.api.streams import mission_stream
+
+    return await mission_stream(ask.repo, ask.who, mission_id, last_event_id)

@@ -1,0 +1,25 @@
+"""What the API takes for keep-outs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from ground.api.forms import Body, Corner, Id, Name, Text, unset
+
+
+class KeepOutCreate(Body):
+    """A polygon the rover must not enter; the ring is closed by itself."""
+
+    name: Name | None = None
+    notes: Text = ""
+    polygon_m: Annotated[list[Corner], Field(min_length=3, max_length=500)]
+    frame_id: Id | None = None
+
+
+class KeepOutChange(Body):
+    name: Name = Field(default_factory=unset)
+    notes: Text = Field(default_factory=unset)
+    polygon_m: Annotated[list[Corner], Field(min_length=3, max_length=500)] = Field(default_factory=unset)
+    frame_id: Id | None = None

@@ -1,0 +1,91 @@
+"""Draw a keep-out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from ground.errors import InvalidInputError, OutsideTerrainError
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.records.actor import Action, Actor
+from ground.records.edit import insert
+from ground.resources.keep_outs.kind import KEEP_OUT, show_keep_outs
+from ground.resources.keep_outs.row import KeepOutRow
+from ground.resources.keep_outs.tie_keep_out import tied_keep_out
+from ground.resources.keep_outs.value import KeepOut
+from ground.resources.missions.terrain import terrain_row
+
+
+def create_keep_out(
+    repo: Repository,
+    actor: Actor,
+    mission_id: str,
+    *,
+    polygon_m: Sequence[Sequence[float]],
+    name: str | None = None,
+    notes: str = "",
+    frame_id: str | None = None,
+) -> KeepOut:
+    """Return a new keep-out; with `frame_id` it is tied to that frame and moves with it.
+
+    Raises
+    ------
+    InvalidInputError
+        If the outline crosses itself, has no area or lies off the terrain.
+    """
+    actor.require(Action.EDIT_MISSION, mission_id)
+    with repo.database.write() as session:
+        require_polygon(repo, session, mission_id, polygon_m)
+        count = session.scalar(select(func.count()).where(KeepOutRow.mission_id == mission_id)) or 0
+        row = KeepOutRow(
+            id=new_id("kpo"),
+            author=actor.name,
+            mission_id=mission_id,
+            name=name or f"Keep-out {count + 1}",
+            notes=notes,
+            polygon_m=[[float(e), float(n)] for e, n in polygon_m],
+            sigma_m=0.0,
+        )
+        if frame_id is not None:
+            for column, value in tied_keep_out(session, row, {"frame_id": frame_id}).items():
+                setattr(row, column, value)
+        insert(session, actor, KEEP_OUT, row)
+        return show_keep_outs(session, [row])[0]
+
+
+def require_polygon(
+    repo: Repository, session: Session, mission_id: str, polygon_m: Sequence[Sequence[float]]
+) -> None:
+    """Raise unless the corners make a simple polygon with an area, on the terrain."""
+    from shapely.geometry import Polygon
+
+    corners = [tuple(c) for c in polygon_m]
+    if len(corners) > 1 and corners[0] == corners[-1]:
+        corners = corners[:-1]
+    if len(set(corners)) < 3:
+        raise InvalidInputError(
+            f"a keep-out needs 3 corners, this one has {len(set(corners))}", pointer="/polygon_m"
+        )
+    shape = Polygon(corners)
+    if not shape.is_valid or shape.area < 1e-4:
+        raise InvalidInputError(
+            "the outline of the keep-out crosses itself or has no area", pointer="/polygon_m"
+        )
+    bounds = terrain_row(session, mission_id).description["bounds_m"]
+    west, south, east, north = shape.bounds
+    margin = 10.0
+    if (
+        west < bounds["east_min_m"] - margin
+        or east > bounds["east_max_m"] + margin
+        or south < bounds["north_min_m"] - margin
+        or north > bounds["north_max_m"] + margin
+    ):
+        raise OutsideTerrainError(
+            f"the keep-out reaches from ({west:.1f}, {south:.1f}) to ({east:.1f}, {north:.1f}) m, "
+            f"more than {margin:g} m "
+            f"off the terrain",
+            pointer="/polygon_m",
+        )

@@ -1,0 +1,1 @@
+"""Missions as archives and as copies."""

@@ -1,0 +1,67 @@
+"""Endpoints: missions as archives and as copies."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from starlette.background import BackgroundTask
+from starlette.responses import FileResponse, Response
+
+from ground.api.context import Asked, Id, api_router, call, created
+from ground.api.problems import responses
+from ground.resources.mission_archives.bodies import ArchiveImport, MissionCopy
+from ground.resources.missions.value import Mission
+
+router = api_router("missions")
+
+
+@router.post(
+    "/missions/{mission_id}/copy",
+    response_model=Mission,
+    status_code=201,
+    responses=responses(400, 404, 409, 422),
+)
+async def copy_mission(ask: Asked, mission_id: Id, body: MissionCopy) -> Response:
+    """Copy a mission with its sols, targets, requests and keep-outs: a what-if of its own."""
+    from ground.resources.mission_archives.copy_mission import copy_mission
+
+    mission = await ask.do(copy_mission, mission_id, name=body.name, notes=body.notes)
+    return created(mission, f"/api/v1/missions/{mission.id}")
+
+
+@router.get(
+    "/missions/{mission_id}/archive",
+    response_class=Response,
+    responses={
+        200: {"content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}}},
+        **responses(404, 422),
+    },
+)
+async def export_mission(ask: Asked, mission_id: Id) -> Response:
+    """Send the whole mission as one archive: rows, history, terrain, products, each with its hash."""
+    from ground.resources.mission_archives.mission_archive import export_mission
+
+    folder = Path(tempfile.mkdtemp(prefix="outcrop-archive-"))
+    target = folder / f"outcrop-{mission_id}.zip"
+    try:
+        await ask.do(export_mission, mission_id, target)
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
+    tidy = BackgroundTask(shutil.rmtree, folder)
+    return FileResponse(target, media_type="application/zip", filename=target.name, background=tidy)
+
+
+@router.post(
+    "/missions/import", response_model=Mission, status_code=201, responses=responses(400, 404, 409, 422)
+)
+async def import_mission(ask: Asked, body: ArchiveImport) -> Response:
+    """Take in a mission's archive that was uploaded; it keeps its ids and history."""
+    from ground.resources.mission_archives.mission_archive import import_mission
+    from ground.resources.uploads.store_upload import uploaded_file
+
+    source = await call(uploaded_file, ask.repo, body.upload_id)
+    mission = await ask.do(import_mission, source, name=body.name)
+    return created(mission, f"/api/v1/missions/{mission.id}")

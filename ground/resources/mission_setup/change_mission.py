@@ -1,0 +1,39 @@
+"""Change what a mission rests on: rover, calibration, drive rules, anchor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.gdr.repository import Repository
+from ground.records.kind import Changed, Prepared, plain
+from ground.resources.missions.row import MissionRow
+from ground.resources.missions.rules import require_calibration, require_drive_rules, require_profile
+from ground.resources.solutions.require_anchor import require_anchor
+from ground.resources.targets.row import TargetRow
+
+
+def change_mission(
+    _repo: Repository, session: Session, row: MissionRow, members: Mapping[str, Any], _prepared: Prepared
+) -> Changed:
+    """Return the columns of a mission that a change sets.
+
+    Raises
+    ------
+    InvalidInputError, StateError
+        If rover, calibration, drive rules or anchor cannot be those.
+    """
+    columns = {name: plain(value) for name, value in members.items()}
+    if "rover_profile" in members:
+        require_profile(members["rover_profile"])
+    if members.get("calibration") is not None:
+        columns["calibration"] = require_calibration(members["calibration"])
+    if members.get("drive_rules"):
+        targets = session.scalars(select(TargetRow.id).where(TargetRow.mission_id == row.id))
+        require_drive_rules(columns["drive_rules"], set(targets))
+    if "anchor_frame_id" in members and members["anchor_frame_id"] != row.anchor_frame_id:
+        require_anchor(session, row.id, members["anchor_frame_id"])
+    return Changed(columns)

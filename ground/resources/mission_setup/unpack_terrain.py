@@ -1,0 +1,60 @@
+"""Lay out uploaded files as a terrain folder, without trusting them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from ground.errors import NotFoundError, TerrainFileError
+from ground.gdr.archives import extract_zip, is_zip
+from ground.gdr.repository import Repository
+from ground.resources.uploads.row import UploadRow
+
+TERRAIN_SUFFIXES = {".tif", ".tiff", ".glb", ".gltf", ".obj", ".ply"}
+IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff"}
+
+
+def unpack_terrain(repo: Repository, upload_id: str, ortho_upload_id: str | None, work: Path) -> Path:
+    """Return a folder or file in `work` that the terrain readers take."""
+    with repo.database.read() as session:
+        main = session.get(UploadRow, upload_id)
+        if main is None:
+            raise NotFoundError(f"there is no upload {upload_id}", pointer="/terrain/upload_id")
+        ortho = None
+        if ortho_upload_id is not None:
+            ortho = session.get(UploadRow, ortho_upload_id)
+            if ortho is None:
+                raise NotFoundError(
+                    f"there is no upload {ortho_upload_id}", pointer="/terrain/ortho_upload_id"
+                )
+    stored = repo.files.path(main.sha256)
+    if is_zip(stored):
+        folder = work / "unpacked"
+        extract_zip(stored, folder, max_bytes=int(repo.settings.max_body_mib * 8 * 2**20))
+        inner = [p for p in folder.iterdir() if not p.name.startswith((".", "__"))]
+        while len(inner) == 1 and inner[0].is_dir():
+            folder = inner[0]
+            inner = [p for p in folder.iterdir() if not p.name.startswith((".", "__"))]
+        return folder
+    suffix = Path(main.file_name).suffix.lower()
+    if suffix not in TERRAIN_SUFFIXES:
+        raise TerrainFileError(
+            f"{main.file_name} is no terrain: a zip of a terrain folder, a GeoTIFF (.tif), or a mesh "
+            f"(.glb, .gltf, .obj, .ply) is needed",
+            pointer="/terrain/upload_id",
+        )
+    if suffix not in {".tif", ".tiff"}:
+        mesh = work / f"terrain{suffix}"
+        shutil.copyfile(stored, mesh)
+        return mesh
+    folder = work / Path(main.file_name).stem[:60]
+    folder.mkdir()
+    shutil.copyfile(stored, folder / "dem.tif")
+    if ortho is not None:
+        image = Path(ortho.file_name).suffix.lower()
+        if image not in IMAGE_SUFFIXES:
+            raise TerrainFileError(
+                f"{ortho.file_name} is no image (.png, .jpg, .tif)", pointer="/terrain/ortho_upload_id"
+            )
+        shutil.copyfile(repo.files.path(ortho.sha256), folder / f"ortho{image}")
+    return folder

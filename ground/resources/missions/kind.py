@@ -1,0 +1,63 @@
+"""How missions are stored and shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+from sqlalchemy import column, func, select, table
+from sqlalchemy.orm import Session
+
+from ground.records.actor import Action
+from ground.records.kind import Kind
+from ground.records.show import value_of
+from ground.resources.missions.row import MissionRow
+from ground.resources.missions.value import Counts, DriveRule, Mission
+from ground.resources.terrains.row import TerrainRow
+
+_COUNTED = tuple(field.name for field in fields(Counts))
+"""Tables of what rests on a mission; they stand above it, so they are named and not imported."""
+
+
+def _counts(session: Session, mission_ids: Sequence[str]) -> dict[str, Counts]:
+    found: dict[str, dict[str, int]] = {i: dict.fromkeys(_COUNTED, 0) for i in mission_ids}
+    for name in _COUNTED:
+        mission = table(name, column("mission_id")).c.mission_id
+        query = select(mission, func.count()).where(mission.in_(mission_ids)).group_by(mission)
+        for mission_id, count in session.execute(query):
+            found[mission_id][name] = count
+    return {i: Counts(**c) for i, c in found.items()}
+
+
+def show_missions(session: Session, rows: Sequence[MissionRow]) -> list[Mission]:
+    counts = _counts(session, [r.id for r in rows])
+    names = dict(
+        session.execute(
+            select(TerrainRow.id, TerrainRow.name).where(TerrainRow.id.in_([r.terrain_id for r in rows]))
+        ).all()
+    )
+    return [
+        value_of(
+            Mission,
+            r,
+            terrain_name=names.get(r.terrain_id, ""),
+            counts=counts[r.id],
+            drive_rules=[DriveRule(**rule) for rule in r.drive_rules or ()],
+        )
+        for r in rows
+    ]
+
+
+MISSION = Kind(
+    "mission",
+    "mission",
+    "msn",
+    "missions",
+    MissionRow,
+    show_missions,
+    Action.EDIT_MISSION,
+    frozenset({"name", "notes", "rover_profile", "anchor_frame_id", "calibration", "drive_rules"}),
+    undoable=True,
+    delete=Action.ADMINISTER,
+    related=True,
+)

@@ -1,0 +1,127 @@
+"""Endpoints: missions."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from fastapi import Query
+from starlette.responses import FileResponse, Response
+
+from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, answer, api_router
+from ground.api.forms import Page
+from ground.api.problems import responses
+from ground.resources.missions.bodies import MissionChange
+from ground.resources.missions.value import Mission
+from ground.resources.terrains.value import Terrain, TerrainPoint
+
+router = api_router("missions")
+
+
+Coordinate = Annotated[float, Query(ge=-100_000.0, le=100_000.0, allow_inf_nan=False)]
+
+
+@router.get("/missions", response_model=Page[Mission], responses=responses(422))
+async def list_missions(ask: Asked, limit: Limit = 100, cursor: Cursor = None) -> Response:
+    """List missions."""
+    return await ask.page("mission", None, limit, cursor)
+
+
+@router.get("/missions/{mission_id}", response_model=Mission, responses=responses(404, 422))
+async def get_mission(ask: Asked, mission_id: Id) -> Response:
+    """Read a mission."""
+    return await ask.one("mission", mission_id)
+
+
+@router.patch(
+    "/missions/{mission_id}", response_model=Mission, responses=responses(400, 404, 409, 412, 422, 428)
+)
+async def change_mission(
+    ask: Asked, mission_id: Id, body: MissionChange, if_match: IfMatch = None
+) -> Response:
+    """Change name, notes or rover profile of a mission."""
+    return await ask.change("mission", mission_id, body, if_match)
+
+
+@router.delete("/missions/{mission_id}", status_code=204, responses=responses(404, 409, 412, 422, 428))
+async def delete_mission(ask: Asked, mission_id: Id, if_match: IfMatch = None) -> Response:
+    """Delete a mission with all that is in it (administrators)."""
+    return await ask.delete("mission", mission_id, if_match)
+
+
+@router.get("/missions/{mission_id}/terrain", response_model=Terrain, responses=responses(404, 422))
+async def get_terrain(ask: Asked, mission_id: Id) -> Response:
+    """Describe the mission's terrain: layers, extent, start pose."""
+    from ground.resources.missions.read_terrain import read_terrain
+
+    return answer(await ask.do(read_terrain, mission_id))
+
+
+@router.get(
+    "/missions/{mission_id}/terrain/ortho",
+    response_class=Response,
+    responses={200: {"content": {"image/png": {}, "image/jpeg": {}}}, **responses(404, 422)},
+)
+async def get_ortho(
+    ask: Asked,
+    mission_id: Id,
+    layer: Literal["inner", "outer"] = "inner",
+    max_px: Annotated[
+        int, Query(ge=16, le=16384, description="longest side of the image that is sent")
+    ] = 16384,
+) -> Response:
+    """Send the ortho image of a layer, north up, with exactly the extent of the layer."""
+    from ground.resources.missions.read_terrain import read_ortho
+
+    path, media, etag = await ask.do(read_ortho, mission_id, layer, max_px)
+    return FileResponse(
+        path, media_type=media, headers={"Cache-Control": "private, max-age=86400", "ETag": etag}
+    )
+
+
+@router.get(
+    "/missions/{mission_id}/terrain/heights",
+    response_class=Response,
+    responses={
+        200: {
+            "content": {"application/octet-stream": {}},
+            "description": (
+                "float32, little-endian, row by row, first row in the north, NaN = unknown. "
+                "X-Outcrop-Shape: rows,columns; "
+                "X-Outcrop-Bounds: east,north of the first and last posts as "
+                "east_min,north_min,east_max,north_max; "
+                "X-Outcrop-Spacing: metres between posts."
+            ),
+        },
+        **responses(404, 422),
+    },
+)
+async def get_heights(
+    ask: Asked,
+    mission_id: Id,
+    layer: Literal["inner", "outer"] = "inner",
+    max_posts: Annotated[
+        int, Query(ge=16, le=4_000_000, description="thinned out to at most so many posts")
+    ] = 250_000,
+) -> Response:
+    """Send the heights of a layer as binary."""
+    from ground.resources.missions.read_terrain import read_heights
+
+    tile = await ask.do(read_heights, mission_id, layer, max_posts)
+    headers = {
+        "X-Outcrop-Shape": f"{tile.rows},{tile.columns}",
+        "X-Outcrop-Bounds": ",".join(f"{b:.6f}" for b in tile.bounds),
+        "X-Outcrop-Spacing": f"{tile.spacing_m:.6f}",
+        "X-Outcrop-Order": "north-to-south",
+        "Cache-Control": "private, max-age=86400",
+    }
+    return Response(tile.content, media_type="application/octet-stream", headers=headers)
+
+
+@router.get(
+    "/missions/{mission_id}/terrain/point", response_model=TerrainPoint, responses=responses(404, 422)
+)
+async def get_terrain_point(ask: Asked, mission_id: Id, east_m: Coordinate, north_m: Coordinate) -> Response:
+    """Ask the full-resolution terrain for one point: height, normal, slope, covariance."""
+    from ground.resources.missions.read_terrain import read_point
+
+    return answer(await ask.do(read_point, mission_id, east_m, north_m))

@@ -1,0 +1,52 @@
+"""Rules of a mission: rover, calibration, drives."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from ground.errors import InvalidInputError
+
+
+def require_profile(name: str) -> None:
+    """Raise unless there is a rover profile of the name."""
+    from rover_iface.profile import profile_names
+
+    if name not in profile_names():
+        raise InvalidInputError(
+            f"there is no rover profile {name!r}; there are {', '.join(profile_names())}",
+            pointer="/rover_profile",
+        )
+
+
+def require_drive_rules(rules: Sequence[Mapping[str, Any]], target_ids: Collection[str]) -> None:
+    """Raise unless each rule is about two places of the mission that no other rule is about."""
+    known = {None, *target_ids}
+    seen: set[frozenset[str | None]] = set()
+    for index, rule in enumerate(rules):
+        ends = rule["from_target_id"], rule["to_target_id"]
+        for end in ends:
+            if end not in known:
+                raise InvalidInputError(
+                    f"there is no target {end} in the mission", pointer=f"/drive_rules/{index}"
+                )
+        if ends[0] == ends[1]:
+            raise InvalidInputError(
+                "a drive leads from one place to another", pointer=f"/drive_rules/{index}/to_target_id"
+            )
+        if frozenset(ends) in seen:
+            raise InvalidInputError("there is a rule for this drive already", pointer=f"/drive_rules/{index}")
+        seen.add(frozenset(ends))
+
+
+def require_calibration(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a `calibration/1` document with all its members; raise if it is none."""
+    from planner.errors import PlannerError
+    from planner.path_network import calibration_from_json, calibration_to_json
+
+    try:
+        checked: dict[str, Any] = json.loads(calibration_to_json(calibration_from_json(json.dumps(document))))
+    except PlannerError as err:
+        raise InvalidInputError(str(err), pointer="/calibration") from err
+    return checked

@@ -1,0 +1,50 @@
+"""A mission: one worksite with all that is planned and done there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    targets: int
+    observation_requests: int
+    plans: int
+    runs: int
+    products: int
+
+
+@dataclass(frozen=True, slots=True)
+class DriveRule:
+    """What people say of the drive between two targets' stands, in both directions; null is the start pose.
+
+    `via_m` are the corners (east, north) of the way from the first to the second that the rover has to take,
+    none for a straight line; null takes the drive out of the path network.
+    """
+
+    from_target_id: str | None
+    to_target_id: str
+    via_m: list[list[float]] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Mission:
+    """One worksite with all that is planned and done there."""
+
+    id: str
+    name: str
+    notes: str
+    terrain_id: str
+    terrain_name: str
+    copied_from: str | None
+    rover_profile: str
+    anchor_frame_id: str | None
+    calibration: dict[str, Any] | None
+    drive_rules: list[DriveRule]
+    counts: Counts
+    author: str
+    created_utc: datetime
+    modified_utc: datetime
+    revision: int

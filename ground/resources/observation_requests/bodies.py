@@ -1,0 +1,40 @@
+"""What the API takes for observation requests."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ground.api.forms import Body, Flag, Id, PoseBody, Seconds, Text, Utility, Window, unset
+from ground.resources.observation_requests.value import Instrument
+
+
+class ObservationRequestCreate(Body):
+    """What is asked of a target. `observation_pose` sets the observation point by hand."""
+
+    target_id: Id
+    instrument: Instrument
+    value: Utility
+    tracked: Flag | None = None
+    window_s: Window | None = None
+    after: Annotated[list[Id], Field(max_length=100)] = []
+    must_do: Flag = False
+    dwell_s: Seconds | None = None
+    notes: Text = ""
+    observation_pose: PoseBody | None = None
+
+
+class ObservationRequestChange(Body):
+    """`observation_pose: null` gives the choice of the observation point back to the program."""
+
+    instrument: Instrument = Field(default_factory=unset)
+    value: Utility = Field(default_factory=unset)
+    tracked: Flag = Field(default_factory=unset)
+    window_s: Window | None = None
+    after: Annotated[list[Id], Field(max_length=100)] = Field(default_factory=unset)
+    must_do: Flag = Field(default_factory=unset)
+    dwell_s: Seconds | None = None
+    notes: Text = Field(default_factory=unset)
+    observation_pose: PoseBody | None = None
+    state: Literal["open", "carried"] = Field(default_factory=unset)

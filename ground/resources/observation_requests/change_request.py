@@ -1,0 +1,85 @@
+"""Change an observation request, and take one that goes out of the order of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.errors import InvalidInputError
+from ground.gdr.geometry import Pose
+from ground.gdr.repository import Repository
+from ground.records.actor import Actor
+from ground.records.edit import update
+from ground.records.kind import Changed, Prepared, plain
+from ground.resources.observation_requests.create_request import require_after, require_window
+from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
+from ground.resources.observation_requests.place_rover import place_rover
+from ground.resources.observation_requests.row import ObservationRequestRow, observation_point_of
+from ground.resources.observation_requests.value import Instrument
+from ground.resources.targets.row import TargetRow
+
+
+def prepare_request(
+    repo: Repository, session: Session, row: ObservationRequestRow, members: Mapping[str, Any]
+) -> Prepared:
+    """Return the observation point that follows from another instrument or pose."""
+    if not {"observation_pose", "instrument"} & set(members):
+        return Prepared(row.revision)
+    instrument = Instrument(members.get("instrument", row.instrument))
+    old = observation_point_of(row.observation_point)
+    manual: Pose | None = members.get("observation_pose")
+    if "observation_pose" not in members and old is not None and old.manual:
+        manual = old.pose
+    point = place_rover(repo, session, session.get_one(TargetRow, row.target_id), instrument, manual)
+    return Prepared(row.revision, points={(row.id, instrument.value): asdict(point)})
+
+
+def change_request(
+    _repo: Repository,
+    session: Session,
+    row: ObservationRequestRow,
+    members: Mapping[str, Any],
+    prepared: Prepared,
+) -> Changed:
+    """Return the columns of a request that a change sets.
+
+    Raises
+    ------
+    InvalidInputError
+        If window, order or state cannot be those.
+    """
+    if "window_s" in members:
+        require_window(members["window_s"])
+    if "after" in members:
+        require_after(session, row.mission_id, row.id, members["after"])
+    if "state" in members and members["state"] not in {"open", "carried"}:
+        raise InvalidInputError(
+            f"the state {members['state']!r} comes from plans and runs; a person may set open or carried",
+            pointer="/state",
+        )
+    columns = {name: plain(value) for name, value in members.items() if name != "observation_pose"}
+    if prepared.points:
+        instrument = columns.get("instrument", row.instrument)
+        columns["observation_point"] = prepared.points[(row.id, instrument)]
+    return Changed(columns)
+
+
+def forget_precedence(
+    session: Session, actor: Actor, row: ObservationRequestRow, group: str, _reason: str
+) -> None:
+    """Take a request that is about to go out of the order of the others."""
+    rows = ObservationRequestRow
+    for other in session.scalars(select(rows).where(rows.mission_id == row.mission_id)):
+        if row.id in other.after:
+            after = [i for i in other.after if i != row.id]
+            update(session, actor, OBSERVATION_REQUEST, other, {"after": after}, group=group)
+
+
+def set_by_hand(request: ObservationRequestRow) -> bool:
+    """Tell whether a person said where the rover has to stand."""
+    old = observation_point_of(request.observation_point)
+    return old is not None and old.manual

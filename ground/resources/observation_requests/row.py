@@ -1,0 +1,49 @@
+"""Tables of observation requests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    ForeignKey,
+    String,
+    Text,
+)
+from sqlalchemy.orm import Mapped, mapped_column
+
+from ground.gdr.base import Row, mission_column
+from ground.gdr.geometry import pose_of
+from ground.resources.observation_requests.value import ObservationPoint
+
+
+class ObservationRequestRow(Row):
+    __tablename__ = "observation_requests"
+
+    mission_id: Mapped[str] = mission_column()
+    target_id: Mapped[str] = mapped_column(ForeignKey("targets.id", ondelete="CASCADE"), index=True)
+    instrument: Mapped[str] = mapped_column(String(40))
+    value: Mapped[float]
+    tracked: Mapped[bool]
+    window_s: Mapped[list[Any] | None] = mapped_column(JSON(none_as_null=True))
+    after: Mapped[list[Any]]
+    must_do: Mapped[bool] = mapped_column(default=False)
+    dwell_s: Mapped[float | None]
+    notes: Mapped[str] = mapped_column(Text, default="")
+    observation_point: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    state: Mapped[str] = mapped_column(String(20), index=True)
+    state_reason: Mapped[str] = mapped_column(Text, default="")
+
+
+def observation_point_of(document: Mapping[str, Any] | None) -> ObservationPoint | None:
+    """Return an observation point from its JSON form."""
+    if document is None:
+        return None
+    pose = document["pose"]
+    return ObservationPoint(
+        pose=None if pose is None else pose_of(pose),
+        reachable=document["reachable"],
+        manual=document["manual"],
+        reason=document["reason"],
+    )

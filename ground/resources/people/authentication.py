@@ -1,0 +1,130 @@
+"""Who makes a request: an API key, a session cookie, or (profiles only) the name of a local profile."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from starlette.datastructures import Headers
+from starlette.requests import Request, cookie_parser
+from starlette.responses import Response
+
+from ground.api.context import answer, call
+from ground.errors import AuthenticationError, ForbiddenError
+from ground.gdr.repository import Repository
+from ground.records.actor import Actor
+from ground.resources.people import accounts as people
+
+COOKIE = "outcrop_session"
+CSRF_HEADER = "x-csrf-token"
+PROFILE_HEADER = "x-outcrop-person"
+SAFE = {"GET", "HEAD", "OPTIONS"}
+_KEPT_S = 1.0
+
+
+class Identities:
+    """Remembers for a second who a secret belongs to, so that a page of requests asks the database once."""
+
+    def __init__(self, repo: Repository) -> None:
+        self._repo = repo
+        self._known: dict[tuple[str, str], tuple[float, Actor | None]] = {}
+
+    async def actor_of(self, method: str, headers: Headers) -> Actor:
+        """Return who makes the request.
+
+        Raises
+        ------
+        AuthenticationError
+            If it is nobody, or the secret is unknown or outdated.
+        ForbiddenError
+            If a change comes with a session cookie but without its CSRF token.
+        """
+        authorization = headers.get("authorization")
+        if authorization is not None:
+            scheme, _, secret = authorization.partition(" ")
+            if scheme.lower() != "bearer" or not secret:
+                raise AuthenticationError("the Authorization header has to be `Bearer` and an API key")
+            return await self._known_secret(secret.strip())
+        cookie = cookie_parser(headers.get("cookie", "")).get(COOKIE)
+        with_profiles = self._repo.settings.auth.value == "profiles"
+        if cookie:
+            try:
+                actor = await self._known_secret(cookie)
+            except AuthenticationError:
+                if not with_profiles:
+                    raise
+            else:
+                sent = headers.get(CSRF_HEADER, "")
+                if not with_profiles and method not in SAFE and sent != people.csrf_token(cookie):
+                    raise ForbiddenError(
+                        "a change with a session cookie needs the session's token in X-CSRF-Token"
+                    )
+                return actor
+        name = headers.get(PROFILE_HEADER)
+        actor_or_none = await self._lookup("profile", name or "", people.default_actor, self._repo, name)
+        if actor_or_none is None:
+            raise AuthenticationError(
+                "log in, or send an API key" if not with_profiles else f"there is no profile {name!r}"
+            )
+        return actor_or_none
+
+    def forget(self) -> None:
+        """Ask the database again from now on."""
+        self._known.clear()
+
+    async def _known_secret(self, secret: str) -> Actor:
+        actor = await self._lookup("secret", secret, people.identify, self._repo, secret)
+        if actor is None:
+            raise AuthenticationError("the session or API key is unknown, outdated or taken back")
+        return actor
+
+    async def _lookup(self, kind: str, key: str, function: Any, *args: Any) -> Actor | None:
+        now = time.monotonic()
+        known = self._known.get((kind, key))
+        if known is not None and now - known[0] < _KEPT_S:
+            return known[1]
+        actor: Actor | None = await call(function, *args)
+        if len(self._known) > 1000:
+            self._known.clear()
+        if actor is not None:
+            self._known[(kind, key)] = (now, actor)
+        return actor
+
+
+def session_value(repo: Repository, request: Request) -> dict[str, Any]:
+    """Return who one is and the CSRF token of the session."""
+    actor: Actor | None = getattr(request.state, "actor", None)
+    cookie = request.cookies.get(COOKIE)
+    return {
+        "person": None if actor is None else people.person_value(repo, actor.name),
+        "csrf_token": people.csrf_token(cookie) if cookie else "",
+        "auth": repo.settings.auth.value,
+    }
+
+
+async def log_in(repo: Repository, request: Request, name: str, password: str) -> Response:
+    """Answer a login with the cookie of a new session."""
+    person, secret = await call(people.log_in, repo, name, password)
+    content = {"person": person, "csrf_token": people.csrf_token(secret), "auth": repo.settings.auth.value}
+    response = answer(content, 201)
+    response.set_cookie(
+        COOKIE,
+        secret,
+        max_age=int(repo.settings.session_hours * 3600),
+        httponly=True,
+        samesite="strict",
+        secure=repo.settings.cookie_secure,
+        path="/",
+    )
+    return response
+
+
+async def log_out(repo: Repository, request: Request) -> Response:
+    """End the session of the cookie."""
+    secret = request.cookies.get(COOKIE)
+    if secret:
+        await call(people.log_out, repo, secret)
+    request.app.state.identities.forget()
+    response = Response(status_code=204)
+    response.delete_cookie(COOKIE, path="/")
+    return response

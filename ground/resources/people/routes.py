@@ -1,0 +1,102 @@
+"""People, sessions and API keys."""
+
+from __future__ import annotations
+
+from fastapi import Request
+from starlette.responses import Response
+
+from ground.api.context import (
+    Asked,
+    Cursor,
+    Id,
+    IfMatch,
+    Limit,
+    Repo,
+    answer,
+    api_router,
+    call,
+    created,
+    no_content,
+)
+from ground.api.forms import Page
+from ground.api.problems import responses
+from ground.resources.people.bodies import (
+    ApiKeyCreate,
+    ApiKeyValue,
+    PersonChange,
+    PersonCreate,
+    SessionCreate,
+    SessionValue,
+)
+from ground.resources.people.value import Person
+
+router = api_router("people")
+COOKIE = "outcrop_session"
+
+
+@router.get("/people", response_model=Page[Person], responses=responses(422))
+async def list_people(ask: Asked, limit: Limit = 100, cursor: Cursor = None) -> Response:
+    """List people; with profiles these are who one may work as."""
+    return await ask.page("person", None, limit, cursor)
+
+
+@router.post("/people", response_model=Person, status_code=201, responses=responses(400, 409, 422))
+async def create_person(ask: Asked, body: PersonCreate) -> Response:
+    """Add a person (administrators)."""
+    from ground.resources.people.accounts import create_person
+
+    person = await ask.do(create_person, body.name, body.role, body.password)
+    return created(person, f"/api/v1/people/{person.id}")
+
+
+@router.get("/people/{person_id}", response_model=Person, responses=responses(404, 422))
+async def get_person(ask: Asked, person_id: Id) -> Response:
+    """Read a person."""
+    return await ask.one("person", person_id)
+
+
+@router.patch("/people/{person_id}", response_model=Person, responses=responses(400, 404, 409, 412, 422, 428))
+async def change_person(ask: Asked, person_id: Id, body: PersonChange, if_match: IfMatch = None) -> Response:
+    """Change role, roles in single missions, or shut a person out (administrators)."""
+    return await ask.change("person", person_id, body, if_match)
+
+
+@router.get("/session", response_model=SessionValue)
+async def get_session(repo: Repo, request: Request) -> Response:
+    """Say who one is; `person` is null for nobody."""
+    from ground.resources.people.authentication import session_value
+
+    return answer(await call(session_value, repo, request))
+
+
+@router.post("/session", response_model=SessionValue, status_code=201, responses=responses(400, 422, 429))
+async def create_session(repo: Repo, request: Request, body: SessionCreate) -> Response:
+    """Log in, or change to another profile; sets the session cookie."""
+    from ground.resources.people.authentication import log_in
+
+    return await log_in(repo, request, body.name, body.password)
+
+
+@router.delete("/session", status_code=204)
+async def delete_session(repo: Repo, request: Request) -> Response:
+    """Log out."""
+    from ground.resources.people.authentication import log_out
+
+    return await log_out(repo, request)
+
+
+@router.post("/api-keys", response_model=ApiKeyValue, status_code=201, responses=responses(400, 422))
+async def create_api_key(ask: Asked, body: ApiKeyCreate) -> Response:
+    """Make an API key for oneself; the secret is shown this once."""
+    from ground.resources.people.accounts import create_api_key
+
+    return answer(await ask.do(create_api_key, body.name, body.days), 201)
+
+
+@router.delete("/api-keys/{key_id}", status_code=204, responses=responses(404, 422))
+async def delete_api_key(ask: Asked, key_id: Id) -> Response:
+    """Take back an API key."""
+    from ground.resources.people.accounts import delete_api_key
+
+    await ask.do(delete_api_key, key_id)
+    return no_content()

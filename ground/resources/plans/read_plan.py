@@ -1,0 +1,59 @@
+"""Read what the planner made."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from ground.errors import StateError
+from ground.gdr.repository import Repository
+from ground.records.actor import Action, Actor
+from ground.records.get_resource import find_row
+from ground.resources.plans.kind import PLAN
+from ground.resources.plans.row import PlanRow
+from ground.resources.plans.value import Finding
+
+
+def computed_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
+    """Return the row of a computed plan.
+
+    Raises
+    ------
+    StateError
+        If it is not computed.
+    """
+    row: PlanRow = find_row(session, PLAN, plan_id)
+    actor.require(Action.READ, row.mission_id)
+    if row.crl_text is None:
+        raise StateError(f"plan {row.number} is not computed ({row.status or 'its job is not done'})")
+    return row
+
+
+def read_tree(repo: Repository, actor: Actor, plan_id: str) -> dict[str, Any]:
+    """Return the plan tree."""
+    with repo.database.read() as session:
+        return computed_plan(session, actor, plan_id).tree or {}
+
+
+def read_summary(repo: Repository, actor: Actor, plan_id: str) -> dict[str, Any]:
+    """Return the planner's summary."""
+    with repo.database.read() as session:
+        return computed_plan(session, actor, plan_id).summary or {}
+
+
+def read_crl(repo: Repository, actor: Actor, plan_id: str, *, canonical: bool = False) -> str:
+    """Return the CRL, readable or canonical."""
+    with repo.database.read() as session:
+        text = computed_plan(session, actor, plan_id).crl_text or ""
+    if not canonical:
+        return text
+    from executive.crl import canonical_text, parse
+
+    return canonical_text(parse(text))
+
+
+def read_findings(repo: Repository, actor: Actor, plan_id: str) -> list[Finding]:
+    """Return what the validator found."""
+    with repo.database.read() as session:
+        return [Finding(**f) for f in computed_plan(session, actor, plan_id).findings]

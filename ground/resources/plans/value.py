@@ -1,0 +1,69 @@
+"""A plan: one revision, with what the planner said of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+
+
+class PlanState(StrEnum):
+    DRAFT = "draft"
+    COMPUTED = "computed"
+    VERIFIED = "verified"
+    APPROVED = "approved"
+    UPLINKED = "uplinked"
+    EXECUTED = "executed"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """One revision of a plan. Everything computed is frozen; an edit makes a new plan in state draft."""
+
+    id: str
+    mission_id: str
+    sol_id: str
+    parent_id: str | None
+    number: int
+    name: str
+    notes: str
+    state: PlanState
+    status: str
+    strategy: str
+    max_branches: int
+    time_limit_s: float
+    iterations: int | None
+    seed: int
+    job_id: str
+    problem_id: str | None
+    network_id: str | None
+    expected_utility: float | None
+    standard_error: float | None
+    lower: float | None
+    upper: float | None
+    branches: int | None
+    crl_sha256: str | None
+    problem_sha256: str | None
+    terrain_sha256: str
+    dictionary: str
+    rover_profile: str
+    planned_request_ids: list[str]
+    left_out: dict[str, str]
+    stale: bool
+    author: str
+    approved_by: str | None
+    created_utc: datetime
+    modified_utc: datetime
+    revision: int
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a check found; `severity` is error, warning or note."""
+
+    code: str
+    severity: str
+    message: str
+    node: str | None
+    line: int | None
+    column: int | None

@@ -1,0 +1,168 @@
+"""Compute a contingent plan: network, problem, plan tree, CRL, what the validator says of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ground.day.convert import Report
+from ground.day.payload import network_geometry, observation_points, prepare
+from ground.errors import JobFailedError
+from ground.jobs.queue import WorkStoppedError
+from planner.changes import changed_problem, changes_of
+
+if TYPE_CHECKING:
+    from planner.problem import Problem
+    from planner.solve import PlanResult
+
+STOPPED = "The search was stopped; this is the best plan it had found."
+
+
+def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+    """Return plan tree, CRL, summary and everything else a plan's row holds.
+
+    Asked to stop, it returns the best plan so far, with a note that says so, if there is one.
+
+    Raises
+    ------
+    JobFailedError
+        If there is no plan: what must be done cannot be, or the time was too short.
+    """
+    from executive.crl import canonical_text, digest, readable_text
+    from planner.emit_crl import emit
+    from planner.errors import PlannerError
+    from planner.plan_tree import plan_tree_to_dict, planned_observations
+    from planner.problem import problem_from_dict, problem_to_dict
+    from planner.solve import PlanStatus, Progress, solve
+
+    day = prepare(payload, lambda share, what: report(0.3 * share, what))
+    order = payload["order"]
+    stopped = False
+
+    def follow(progress: Progress) -> None:
+        text = progress.phase
+        if progress.value is not None:
+            text += f": {progress.value:.2f}, {progress.branches} branches"
+            if progress.upper is not None and math.isfinite(progress.upper):
+                text += f", at most {progress.upper:.2f}"
+        report(0.3 + 0.65 * progress.fraction, text)
+
+    def stop() -> bool:
+        nonlocal stopped
+        stopped = stopped or should_stop()
+        return stopped
+
+    try:
+        problem, document = problem_from_dict(day.problem), day.problem
+        if "what_if" in payload:
+            problem = changed_problem(problem, changes_of(payload["what_if"]))
+            document = problem_to_dict(problem)
+        result = solve(
+            problem,
+            strategy=order["strategy"],
+            max_branches=order["max_branches"],
+            time_limit_s=order["time_limit_s"],
+            iterations=order["iterations"],
+            seed=order["seed"],
+            report=follow,
+            should_stop=stop,
+        )
+    except PlannerError as err:
+        raise JobFailedError(str(err)) from err
+    if stopped and result.status is not PlanStatus.PLANNED:
+        raise WorkStoppedError
+    if result.status in {PlanStatus.INFEASIBLE, PlanStatus.TIMEOUT}:
+        reason = "; ".join(result.reasons) or result.status.value
+        raise JobFailedError(f"no plan: {reason}", type=f"plan-{result.status.value}")
+    report(0.97, "CRL")
+    refs = {"mission": payload["mission_id"], "plan": payload["plan_id"]}
+    crl = emit(problem, result.tree, plan_id=payload["plan_id"], metadata=refs)
+    canonical, text = canonical_text(crl), readable_text(crl)
+    done = planned_observations(result.tree.plan)
+    left_out = {refusal.request_id: refusal.reason for refusal in day.refused}
+    for observation in problem.observations:
+        if observation.id not in done:
+            left_out[observation.id] = (
+                "not worth its time and energy beside the others within this day's budgets"
+            )
+    check = result.check
+    return {
+        "status": result.status.value,
+        "stopped": STOPPED if stopped else "",
+        "problem": document,
+        "problem_sha256": problem.digest(),
+        "tree": plan_tree_to_dict(result.tree, problem),
+        "crl_text": text,
+        "crl_sha256": digest(crl),
+        "canonical": canonical,
+        "findings": findings_of(text, battery_j=problem.budget.energy_j),
+        "planned_request_ids": sorted(done),
+        "left_out": left_out,
+        "expected_utility": result.expected_utility,
+        "standard_error": None if check is None else check.standard_error,
+        "lower": result.lower,
+        "upper": _finite(result.upper),
+        "branches": result.branches,
+        "summary": {
+            **summary_of(problem, result, digest(crl)),
+            "stopped": stopped,
+            **({"what_if": payload["what_if"]} if "what_if" in payload else {}),
+        },
+        "geometry": network_geometry(day),
+        "observation_points": observation_points(day),
+    }
+
+
+def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> dict[str, Any]:
+    """Return the planner's summary, as `outcrop plan` writes it; infinite values become null."""
+    check = result.check
+    return {
+        "format": "plan-summary/1",
+        "status": result.status.value,
+        "strategy": result.strategy,
+        "evaluator": result.evaluator,
+        "expected_utility": result.expected_utility,
+        "standard_error": 0.0 if check is None else check.standard_error,
+        "monte_carlo": 0.0 if check is None else check.mean,
+        "overrun_probability": 0.0 if check is None else check.overrun,
+        "max_overrun_probability": problem.max_overrun_probability,
+        "lower": result.lower,
+        "upper": _finite(result.upper),
+        "optimum_estimate": _finite(result.optimum_estimate),
+        "branches": result.branches,
+        "value_by_branches": [_finite(value) for value in result.curve],
+        "wall_s": round(result.wall_s, 3),
+        "first_plan_s": round(result.first_plan_s, 3),
+        "seed": result.seed,
+        "reasons": list(result.reasons),
+        "problem_sha256": problem.digest(),
+        "crl_sha256": crl_sha256,
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def findings_of(text: str, *, battery_j: float) -> list[dict[str, Any]]:
+    """Return everything the validator has against a text, by the rover's dictionaries, in its places there.
+
+    `battery_j` is the charge at the start, from which the resource envelope is drawn.
+    """
+    from executive.crl import check
+    from rover_iface.commands import COMMANDS
+    from rover_iface.telemetry import TELEMETRY
+
+    report = check(text, commands=COMMANDS, telemetry=TELEMETRY, levels={"battery-energy": battery_j})
+    return [
+        {
+            "code": f.code,
+            "severity": f.severity.value,
+            "message": f.message,
+            "node": f.node or None,
+            "line": f.line or None,
+            "column": f.column or None,
+        }
+        for f in report.findings
+    ]

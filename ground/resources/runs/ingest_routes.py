@@ -1,0 +1,26 @@
+"""Take in what an execution brought down."""
+
+from __future__ import annotations
+
+from starlette.responses import Response
+
+from ground.api.context import Asked, api_router, created
+from ground.api.problems import responses
+from ground.resources.runs.bodies import RunIngest
+from ground.resources.runs.value import Run
+
+router = api_router("uplink")
+
+
+@router.post(
+    "/runs/ingest",
+    response_model=Run,
+    status_code=201,
+    responses=responses(400, 404, 409, 422),
+)
+async def ingest_run(ask: Asked, body: RunIngest) -> Response:
+    """Take in the folder of an execution (an uploaded zip) and tie its products to what asked for them."""
+    from ground.resources.runs.ingest_run import ingest_upload
+
+    run = await ask.do(ingest_upload, body.upload_id)
+    return created(run, f"/api/v1/runs/{run.id}")

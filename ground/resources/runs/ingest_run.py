@@ -1,0 +1,176 @@
+"""Take in what an execution brought down."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.errors import AlreadyExecutedError, ArchiveError, GroundError, NotFoundError
+from ground.gdr.archives import extract_zip, is_zip
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.jobs.value import JobState
+from ground.records.actor import SYSTEM_ACTOR, Action, Actor
+from ground.records.edit import insert, update
+from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
+from ground.resources.observation_requests.row import ObservationRequestRow
+from ground.resources.packages.row import PackageRow
+from ground.resources.plans.kind import PLAN
+from ground.resources.plans.row import PlanRow
+from ground.resources.plans.value import PlanState
+from ground.resources.runs.dry_run import record_run
+from ground.resources.runs.kind import RUN, show_runs
+from ground.resources.runs.row import RunRow
+from ground.resources.runs.value import Run, RunKind
+from ground.resources.runs.work import read_run_folder
+from ground.resources.uploads.row import UploadRow
+
+
+def ingest_upload(repo: Repository, actor: Actor, upload_id: str) -> Run:
+    """Take in an uploaded zip of a run's folder; see `ingest_run`."""
+    with repo.database.read() as session:
+        upload = session.get(UploadRow, upload_id)
+        if upload is None:
+            raise NotFoundError(f"there is no upload {upload_id}", pointer="/upload_id")
+    stored = repo.files.path(upload.sha256)
+    if not is_zip(stored):
+        raise ArchiveError(f"{upload.file_name} is no zip", pointer="/upload_id")
+    with tempfile.TemporaryDirectory(prefix="outcrop-ingest-") as work:
+        folder = Path(work) / "run"
+        extract_zip(stored, folder, max_bytes=int(repo.settings.max_body_mib * 8 * 2**20))
+        inner = list(folder.iterdir())
+        if len(inner) == 1 and inner[0].is_dir():
+            folder = inner[0]
+        return ingest_run(repo, actor, folder)
+
+
+def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
+    """Return the run of a folder `run/1`, its products tied to task, request and target.
+
+    Files go into the store, and the folder with the journal beside the other runs, before the rows that name
+    them, and all rows are written together: a crash leaves neither a product without its record nor a record
+    without its file or journal, and the folder can be taken in again.
+
+    Raises
+    ------
+    ArchiveError
+        If the folder is incomplete, damaged, or of a plan this repository does not know.
+    AlreadyExecutedError
+        If the run of that package was taken in before.
+    """
+    result = read_run_folder(folder, repo.files.folder)
+    document = result["document"]
+    package = document.get("package_sha256")
+    if not isinstance(package, str) or not isinstance(document.get("plan"), str):
+        raise ArchiveError(
+            f"{folder.name}: run.json names no package; only executions of a package are taken in"
+        )
+    run_id = new_id("run")
+    kept = repo.run_dir(run_id)
+    _keep_folder(folder, kept)
+    try:
+        return _record(repo, actor, folder, result, run_id)
+    except GroundError:  # after anything else the rows may have been written: the sweep knows
+        shutil.rmtree(kept, ignore_errors=True)
+        raise
+
+
+def _record(repo: Repository, actor: Actor, folder: Path, result: dict[str, Any], run_id: str) -> Run:
+    document = result["document"]
+    package = document["package_sha256"]
+    with repo.database.write() as session:
+        plan = session.get(PlanRow, document["plan"], with_for_update=True)
+        if plan is None or plan.mission_id != document.get("mission"):
+            raise ArchiveError(f"{folder.name}: the plan {document['plan']} is not in this repository")
+        actor.require(Action.UPLINK, plan.mission_id)
+        if plan.crl_sha256 != document.get("plan_digest"):
+            raise ArchiveError(f"{folder.name}: the run executed another text than plan {plan.number}")
+        known = session.scalars(select(RunRow.id).where(RunRow.package_sha256 == package)).first()
+        if known is not None:
+            raise AlreadyExecutedError(f"the run of this package was taken in before, as {known}")
+        if session.scalars(select(PackageRow.id).where(PackageRow.sha256 == package)).first() is None:
+            raise ArchiveError(f"{folder.name}: its package was not made by this repository")
+        run = RunRow(
+            id=run_id,
+            author=actor.name,
+            mission_id=plan.mission_id,
+            plan_id=plan.id,
+            kind=RunKind.EXECUTION.value,
+            rover=str(document.get("rover", ""))[:80],
+            seed=int(document.get("seed") or 0),
+            faults=[],
+            job_id=None,
+            state=JobState.RUNNING.value,
+            options_taken=[],
+            achieved_request_ids=[],
+            crl_sha256=plan.crl_sha256,
+            package_sha256=package,
+        )
+        insert(session, actor, RUN, run)
+        products = record_run(session, run, result)
+        _settle_requests(session, actor, plan, document, {p.request_id for p in products})
+        update(session, actor, PLAN, plan, {"state": PlanState.EXECUTED.value}, action="execute")
+        session.flush()
+        value: Run = show_runs(session, [run])[0]
+    return value
+
+
+def _keep_folder(source: Path, target: Path) -> None:
+    """Copy the folder of a run, with its journal, to its place beside the repository: whole or not at all."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = target.with_name(f".draft-{target.name}")
+    try:
+        shutil.copytree(source, draft)
+        draft.rename(target)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _settle_requests(
+    session: Session, actor: Actor, plan: PlanRow, document: Mapping[str, Any], answered: set[str | None]
+) -> None:
+    """Write what became of each request: satisfied by a product, failed with its task, or not come to."""
+    outcomes: Mapping[str, Any] = document.get("outcomes") or {}
+    tasks = request_tasks(plan.crl_text or "")
+    rows = ObservationRequestRow
+    for request in session.scalars(select(rows).where(rows.mission_id == plan.mission_id)):
+        if request.id not in plan.planned_request_ids:
+            continue
+        ends = [outcomes.get(task) for task in tasks.get(request.id, ())]
+        if request.id in answered:
+            state, reason = "satisfied", f"a product came back with plan {plan.number}"
+        elif any(end == "SUCCEEDED" for end in ends):
+            state, reason = "attempted", f"plan {plan.number} carried it out and no product came back"
+        elif any(end in {"FAILED", "ABORTED"} for end in ends):
+            state, reason = "failed", f"its task ended {next(e for e in ends if e in {'FAILED', 'ABORTED'})}"
+        else:
+            state, reason = "open", f"plan {plan.number} did not come to it"
+        changes = {"state": state, "state_reason": reason}
+        update(session, SYSTEM_ACTOR, OBSERVATION_REQUEST, request, changes, action="execute")
+
+
+def request_tasks(crl_text: str) -> dict[str, list[str]]:
+    """Return the ids of the CRL tasks of each request, from the metadata of the plan."""
+    from executive.crl import parse, to_json
+
+    found: dict[str, list[str]] = {}
+
+    def walk(value: Any) -> None:
+        if isinstance(value, dict):
+            metadata = value.get("metadata")
+            if value.get("kind") == "task" and isinstance(metadata, dict) and "request" in metadata:
+                found.setdefault(str(metadata["request"]), []).append(str(value.get("id")))
+            for item in value.values():
+                walk(item)
+        elif isinstance(value, list):
+            for item in value:
+                walk(item)
+
+    walk(to_json(parse(crl_text)))
+    return found

@@ -1,0 +1,327 @@
+"""Run a plan's CRL on a simulated rover, and write down what happens as it happens."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import mimetypes
+import shutil
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path, PurePosixPath
+from typing import IO, TYPE_CHECKING, Any
+
+from executive.ports import Operation
+from ground.day.convert import Report
+from ground.errors import ArchiveError, InvalidInputError, JobFailedError
+from ground.gdr.base import utc_now
+from ground.gdr.files import FileStore
+from ground.gdr.ids import new_id
+from ground.jobs.queue import WorkStoppedError
+from ground.uplink.flight import Sample, fly, product_line
+from ground.uplink.link import Link
+from ground.uplink.rehearsal import Sent, heard, write_ground_view
+from rover_iface.registry import find_rover
+
+if TYPE_CHECKING:
+    from executive.ports import Product, TraceRecord
+
+LIVE = "live.jsonl"
+CONTROL = "control.json"
+LOOK_S = 0.05
+"""How long a wish of the operator may wait while the run is held."""
+PROGRESS_S = 5.0
+"""Plan seconds between two reports of the pose while driving."""
+MAX_LABEL_BYTES = 64 * 1024
+
+
+def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> dict[str, Any]:
+    """Return a record of the trace as JSON."""
+    return {"t_s": t_s, "event": event, "arguments": list(arguments)}
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What an operator asks of a run that goes on; `steps` counts the single steps asked for so far."""
+
+    pace: float = 0.0
+    paused: bool = False
+    steps: int = 0
+    abort: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @classmethod
+    def read(cls, text: bytes) -> Wish:
+        """Return the wish in a control file."""
+        return cls(**json.loads(text))
+
+
+class _Live:
+    """Writes each sample and each record as a line, `["telemetry", {...}]` or `["trace", {...}]`, at its
+    pace; does what the file of `control_run` asks, and writes `["control", {...}]` then. Each
+    product is put into the store as the rover makes it, and a line `["product", {...}]` says so.
+    """
+
+    def __init__(
+        self,
+        out: IO[str],
+        control: Path,
+        pace: float,
+        budget_s: float,
+        report: Report,
+        stop: Callable[[], bool],
+        store: FileStore,
+    ) -> None:
+        self.products: dict[str, dict[str, Any]] = {}
+        self._store = store
+        self._out, self._budget_s, self._report, self._stop = out, budget_s, report, stop
+        self._control, self._seen = control, b""
+        self._wish = Wish(pace=pace)
+        self._steps = 0
+        self._anchor = (0.0, time.monotonic())
+
+    def stopped(self) -> bool:
+        """Return whether the run is to end: an operator's abort, or the job is given up."""
+        return self._wish.abort or self._stop()
+
+    def sample(self, sample: Sample) -> None:
+        self._hold(sample.t_s)
+        self._line("telemetry", sample.as_dict())
+        self._report(min(0.97, sample.t_s / self._budget_s), f"t = {sample.t_s:.0f} s")
+
+    def trace(self, record: TraceRecord) -> None:
+        t_s = record.t_ms / 1000
+        self._hold(t_s)
+        self._steps += 1
+        self._line("trace", trace_event(t_s, record.event, record.arguments))
+
+    def product(self, product: Product) -> None:
+        item = _store_product(self._control.parent, self._store, product_line(product))
+        made = {"id": new_id("prd"), "created_utc": utc_now().isoformat()}
+        self.products[product.path] = {**item, **made}
+        self._line("product", self.products[product.path])
+
+    def _line(self, kind: str, data: Mapping[str, Any]) -> None:
+        self._out.write(json.dumps([kind, data], separators=(",", ":")) + "\n")
+        if self._wish.pace > 0 or self._wish.paused or kind in {"control", "product"}:
+            self._out.flush()
+
+    def _look(self, plan_s: float) -> None:
+        """Take up what the control file asks."""
+        try:
+            text = self._control.read_bytes()
+        except OSError:
+            return
+        if text == self._seen:
+            return
+        self._seen = text
+        wish = Wish.read(text)
+        if wish.steps != self._wish.steps:
+            self._steps = 0
+        self._wish = wish
+        self._anchor = (plan_s, time.monotonic())
+        self._line("control", {"t_s": plan_s, **wish.as_dict()})
+
+    def _hold(self, plan_s: float) -> None:
+        """Let plan time pass no faster than the pace (0 = as fast as it goes), and not at all while paused.
+
+        A step lets the executive's records pass up to the next one.
+        """
+        self._look(plan_s)
+        while not self.stopped():
+            wish = self._wish
+            if wish.paused and self._steps >= (1 if wish.steps else 0):
+                self._anchor = (plan_s, time.monotonic())
+            elif wish.pace <= 0 or wish.paused:
+                return
+            else:
+                since, began = self._anchor
+                left = (plan_s - since) / wish.pace - (time.monotonic() - began)
+                if left <= 0:
+                    return
+                time.sleep(min(left, LOOK_S))
+                self._look(plan_s)
+                continue
+            time.sleep(LOOK_S)
+            self._look(plan_s)
+
+
+def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+    """Return outcome, trace, telemetry and products of a run; the files of products are in the store.
+
+    Raises
+    ------
+    JobFailedError
+        If the CRL, a fault or the rover's name cannot be used.
+    """
+    from executive.crl import CrlError
+    from executive.errors import ExecutiveError
+    from ground.gdr.terrain_folders import load_cached
+    from rover_iface.errors import RoverError
+    from rover_iface.simulator.faults import load_faults
+
+    folder = Path(payload["run_dir"])
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    budget_s = max(float(payload["problem"]["budget"]["time_s"]), 1.0)
+    report(0.0, "the rover wakes")
+    asked: Mapping[str, Any] | None = payload.get("link")  # jobs of before there were links lack it
+    link = None if asked is None else Link.from_dict(asked)
+    reach = heard(link, [Sent(Operation(c["operation"]), c["sent_s"]) for c in payload.get("commands", ())])
+    try:
+        rover = find_rover(payload["rover"])(
+            payload["problem"],
+            out=folder,
+            seed=payload["seed"],
+            faults=load_faults(payload["faults"]),
+            progress_s=PROGRESS_S,
+            terrain=load_cached(Path(payload["terrain_dir"])),
+        )
+        with (folder / LIVE).open("w", encoding="utf-8") as out:
+            pace, store = float(payload["pace"]), FileStore(Path(payload["files_dir"]))
+            live = _Live(out, folder / CONTROL, pace, budget_s, report, should_stop, store)
+            flight = fly(
+                payload["crl_text"],
+                rover,
+                folder,
+                run_id=payload["run_id"],
+                about={name: payload[name] for name in ("rover", "seed", "faults")},
+                on_sample=live.sample,
+                on_trace=live.trace,
+                on_product=live.product,
+                should_stop=live.stopped,
+                sync=False,
+                operator=[event for _, event in reach if event is not None],
+            )
+        if link is not None:
+            write_ground_view(folder, link, flight, reach)
+    except (RoverError, ExecutiveError, CrlError, InvalidInputError) as err:
+        raise JobFailedError(str(err)) from err
+    if should_stop():
+        raise WorkStoppedError
+    report(0.98, "products")
+    return {
+        **read_run_folder(folder, Path(payload["files_dir"]), live.products),
+        "options_taken": list(flight.options_taken()),
+    }
+
+
+def read_run_folder(
+    folder: Path, files_dir: Path, stored: Mapping[str, dict[str, Any]] | None = None
+) -> dict[str, Any]:
+    """Put trace, telemetry and products of a `run/1` folder into the file store; return what a run's row
+    holds. `stored` are the products that are there already, by their path.
+
+    Raises
+    ------
+    ArchiveError
+        If the folder is no `run/1`, a file is missing or not what its record says.
+    """
+    import orjson
+
+    store = FileStore(files_dir)
+    try:
+        document = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        rows = _lines(folder / "trace.jsonl")
+        samples = _lines(folder / "telemetry.jsonl")
+        products = _lines(folder / "products.jsonl")
+    except (OSError, ValueError) as err:
+        raise ArchiveError(f"{folder.name} is no complete run/1 folder: {err}") from err
+    if not isinstance(document, dict) or document.get("format") != "run/1":
+        raise ArchiveError(f"{folder.name}: run.json has not the format run/1")
+    try:
+        events = [trace_event(row[0], row[1], row[2:]) for row in rows]
+        table = columns(samples)
+        there = stored or {}
+        items = [there.get(row["path"]) or _store_product(folder, store, row) for row in products]
+    except (KeyError, TypeError, IndexError, ValueError) as err:
+        raise ArchiveError(f"{folder.name}: a line is malformed: {err!r}") from err
+    trace = {
+        "outcome": document.get("outcome") or "UNFINISHED",
+        "end_s": document.get("end_s"),
+        "events": events,
+    }
+    used = table["energy_used_j"]
+    last_s = events[-1]["t_s"] if events else 0.0
+    return {
+        "document": document,
+        "outcome": trace["outcome"],
+        "utility": document.get("utility"),
+        "duration_s": document.get("end_s") if document.get("end_s") is not None else last_s,
+        "energy_used_j": used[-1] if used else None,
+        "options_taken": [
+            e["arguments"][1] for e in events if e["event"] == "choose" and len(e["arguments"]) > 1
+        ],
+        "trace_sha256": store.put_bytes(orjson.dumps(trace)).sha256,
+        "telemetry_sha256": store.put_bytes(orjson.dumps(table)).sha256,
+        "products": items,
+    }
+
+
+def _lines(path: Path) -> list[Any]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
+
+
+def _store_product(folder: Path, store: FileStore, row: Mapping[str, Any]) -> dict[str, Any]:
+    """Store the file of one line of `products.jsonl`; the line's digest must be that of the file."""
+    relative = PurePosixPath(str(row["path"]))
+    if relative.is_absolute() or ".." in relative.parts or "\\" in str(relative):
+        raise ArchiveError(f"{folder.name}: the product path {str(relative)!r} leads outside")
+    file = folder / relative
+    if file.is_symlink() or not file.is_file():
+        raise ArchiveError(f"{folder.name}: the product {relative} is missing")
+    if hashlib.sha256(file.read_bytes()).hexdigest() != row["sha256"]:
+        raise ArchiveError(
+            f"{folder.name}: the product {relative} is not what its record says (SHA-256 differs)"
+        )
+    stored = store.put_file(file)
+    label = {**_whole_label(file, row["sha256"]), **row["label"]}
+    return {
+        "label": {**label, "kind": row["kind"], "task": row["task"], "t_s": row["t_s"]},
+        "file_name": relative.name,
+        "sha256": stored.sha256,
+        "size_bytes": stored.size_bytes,
+        "media": mimetypes.guess_type(relative.name)[0] or "application/octet-stream",
+    }
+
+
+def _whole_label(file: Path, sha256: str) -> dict[str, Any]:
+    """Return the label a rover left beside a product: with the camera model and the pose, which the journal's
+    flat label has no room for. A file of another form, or of another product, counts for nothing.
+    """
+    beside = file.with_name(f"{file.name}.json")
+    if beside.is_symlink() or not beside.is_file() or beside.stat().st_size > MAX_LABEL_BYTES:
+        return {}
+    try:
+        label = json.loads(beside.read_bytes())
+    except ValueError:
+        return {}
+    return label if isinstance(label, dict) and label.get("sha256") == sha256 else {}
+
+
+def live_lines_of(path: Path, wanted: str) -> list[dict[str, Any]]:
+    """Return the samples (`telemetry`), records (`trace`) or products (`product`) that a run going on has
+    written so far.
+    """
+    found = []
+    if path.exists():
+        for line in path.read_bytes().split(b"\n")[:-1]:
+            kind, data = json.loads(line)
+            if kind == wanted:
+                found.append(data)
+    return found
+
+
+def columns(samples: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return samples as columns of equal length."""
+    targets = sorted({target for sample in samples for target in sample["trackers"]})
+    table: dict[str, Any] = {
+        name: [sample[name] for sample in samples]
+        for name in ("t_s", "east_m", "north_m", "heading_rad", "battery_j", "energy_used_j", "task")
+    }
+    for column, member in (("tracker_confidence", "confidence"), ("tracker_state", "state")):
+        table[column] = {t: [s["trackers"].get(t, {}).get(member) for s in samples] for t in targets}
+    return table

@@ -1,0 +1,33 @@
+"""Tables of sols."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import (
+    Text,
+    UniqueConstraint,
+)
+from sqlalchemy.orm import Mapped, mapped_column
+
+from ground.gdr.base import Row, mission_column
+
+
+class SolRow(Row):
+    __tablename__ = "sols"
+    __table_args__ = (UniqueConstraint("mission_id", "number"),)
+
+    mission_id: Mapped[str] = mission_column()
+    number: Mapped[int]
+    notes: Mapped[str] = mapped_column(Text, default="")
+    start_pose: Mapped[dict[str, Any]]
+    start_utc: Mapped[datetime | None]
+    start_lmst_h: Mapped[float]
+    battery_j: Mapped[float]
+    energy_floor_j: Mapped[float]
+    time_budget_s: Mapped[float]
+    energy_budget_j: Mapped[float]
+    overrun_penalty: Mapped[float]
+    passes: Mapped[list[Any]]
+    uplink_deadline_utc: Mapped[datetime | None]

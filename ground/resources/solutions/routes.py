@@ -1,0 +1,131 @@
+"""Endpoints: localization solutions."""
+
+from __future__ import annotations
+
+from starlette.responses import Response
+
+from ground.api.context import (
+    Asked,
+    Cursor,
+    FilterId,
+    Id,
+    IfMatch,
+    Limit,
+    answer,
+    api_router,
+    created,
+    revision_wanted,
+)
+from ground.api.forms import Page
+from ground.api.problems import responses
+from ground.resources.frames.bodies import SiteNumber
+from ground.resources.solutions.bodies import FrameFileImport, SolutionChange, SolutionChoice, SolutionCreate
+from ground.resources.solutions.value import Carried, FrameFile, Solution
+
+router = api_router("frames")
+
+
+@router.put(
+    "/frames/{frame_id}/solution",
+    response_model=Carried,
+    responses=responses(400, 404, 409, 412, 422, 428),
+)
+async def choose_solution(
+    ask: Asked, frame_id: Id, body: SolutionChoice, if_match: IfMatch = None
+) -> Response:
+    """Put a solution of a frame in use, and carry along the targets, keep-outs and maps that it moves.
+
+    With `preview` nothing is changed and the answer says what would be; no If-Match is needed then."""
+    from ground.resources.solutions.choose_solution import choose_solution
+
+    revision = None if body.preview else revision_wanted(if_match)
+    return answer(
+        await ask.do(
+            choose_solution,
+            frame_id,
+            body.solution_id,
+            revision,
+            preview=body.preview,
+            reason=body.reason,
+        )
+    )
+
+
+@router.get("/missions/{mission_id}/solutions", response_model=Page[Solution], responses=responses(404, 422))
+async def list_solutions(
+    ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None, frame_id: FilterId = None
+) -> Response:
+    """List every solution there ever was, of one frame if wanted; the oldest first."""
+    return await ask.page("solution", mission_id, limit, cursor, {"frame_id": frame_id})
+
+
+@router.post(
+    "/frames/{frame_id}/solutions",
+    response_model=Solution,
+    status_code=201,
+    responses=responses(400, 404, 409, 422),
+)
+async def create_solution(ask: Asked, frame_id: Id, body: SolutionCreate) -> Response:
+    """Add a solution to a frame; it is kept for good, and in use once it is chosen."""
+    from ground.resources.solutions.choose_solution import GivenSolution, add_solution
+
+    value = await ask.do(add_solution, frame_id, GivenSolution(**body.model_dump()))
+    return created(value, f"/api/v1/solutions/{value.id}")
+
+
+@router.get("/solutions/{solution_id}", response_model=Solution, responses=responses(404, 422))
+async def get_solution(ask: Asked, solution_id: Id) -> Response:
+    """Read a solution."""
+    return await ask.one("solution", solution_id)
+
+
+@router.patch(
+    "/solutions/{solution_id}",
+    response_model=Solution,
+    responses=responses(400, 404, 409, 412, 422, 428),
+)
+async def change_solution(
+    ask: Asked, solution_id: Id, body: SolutionChange, if_match: IfMatch = None
+) -> Response:
+    """Change the notes of a solution; what it says of its frame never changes."""
+    return await ask.change("solution", solution_id, body, if_match)
+
+
+@router.get(
+    "/missions/{mission_id}/frame-files", response_model=Page[FrameFile], responses=responses(404, 422)
+)
+async def list_frame_files(ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None) -> Response:
+    """List the missions' frame files that were taken in."""
+    return await ask.page("frame_file", mission_id, limit, cursor)
+
+
+@router.post(
+    "/missions/{mission_id}/frame-files",
+    response_model=FrameFile,
+    status_code=201,
+    responses=responses(400, 404, 409, 413, 422),
+)
+async def import_frames(ask: Asked, mission_id: Id, body: FrameFileImport) -> Response:
+    """Take in an uploaded frame file (.svf, .rvf): all its frames and solutions, or none.
+
+    What is here already is not taken in twice, and no frame that has a solution in use gets another."""
+    from ground.resources.solutions.frame_files import import_frames
+
+    return answer(await ask.do(import_frames, mission_id, body.upload_id), 201)
+
+
+@router.get(
+    "/missions/{mission_id}/frame-files/export",
+    response_class=Response,
+    responses={
+        200: {"content": {"application/xml": {"schema": {"type": "string"}}}},
+        **responses(404, 422),
+    },
+)
+async def export_frames(ask: Asked, mission_id: Id, site: SiteNumber = None) -> Response:
+    """Send all sites as a frame file (.svf), or with `site` the rover poses within it (.rvf)."""
+    from ground.resources.solutions.frame_files import export_frames
+
+    name, content = await ask.do(export_frames, mission_id, site=site)
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(content, media_type="application/xml", headers=headers)

@@ -1,0 +1,34 @@
+"""Tables of targets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    String,
+    Text,
+    UniqueConstraint,
+)
+from sqlalchemy.orm import Mapped, mapped_column
+
+from ground.gdr.base import Row, mission_column
+
+
+class TargetRow(Row):
+    __tablename__ = "targets"
+    __table_args__ = (UniqueConstraint("mission_id", "name"),)
+
+    mission_id: Mapped[str] = mission_column()
+    name: Mapped[str] = mapped_column(String(80))
+    notes: Mapped[str] = mapped_column(Text, default="")
+    east_m: Mapped[float]
+    north_m: Mapped[float]
+    up_m: Mapped[float]
+    normal: Mapped[list[Any]]
+    slope_rad: Mapped[float]
+    covariance_m2: Mapped[list[Any]]
+    source_image: Mapped[str] = mapped_column(String(200), default="")
+    frame_id: Mapped[str | None] = mapped_column(String(40), index=True)
+    in_frame: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    """What was seen from the frame, in its own axes; the columns above follow from it."""

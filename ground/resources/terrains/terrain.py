@@ -1,0 +1,196 @@
+"""A terrain described, stored, and asked for its ground."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.errors import NotFoundError, OutsideTerrainError
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.resources.terrains.row import TerrainRow
+
+if TYPE_CHECKING:
+    from rover_iface.terrain import Terrain
+from ground.gdr.geometry import Bounds, Pose
+from ground.gdr.terrain_folders import _cache, load_cached
+from ground.resources.terrains.value import Terrain as TerrainValue
+from ground.resources.terrains.value import TerrainLayer, TerrainPoint
+
+CAMERA_HEIGHT_M = 1.5
+
+
+FOCAL_PX = 1300.0
+
+
+BASELINE_M = 0.30
+"""Science camera pair on the mast of the K9 rover, from which the site panorama is taken."""
+
+
+SINK_M = 0.01
+"""How far a point may lie under the line of sight before it counts as hidden."""
+
+
+def describe(terrain: Terrain, name: str) -> dict[str, Any]:
+    """Return what is told of a terrain: `inner` is the finest layer, `outer` the next."""
+    west, south, east, north = terrain.bounds
+    layers = []
+    names = ["inner", "outer", *(f"outer{i}" for i in range(2, len(terrain.layers)))]
+    for layer, layer_name in zip(terrain.layers, names, strict=False):
+        lw, ls, le, ln = layer.bounds
+        image = ortho_file(terrain, layer_name)
+        width = height = 0
+        media = ""
+        if image is not None:
+            from PIL import Image
+
+            with Image.open(image) as opened:
+                width, height = opened.size
+                media = Image.MIME.get(opened.format or "", "application/octet-stream")
+        layers.append(
+            asdict(
+                TerrainLayer(
+                    name=layer_name,
+                    bounds_m=Bounds(lw, ls, le, ln),
+                    rows=int(layer.heights.shape[0]),
+                    columns=int(layer.heights.shape[1]),
+                    spacing_m=float(layer.spacing),
+                    ortho_width=width,
+                    ortho_height=height,
+                    ortho_media=media,
+                    has_ortho=image is not None,
+                )
+            )
+        )
+    import numpy as np
+
+    low = min(float(np.nanmin(layer.heights)) for layer in terrain.layers)
+    high = max(float(np.nanmax(layer.heights)) for layer in terrain.layers)
+    heading = terrain.origin.get("heading_rad", 0.0)
+    return {
+        "name": name,
+        "credits": terrain.credits,
+        "bounds_m": asdict(Bounds(west, south, east, north)),
+        "layers": layers,
+        "start_pose": asdict(Pose(0.0, 0.0, float(heading))),
+        "lowest_m": low,
+        "highest_m": high,
+    }
+
+
+def ortho_file(terrain: Terrain, layer_name: str) -> Path | None:
+    """Return the image file of a layer, matched by its extent."""
+    import numpy as np
+
+    names = ["inner", "outer", *(f"outer{i}" for i in range(2, len(terrain.layers)))]
+    if layer_name not in names[: len(terrain.layers)]:
+        raise NotFoundError(
+            f"the terrain has no layer {layer_name!r}; it has {', '.join(names[: len(terrain.layers)])}"
+        )
+    layer = terrain.layers[names.index(layer_name)]
+    for ortho in terrain.orthos:
+        if ortho.path is not None and np.allclose(ortho.bounds, layer.bounds, atol=layer.spacing):
+            return ortho.path
+    return None
+
+
+def store_terrain(
+    repo: Repository, session: Session, terrain: Terrain, *, name: str, author: str
+) -> TerrainRow:
+    """Write a terrain into the data folder and add its row; one that is there already is used again."""
+    from rover_iface.terrain import write_terrain
+
+    terrain_id = new_id("trn")
+    folder = repo.terrain_dir(terrain_id)
+    draft = folder.with_name(f".{terrain_id}")
+    write_terrain(terrain, draft)
+    draft.replace(folder)
+    loaded = load_cached(folder)
+    present = session.scalars(
+        select(TerrainRow).where(TerrainRow.sha256 == loaded.sha256, TerrainRow.name == name).limit(1)
+    ).first()
+    if present is not None and repo.terrain_dir(present.id).is_dir():
+        _cache.pop(folder, None)
+        shutil.rmtree(folder)
+        return present
+    row = TerrainRow(
+        id=terrain_id,
+        author=author,
+        name=name,
+        credits=terrain.credits,
+        sha256=loaded.sha256,
+        description=describe(loaded, name),
+    )
+    session.add(row)
+    session.flush()
+    return row
+
+
+def show_terrain(row: TerrainRow) -> TerrainValue:
+    """Return the value of a terrain's row."""
+    d = row.description
+    return TerrainValue(
+        id=row.id,
+        name=d["name"],
+        credits=d["credits"],
+        sha256=row.sha256,
+        bounds_m=Bounds(**d["bounds_m"]),
+        layers=[TerrainLayer(**{**layer, "bounds_m": Bounds(**layer["bounds_m"])}) for layer in d["layers"]],
+        start_pose=Pose(**d["start_pose"]),
+        lowest_m=d["lowest_m"],
+        highest_m=d["highest_m"],
+    )
+
+
+def ground_at(terrain: Terrain, east_m: float, north_m: float, eye: Pose) -> TerrainPoint:
+    """Return the ground at a point and how well it is known from a stereo pair over the pose `eye`.
+
+    Raises
+    ------
+    OutsideTerrainError
+        If the terrain has no height there.
+    """
+    from rover_iface.errors import OutsideTerrainError as Outside
+    from rover_iface.terrain import stereo_covariance
+
+    try:
+        up = terrain.height_at(east_m, north_m)
+    except Outside as err:
+        raise OutsideTerrainError(str(err), pointer="/east_m") from err
+    base = float(terrain.height(eye.east_m, eye.north_m))
+    camera = (eye.east_m, eye.north_m, (0.0 if math.isnan(base) else base) + CAMERA_HEIGHT_M)
+    distance = math.dist(camera, (east_m, north_m, up))
+    covariance = stereo_covariance(camera, (east_m, north_m, up), focal_px=FOCAL_PX, baseline_m=BASELINE_M)
+    layer = next(
+        (
+            n
+            for n, item in zip(("inner", "outer"), terrain.layers, strict=False)
+            if _covers(item.bounds, east_m, north_m)
+        ),
+        "outer",
+    )
+    return TerrainPoint(
+        east_m=east_m,
+        north_m=north_m,
+        up_m=round(up, 4),
+        normal=[float(c) for c in terrain.normal(east_m, north_m, 0.2)],
+        slope_rad=float(terrain.slope(east_m, north_m)),
+        covariance_m2=[[float(c) for c in line] for line in covariance],
+        range_m=distance,
+        observed=bool(terrain.observed(east_m, north_m)),
+        in_view=bool(
+            terrain.line_of_sight(camera, (east_m, north_m, up), clearance_m=SINK_M, end_gap_m=0.05)
+        ),
+        layer=layer,
+    )
+
+
+def _covers(bounds: tuple[float, float, float, float], east_m: float, north_m: float) -> bool:
+    west, south, east, north = bounds
+    return west <= east_m <= east and south <= north_m <= north

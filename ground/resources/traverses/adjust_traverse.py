@@ -1,0 +1,231 @@
+"""Adjust stops of recorded runs together: a job, whose solutions wait for somebody to choose them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from ground.errors import InvalidInputError, NotFoundError
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.jobs.kind import show_jobs
+from ground.jobs.queue import WAKE, enqueue
+from ground.jobs.row import JobRow
+from ground.jobs.value import Job
+from ground.records.actor import SYSTEM_ACTOR, Action, Actor
+from ground.records.edit import insert, update
+from ground.records.get_resource import find_row
+from ground.resources.frames.kind import FRAME
+from ground.resources.frames.site_chain import load_chain, require_frame
+from ground.resources.missions.row import MissionRow
+from ground.resources.runs.row import RunRow
+from ground.resources.solutions.choose_solution import GivenSolution, insert_solution
+from ground.resources.traverses.kind import TRAVERSE
+from ground.resources.traverses.row import TraverseRow
+from ground.resources.uploads.row import UploadRow
+
+KIND = "adjust_traverse"
+LABEL = "adjusted"
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A frame, and the run or upload with what was seen from it."""
+
+    frame_id: str
+    run_id: str | None = None
+    upload_id: str | None = None
+    panorama: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TraverseOrder:
+    """Stops in the order driven, and what is believed of the odometry between them."""
+
+    name: str
+    stops: Sequence[Stop]
+    odometry: float
+    heading_rad: float
+    sun_rad: float | None
+    longest_m: float
+    notes: str = ""
+
+
+def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, order: TraverseOrder) -> Job:
+    """Return the job whose subject is the new traverse.
+
+    Raises
+    ------
+    InvalidInputError
+        If a frame, run, panorama or upload is not there, or a frame comes twice.
+    StateError
+        If nothing ties a frame to the anchor.
+    """
+    actor.require(Action.PLAN, mission_id)
+    with repo.database.write() as session:
+        if session.get(MissionRow, mission_id) is None:
+            raise NotFoundError(f"there is no mission {mission_id}")
+        chain = load_chain(session, mission_id)
+        listed: list[dict[str, Any]] = []
+        payload = []
+        for index, stop in enumerate(order.stops):
+            frame = require_frame(session, mission_id, stop.frame_id, f"/stops/{index}/frame_id")
+            if any(frame.id == other["frame_id"] for other in listed):
+                raise InvalidInputError(f"{frame.key} comes twice", pointer=f"/stops/{index}/frame_id")
+            place = chain.place(frame.id)
+            path, file_name = _source(repo, session, mission_id, stop, f"/stops/{index}")
+            listed.append({**asdict(stop), "name": frame.key})
+            payload.append(
+                {
+                    "name": frame.key,
+                    "path": str(path),
+                    "file_name": file_name,
+                    "east_m": place.east_m,
+                    "north_m": place.north_m,
+                    "max_bytes": int(repo.settings.max_body_mib * 8 * 2**20),
+                }
+            )
+        traverse_id, job_id = new_id("trv"), new_id("job")
+        row = TraverseRow(
+            id=traverse_id,
+            author=actor.name,
+            mission_id=mission_id,
+            name=order.name,
+            notes=order.notes,
+            job_id=job_id,
+            stops=listed,
+            document=None,
+            solution_ids=[],
+        )
+        insert(session, actor, TRAVERSE, row)
+        job = enqueue(
+            session,
+            repo.settings,
+            kind=KIND,
+            mission_id=mission_id,
+            subject_kind="traverse",
+            subject_id=traverse_id,
+            payload={
+                "stops": payload,
+                "files_dir": str(repo.files.folder),
+                "options": {
+                    "odometry": order.odometry,
+                    "heading_rad": order.heading_rad,
+                    "sun_rad": order.sun_rad,
+                    "longest_m": order.longest_m,
+                },
+            },
+            author=actor.name,
+            job_id=job_id,
+        )
+        value = show_jobs(session, [job])[0]
+    WAKE.set()
+    return value
+
+
+def _source(
+    repo: Repository, session: Session, mission_id: str, stop: Stop, pointer: str
+) -> tuple[Path, str]:
+    """Return where what was seen from a stop lies, and its name."""
+    if stop.upload_id is not None:
+        upload = session.get(UploadRow, stop.upload_id)
+        if upload is None:
+            raise InvalidInputError(f"there is no upload {stop.upload_id}", pointer=f"{pointer}/upload_id")
+        return repo.files.path(upload.sha256), upload.file_name
+    run = session.get(RunRow, stop.run_id)
+    if run is None or run.mission_id != mission_id:
+        raise InvalidInputError(
+            f"there is no run {stop.run_id} in mission {mission_id}", pointer=f"{pointer}/run_id"
+        )
+    folder = repo.run_dir(run.id)
+    known = {
+        path.parent.relative_to(folder).as_posix(): path.parent
+        for path in sorted(folder.rglob("panorama.json"))
+    }
+    if stop.panorama in known:
+        return known[stop.panorama], stop.panorama
+    if not stop.panorama and len(known) == 1:
+        return next(iter(known.items()))[::-1]
+    has = ", ".join(known) or "none"
+    raise InvalidInputError(
+        f"run {run.id} has no panorama {stop.panorama!r}; it has {has}", pointer=f"{pointer}/panorama"
+    )
+
+
+def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, Any]) -> str | None:
+    """Write the document, and a solution for each stop but the first, which is held.
+
+    Each new solution lies in the frame of the first stop, with the covariance of the adjustment. None is in
+    use before somebody chooses it.
+    """
+    row = session.get(TraverseRow, job.subject_id)
+    if row is None:
+        return None
+    made = []
+    for stop, given in zip(row.stops[1:], _solutions(session, row, result["poses"]), strict=True):
+        frame = find_row(session, FRAME, stop["frame_id"])
+        source = {"kind": "traverse", "traverse_id": row.id, "job_id": job.id, "by": row.author}
+        made.append(insert_solution(session, SYSTEM_ACTOR, frame, given, source).id)
+    columns = {"document": result["document"], "solution_ids": made}
+    update(session, SYSTEM_ACTOR, TRAVERSE, row, columns, action="compute")
+    return f"/api/v1/traverses/{row.id}"
+
+
+def _solutions(session: Session, row: TraverseRow, poses: Sequence[dict[str, Any]]) -> list[GivenSolution]:
+    import numpy as np
+
+    from rover_iface.frames import NED_FROM_ENU, Transform, quaternion_of
+    from rover_iface.localization.bundle_adjustment import adjoint
+
+    chain = load_chain(session, row.mission_id)
+    enu_from_ned = Transform(np.array(NED_FROM_ENU), np.zeros(3))  # its own inverse
+    held = chain.placed(row.stops[0]["frame_id"]).anchor_from_frame
+    first = Transform(np.array(poses[0]["rotation"]), np.array(poses[0]["translation"]))
+    first_believed = Transform(np.eye(3), np.array(poses[0]["believed_m"]))
+    given = []
+    for stop, pose in zip(row.stops[1:], poses[1:], strict=True):
+        frame = chain.placed(stop["frame_id"]).anchor_from_frame
+        believed = Transform(np.eye(3), np.array(pose["believed_m"]))
+        adjusted = Transform(np.array(pose["rotation"]), np.array(pose["translation"]))
+        # all east-north-up: where the eye was believed and is, and the frame as it hangs on the eye
+        eye_from_frame = believed.inverse() * enu_from_ned * frame
+        first_from_held = first_believed.inverse() * enu_from_ned * held
+        moved = (first * first_from_held).inverse() * adjusted * eye_from_frame
+        back = adjoint(eye_from_frame.inverse())
+        spread = back @ np.array(pose["covariance"]) @ back.T
+        given.append(
+            GivenSolution(
+                label=LABEL,
+                reference_id=row.stops[0]["frame_id"],
+                offset_m=[float(x) for x in moved.translation],
+                quaternion=list(quaternion_of(moved.rotation)),
+                covariance=(0.5 * (spread + spread.T)).tolist(),
+                notes=f"traverse {row.name}"[:2000],
+            )
+        )
+    return given
+
+
+def abandon(_session: Session, _job: JobRow) -> None:
+    """Leave the traverse as it is: without a result."""
+
+
+def read_picture(repo: Repository, actor: Actor, traverse_id: str, index: int) -> Path:
+    """Return the picture of a stop of a traverse.
+
+    Raises
+    ------
+    NotFoundError
+        If the traverse has no such stop, or is not computed.
+    """
+    with repo.database.read() as session:
+        row: TraverseRow = find_row(session, TRAVERSE, traverse_id)
+        actor.require(Action.READ, row.mission_id)
+        stops = [] if row.document is None else row.document["stops"]
+    if index >= len(stops):
+        raise NotFoundError(f"traverse {traverse_id} has {len(stops)} pictures, none with number {index}")
+    return repo.files.path(stops[index]["picture"]["sha256"])
