@@ -23,24 +23,19 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import assert_never
 
-from executive.crl.nodes import (
+from executive.crl.nodes import Block, Branch, Node, Option, Plan, Task
+from executive.crl.values import (
     Absolute,
     Amount,
     And,
-    Block,
-    Branch,
     Comparison,
     Condition,
     ConsumableResource,
     Expectation,
     IfNone,
-    Node,
     Not,
     Operator,
-    Option,
     Or,
-    Plan,
-    Task,
     Utility,
     UtilityTable,
     Value,

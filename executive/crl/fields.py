@@ -14,7 +14,7 @@ from typing import Final, TypeVar
 
 from executive.crl.errors import Finding, Severity
 from executive.crl.lexer import Atom, Form, Item, Kind
-from executive.crl.nodes import (
+from executive.crl.values import (
     UNBOUNDED_S,
     Absolute,
     Amount,

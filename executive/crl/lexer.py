@@ -6,7 +6,7 @@ import re
 from enum import IntEnum
 
 from executive.crl.errors import CrlSyntaxError
-from executive.crl.nodes import LineTable
+from executive.crl.values import LineTable
 
 
 class Kind(IntEnum):

@@ -1,322 +1,59 @@
-"""A plan as frozen values: what the text, the JSON form, the validator and the engine share.
+"""The forms of a plan as frozen values. Each field is declared here once: its type, its default, its syntax.
 
-Times are whole milliseconds, amounts are the numbers of the text, and no value knows its parent. Whatever
-has a place in a text carries it as `source`, which takes no part in equality: two plans are equal when they
-say the same, wherever they stand.
+Reader, printer, JSON form, checks of form and the word list for the page follow from these declarations
+(`declaration.py` reads them off). Fields stand in the order of the canonical text. No value knows its parent;
+what stands in a text carries its place as `source`, which takes no part in equality.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 
-Value = float | str | bool
-"""A parameter, a state value or the right side of a comparison; `t` is True, `nil` is False."""
-
-UNBOUNDED_S = 268435456
-"""A time bound of this size or larger is infinite (2^28 seconds)."""
+from executive.crl.declaration import Form, Syntax, forms_of, of
+from executive.crl.values import (
+    Amount,
+    Conditions,
+    Expectation,
+    IfNone,
+    Interval,
+    Mode,
+    OnOptionFailure,
+    OnResume,
+    Operator,
+    Relative,
+    Resource,
+    Source,
+    Spread,
+    Temporal,
+    Utility,
+    Value,
+)
 
 DEFAULT_PRIORITY = 50
-
-
-class LineTable:
-    """Turns character offsets of one text into lines and columns, both counted from 1."""
-
-    __slots__ = ("_starts",)
-
-    def __init__(self, text: str) -> None:
-        starts = [0]
-        at = text.find("\n")
-        while at >= 0:
-            starts.append(at + 1)
-            at = text.find("\n", at + 1)
-        self._starts = starts
-
-    def position(self, offset: int) -> tuple[int, int]:
-        line = bisect_right(self._starts, offset)
-        return line, offset - self._starts[line - 1] + 1
-
-
-class Source:
-    """Where something stands in its text: its own offset, and the offsets of its fields' values."""
-
-    __slots__ = ("fields", "lines", "offset")
-
-    def __init__(self, offset: int, lines: LineTable, fields: Mapping[str, int] | None = None) -> None:
-        self.offset = offset
-        self.lines = lines
-        self.fields: Mapping[str, int] = fields if fields is not None else {}
-
-    @property
-    def line(self) -> int:
-        return self.lines.position(self.offset)[0]
-
-    @property
-    def column(self) -> int:
-        return self.lines.position(self.offset)[1]
-
-    def position(self, name: str | None = None) -> tuple[int, int]:
-        """Return line and column of the field `name` (without colon), or of the whole if it has none."""
-        offset = self.offset if name is None else self.fields.get(name, self.offset)
-        return self.lines.position(offset)
-
-    def __repr__(self) -> str:
-        return "Source({}, {})".format(*self.position())
-
-
-class Point(StrEnum):
-    """One of the two time points of a node."""
-
-    START = "start"
-    END = "end"
-
-
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """A closed interval of time in milliseconds; None is infinite (`lo_ms` minus, `hi_ms` plus)."""
-
-    lo_ms: int | None = None
-    hi_ms: int | None = None
-
-    def contains(self, t_ms: int) -> bool:
-        return (self.lo_ms is None or self.lo_ms <= t_ms) and (self.hi_ms is None or t_ms <= self.hi_ms)
-
-
-# --- temporal conditions ----------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Absolute:
-    """The point lies in the interval on the plan clock: `(2 268435456)`."""
-
-    interval: Interval
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Reference:
-    """The point lies in the interval after a point of another node: `(warm start (120 300))`."""
-
-    node: str
-    point: Point
-    interval: Interval
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Relative:
-    """Of a start: counted from the activation of the node; of an end: from its own start."""
-
-    interval: Interval
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-Temporal = Absolute | Reference | Relative
-
-
-# --- conditions -------------------------------------------------------------
-
-
-class Operator(StrEnum):
-    EQ = "="
-    NE = "/="
-    LT = "<"
-    LE = "<="
-    GT = ">"
-    GE = ">="
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """`(database (:key args op value))`; `key` is without colon."""
-
-    key: str
-    arguments: tuple[str | float, ...]
-    operator: Operator
-    value: Value
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """`(known (:key args))`."""
-
-    key: str
-    arguments: tuple[str | float, ...] = ()
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class And:
-    parts: tuple[Condition, ...] = ()
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Or:
-    parts: tuple[Condition, ...] = ()
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Not:
-    part: Condition
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-Condition = Comparison | Known | And | Or | Not
-Conditions = tuple[Condition, ...]
-"""A conjunction; the empty one is TRUE."""
-
-
-# --- amounts, predictions, utilities ----------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Amount:
-    """A resource and how much of it: an entry of `:uses`, `:requires` or `:budgets`."""
-
-    resource: str
-    amount: float = 1
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Expectation:
-    """The change a node is predicted to cause: mean and spread of time (seconds) or of a consumable."""
-
-    name: str
-    mean: float
-    spread: float
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class UtilityTable:
-    """Utility over the plan clock: (milliseconds, utility) points, linear between, constant outside."""
-
-    points: tuple[tuple[int, float], ...]
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-    def at(self, t_ms: int) -> float:
-        """Return the utility of an option that starts at `t_ms`."""
-        points = self.points
-        first, last = points[0], points[-1]
-        if t_ms <= first[0]:
-            return first[1]
-        if t_ms >= last[0]:
-            return last[1]
-        right = bisect_right(points, t_ms, key=_table_time)
-        (t0, u0), (t1, u1) = points[right - 1], points[right]
-        return u0 + (u1 - u0) * (t_ms - t0) / (t1 - t0)
-
-
-def _table_time(point: tuple[int, float]) -> int:
-    return point[0]
-
-
-Utility = float | UtilityTable
-
-
-def utility_at(utility: Utility, t_ms: int) -> float:
-    """Return the value of a utility, constant or table, at a time of the plan clock."""
-    return utility.at(t_ms) if isinstance(utility, UtilityTable) else utility
-
-
-# --- resources --------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class UnitResource:
-    """Held by one node at a time: `(arm :unit)`."""
-
-    name: str
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class CapacityResource:
-    """Shared up to `capacity`: `(power :capacity 120)`."""
-
-    name: str
-    capacity: float
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class ConsumableResource:
-    """Measured by the database value under `key` (without colon), not to fall below `floor`."""
-
-    name: str
-    key: str
-    floor: float = 0
-    source: Source | None = field(default=None, compare=False, repr=False)
-
-
-Resource = UnitResource | CapacityResource | ConsumableResource
-
-
-# --- nodes ------------------------------------------------------------------
-
-
-class OnResume(StrEnum):
-    """What becomes of a running action when the executive comes back after a crash."""
-
-    REATTACH = "reattach"
-    RESTART = "restart"
-    FAIL = "fail"
-
-
-class IfNone(StrEnum):
-    """What a branch does when no option is eligible."""
-
-    FAIL = "fail"
-    SKIP = "skip"
-    WAIT = "wait"
-
-
-class OnOptionFailure(StrEnum):
-    FAIL = "fail"
-    NEXT = "next"
-
-
-class Mode(StrEnum):
-    """Whether a floating contingency waits for running tasks or suspends them."""
-
-    BETWEEN = "between"
-    INTERRUPT = "interrupt"
-
-
-class Spread(StrEnum):
-    """What the second number of an expectation is."""
-
-    STDDEV = "stddev"
-    VARIANCE = "variance"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeBase:
     """The fields that all four kinds of node have."""
 
-    id: str
-    name: str | None = None
-    start_conditions: Conditions = ()
-    wait_for_conditions: Conditions = ()
-    maintain_conditions: Conditions = ()
-    end_conditions: Conditions = ()
-    start_temporal_conditions: tuple[Temporal, ...] = ()
-    end_temporal_conditions: tuple[Temporal, ...] = ()
-    duration: Interval | None = None
-    continue_on_failure: bool = False
-    uses: tuple[Amount, ...] = ()
-    requires: tuple[Amount, ...] = ()
-    priority: float = DEFAULT_PRIORITY
-    reward: float = 0
-    probability: float | None = None
-    expectations: tuple[Expectation, ...] = ()
-    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False)
+    id: str = field(metadata=of(Syntax.SYMBOL))
+    name: str | None = field(default=None, metadata=of(Syntax.STRING))
+    start_conditions: Conditions = field(default=(), metadata=of(Syntax.CONDITIONS))
+    wait_for_conditions: Conditions = field(default=(), metadata=of(Syntax.CONDITIONS))
+    maintain_conditions: Conditions = field(default=(), metadata=of(Syntax.CONDITIONS))
+    end_conditions: Conditions = field(default=(), metadata=of(Syntax.CONDITIONS))
+    start_temporal_conditions: tuple[Temporal, ...] = field(default=(), metadata=of(Syntax.TEMPORALS))
+    end_temporal_conditions: tuple[Temporal, ...] = field(default=(), metadata=of(Syntax.TEMPORALS))
+    duration: Interval | None = field(default=None, metadata=of(Syntax.INTERVAL))
+    continue_on_failure: bool = field(default=False, metadata=of(Syntax.TRUTH, flag=True))
+    uses: tuple[Amount, ...] = field(default=(), metadata=of(Syntax.USES))
+    requires: tuple[Amount, ...] = field(default=(), metadata=of(Syntax.REQUIRES))
+    priority: float = field(default=DEFAULT_PRIORITY, metadata=of(Syntax.NUMBER))
+    reward: float = field(default=0, metadata=of(Syntax.NUMBER))
+    probability: float | None = field(default=None, metadata=of(Syntax.NUMBER))
+    expectations: tuple[Expectation, ...] = field(default=(), metadata=of(Syntax.EXPECTATIONS))
+    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False, metadata=of(Syntax.PARAMETERS))
     source: Source | None = field(default=None, compare=False, repr=False)
 
 
@@ -324,40 +61,40 @@ class NodeBase:
 class Task(NodeBase):
     """One action of the rover."""
 
-    action: str
-    parameters: Mapping[str, Value] = field(default_factory=dict, hash=False)
-    retries: int = 0
-    retry_delay_ms: int = 0
-    interruptible: bool = True
-    on_resume: OnResume = OnResume.REATTACH
+    action: str = field(metadata=of(Syntax.SYMBOL))
+    parameters: Mapping[str, Value] = field(default_factory=dict, hash=False, metadata=of(Syntax.PARAMETERS))
+    retries: int = field(default=0, metadata=of(Syntax.RETRIES))
+    retry_delay_ms: int = field(default=0, metadata=of(Syntax.DELAY))
+    interruptible: bool = field(default=True, metadata=of(Syntax.TRUTH, flag=True))
+    on_resume: OnResume = field(default=OnResume.REATTACH, metadata=of(OnResume))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block(NodeBase):
     """Children one after the other."""
 
-    node_list: tuple[Node, ...]
+    node_list: tuple[Node, ...] = field(metadata=of(Syntax.NODE_LIST))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConcurrentBlock(NodeBase):
     """Children at the same time."""
 
-    node_list: tuple[Node, ...]
+    node_list: tuple[Node, ...] = field(metadata=of(Syntax.NODE_LIST))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Option:
     """One way on, with the conditions under which it competes and what it is worth."""
 
-    id: str
-    node: Node
-    name: str | None = None
-    utility: Utility = 0
-    probability: float | None = None
-    eligible_conditions: Conditions = ()
-    requires: tuple[Amount, ...] = ()
-    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False)
+    id: str = field(metadata=of(Syntax.SYMBOL))
+    name: str | None = field(default=None, metadata=of(Syntax.STRING))
+    utility: Utility = field(default=0, metadata=of(Syntax.UTILITY))
+    probability: float | None = field(default=None, metadata=of(Syntax.NUMBER))
+    eligible_conditions: Conditions = field(default=(), metadata=of(Syntax.CONDITIONS))
+    requires: tuple[Amount, ...] = field(default=(), metadata=of(Syntax.REQUIRES))
+    node: Node = field(metadata=of(Syntax.NODE))
+    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False, metadata=of(Syntax.PARAMETERS))
     source: Source | None = field(default=None, compare=False, repr=False)
 
 
@@ -365,9 +102,9 @@ class Option:
 class Branch(NodeBase):
     """A choice among options, made when the branch is reached."""
 
-    options: tuple[Option, ...]
-    if_none: IfNone = IfNone.FAIL
-    on_option_failure: OnOptionFailure = OnOptionFailure.FAIL
+    options: tuple[Option, ...] = field(metadata=of(Syntax.FORM_LIST, holds="option"))
+    if_none: IfNone = field(default=IfNone.FAIL, metadata=of(IfNone))
+    on_option_failure: OnOptionFailure = field(default=OnOptionFailure.FAIL, metadata=of(OnOptionFailure))
 
 
 Node = Task | Block | ConcurrentBlock | Branch
@@ -377,16 +114,16 @@ Node = Task | Block | ConcurrentBlock | Branch
 class FloatingContingency:
     """A node inserted into its scope when the trigger holds; `scope` None is the root."""
 
-    id: str
-    node: Node
-    name: str | None = None
-    trigger_conditions: Conditions = ()
-    utility: Utility = 0
-    mode: Mode = Mode.BETWEEN
-    scope: str | None = None
-    max_insertions: int = 1
-    continue_on_failure: bool = True
-    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False)
+    id: str = field(metadata=of(Syntax.SYMBOL))
+    name: str | None = field(default=None, metadata=of(Syntax.STRING))
+    trigger_conditions: Conditions = field(default=(), metadata=of(Syntax.CONDITIONS))
+    utility: Utility = field(default=0, metadata=of(Syntax.UTILITY))
+    mode: Mode = field(default=Mode.BETWEEN, metadata=of(Mode))
+    scope: str | None = field(default=None, metadata=of(Syntax.SYMBOL))
+    max_insertions: int = field(default=1, metadata=of(Syntax.INSERTIONS))
+    continue_on_failure: bool = field(default=True, metadata=of(Syntax.TRUTH, flag=True))
+    node: Node = field(metadata=of(Syntax.NODE))
+    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False, metadata=of(Syntax.PARAMETERS))
     source: Source | None = field(default=None, compare=False, repr=False)
 
 
@@ -394,13 +131,13 @@ class FloatingContingency:
 class Alternate:
     """A plan of the library, tried when the root has failed."""
 
-    id: str
-    node: Node
-    name: str | None = None
-    eligible_conditions: Conditions = ()
-    utility: Utility = 0
-    requires: tuple[Amount, ...] = ()
-    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False)
+    id: str = field(metadata=of(Syntax.SYMBOL))
+    name: str | None = field(default=None, metadata=of(Syntax.STRING))
+    eligible_conditions: Conditions = field(default=(), metadata=of(Syntax.CONDITIONS))
+    utility: Utility = field(default=0, metadata=of(Syntax.UTILITY))
+    requires: tuple[Amount, ...] = field(default=(), metadata=of(Syntax.REQUIRES))
+    node: Node = field(metadata=of(Syntax.NODE))
+    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False, metadata=of(Syntax.PARAMETERS))
     source: Source | None = field(default=None, compare=False, repr=False)
 
 
@@ -408,18 +145,20 @@ class Alternate:
 class Plan:
     """A whole plan: the header and the root node."""
 
-    node: Node
-    id: str | None = None
-    name: str | None = None
-    version: int | None = None
-    epoch: str | None = None
-    resources: tuple[Resource, ...] = ()
-    floating: tuple[FloatingContingency, ...] = ()
-    library: tuple[Alternate, ...] = ()
-    expectation_spread: Spread = Spread.STDDEV
-    overrun_penalty: float = 0
-    budgets: tuple[Amount, ...] = ()
-    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False)
+    id: str | None = field(default=None, metadata=of(Syntax.SYMBOL))
+    name: str | None = field(default=None, metadata=of(Syntax.STRING))
+    version: int | None = field(default=None, metadata=of(Syntax.INTEGER))
+    epoch: str | None = field(default=None, metadata=of(Syntax.EPOCH))
+    resources: tuple[Resource, ...] = field(default=(), metadata=of(Syntax.RESOURCES))
+    floating: tuple[FloatingContingency, ...] = field(
+        default=(), metadata=of(Syntax.FORM_LIST, holds="floating-contingency")
+    )
+    library: tuple[Alternate, ...] = field(default=(), metadata=of(Syntax.FORM_LIST, holds="alternate"))
+    expectation_spread: Spread = field(default=Spread.STDDEV, metadata=of(Spread))
+    overrun_penalty: float = field(default=0, metadata=of(Syntax.NUMBER))
+    budgets: tuple[Amount, ...] = field(default=(), metadata=of(Syntax.BUDGETS))
+    node: Node = field(metadata=of(Syntax.NODE))
+    metadata: Mapping[str, Value] = field(default_factory=dict, hash=False, metadata=of(Syntax.PARAMETERS))
     source: Source | None = field(default=None, compare=False, repr=False)
 
     def trees(self) -> tuple[Node, ...]:
@@ -427,16 +166,26 @@ class Plan:
         return (self.node, *(c.node for c in self.floating), *(a.node for a in self.library))
 
 
-# --- walking ----------------------------------------------------------------
+# --- walking ------------------------------------------------------------------------
+
+
+FORMS: Mapping[str, Form] = forms_of(
+    Task, Block, ConcurrentBlock, Branch, Option, FloatingContingency, Alternate, Plan
+)
+"""All forms by their heads."""
+
+NODE_KINDS = tuple(kind for kind, form in FORMS.items() if issubclass(form.cls, NodeBase))
+KIND_OF: Mapping[type, str] = {form.cls: kind for kind, form in FORMS.items()}
 
 
 def children(node: Node) -> tuple[Node, ...]:
     """Return the nodes directly below `node`; those of a branch are the nodes of its options."""
-    if isinstance(node, Task):
-        return ()
-    if isinstance(node, Branch):
-        return tuple(option.node for option in node.options)
-    return node.node_list
+    form = FORMS[KIND_OF[type(node)]]
+    below: list[Node] = []
+    for declared in form.structure:
+        value = getattr(node, declared.attribute)
+        below += [held.node for held in value] if declared.holds else value
+    return tuple(below)
 
 
 def walk(node: Node) -> Iterator[Node]:
@@ -445,19 +194,13 @@ def walk(node: Node) -> Iterator[Node]:
     while stack:
         top = stack.pop()
         yield top
-        if not isinstance(top, Task):
-            stack.extend(reversed(children(top)))
+        stack.extend(reversed(children(top)))
 
 
 def walk_plan(plan: Plan) -> Iterator[Node]:
     """Yield every node of a plan: main tree, then contingencies, then alternates."""
     for tree in plan.trees():
         yield from walk(tree)
-
-
-def start_temporals(node: Node) -> tuple[Temporal, ...]:
-    """Return the temporal conditions of the start."""
-    return node.start_temporal_conditions
 
 
 def end_temporals(node: Node) -> tuple[Temporal, ...]:
@@ -470,13 +213,23 @@ def end_temporals(node: Node) -> tuple[Temporal, ...]:
     return (*node.end_temporal_conditions, Relative(node.duration, source))
 
 
-def seconds_to_ms(seconds: float) -> int:
-    """Return a finite time in whole milliseconds, the resolution of the plan clock."""
-    return seconds * 1000 if type(seconds) is int else round(seconds * 1000)
+def language_words() -> dict[str, object]:
+    """Return the words of the language for programs that colour or complete a text.
 
-
-def bounds(lo_s: float | None, hi_s: float | None) -> Interval:
-    """Return the interval between two times in seconds; None and |bound| >= 2^28 are infinite."""
-    lo = None if lo_s is None or lo_s <= -UNBOUNDED_S else seconds_to_ms(lo_s)
-    hi = None if hi_s is None or hi_s >= UNBOUNDED_S else seconds_to_ms(hi_s)
-    return Interval(lo, hi)
+    `heads` are the heads of forms and `nodes` those that are nodes; `fields` are, by head, the names of
+    fields (without colon) and, where a field takes one of a few words, those words.
+    """
+    return {
+        "heads": list(FORMS),
+        "nodes": list(NODE_KINDS),
+        "fields": {
+            kind: {
+                word: [str(w) for w in declared.syntax] if isinstance(declared.syntax, type) else []
+                for word, declared in form.fields.items()
+            }
+            for kind, form in FORMS.items()
+        },
+        "conditions": ["database", "known", "and", "or", "not"],
+        "operators": [str(operator) for operator in Operator],
+        "words": ["start", "end", "t", "true", "nil", ":relative", ":plus-infinity", ":minus-infinity"],
+    }

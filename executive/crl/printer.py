@@ -6,56 +6,15 @@ Both are built from the same pieces, so they differ in white space alone.
 from __future__ import annotations
 
 import hashlib
-import math
-from collections.abc import Iterable, Iterator, Mapping
-from typing import TypeAlias
+from collections.abc import Iterator, Mapping
 
-from executive.crl.lexer import is_symbol
-from executive.crl.nodes import (
-    DEFAULT_PRIORITY,
-    Absolute,
-    Alternate,
-    Amount,
-    And,
-    Block,
-    Branch,
-    CapacityResource,
-    Comparison,
-    ConcurrentBlock,
-    Condition,
-    Conditions,
-    Expectation,
-    FloatingContingency,
-    IfNone,
-    Interval,
-    Known,
-    Mode,
-    Node,
-    Not,
-    OnOptionFailure,
-    OnResume,
-    Option,
-    Plan,
-    Reference,
-    Resource,
-    Spread,
-    Task,
-    Temporal,
-    UnitResource,
-    Utility,
-    UtilityTable,
-    Value,
-)
+from executive.crl.declaration import Syntax
+from executive.crl.nodes import FORMS, KIND_OF, Alternate, FloatingContingency, Node, Option, Plan, walk
+from executive.crl.syntax import codec
+from executive.crl.trees import Tree, condition_tree, temporal_tree
+from executive.crl.values import Conditions, Temporal
 
-Tree: TypeAlias = "str | list[Tree]"
 WIDTH = 100
-
-_KIND: Mapping[type, str] = {
-    Task: "task",
-    Block: "block",
-    ConcurrentBlock: "concurrent-block",
-    Branch: "branch",
-}
 
 
 def canonical_text(plan: Plan) -> str:
@@ -70,7 +29,9 @@ def digest(plan: Plan) -> str:
 
 def canonical_node(node: Node) -> str:
     """Return the canonical text of one node; two tasks are identical iff these are equal."""
-    return flat(_node(node))
+    done: dict[int, list[Tree]] = {}
+    _nodes(node, done)
+    return flat(done[id(node)])
 
 
 def readable_text(plan: Plan) -> str:
@@ -78,254 +39,9 @@ def readable_text(plan: Plan) -> str:
     return _pretty(_plan(plan)) + "\n"
 
 
-def number_text(number: float) -> str:
-    """Return the shortest decimal number that reads back as the same binary64 value.
-
-    Written without exponent from 1e-6 up to below 1e21, as in RFC 8785.
-    """
-    if isinstance(number, int):
-        if -(2**53) < number < 2**53:
-            return str(number)
-        number = float(number)
-    if not math.isfinite(number):
-        raise ValueError(f"{number} cannot be written in CRL")
-    if number.is_integer() and abs(number) < 1e21:
-        return str(int(number))
-    mantissa, _, exponent = repr(number).partition("e")
-    if not exponent:
-        return mantissa
-    power = int(exponent)
-    if power == -5 or power == -6:
-        sign = "-" if mantissa.startswith("-") else ""
-        digits = mantissa.lstrip("-").replace(".", "")
-        return f"{sign}0.{'0' * (-power - 1)}{digits}"
-    return f"{mantissa.removesuffix('.0')}e{power:+d}"
-
-
-def ms_text(t_ms: int) -> str:
-    """Return a time in milliseconds as seconds."""
-    seconds, rest = divmod(abs(t_ms), 1000)
-    sign = "-" if t_ms < 0 else ""
-    return f"{sign}{seconds}.{rest:03d}".rstrip("0") if rest else f"{sign}{seconds}"
-
-
-def string_text(text: str) -> str:
-    """Return a quoted string."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
-
-
-def value_text(value: Value) -> str:
-    """Return a value, as a symbol where it can be read as one."""
-    if value is True:
-        return "t"
-    if value is False:
-        return "nil"
-    if isinstance(value, str):
-        if is_symbol(value) and value not in ("t", "true", "nil"):
-            return value
-        return string_text(value)
-    return number_text(value)
-
-
-# --- trees of strings -----------------------------------------------------------
-
-
-def _plan(plan: Plan) -> list[Tree]:
-    out: list[Tree] = ["plan"]
-    _text(out, ":id", plan.id)
-    _string(out, ":name", plan.name)
-    if plan.version is not None:
-        out += (":version", number_text(plan.version))
-    _string(out, ":epoch", plan.epoch)
-    _list(out, ":resources", map(_resource, plan.resources))
-    _list(out, ":floating", map(_floating, plan.floating))
-    _list(out, ":library", map(_alternate, plan.library))
-    if plan.expectation_spread is not Spread.STDDEV:
-        out += (":expectation-spread", f":{plan.expectation_spread}")
-    if plan.overrun_penalty != 0:
-        out += (":overrun-penalty", number_text(plan.overrun_penalty))
-    _list(out, ":budgets", map(_amount, plan.budgets))
-    out += (":node", _node(plan.node))
-    _parameters(out, ":metadata", plan.metadata)
-    return out
-
-
-def _node(root: Node) -> list[Tree]:
-    """Return the tree of a node; children are done before parents, without recursion."""
-    order: list[Node] = []
-    stack = [root]
-    while stack:
-        node = stack.pop()
-        order.append(node)
-        if isinstance(node, Branch):
-            stack.extend(o.node for o in node.options)
-        elif not isinstance(node, Task):
-            stack.extend(node.node_list)
-    done: dict[int, list[Tree]] = {}
-    for node in reversed(order):
-        done[id(node)] = _single(node, done)
-    return done[id(root)]
-
-
-def _single(node: Node, done: Mapping[int, list[Tree]]) -> list[Tree]:
-    out: list[Tree] = [_KIND[type(node)], ":id", node.id]
-    _string(out, ":name", node.name)
-    _list(out, ":start-conditions", map(condition_tree, node.start_conditions))
-    _list(out, ":wait-for-conditions", map(condition_tree, node.wait_for_conditions))
-    _list(out, ":maintain-conditions", map(condition_tree, node.maintain_conditions))
-    _list(out, ":end-conditions", map(condition_tree, node.end_conditions))
-    _list(out, ":start-temporal-conditions", map(temporal_tree, node.start_temporal_conditions))
-    _list(out, ":end-temporal-conditions", map(temporal_tree, node.end_temporal_conditions))
-    if node.duration is not None:
-        out += (":duration", interval_tree(node.duration))
-    if node.continue_on_failure:
-        out += (":continue-on-failure", "t")
-    _list(out, ":uses", map(_use, node.uses))
-    _list(out, ":requires", map(_amount, node.requires))
-    if node.priority != DEFAULT_PRIORITY:
-        out += (":priority", number_text(node.priority))
-    if node.reward != 0:
-        out += (":reward", number_text(node.reward))
-    if node.probability is not None:
-        out += (":probability", number_text(node.probability))
-    _list(out, ":expectations", map(_expectation, node.expectations))
-    _parameters(out, ":metadata", node.metadata)
-    if isinstance(node, Task):
-        out += (":action", node.action)
-        _parameters(out, ":parameters", node.parameters)
-        if node.retries != 0:
-            out += (":retries", number_text(node.retries))
-        if node.retry_delay_ms != 0:
-            out += (":retry-delay", ms_text(node.retry_delay_ms))
-        if not node.interruptible:
-            out += (":interruptible", "nil")
-        if node.on_resume is not OnResume.REATTACH:
-            out += (":on-resume", f":{node.on_resume}")
-    elif isinstance(node, Branch):
-        out += (":options", [_option(o, done) for o in node.options])
-        if node.if_none is not IfNone.FAIL:
-            out += (":if-none", f":{node.if_none}")
-        if node.on_option_failure is not OnOptionFailure.FAIL:
-            out += (":on-option-failure", f":{node.on_option_failure}")
-    else:
-        out += (":node-list", [done[id(child)] for child in node.node_list])
-    return out
-
-
-def _option(option: Option, done: Mapping[int, list[Tree]]) -> list[Tree]:
-    out: list[Tree] = ["option", ":id", option.id]
-    _string(out, ":name", option.name)
-    _utility(out, option.utility)
-    if option.probability is not None:
-        out += (":probability", number_text(option.probability))
-    _list(out, ":eligible-conditions", map(condition_tree, option.eligible_conditions))
-    _list(out, ":requires", map(_amount, option.requires))
-    out += (":node", done[id(option.node)])
-    _parameters(out, ":metadata", option.metadata)
-    return out
-
-
-def _floating(floating: FloatingContingency) -> list[Tree]:
-    out: list[Tree] = ["floating-contingency", ":id", floating.id]
-    _string(out, ":name", floating.name)
-    _list(out, ":trigger-conditions", map(condition_tree, floating.trigger_conditions))
-    _utility(out, floating.utility)
-    if floating.mode is not Mode.BETWEEN:
-        out += (":mode", f":{floating.mode}")
-    _text(out, ":scope", floating.scope)
-    if floating.max_insertions != 1:
-        out += (":max-insertions", number_text(floating.max_insertions))
-    if not floating.continue_on_failure:
-        out += (":continue-on-failure", "nil")
-    out += (":node", _node(floating.node))
-    _parameters(out, ":metadata", floating.metadata)
-    return out
-
-
-def _alternate(alternate: Alternate) -> list[Tree]:
-    out: list[Tree] = ["alternate", ":id", alternate.id]
-    _string(out, ":name", alternate.name)
-    _list(out, ":eligible-conditions", map(condition_tree, alternate.eligible_conditions))
-    _utility(out, alternate.utility)
-    _list(out, ":requires", map(_amount, alternate.requires))
-    out += (":node", _node(alternate.node))
-    _parameters(out, ":metadata", alternate.metadata)
-    return out
-
-
-def _resource(resource: Resource) -> list[Tree]:
-    if isinstance(resource, UnitResource):
-        return [resource.name, ":unit"]
-    if isinstance(resource, CapacityResource):
-        return [resource.name, ":capacity", number_text(resource.capacity)]
-    out: list[Tree] = [resource.name, ":consumable", ":key", f":{resource.key}"]
-    if resource.floor != 0:
-        out += (":floor", number_text(resource.floor))
-    return out
-
-
-def _amount(amount: Amount) -> list[Tree]:
-    return [amount.resource, number_text(amount.amount)]
-
-
-def _use(amount: Amount) -> Tree:
-    return amount.resource if amount.amount == 1 else _amount(amount)
-
-
-def _expectation(expectation: Expectation) -> list[Tree]:
-    return [expectation.name, number_text(expectation.mean), number_text(expectation.spread)]
-
-
-def interval_tree(interval: Interval) -> list[Tree]:
-    """Return `(lo hi)` in pieces."""
-    return [
-        ":minus-infinity" if interval.lo_ms is None else ms_text(interval.lo_ms),
-        ":plus-infinity" if interval.hi_ms is None else ms_text(interval.hi_ms),
-    ]
-
-
-def temporal_tree(temporal: Temporal) -> list[Tree]:
-    """Return a temporal condition in pieces."""
-    if isinstance(temporal, Absolute):
-        return interval_tree(temporal.interval)
-    if isinstance(temporal, Reference):
-        return [temporal.node, temporal.point.value, interval_tree(temporal.interval)]
-    return [":relative", interval_tree(temporal.interval)]
-
-
 def temporal_text(temporal: Temporal) -> str:
     """Return a temporal condition as it stands in a plan."""
     return flat(temporal_tree(temporal))
-
-
-def _lookup(key: str, arguments: tuple[str | float, ...]) -> list[Tree]:
-    out: list[Tree] = [f":{key}"]
-    for argument in arguments:
-        if isinstance(argument, str):
-            out.append(argument if is_symbol(argument) else string_text(argument))
-        else:
-            out.append(number_text(argument))
-    return out
-
-
-def condition_tree(condition: Condition) -> list[Tree]:
-    """Return a condition in pieces."""
-    if isinstance(condition, Comparison):
-        inner = _lookup(condition.key, condition.arguments)
-        inner += (condition.operator.value, value_text(condition.value))
-        return ["database", inner]
-    if isinstance(condition, Known):
-        return ["known", _lookup(condition.key, condition.arguments)]
-    if isinstance(condition, Not):
-        return ["not", condition_tree(condition.part)]
-    head = "and" if isinstance(condition, And) else "or"
-    return [head, *(condition_tree(part) for part in condition.parts)]
-
-
-def condition_text(condition: Condition) -> str:
-    """Return a condition as it stands in a plan."""
-    return flat(condition_tree(condition))
 
 
 def conditions_text(conditions: Conditions) -> str:
@@ -333,35 +49,42 @@ def conditions_text(conditions: Conditions) -> str:
     return flat([condition_tree(c) for c in conditions])
 
 
-def _utility(out: list[Tree], utility: Utility) -> None:
-    if isinstance(utility, UtilityTable):
-        out += (":utility", [[ms_text(t), number_text(u)] for t, u in utility.points])
-    elif utility != 0:
-        out += (":utility", number_text(utility))
+# --- forms ------------------------------------------------------------------------
 
 
-def _text(out: list[Tree], name: str, text: str | None) -> None:
-    if text is not None:
-        out += (name, text)
+def _plan(plan: Plan) -> list[Tree]:
+    done: dict[int, list[Tree]] = {}
+    for tree in plan.trees():
+        _nodes(tree, done)
+    return _form(plan, done)
 
 
-def _string(out: list[Tree], name: str, text: str | None) -> None:
-    if text is not None:
-        out += (name, string_text(text))
+def _nodes(root: Node, done: dict[int, list[Tree]]) -> None:
+    """Make the trees of a node and of all below it, children before parents, without recursion."""
+    for node in reversed(list(walk(root))):
+        done[id(node)] = _form(node, done)
 
 
-def _list(out: list[Tree], name: str, entries: Iterable[Tree]) -> None:
-    found = list(entries)
-    if found:
-        out += (name, found)
-
-
-def _parameters(out: list[Tree], name: str, parameters: Mapping[str, Value]) -> None:
-    if parameters:
-        entries: list[Tree] = []
-        for key, value in parameters.items():
-            entries += (key, "=", value_text(value))
-        out += (name, entries)
+def _form(
+    value: Plan | Node | Option | FloatingContingency | Alternate, done: Mapping[int, list[Tree]]
+) -> list[Tree]:
+    kind = KIND_OF[type(value)]
+    out: list[Tree] = [kind]
+    for declared in FORMS[kind].fields.values():
+        held = getattr(value, declared.attribute)
+        if not declared.required and held == declared.default:
+            continue
+        out.append(f":{declared.word}")
+        match declared.syntax:
+            case Syntax.NODE:
+                out.append(done[id(held)])
+            case Syntax.NODE_LIST:
+                out.append([done[id(child)] for child in held])
+            case Syntax.FORM_LIST:
+                out.append([_form(form, done) for form in held])
+            case syntax:
+                out.append(codec(syntax).tree(held))
+    return out
 
 
 # --- layout ---------------------------------------------------------------------

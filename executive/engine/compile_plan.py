@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from executive.crl import nodes as crl
+from executive.crl import values
 from executive.engine.conditions import (
     TIME_KEY,
     Guard,
@@ -46,11 +47,11 @@ def compile_plan(
     resources: dict[str, ResourceSpec] = {}
     for resource in plan.resources:
         match resource:
-            case crl.UnitResource():
+            case values.UnitResource():
                 resources[resource.name] = ResourceSpec(resource.name, 1.0)
-            case crl.CapacityResource():
+            case values.CapacityResource():
                 resources[resource.name] = ResourceSpec(resource.name, float(resource.capacity))
-            case crl.ConsumableResource():
+            case values.ConsumableResource():
                 resources[resource.name] = ResourceSpec(
                     resource.name, None, resource.key, float(resource.floor)
                 )
@@ -60,7 +61,7 @@ def compile_plan(
             node=compile_node(c.node, identity),
             trigger=compile_guard(c.trigger_conditions) or Guard(lambda database: True, ()),
             utility=c.utility,
-            interrupt=c.mode is crl.Mode.INTERRUPT,
+            interrupt=c.mode is values.Mode.INTERRUPT,
             scope=c.scope if c.scope is not None else root.id,
             max_insertions=c.max_insertions,
             continue_on_failure=c.continue_on_failure,
@@ -113,7 +114,7 @@ def compile_node(top: crl.Node, identity: Callable[[crl.Node], str]) -> NodeSpec
             case crl.Branch():
                 spec.kind = Kind.BRANCH
                 spec.if_none = node.if_none
-                spec.next_on_failure = node.on_option_failure is crl.OnOptionFailure.NEXT
+                spec.next_on_failure = node.on_option_failure is values.OnOptionFailure.NEXT
                 spec.options = tuple(
                     OptionSpec(
                         id=option.id,
@@ -136,7 +137,7 @@ def _common(node: crl.Node) -> NodeSpec:
         start=compile_guard(node.start_conditions),
         maintain=compile_guard(node.maintain_conditions),
         end=compile_guard(node.end_conditions),
-        start_windows=tuple(map(compile_window, crl.start_temporals(node))),
+        start_windows=tuple(map(compile_window, node.start_temporal_conditions)),
         end_windows=tuple(map(compile_window, crl.end_temporals(node))),
         continue_on_failure=node.continue_on_failure,
         uses=amounts(node.uses),
@@ -147,7 +148,7 @@ def _common(node: crl.Node) -> NodeSpec:
     )
 
 
-def amounts(entries: Sequence[crl.Amount]) -> tuple[tuple[str, float], ...]:
+def amounts(entries: Sequence[values.Amount]) -> tuple[tuple[str, float], ...]:
     """Return names and amounts; entries of the same resource are added up."""
     if not entries:
         return ()
@@ -157,17 +158,17 @@ def amounts(entries: Sequence[crl.Amount]) -> tuple[tuple[str, float], ...]:
     return tuple(total.items())
 
 
-def compile_window(temporal: crl.Temporal) -> Window:
+def compile_window(temporal: values.Temporal) -> Window:
     interval = temporal.interval
     lo = -INFINITY if interval.lo_ms is None else interval.lo_ms
     hi = INFINITY if interval.hi_ms is None else interval.hi_ms
     match temporal:
-        case crl.Absolute():
+        case values.Absolute():
             return Window(PLAN_CLOCK, START, lo, hi)
-        case crl.Relative():
+        case values.Relative():
             return Window(RELATIVE, START, lo, hi)
-        case crl.Reference():
-            return Window(temporal.node, START if temporal.point is crl.Point.START else END, lo, hi)
+        case values.Reference():
+            return Window(temporal.node, START if temporal.point is values.Point.START else END, lo, hi)
 
 
 def database_key(keyword: str, arguments: Sequence[str | float]) -> str:
@@ -184,27 +185,27 @@ def shortest(number: float) -> str:
     return repr(number)
 
 
-def compile_guard(conditions: crl.Conditions) -> Guard | None:
+def compile_guard(conditions: values.Conditions) -> Guard | None:
     """Return the conjunction of conditions, or None where there is nothing to ask."""
     if not conditions:
         return None
     keys: dict[str, None] = {}
     thresholds: list[float] = []
-    top = crl.And(conditions)
-    order: list[crl.Condition] = []
-    stack: list[crl.Condition] = [top]
+    top = values.And(conditions)
+    order: list[values.Condition] = []
+    stack: list[values.Condition] = [top]
     while stack:
         condition = stack.pop()
         order.append(condition)
         match condition:
-            case crl.And() | crl.Or():
+            case values.And() | values.Or():
                 stack.extend(condition.parts)
-            case crl.Not():
+            case values.Not():
                 stack.append(condition.part)
     made: dict[int, Test] = {}
     for condition in reversed(order):
         match condition:
-            case crl.Comparison():
+            case values.Comparison():
                 key = database_key(condition.key, condition.arguments)
                 if key == TIME_KEY:
                     if is_number(condition.value):
@@ -212,15 +213,15 @@ def compile_guard(conditions: crl.Conditions) -> Guard | None:
                 else:
                     keys[key] = None
                 made[id(condition)] = comparison(key, condition.operator.value, condition.value)
-            case crl.Known():
+            case values.Known():
                 key = database_key(condition.key, condition.arguments)
                 if key != TIME_KEY:
                     keys[key] = None
                 made[id(condition)] = known(key)
-            case crl.And():
+            case values.And():
                 made[id(condition)] = all_of(tuple(made[id(part)] for part in condition.parts))
-            case crl.Or():
+            case values.Or():
                 made[id(condition)] = any_of(tuple(made[id(part)] for part in condition.parts))
-            case crl.Not():
+            case values.Not():
                 made[id(condition)] = negation(made[id(condition.part)])
     return Guard(made[id(top)], tuple(keys), tuple(thresholds))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executive.crl.nodes import utility_at
+from executive.crl.values import utility_at
 from executive.engine import lifecycle
 from executive.engine.instance import ACTIVE, Floating, Hold, Instance, Outcome, State, is_running_task
 from executive.engine.run import Run

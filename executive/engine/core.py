@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from executive.crl.nodes import OnResume
+from executive.crl.values import OnResume
 from executive.engine import contingencies, lifecycle, replacement
 from executive.engine.conditions import TIME_KEY, is_number
 from executive.engine.instance import ACTIVE, Effect, Instance, Outcome, State

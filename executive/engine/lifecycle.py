@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from executive.crl.nodes import IfNone, utility_at
+from executive.crl.values import IfNone, utility_at
 from executive.engine import windows
 from executive.engine.instance import ACTIVE, Instance, Outcome, State, UtilityUsed
 from executive.engine.run import Run

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from executive.crl.nodes import IfNone, OnResume, Utility
+from executive.crl.values import IfNone, OnResume, Utility
 from executive.engine.conditions import Guard
 from executive.ports import Value
 

@@ -15,7 +15,7 @@ from executive.crl.checks.satisfiability import (
     implies,
     satisfiable,
 )
-from executive.crl.nodes import Condition, Conditions, Value
+from executive.crl.values import Condition, Conditions, Value
 from executive.engine.compile_plan import compile_guard
 from tests import strategies
 

@@ -15,8 +15,8 @@ from executive.crl.dictionary import (
     ValueSpec,
     ValueType,
 )
-from executive.crl.nodes import Block, Comparison, Expectation, Operator, Option, Plan, Task, UtilityTable
-from executive.crl.reader import FIELDS
+from executive.crl.nodes import FORMS, Block, Option, Plan, Task
+from executive.crl.values import Comparison, Expectation, Operator, UtilityTable
 
 COMMANDS = CommandDictionary(
     "toy",
@@ -856,7 +856,7 @@ def test_findings_turn_into_json() -> None:
 
 
 def test_every_field_has_a_reader() -> None:
-    assert sum(len(table) for table in FIELDS.values()) == 17 * 4 + 6 + 1 + 1 + 3 + 8 + 10 + 7 + 12
+    assert sum(len(form.fields) for form in FORMS.values()) == 17 * 4 + 6 + 1 + 1 + 3 + 8 + 10 + 7 + 12
 
 
 def test_a_reference_into_an_option_is_tried_with_that_option() -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from executive.crl.checks.index import Index, Owner
 from executive.crl.checks.names import RESERVED_KEYS, all_conditions, leaves
 from executive.crl.dictionary import CommandDictionary, TelemetryDictionary, ValueSpec, ValueType
-from executive.crl.nodes import Comparison, ConsumableResource, Known, Operator, Source, Task, Value
-from executive.crl.printer import number_text, value_text
+from executive.crl.nodes import Task
 from executive.crl.reader import nearest
+from executive.crl.trees import number_text, value_text
+from executive.crl.values import Comparison, ConsumableResource, Known, Operator, Source, Value
 
 
 def value_problem(spec: ValueSpec, value: Value, *, range_too: bool = True) -> str:

@@ -14,8 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from executive.crl.checks.index import Index
-from executive.crl.nodes import Block, Branch, ConsumableResource, Node, Spread, Task
-from executive.crl.printer import number_text
+from executive.crl.nodes import Block, Branch, Node, Task, children
+from executive.crl.trees import number_text
+from executive.crl.values import ConsumableResource, Spread
 
 DEVIATIONS = 2.0
 MAX_PATHS = 64
@@ -125,7 +126,7 @@ def _walk(root: Node, name: str, variance: bool) -> Envelope:
         order.append(node)
         if isinstance(node, Task) or _own(node, name, variance) is not None:
             continue
-        stack.extend([o.node for o in node.options] if isinstance(node, Branch) else node.node_list)
+        stack.extend(children(node))
     done: dict[int, Envelope] = {}
     for node in reversed(order):
         own = _own(node, name, variance)

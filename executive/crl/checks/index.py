@@ -7,37 +7,25 @@ from dataclasses import dataclass, field
 
 from executive.crl.errors import Finding, Severity
 from executive.crl.nodes import (
+    KIND_OF,
     Alternate,
-    Block,
     Branch,
-    ConcurrentBlock,
     FloatingContingency,
     Node,
     Option,
     Plan,
-    Source,
-    Task,
+    children,
 )
 from executive.crl.reader import nearest
+from executive.crl.values import Source
 
 Named = Node | Option | FloatingContingency | Alternate
 Owner = Named | Plan
 
-_KINDS: dict[type, str] = {
-    Task: "task",
-    Block: "block",
-    ConcurrentBlock: "concurrent-block",
-    Branch: "branch",
-    Option: "option",
-    FloatingContingency: "floating-contingency",
-    Alternate: "alternate",
-    Plan: "plan",
-}
-
 
 def label(owner: Owner) -> str:
     """Return how messages call a thing: its kind and its id."""
-    kind = _KINDS[type(owner)]
+    kind = KIND_OF[type(owner)]
     return f"{kind} {owner.id}" if owner.id else kind
 
 
@@ -93,14 +81,9 @@ class Index:
             node, parent, depth, option = stack.pop()
             number = len(entries)
             entries.append(Entry(node, number, parent, tree, depth, option))
-            if isinstance(node, Task):
-                continue
-            if isinstance(node, Branch):
-                below = [(o.node, number, depth + 1, at) for at, o in enumerate(node.options)]
-            else:
-                below = [(child, number, depth + 1, -1) for child in node.node_list]
-            below.reverse()
-            stack.extend(below)
+            chosen = isinstance(node, Branch)
+            below = enumerate(children(node))
+            stack.extend(reversed([(n, number, depth + 1, at if chosen else -1) for at, n in below]))
         for entry in reversed(entries[self.roots[-1] :]):
             entry.end = max(entry.end, entry.number + 1)
             if entry.parent >= 0:
@@ -151,12 +134,6 @@ class Index:
         while not entries[a].covers(b):
             a = entries[a].parent
         return a
-
-    def child_towards(self, ancestor: int, number: int) -> int:
-        """Return the child of `ancestor` that holds `number` (which lies strictly below it)."""
-        while self.entries[number].parent != ancestor:
-            number = self.entries[number].parent
-        return number
 
     def scope_of(self, contingency: FloatingContingency) -> int | None:
         """Return the node a contingency belongs to, None if it is not in the main tree."""

@@ -6,25 +6,20 @@ from collections.abc import Iterator
 
 from executive.crl.checks.index import Entry, Index, Named, label
 from executive.crl.lexer import is_symbol
-from executive.crl.nodes import (
-    Alternate,
+from executive.crl.nodes import Alternate, Branch, FloatingContingency, Option, Task, end_temporals
+from executive.crl.reader import MAX_DEPTH, MAX_NODES
+from executive.crl.values import (
     And,
-    Branch,
     Comparison,
     Condition,
-    FloatingContingency,
     Known,
     Not,
     Operator,
-    Option,
     Or,
     Point,
     Reference,
-    Task,
     Temporal,
-    end_temporals,
 )
-from executive.crl.reader import MAX_DEPTH, MAX_NODES
 
 RESERVED_NODE_KEYS = {"outcome": 1, "reason": 1, "attempts": 1, "result": 2}
 """Keys kept by the executive whose first argument is a node, with their number of arguments."""

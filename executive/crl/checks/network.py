@@ -11,19 +11,10 @@ from itertools import accumulate
 from typing import NamedTuple, Protocol
 
 from executive.crl.checks.index import Entry, Index, label
-from executive.crl.nodes import (
-    Absolute,
-    Block,
-    Branch,
-    Node,
-    Reference,
-    Relative,
-    Source,
-    Task,
-    Temporal,
-    end_temporals,
-)
-from executive.crl.printer import flat, interval_tree, ms_text, temporal_text
+from executive.crl.nodes import Block, Branch, Node, Task, end_temporals
+from executive.crl.printer import flat, temporal_text
+from executive.crl.trees import interval_tree, ms_text
+from executive.crl.values import Absolute, Reference, Relative, Source, Temporal
 from executive.stn import ORIGIN, Conflict, Link, TemporalNetwork
 
 MAX_COMBINATIONS = 2_000

@@ -5,17 +5,9 @@ from __future__ import annotations
 from executive.crl.checks.index import Entry, Index
 from executive.crl.checks.names import leaves
 from executive.crl.checks.satisfiability import can_be_not_false, describe, gap, implies, satisfiable
-from executive.crl.nodes import (
-    Block,
-    Branch,
-    Conditions,
-    IfNone,
-    OnOptionFailure,
-    Option,
-    UtilityTable,
-    utility_at,
-)
+from executive.crl.nodes import Block, Branch, Option
 from executive.crl.printer import conditions_text
+from executive.crl.values import Conditions, IfNone, OnOptionFailure, UtilityTable, utility_at
 
 
 def check_reach(index: Index) -> None:

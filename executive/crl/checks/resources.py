@@ -6,21 +6,10 @@ from collections import defaultdict
 
 from executive.crl.checks.index import Entry, Index, Owner, label
 from executive.crl.checks.names import named
-from executive.crl.nodes import (
-    Alternate,
-    Amount,
-    CapacityResource,
-    ConcurrentBlock,
-    ConsumableResource,
-    FloatingContingency,
-    Node,
-    Option,
-    Resource,
-    Task,
-    UnitResource,
-)
-from executive.crl.printer import number_text
+from executive.crl.nodes import Alternate, ConcurrentBlock, FloatingContingency, Node, Option, Task
 from executive.crl.reader import nearest
+from executive.crl.trees import number_text
+from executive.crl.values import Amount, CapacityResource, ConsumableResource, Resource, UnitResource
 
 MAX_PAIRS = 20_000
 """How many pairs of holders are compared for W086 before it is left undecided."""

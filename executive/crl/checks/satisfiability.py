@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 from typing import Final
 
-from executive.crl.nodes import And, Comparison, Condition, Conditions, Known, Not, Operator, Or, Value
-from executive.crl.printer import number_text
+from executive.crl.trees import number_text
+from executive.crl.values import And, Comparison, Condition, Conditions, Known, Not, Operator, Or, Value
 
 MAX_CASES = 4_096
 

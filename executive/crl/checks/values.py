@@ -4,23 +4,10 @@ from __future__ import annotations
 
 from executive.crl.checks.index import Index, Owner
 from executive.crl.checks.names import named
-from executive.crl.nodes import (
-    Absolute,
-    Alternate,
-    Branch,
-    FloatingContingency,
-    IfNone,
-    Interval,
-    Node,
-    Option,
-    Source,
-    Task,
-    Temporal,
-    Utility,
-    UtilityTable,
-    end_temporals,
-)
-from executive.crl.printer import flat, interval_tree, number_text
+from executive.crl.nodes import Alternate, Branch, FloatingContingency, Node, Option, Task, end_temporals
+from executive.crl.printer import flat
+from executive.crl.trees import interval_tree, number_text
+from executive.crl.values import Absolute, IfNone, Interval, Source, Temporal, Utility, UtilityTable
 
 
 def check_values(index: Index) -> None:

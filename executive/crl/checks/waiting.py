@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from executive.crl.checks.index import Index
 from executive.crl.checks.names import waits
-from executive.crl.nodes import Block, Branch, Point, Reference, end_temporals
+from executive.crl.nodes import Block, Branch, end_temporals
+from executive.crl.values import Point, Reference
 
 Demand = tuple[int, int]
 """A point: number of the node, and 0 for its start or 1 for its end."""
