@@ -169,6 +169,13 @@ def test_studies_and_benchmarks_named_in_the_docs_exist() -> None:
     assert {n for n in named if not (ROOT / (n.replace(".", "/") + ".py")).is_file()} == set()
 
 
+def test_files_named_in_the_pages_on_how_to_add_exist() -> None:
+    pages = list((ROOT / "docs/how-to").glob("add-*.md"))
+    assert len(pages) >= 5
+    named = {(p.name, path) for p in pages for path in re.findall(r"`((?:\w+/)+[\w.-]*)`", p.read_text())}
+    assert {(page, path) for page, path in named if not (ROOT / path).exists()} == set()
+
+
 def test_generated_tables_stand_on_pages_of_results_alone() -> None:
     marked = {p.relative_to(ROOT / "docs") for p in (ROOT / "docs").rglob("*.md") if "<!-- " in p.read_text()}
     assert marked
