@@ -38,11 +38,13 @@ from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_from_dict
 from planner.solve import solve
+from rover_iface.behaviour.repertoire import FullRepertoire
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.faults import Fault
-from rover_iface.simulator.full_rover import FullRover, make_rover
-from rover_iface.simulator.mast_cameras import MastCameras
+from rover_iface.simulator.full_rover import make_rover
+from rover_iface.simulator.hardware import designated, mast_bias
 from rover_iface.simulator.subframe_rover import body_of
+from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.simulator.world import load_world
 from rover_iface.terrain import Terrain, generate_terrain, load_terrain
 from rover_iface.terrain.strew import strew_rocks
@@ -108,12 +110,12 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
         "branches": plan.branches,
         "hours": (flight.outcome.end_s or 0.0) / 3600,
         "driven_m": _driven(rover),
-        "updates": len(rover.follower.history),
+        "updates": len(rover.truth.history),
         "targets": {t.id: _target(rover, t.id, out) for t in (pick.target for pick in picks)},
         "track": [
             {"target": r.target, "confidence": r.confidence, "state": r.state, "range_m": r.range_m,
              "error_m": r.error_m, "t_s": r.t_s}
-            for r in rover.follower.history
+            for r in rover.truth.history
         ],
         "driven_at": [[t, travelled] for t, travelled in _travelled(rover)],
         "triangles": triangles,
@@ -140,10 +142,11 @@ def _designated(picks: Sequence[Pick], mission: DemoMission, terrain: Terrain, s
     start = mission.limits.start
     pose = {"east_m": start.east_m, "north_m": start.north_m, "heading_rad": start.heading_rad}
     world = load_world({"format": "world/1", "name": mission.name, "start": pose, "map_error": WORLD_ERROR})
-    cameras = MastCameras(body_of(world, terrain, seed))
+    body = body_of(world, terrain, seed)
+    bias = mast_bias(body)
     found = []
     for pick in picks:
-        x, y, z = (float(v) for v in cameras.designated(np.array(pick.target.point_site)))
+        x, y, z = (float(v) for v in designated(body, bias, np.array(pick.target.point_site)))
         found.append(replace(pick, target=replace(pick.target, point_site=(x, y, z))))
     return tuple(found)
 
@@ -165,8 +168,8 @@ def _faults(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> list[dict[st
     return [Fault.from_dict(f).as_dict() for f in found]
 
 
-def _travelled(rover: FullRover) -> list[tuple[float, float]]:
-    rows = rover.body.odometry
+def _travelled(rover: TerrainRover) -> list[tuple[float, float]]:
+    rows = rover.truth.odometry
     way, out = 0.0, [(rows[0][0], 0.0)]
     for (_, a, _), (t, b, _) in pairwise(rows):
         way += math.hypot(b.x - a.x, b.y - a.y)
@@ -174,21 +177,22 @@ def _travelled(rover: FullRover) -> list[tuple[float, float]]:
     return out
 
 
-def _driven(rover: FullRover) -> float:
+def _driven(rover: TerrainRover) -> float:
     return _travelled(rover)[-1][1]
 
 
-def _target(rover: FullRover, name: str, out: Path) -> dict[str, Any]:
+def _target(rover: TerrainRover, name: str, out: Path) -> dict[str, Any]:
     """Return what came of one target; errors in centimetres from the point under the operator's pixel."""
-    attempt = rover.placing.attempts.get(name)
-    found: dict[str, Any] = {"handoff": rover.eyes.answers.get(name, {})}
-    near = [r for r in rover.follower.history if r.target == name and r.range_m < 1.5]
+    own = rover.repertoire
+    assert isinstance(own, FullRepertoire)
+    attempt = own.placing.attempts.get(name)
+    found: dict[str, Any] = {"handoff": own.eyes.answers.get(name, {})}
+    near = [r for r in rover.truth.history if r.target == name and r.range_m < 1.5]
     if near:
         found["tracked_cm"] = 100 * near[-1].error_m
     if attempt is None:
         found["why"] = _failure(out, name) if near else "not approached"
         return found
-    truth = rover.follower.truth(name)
     found["decision"] = attempt.verdict.decision.value
     found["why"] = attempt.verdict.text
     found["shift_cm"] = 100 * attempt.verdict.distance_m
@@ -197,7 +201,7 @@ def _target(rover: FullRover, name: str, out: Path) -> dict[str, Any]:
         found["contact"] = attempt.touch.made
         found["why"] += f"; {attempt.touch.reason}" if attempt.touch.reason else ""
         if attempt.touch.made:
-            found["placement_cm"] = 100 * float(np.linalg.norm(attempt.touch.point - truth))
+            found["placement_cm"] = 100 * rover.truth.placement_error_m(name)
     return found
 
 

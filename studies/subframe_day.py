@@ -85,7 +85,7 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
         triangles = rover.body.renderer.scene.triangle_count
     with stage("the day under the executive"):
         flight = fly(crl, rover, out, run_id="day", about={"rover": "subframe", "seed": seed}, sync=False)
-    true = [pose for _, pose, _ in rover.body.odometry]
+    true = [pose for _, pose, _ in rover.truth.odometry]
     rows = [json.loads(line) for line in (out / "products.jsonl").read_text("utf-8").splitlines()]
     ends = Counter(row[2] for row in flight_ends(out) if str(row[1]).startswith("observe-"))
     return {
@@ -94,10 +94,10 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
         "outcome": flight.outcome.outcome,
         "hours": (flight.outcome.end_s or 0.0) / 3600,
         "driven_m": sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(true)),
-        "updates": len(rover.follower.history),
+        "updates": len(rover.truth.history),
         "placed": ends["SUCCEEDED"],
-        "tracked_error_m": [r.error_m for r in rover.follower.history if r.state == "tracked"],
-        "lost": sorted({r.target for r in rover.follower.history if r.state == "failed"}),
+        "tracked_error_m": [r.error_m for r in rover.truth.history if r.state == "tracked"],
+        "lost": sorted({r.target for r in rover.truth.history if r.state == "failed"}),
         "images": sum(row["path"].endswith(".png") for row in rows),
         "images_of_requests": sum(row["path"].endswith(".png") and "request" in row["label"] for row in rows),
         "products": len(rows),

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_iface.navigation.traverse import Traverse, counted, random_traverses
 from rover_iface.profile import load_profile
+from rover_iface.simulator.traverse import Traverse, counted, random_traverses
 from studies.common.pages import write_section
 
 

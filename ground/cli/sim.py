@@ -43,19 +43,12 @@ def _fail(error: Exception) -> typer.Exit:
 
 
 def _world(terrain: Path | None, seed: int, rover: str) -> tuple[Terrain, CameraRig]:
-    from rover_iface.cameras.rig import CameraRig, load_cameras, preset_names
+    from rover_iface.cameras.rig import rig_of
     from rover_iface.profile import load_profile
     from rover_iface.terrain import generate_terrain, load_terrain
 
     profile = load_profile(rover)
-    mast = profile.mast
-    rig = CameraRig(
-        load_cameras(profile.name if profile.name in preset_names() else "k9"),
-        (mast.base_m[0], mast.base_m[1], mast.height_m),
-        mast.pan_limit_rad,
-        mast.tilt_limits_rad,
-    )
-    return load_terrain(terrain) if terrain else generate_terrain(seed, ortho=False), rig
+    return load_terrain(terrain) if terrain else generate_terrain(seed, ortho=False), rig_of(profile)
 
 
 def _renderer(ground: Terrain, seed: int, x: float, y: float) -> Renderer:

@@ -36,10 +36,10 @@ def drive(
     from rover_iface.frames import Pose
     from rover_iface.navigation.navigator import Navigator
     from rover_iface.navigation.sensor import GroundRaster
-    from rover_iface.navigation.traverse import drive as traverse
-    from rover_iface.navigation.traverse import traverse_study
     from rover_iface.profile import load_profile
     from rover_iface.simulator.chassis import Chassis
+    from rover_iface.simulator.traverse import drive as traverse
+    from rover_iface.simulator.traverse import traverse_study
     from rover_iface.terrain import generate_terrain, load_terrain
 
     try:

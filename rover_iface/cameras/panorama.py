@@ -23,6 +23,7 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array, CameraModel, ModelKind
 from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo
 from rover_iface.errors import CameraError
+from rover_iface.frames import wrap_angle
 
 FORMAT = "panorama/1"
 Grey = npt.NDArray[np.uint8]
@@ -183,6 +184,20 @@ class Panorama:
         document = {"format": FORMAT, "name": self.name, "t_s": self.t_s, "frame": "site", "wedges": entries}
         (folder / "panorama.json").write_text(json.dumps(document, indent=1) + "\n")
         return folder
+
+
+def wedge_pans(
+    model: CameraModel, from_azimuth_rad: float, span_rad: float, overlap: float = 0.1
+) -> list[float]:
+    """Return pan angles of wedges side by side, clockwise from an azimuth (counter-clockwise from the front).
+
+    `overlap` is the share of a frame's width that neighbours have in common at least.
+    """
+    middle = model.height / 2.0
+    edges = model.back_project(np.array([[0.0, middle], [model.width - 1.0, middle]]))[1]
+    field = math.acos(float(np.clip(edges[0] @ edges[1], -1, 1))) * (1.0 - overlap)
+    count = max(1, math.ceil(span_rad / field))
+    return [wrap_angle(from_azimuth_rad - span_rad * (k + 0.5) / count) for k in range(count)]
 
 
 def load_panorama(folder: Path | str) -> Panorama:

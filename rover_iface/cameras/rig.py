@@ -16,6 +16,7 @@ import numpy.typing as npt
 from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.errors import CameraError
 from rover_iface.frames import Transform
+from rover_iface.profile import RoverProfile
 
 _FOLDER = Path(__file__).parent / "data"
 FORMAT = "cameras/1"
@@ -55,6 +56,17 @@ class MountedCamera:
 def preset_names() -> list[str]:
     """Return the names of the camera sets that come with the program."""
     return sorted(path.stem for path in _FOLDER.glob("*.toml"))
+
+
+def rig_of(profile: RoverProfile) -> CameraRig:
+    """Return a rover's cameras on its mast; a profile without a camera set of its name has K9's."""
+    mast = profile.mast
+    return CameraRig(
+        load_cameras(profile.name if profile.name in preset_names() else "k9"),
+        (mast.base_m[0], mast.base_m[1], mast.height_m),
+        mast.pan_limit_rad,
+        mast.tilt_limits_rad,
+    )
 
 
 def load_cameras(source: str | Path) -> Mapping[str, MountedCamera]:

@@ -28,21 +28,13 @@ from typing import Any
 import numpy as np
 
 from executive.ports import Command, Value
+from rover_iface.behaviour.action import Action, Outcome, Route, Step, number
+from rover_iface.behaviour.products import png
 from rover_iface.frames import Pose
 from rover_iface.profile import RoverProfile
-from rover_iface.simulator.engine import (
-    Action,
-    Outcome,
-    Route,
-    Step,
-    along,
-    milliseconds,
-    number,
-    route_length,
-)
+from rover_iface.simulator.engine import along, milliseconds, route_length
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.model import AbstractModel, Future
-from rover_iface.simulator.products import png
 from rover_iface.simulator.routine import RoutineRover
 from rover_iface.simulator.world import World, load_world
 from rover_iface.telemetry import TrackState

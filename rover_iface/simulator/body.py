@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from mission.soltime import SunClock
+from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose, Transform
 from rover_iface.navigation.sensor import GroundRaster
@@ -19,7 +20,7 @@ from rover_iface.simulator.chassis import Chassis
 from rover_iface.simulator.own_shadow import OwnShadow, ShadowedScene
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
-from rover_iface.simulator.world import World, WorldTarget
+from rover_iface.simulator.world import World
 from rover_iface.terrain.strew import add_rocks
 from rover_iface.terrain.terrain import Terrain
 
@@ -37,8 +38,6 @@ class Body:
         Drives; holds the true pose and the believed one.
     rng
         Of everything that is drawn during the run, one stream.
-    odometry
-        (t_s, true pose, believed pose) whenever the rover has moved.
     own_shadow
         Whether pictures show the rover's own shadow.
 
@@ -74,7 +73,6 @@ class Body:
                 f"the rover cannot stand at its start ({world.start.x:.2f}, {world.start.y:.2f})"
             )
         self.sun_clock = SunClock.at(world.sun.ls_deg, world.sun.latitude_deg, world.sun.start_lmst_h)
-        self.odometry: list[tuple[float, Pose, Pose]] = []
 
     @property
     def pose(self) -> Pose:
@@ -128,7 +126,7 @@ class Body:
         return min(40.0, max(12.0, max(far) + 6.0))
 
 
-def world_targets(world: World) -> list[WorldTarget]:
+def world_targets(world: World) -> list[DesignatedTarget]:
     """Return the targets of a world, from its problem where it lists none itself.
 
     Raises
@@ -150,7 +148,7 @@ def world_targets(world: World) -> list[WorldTarget]:
             raise WorldError(f'target {name} has no "point_m"; a rover on terrain needs it')
         contact = any(o.contact for o in model.observations if o.place == k + 1)
         found.append(
-            WorldTarget(
+            DesignatedTarget(
                 name, point, kind="place" if contact else "image", observation_point=model.poses[k + 1]
             )
         )

@@ -64,8 +64,6 @@ class Chassis:
         self.softer = softer
         self.rng = rng
         self.extra_slip = 0.0
-        self.slow_factor = 1.0
-        self.wheel_stuck = False
         self.pose = self._settled(pose.x, pose.y, pose.heading)
         self.believed = Pose(pose.x, pose.y, self.pose.z, pose.heading, self.pose.pitch, self.pose.roll)
         self.travelled_m = 0.0
@@ -87,11 +85,8 @@ class Chassis:
     def follow(self, way: Way) -> Driven:
         """Drive a way to its end or to a collision, and return what it came to."""
         mobility, power = self.profile.mobility, self.profile.power
-        duration = abs(way.turn_rad) / mobility.turn_rate_rad_s * self.slow_factor
+        duration = abs(way.turn_rad) / mobility.turn_rate_rad_s
         energy = power.turn_w * duration
-        if self.wheel_stuck:
-            wasted = 20.0
-            return Driven(wasted, power.drive_w * wasted, abs(way.length_m), 0.0, "", True, 1.0, 0.0, ())
         scale = 1.0 + mobility.odometry_error * float(self.rng.standard_normal())
         turned = way.turn_rad * (1.0 + 0.02 * float(self.rng.standard_normal()))
         x, y, heading = self.pose.x, self.pose.y, self.pose.heading + turned
@@ -142,7 +137,7 @@ class Chassis:
             collision = self._hits(standing.belly_gap, standing.step, standing.tilt)
             true_length += abs(advance)
             track.append((x, y))
-            moving = abs(ds) / mobility.speed_m_s * self.slow_factor
+            moving = abs(ds) / mobility.speed_m_s
             duration += moving
             energy += power.drive_w * moving * (1.0 + 2.0 * max(0.0, math.sin(climb)))
         self.pose = Pose(x, y, z, wrap_angle(heading), pitch, roll)

@@ -12,8 +12,8 @@ import hashlib
 import heapq
 import json
 import math
-from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -30,33 +30,10 @@ from executive.ports import (
     Update,
     Value,
 )
+from rover_iface.behaviour.action import Action, Outcome, Route, Step
 from rover_iface.commands import COMMANDS
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.simulator.faults import Fault, FaultKind
-from rover_iface.telemetry import key
-
-Route = Sequence[tuple[float, float]]
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """A part of an action: whole milliseconds, joules besides the hotel load, and the way driven in it."""
-
-    duration_ms: int
-    energy_j: float = 0.0
-    route: Route = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How an action ended."""
-
-    success: bool
-    reason: str = ""
-    values: Mapping[str, Value] = field(default_factory=dict)
-
-
-Action = Generator[Step, None, Outcome]
 
 
 def milliseconds(seconds: float) -> int:
@@ -477,12 +454,6 @@ def check_command(command: Command) -> str:
     return ""
 
 
-def number(command: Command, name: str, default: float) -> float:
-    """Return a numeric parameter of a command, or the default."""
-    value = command.parameters.get(name, default)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default
-
-
 def route_length(route: Route) -> float:
     """Return the length of a polyline, metres."""
     return sum(math.hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route))
@@ -507,6 +478,3 @@ def along(pose: Pose, route: Route, share: float) -> Pose:
         left -= length
     x, y = route[-1]
     return Pose(x, y, pose.z, heading, pose.pitch, pose.roll)
-
-
-__all__ = ["Action", "Outcome", "SimulatedRover", "Step", "along", "check_command", "key", "milliseconds"]

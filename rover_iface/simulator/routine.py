@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from executive.ports import Command
+from rover_iface.behaviour.action import Action, Outcome, Step, number
 from rover_iface.profile import Activity, Instrument, RoverProfile, load_profile
-from rover_iface.simulator.engine import Action, Outcome, SimulatedRover, Step, milliseconds, number
+from rover_iface.simulator.engine import SimulatedRover, milliseconds
 
 
 class RoutineRover(SimulatedRover):

@@ -6,9 +6,8 @@ may differ from the map the planner had: rocks that are not on the map, softer s
 what matters: the goal of an approach is laid out from where the target is now believed to be, not from where
 the map had it.
 
-Another rover on terrain is made like this one: `body_of` reads the world, `Parts` takes the pieces that
-differ (the `full` rover: `MastCameras(body, window_px=None)`, a `Sight` on rendered pairs, the feature
-tracker, the hand-off cascade, a `Placement` by segmentation and arm), and `TerrainRover` joins them.
+Another rover on terrain is made like this one: `body_of` reads the world, a `MakeRepertoire` puts behaviour
+together over hardware, and `TerrainRover` joins them.
 """
 
 from __future__ import annotations
@@ -17,17 +16,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rover_iface.behaviour import repertoire
+from rover_iface.behaviour.repertoire import MakeRepertoire
 from rover_iface.errors import WorldError
 from rover_iface.simulator.body import Body
-from rover_iface.simulator.driving import CastSight
 from rover_iface.simulator.faults import Fault
-from rover_iface.simulator.mast_cameras import MastCameras
-from rover_iface.simulator.placing import KinematicHandoff, ReachPlacement
-from rover_iface.simulator.terrain_rover import Parts, TerrainRover
+from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.simulator.world import World, load_world
 from rover_iface.terrain.terrain import Terrain
-from rover_iface.vision.ncc import NccTracker
-from rover_iface.vision.template import NccOptions
 
 
 def make_rover(
@@ -39,6 +35,7 @@ def make_rover(
     progress_s: float | None = None,
     terrain: Terrain | None = None,
     battery_j: float | None = None,
+    make: MakeRepertoire | None = None,
 ) -> TerrainRover:
     """Return a subframe rover; the entry point `subframe` of the group `outcrop.rovers`.
 
@@ -54,6 +51,8 @@ def make_rover(
         Faults on demand, besides those of the world.
     progress_s
         Report the pose so often during a drive; 0 = at the end of each way.
+    make
+        Another behaviour over the same hardware.
 
     Raises
     ------
@@ -61,19 +60,9 @@ def make_rover(
         If the world is malformed or has no terrain.
     """
     place = load_world(world)
-    body = body_of(place, terrain, seed)
-    cameras = MastCameras(body)
-    options = NccOptions(odometry_share=max(0.15, 3 * place.profile.mobility.odometry_error))
-    parts = Parts(
-        cameras=cameras,
-        sight=CastSight(body),
-        tracker=NccTracker(options),
-        handoff=KinematicHandoff(body, cameras),
-        placement=ReachPlacement(body),
-    )
     return TerrainRover(
-        body,
-        parts,
+        body_of(place, terrain, seed),
+        make or repertoire.subframe,
         out=out,
         faults=(*place.faults, *faults),
         progress_s=place.progress_s if progress_s is None else progress_s,

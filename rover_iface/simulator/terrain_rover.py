@@ -1,56 +1,33 @@
-"""A rover on terrain: a body, its power and telemetry, and the parts that carry out its commands.
-
-What rovers on terrain differ in is passed in as `Parts`: what the navigator sees the ground with (`Sight`),
-what the tracker sees with (`Eyes`, by default the mast cameras) and which `Tracker` it is, how a target is
-handed to the hazard cameras (`Handoff`) and where the tool may touch (`Placement`).
-"""
+"""A rover on terrain: a body, its power, and the behaviour that carries out its commands through hardware."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from executive.ports import Command
+from rover_iface.behaviour.action import Action, Outcome, Step, number
+from rover_iface.behaviour.repertoire import MakeRepertoire
 from rover_iface.simulator.body import Body
-from rover_iface.simulator.driving import Driving, Sight
-from rover_iface.simulator.engine import Action, Outcome, Step, milliseconds, number
+from rover_iface.simulator.engine import milliseconds
 from rover_iface.simulator.faults import Fault, FaultKind
-from rover_iface.simulator.following import Eyes, TargetFollower
-from rover_iface.simulator.imaging import Imaging
-from rover_iface.simulator.mast_cameras import MastCameras
-from rover_iface.simulator.placing import Handoff, Placement, Placing
+from rover_iface.simulator.faulty_hardware import FaultyHardware
+from rover_iface.simulator.hardware import SimulatedHardware
 from rover_iface.simulator.routine import RoutineRover
-from rover_iface.vision.tracker import Tracker
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """What a rover on terrain is put together from; all of them look at the same body.
-
-    `cadence` is that of `TargetFollower`.
-    """
-
-    cameras: MastCameras
-    sight: Sight
-    tracker: Tracker
-    handoff: Handoff
-    placement: Placement
-    eyes: Eyes | None = None
-    cadence: float = 0.0
+from rover_iface.simulator.truth import Truth
 
 
 class TerrainRover(RoutineRover):
     """A simulated rover with a body on true ground.
 
-    `follower.history` holds every answer of the tracker, `body.odometry` true and believed poses.
+    `repertoire` is its behaviour, over `hardware`, which faults may strike; `truth` scores what it does.
     """
 
     def __init__(
         self,
         body: Body,
-        parts: Parts,
+        make: MakeRepertoire,
         *,
         out: Path | None = None,
         faults: Sequence[Fault] = (),
@@ -69,44 +46,31 @@ class TerrainRover(RoutineRover):
             seed=body.seed,
         )
         self.body = body
-        self.parts = parts
         self._solar_to_s = 0.0
         self.set("novelty", 0.0)
         self.set("heartbeat", 0.0)
-        self.follower = TargetFollower(
-            self, body, parts.eyes or parts.cameras, parts.tracker, cadence=parts.cadence
-        )
-        self.driving = Driving(self, body, parts.sight, self.follower)
-        self.imaging = Imaging(self, body, parts.cameras, self.follower)
-        self.placing = Placing(self, body, parts.cameras, self.follower, parts.handoff, parts.placement)
-        self.driving.tell_pose()
+        self.truth = Truth(body)
+        simulated = SimulatedHardware(self, body, self.truth)
+        self.hardware = FaultyHardware(simulated)
+        self.repertoire = make(self.hardware, body.targets)
+        simulated.tell_pose()
         self.report()
 
     def act(self, command: Command) -> Action:
         """Return the generator of an action."""
-        match command.action:
-            case "navigate":
-                return self.driving.navigate(command)
-            case "turn":
-                return self.driving.turn(command)
-            case "trackstart":
-                return self.follower.start(command)
-            case "trackstop":
-                return self.follower.stop(command)
-            case "ipplaceinstrument":
-                return self.placing.place(command)
-            case "handoff":
-                return self.placing.hand_off(command)
-            case "image":
-                return self.imaging.image(command)
-            case "imagepanorama":
-                return self.imaging.panorama(command)
-            case "pointmast":
-                return self.imaging.point_mast(command)
-            case "recharge":
-                return self._rest(command)
-            case _:
-                return self.routine(command)
+        if command.action == "recharge":
+            return self._rest(command)
+        action = self.repertoire.act(command)
+        if action is None:
+            return self.routine(command)
+        return self._scored(command, action) if command.action == "ipplaceinstrument" else action
+
+    def _scored(self, command: Command, action: Action) -> Action:
+        """Carry out a placement; its result tells how far off it was, which only a simulation can."""
+        target = str(command.parameters["target"])
+        self.truth.touched.pop(target, None)
+        outcome = yield from action
+        return Outcome(outcome.success, outcome.reason, self.truth.scored(target, outcome.values))
 
     # ---- power
 
@@ -139,13 +103,9 @@ class TerrainRover(RoutineRover):
 
     # ---- faults
 
-    def lose_target(self, target: str, confidence: float = 0.1) -> None:
-        """Hide a target from the tracker, by a fault."""
-        self.follower.lose(target, confidence)
-
     def apply_fault(self, fault: Fault) -> None:
         """Bring a fault into effect now; a burst of slip is the soil's here."""
         if fault.kind is FaultKind.SLIP_BURST:
             self.body.chassis.extra_slip = 1.0 - 1.0 / fault.amount
-        else:
+        elif not self.hardware.strike(fault):
             super().apply_fault(fault)

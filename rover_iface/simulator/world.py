@@ -27,6 +27,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose
 from rover_iface.profile import RoverProfile, load_profile
@@ -71,17 +72,6 @@ class Sun:
     start_lmst_h: float = 10.0
 
 
-@dataclass(frozen=True, slots=True)
-class WorldTarget:
-    """A target in the world: its designated point, and where the rover is to stand for it."""
-
-    id: str
-    point: tuple[float, float, float]
-    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    kind: str = "place"
-    observation_point: Pose | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class World:
     """A simulated rover's world, read and checked."""
@@ -92,7 +82,7 @@ class World:
     terrain: str | None = None
     seed: int = 0
     start: Pose = field(default_factory=lambda: Pose(0.0, 0.0))
-    targets: tuple[WorldTarget, ...] = ()
+    targets: tuple[DesignatedTarget, ...] = ()
     problem: Mapping[str, Any] | None = None
     future: Mapping[str, Any] | None = None
     battery_j: float | None = None
@@ -252,14 +242,14 @@ def _triple(value: Any, what: str) -> tuple[float, float, float]:
     return float(value[0]), float(value[1]), float(value[2])
 
 
-def _target(value: Any) -> WorldTarget:
+def _target(value: Any) -> DesignatedTarget:
     if not isinstance(value, Mapping) or not isinstance(value.get("id"), str):
         raise WorldError(f'world: a target must be an object with "id", found {value!r:.60}')
     what = f"target {value['id']}"
     kind = value.get("kind", "place")
     if kind not in ("place", "image"):
         raise WorldError(f'{what}: "kind" is {kind!r}; it must be "place" or "image"')
-    return WorldTarget(
+    return DesignatedTarget(
         id=value["id"],
         point=_triple(value.get("point_m"), f'{what}: "point_m"'),
         normal=_triple(value.get("normal", (0.0, 0.0, 1.0)), f'{what}: "normal"'),

@@ -13,13 +13,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.behaviour.repertoire import RIGHT_MARGIN_PX, WINDOW_PX
 from rover_iface.cameras.linear import FAR_M, aligned_pair
 from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.cameras.stereo import Cloud, dense_stereo
 from rover_iface.frames import Transform
 from rover_iface.placement.cloud import DISPARITY_RAD, NAVCAM_DISPARITY_RAD, SurfaceCloud, cloud_of_stereo
-from rover_iface.simulator.full_rover import RIGHT_MARGIN_PX, WINDOW_PX
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Scene
 

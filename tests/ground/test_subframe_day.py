@@ -41,7 +41,7 @@ def test_the_executive_flies_the_plan_on_the_subframe_rover(
     drives = [r for r in ended if r[1] == "end" and str(r[2]).startswith("navigate-")]
     assert len(drives) == 2
     assert rover.body.chassis.travelled_m > 4.0
-    assert {r.target for r in rover.follower.history} == {"T1", "T2"}
+    assert {r.target for r in rover.truth.history} == {"T1", "T2"}
 
 
 def test_each_image_of_an_observation_names_its_request(day: tuple[TerrainRover, Flight, Path]) -> None:

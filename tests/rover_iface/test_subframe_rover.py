@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from executive.ports import Acknowledgement, Command, CommandId, Result
+from rover_iface.behaviour.mast_cameras import MastCameras
 from rover_iface.cameras.panorama import camera_from_document
 from rover_iface.contract import write_contract_world
 from rover_iface.errors import OutsideTerrainError, WorldError
@@ -21,6 +22,7 @@ from rover_iface.frames import Pose
 from rover_iface.navigation.navigator import Way
 from rover_iface.simulator.chassis import Driven
 from rover_iface.simulator.faults import Fault, FaultKind
+from rover_iface.simulator.hardware import designated
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.terrain import load_terrain
@@ -74,10 +76,10 @@ def test_a_target_is_approached_and_touched_within_two_centimetres(
 
 def test_dead_reckoning_drifts_but_the_track_holds(day: tuple[TerrainRover, Path, list[Result]]) -> None:
     rover, _, _ = day
-    _, true, believed = rover.body.odometry[-1]
+    _, true, believed = rover.truth.odometry[-1]
     assert 0.005 < math.hypot(true.x - believed.x, true.y - believed.y) < 0.5
-    assert all(record.error_m < 0.05 for record in rover.follower.history if record.state == "tracked")
-    assert len(rover.follower.history) >= 5
+    assert all(record.error_m < 0.05 for record in rover.truth.history if record.state == "tracked")
+    assert len(rover.truth.history) >= 5
 
 
 def test_products_carry_pose_camera_and_target(day: tuple[TerrainRover, Path, list[Result]]) -> None:
@@ -155,10 +157,10 @@ def test_a_target_no_longer_tracked_is_where_it_was_last_seen(world: Path) -> No
     rover = make_rover(world, seed=4)
     do(rover, "trackstart", target="T1")
     do(rover, "navigate", target="T1", mode="track")
-    seen = rover.follower.position("T1")
+    seen = rover.repertoire.follower.position("T1")
     do(rover, "trackstop", target="T1")
-    assert rover.follower.position("T1") == pytest.approx(seen)
-    assert rover.follower.position("T1") != pytest.approx(rover.body.targets["T1"].point, abs=1e-4)
+    assert rover.repertoire.follower.position("T1") == pytest.approx(seen)
+    assert rover.repertoire.follower.position("T1") != pytest.approx(rover.body.targets["T1"].point, abs=1e-4)
 
 
 def test_the_sun_and_the_battery_are_told(day: tuple[TerrainRover, Path, list[Result]]) -> None:
@@ -174,7 +176,7 @@ def test_a_lost_target_is_told_within_two_updates_and_fails_the_drive(world: Pat
     assert not drive.success
     assert drive.reason == "target T1 was lost"
     assert rover.get("trackerstate T1") == "failed"
-    states = [r.state for r in rover.follower.history]
+    states = [r.state for r in rover.truth.history]
     assert states.index("lost") <= 3
 
 
@@ -182,7 +184,7 @@ def test_a_sudden_change_of_light_is_not_taken_for_the_target(world: Path) -> No
     rover = make_rover(world, seed=4, faults=[Fault(FaultKind.SHADOW, at_s=60, target="T1")])
     do(rover, "trackstart", target="T1")
     do(rover, "navigate", target="T1", mode="track")
-    for record in rover.follower.history:
+    for record in rover.truth.history:
         assert record.state != "tracked" or record.error_m < 0.05
 
 
@@ -193,10 +195,10 @@ def test_a_target_behind_the_mast_is_no_miss_but_grows_doubtful(world: Path) -> 
     do(rover, "turn", heading=math.atan2(-y, -x))
     away = math.hypot(x, y)
     do(rover, "navigate", x=-2.6 * x / away, y=-2.6 * y / away, mode="track")
-    unseen = [r for r in rover.follower.history if any("the limit is 3.050" in why for why in r.reasons)]
+    unseen = [r for r in rover.truth.history if any("the limit is 3.050" in why for why in r.reasons)]
     assert unseen
-    assert not any(r.state == "failed" for r in rover.follower.history)
-    for before, after in zip(rover.follower.history, rover.follower.history[1:], strict=False):
+    assert not any(r.state == "failed" for r in rover.truth.history)
+    for before, after in zip(rover.truth.history, rover.truth.history[1:], strict=False):
         if after in unseen:
             assert after.confidence == pytest.approx(0.8 * before.confidence)
             assert after.state == ("tracked" if after.confidence >= 0.5 else "lost")
@@ -329,7 +331,7 @@ def test_a_shift_ends_near_the_pose_asked_for(world: Path, ahead: float, left: f
     troubles: list[str] = []
 
     def moving() -> Iterator[object]:
-        troubles.append((yield from rover.driving.shift(wanted)))
+        troubles.append((yield from rover.repertoire.driving.shift(wanted)))
 
     assert len(list(moving())) >= 1
     assert troubles == [""]
@@ -343,16 +345,17 @@ def test_a_point_designated_in_a_picture_is_where_later_pictures_show_it(
     world: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rover = make_rover(world, seed=1)
-    cameras, point = rover.parts.cameras, np.array(rover.body.targets["T1"].point)
+    cameras, point = MastCameras(rover.hardware), np.array(rover.body.targets["T1"].point)
     bias = np.array((0.012, -0.007))
-    monkeypatch.setattr(cameras, "_bias", bias)
-    monkeypatch.setattr(cameras, "_jitter", lambda: bias)
+    monkeypatch.setattr(rover.hardware.simulated, "_bias", bias)
+    monkeypatch.setattr(rover.hardware.simulated, "_jitter", lambda: bias)
 
     def off_px(position: np.ndarray) -> float:
         """Return how far the pixel that a position is looked for at is from that which shows the point."""
-        sighting = cameras.stereo(position, 0.0)
-        told, actual = sighting.view.left_camera.project(position), sighting.left.camera.project(point)
+        sighting = cameras.stereo(position)
+        told = sighting.view.left_camera.project(position)
+        actual = rover.truth.camera(sighting.left.number).project(point)
         return float(np.linalg.norm(told - actual))
 
     assert off_px(point) > 5.0
-    assert off_px(cameras.designated(point)) < 0.5
+    assert off_px(designated(rover.body, bias, point)) < 0.5

@@ -18,8 +18,6 @@ from ground.resources.site_views.value import Camera, CameraView, RoverShape, Su
 
 if TYPE_CHECKING:
     from rover_iface.cameras.model import CameraModel
-    from rover_iface.cameras.rig import CameraRig
-    from rover_iface.profile import RoverProfile
 
 SUN_STEP_H = 0.25
 
@@ -27,6 +25,7 @@ SUN_STEP_H = 0.25
 def describe_rover(repo: Repository, actor: Actor, mission_id: str) -> RoverShape:
     """Return the shape of a mission's rover."""
     from mission.soltime import SunClock
+    from rover_iface.cameras.rig import rig_of
     from rover_iface.profile import load_profile
     from rover_iface.simulator.world import Sun
 
@@ -70,19 +69,6 @@ def describe_rover(repo: Repository, actor: Actor, mission_id: str) -> RoverShap
     )
 
 
-def rig_of(profile: RoverProfile) -> CameraRig:
-    """Return a rover's cameras as the simulator has them; a profile without a set has K9's."""
-    from rover_iface.cameras.rig import CameraRig, load_cameras, preset_names
-
-    mast = profile.mast
-    return CameraRig(
-        load_cameras(profile.name if profile.name in preset_names() else "k9"),
-        (mast.base_m[0], mast.base_m[1], mast.height_m),
-        mast.pan_limit_rad,
-        mast.tilt_limits_rad,
-    )
-
-
 def camera_value(name: str, mount: Literal["mast", "body", "site"], model: CameraModel) -> Camera:
     """Return a camera model as it is sent."""
     vectors = {letter: [float(c) for c in getattr(model, letter)] for letter in "CAHVORE"}
@@ -121,6 +107,7 @@ def view_from(
     """
     import math
 
+    from rover_iface.cameras.rig import rig_of
     from rover_iface.errors import CameraError
     from rover_iface.errors import OutsideTerrainError as Outside
     from rover_iface.mobility import settled_pose

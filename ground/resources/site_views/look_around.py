@@ -17,7 +17,6 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain, terrain_row
-from ground.resources.site_views.describe_rover import rig_of
 from ground.resources.site_views.value import Panorama, PanoramaTile
 from ground.resources.sols.row import SolRow
 from ground.resources.terrains.terrain import ground_at
@@ -166,6 +165,7 @@ def point_in_panorama(
 
 
 def _place(repo: Repository, actor: Actor, mission_id: str) -> _Place:
+    from rover_iface.cameras.rig import rig_of
     from rover_iface.mobility import settled_pose
     from rover_iface.profile import load_profile
 

@@ -4,28 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from rover_iface.cameras.model import CameraModel
-from rover_iface.cameras.panorama import Panorama, StereoWedge
+from rover_iface.cameras.panorama import Panorama, StereoWedge, wedge_pans
 from rover_iface.cameras.rig import CameraRig
-from rover_iface.frames import Pose, wrap_angle
+from rover_iface.frames import Pose
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.render.renderer import Renderer, Sun
-
-
-def wedge_pans(
-    model: CameraModel, from_azimuth_rad: float, span_rad: float, overlap: float = 0.1
-) -> list[float]:
-    """Return pan angles of wedges side by side, clockwise from an azimuth (counter-clockwise from the front).
-
-    `overlap` is the share of a frame's width that neighbours have in common at least.
-    """
-    middle = model.height / 2.0
-    edges = model.back_project(np.array([[0.0, middle], [model.width - 1.0, middle]]))[1]
-    field = math.acos(float(np.clip(edges[0] @ edges[1], -1, 1))) * (1.0 - overlap)
-    count = max(1, math.ceil(span_rad / field))
-    return [wrap_angle(from_azimuth_rad - span_rad * (k + 0.5) / count) for k in range(count)]
 
 
 def take_panorama(

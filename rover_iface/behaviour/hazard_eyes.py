@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.behaviour.following import Followed
+from rover_iface.behaviour.hardware import Hardware
+from rover_iface.behaviour.mast_cameras import MastCameras, Sighting
+from rover_iface.behaviour.placing import HandedOff
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Pose
-from rover_iface.simulator.body import Body
-from rover_iface.simulator.following import Followed
-from rover_iface.simulator.mast_cameras import MastCameras, Sighting
-from rover_iface.simulator.placing import HandedOff
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off
 from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.narrow_range import NarrowSight, narrow_sight
@@ -28,12 +28,6 @@ ARRIVED_M = 2.2
 NARROW_M = 3.5
 """Distance from which on a new target is ranged by the narrow pair; nearer, the navcams know enough."""
 
-GRAINS, DUST_M, GRAIN_PX, GRAIN_GREY = 60, (0.012, 0.065), (4, 6), (0.4, 1.6)
-"""Grains of a dusty lens, what they hide (distance from the target, at its range), radius, and brightness.
-
-Each is as bright as that share of the picture's mean: grains of one grey are matched as if they were rock.
-"""
-
 PUBLISHED = {
     "kinematic": "pure kinematic",
     "alternate": "alternate kinematic",
@@ -45,8 +39,8 @@ PUBLISHED = {
 """Methods of the command dictionary, by their names in the study."""
 
 
-Narrow = Callable[[Array, float], StereoView]
-"""Takes a pair with the narrow cameras round a believed point (3,) at a time of the plan."""
+Narrow = Callable[[Array], StereoView]
+"""Takes a pair with the narrow cameras round a believed point (3,)."""
 
 
 class ArrivalTracker:
@@ -82,7 +76,7 @@ class ArrivalTracker:
         if self.narrow is None or away < NARROW_M or not np.isfinite(pixel).all():
             return None
         try:
-            pair = self.narrow(position, view.t_s)
+            pair = self.narrow(position)
         except (CameraError, RenderError, TrackerError):
             return None
         return narrow_sight(view, pixel, pair, away)
@@ -120,20 +114,18 @@ class ArrivalTracker:
 class HazardEyes:
     """Hands targets to the hazcams (`Handoff`); keeps the pair it looked with for what follows at that stop.
 
-    `answers` tells, for each target, how it went: method, error in pixels, reasons. `dusty` are the targets
-    before which grains lie on the lens of the right camera.
+    `answers` tells, for each target, how it went: method, error in pixels, reasons.
     """
 
-    def __init__(self, body: Body, cameras: MastCameras) -> None:
-        self.body = body
+    def __init__(self, hardware: Hardware, cameras: MastCameras) -> None:
+        self.hardware = hardware
         self.cameras = cameras
         self.answers: dict[str, dict[str, object]] = {}
-        self.dusty: set[str] = set()
         self._pair: tuple[Pose, Sighting] | None = None
         self._handed: dict[str, tuple[Pose, HandedOff]] = {}
         self._near: dict[str, tuple[Pose, StereoView]] = {}
 
-    def pair(self, t_s: float) -> Sighting:
+    def pair(self) -> Sighting:
         """Return the hazcam pair of this stop, cameras in the believed site frame.
 
         Raises
@@ -141,44 +133,24 @@ class HazardEyes:
         RenderError
             If a camera is below the ground.
         """
-        here = self.body.believed
+        here = self.hardware.believed
         if self._pair is None or self._pair[0] != here:
-            self._pair = (here, self._dusted(self.cameras.body_pair("hazcam", t_s)))
+            self._pair = (here, self.cameras.body_pair("hazcam"))
         return self._pair[1]
 
-    def forget(self) -> None:
-        """Look anew when asked next, though the rover has not moved."""
+    def forget(self, target: str) -> None:
+        """Look anew for a target when asked next, though the rover has not moved."""
         self._pair = None
-        self._handed.clear()
-        self._near.clear()
-
-    def _dusted(self, pair: Sighting) -> Sighting:
-        """Return the pair with grains scattered before the dusty targets in the right image."""
-        import cv2
-
-        image = pair.view.right.copy()
-        for name in sorted(self.dusty):
-            point, camera = np.array(self.body.targets[name].point), pair.right.camera
-            pixel = camera.project(point)
-            if not np.isfinite(pixel).all():
-                continue
-            scale = camera.hs / float(np.linalg.norm(point - camera.C))
-            rng = np.random.default_rng([self.body.seed, *name.encode()])
-            for _ in range(GRAINS):
-                away, turn = scale * rng.uniform(*DUST_M), rng.uniform(0.0, math.tau)
-                place = pixel + away * np.array((math.cos(turn), math.sin(turn)))
-                middle = (round(float(place[0])), round(float(place[1])))
-                grey = min(1.0, float(rng.uniform(*GRAIN_GREY) * pair.view.right.mean()))
-                cv2.circle(image, middle, int(rng.integers(*GRAIN_PX)), grey, -1)
-        return pair if not self.dusty else replace(pair, view=replace(pair.view, right=image))
+        self._handed.pop(target, None)
+        self._near.pop(target, None)
 
     def sees(self, followed: Followed) -> bool:
         """Return whether the left hazard camera has a target in its frame, by where it is believed to be."""
-        rover_from_site = self.body.believed.site_from_rover.inverse()
-        camera = self.cameras.rig.camera(self.body.profile.cameras.hazard)
+        rover_from_site = self.hardware.believed.site_from_rover.inverse()
+        camera = self.cameras.rig.camera(self.hardware.profile.cameras.hazard)
         return bool(camera.sees(rover_from_site.apply(followed.update.position)))
 
-    def at_this_stop(self, followed: Followed, t_s: float) -> HandedOff:
+    def at_this_stop(self, followed: Followed) -> HandedOff:
         """Return the hand-off of a target made at this stop, made now if there is none.
 
         Raises
@@ -187,33 +159,33 @@ class HazardEyes:
             If it is refused.
         """
         known = self._handed.get(followed.target.id)
-        if known is not None and known[0] == self.body.believed:
+        if known is not None and known[0] == self.hardware.believed:
             return known[1]
-        return self.hand_off(followed, "", t_s)
+        return self.hand_off(followed, "")
 
     def near(self, target: str) -> StereoView | None:
         """Return the navcam pair that a target was handed off from at this stop, None without one."""
         known = self._near.get(target)
-        return known[1] if known is not None and known[0] == self.body.believed else None
+        return known[1] if known is not None and known[0] == self.hardware.believed else None
 
-    def hand_off(self, followed: Followed, method: str, t_s: float) -> HandedOff:
+    def hand_off(self, followed: Followed, method: str) -> HandedOff:
         """See `Handoff` of the rover's placing; the default method is the cascade from the near navcams."""
         name = followed.target.id
         if not self.sees(followed):
             raise TrackerError(f"the hazard camera does not see target {name}")
         try:
-            near = self.cameras.stereo(followed.update.position, t_s).view
+            near = self.cameras.stereo(followed.update.position).view
         except (CameraError, RenderError) as err:
             raise TrackerError(f"target {name} cannot be looked at for the hand-off: {err}") from err
-        self._near[name] = (self.body.believed, near)
-        haz = self.pair(t_s).view
+        self._near[name] = (self.hardware.believed, near)
+        haz = self.pair().view
         pixel = np.asarray(near.left_camera.project(followed.update.position), dtype=np.float64)
         given = Handoff(Side(haz, 0.3), Side(near, 0.8), pixel)
         if method and method != "cascade":
             handed = self._published(followed, given, method)
         else:
             handed = self._cascade(followed, given)
-        self._handed[name] = (self.body.believed, handed)
+        self._handed[name] = (self.hardware.believed, handed)
         return handed
 
     def _cascade(self, followed: Followed, given: Handoff) -> HandedOff:

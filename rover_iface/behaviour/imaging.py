@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from executive.ports import Command, Value
+from rover_iface.behaviour.action import Action, Outcome, number
+from rover_iface.behaviour.following import TargetFollower
+from rover_iface.behaviour.hardware import Hardware, ProductFile
+from rover_iface.behaviour.mast_cameras import MastCameras
+from rover_iface.behaviour.products import picture_label, png
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.panorama import camera_document
 from rover_iface.errors import CameraError, RenderError
 from rover_iface.frames import wrap_angle
-from rover_iface.simulator.body import Body
-from rover_iface.simulator.engine import Action, Outcome, Step, number, pose_label
-from rover_iface.simulator.following import TargetFollower
-from rover_iface.simulator.mast_cameras import MastCameras
-from rover_iface.simulator.products import picture_label, png
-from rover_iface.simulator.routine import RoutineRover
 
 IMAGE_PX = 400
 MOSAIC_PX = 4096
@@ -28,53 +29,50 @@ MOSAIC_PX = 4096
 class Imaging:
     """Takes pictures for science. Targets are looked at where they are believed to be."""
 
-    def __init__(
-        self, host: RoutineRover, body: Body, cameras: MastCameras, follower: TargetFollower
-    ) -> None:
-        self.host = host
-        self.body = body
+    def __init__(self, hardware: Hardware, cameras: MastCameras, follower: TargetFollower) -> None:
+        self.hardware = hardware
         self.cameras = cameras
         self.follower = follower
 
     def image(self, command: Command) -> Action:
         """Carry out `image`."""
-        if self.host.camera_failed:
+        if not self.hardware.cameras_work:
             return Outcome(False, "camera failed", {"made": False})
         name = str(command.parameters.get("target", ""))
-        if name and name not in self.body.targets:
+        if name and name not in self.follower.targets:
             return Outcome(False, f"unknown target {name}", {"made": False})
         instrument = str(command.parameters.get("instrument", ""))
-        profile = self.body.profile
+        profile = self.hardware.profile
         figures = profile.instruments.get(instrument)
         if figures is None:
             figures = next(i for i in profile.instruments.values() if i.kind == "remote")
         camera = figures.camera or profile.cameras.science
-        duration, energy = self.host.drawn(figures, self.body.rng)
-        yield Step(duration, energy)
+        energy = yield from self.hardware.operate(figures)
         point = self.follower.position(name) if name else self._far_point(command)
         values: dict[str, Value] = {"made": True, "energy_j": energy}
         try:
-            shot = self.cameras.picture(np.asarray(point, dtype=float), camera, self.host.t_s, IMAGE_PX)
+            shot = self.cameras.picture(np.asarray(point, dtype=float), camera, IMAGE_PX)
         except (CameraError, RenderError) as err:
             return Outcome(False, str(err), {"made": False, "energy_j": energy})
-        truth = self.follower.truth(name) if name else None
         label = {
             "instrument": instrument or camera,
             "camera": camera,
-            **picture_label(shot.camera, point, self.body, shot.frame.camera, truth),
+            **picture_label(shot.camera, point),
         }
         if name:
             label["target"] = name
         values["products"] = float(
-            self.host.write_product(command, "image", png(shot.frame.image8), ".png", label)
+            self.hardware.write_product(
+                command, "image", png(shot.picture.image8), ".png", label, picture=shot.picture.number
+            )
         )
         return Outcome(True, values=values)
 
     def _far_point(self, command: Command) -> Array:
         """Return a point (3,) 20 m away in the direction of a command, believed site frame."""
         azimuth, elevation = number(command, "azimuth", 0.0), number(command, "elevation", 0.0)
-        mast = self.body.profile.mast
-        eye = self.body.believed.site_from_rover.apply(
+        mast = self.hardware.profile.mast
+        eye = self.hardware.believed.site_from_rover.apply(
             np.array([mast.base_m[0], mast.base_m[1], mast.height_m])
         )
         level = math.cos(elevation)
@@ -83,10 +81,9 @@ class Imaging:
 
     def panorama(self, command: Command) -> Action:
         """Carry out `imagepanorama`."""
-        if self.host.camera_failed:
+        if not self.hardware.cameras_work:
             return Outcome(False, "camera failed")
-        duration, energy = self.host.spread("imagepanorama")
-        yield Step(duration, energy)
+        energy = yield from self.hardware.spend("imagepanorama")
         try:
             count = self._write_panorama(command)
         except (CameraError, RenderError) as err:
@@ -95,43 +92,43 @@ class Imaging:
 
     def _write_panorama(self, command: Command) -> int:
         """Write a folder of the form `panorama/1`, and a mosaic of it; every file is a product."""
-        if self.host.out is None:
+        if not self.hardware.keeps_products:
             return 0
-        heading = self.body.believed.heading
+        heading = self.hardware.believed.heading
         left = number(command, "from_azimuth", heading + math.pi)
         right = number(command, "to_azimuth", left)
-        cameras = self.body.profile.cameras
+        cameras = self.hardware.profile.cameras
         name = str(command.parameters.get("instrument", cameras.navigation)).removesuffix("_left")
-        taken = self.cameras.panorama(left, right, self.host.t_s, camera=name, name=command.id.task)
-        stem = self.host.product_stem(command, "panorama")
-        folder = taken.save(self.host.out / "products" / stem)
+        taken = self.cameras.panorama(left, right, camera=name, name=command.id.task)
         mosaic, edges = _cut(*taken.mosaic(MOSAIC_PX))
-        (folder / "mosaic.png").write_bytes(png(mosaic))
-        self.host.announce_product(command, "panorama", folder / "mosaic.png", {"camera": name, **edges})
-        truth = {"frame": "true site", "pose": pose_label(self.body.pose)}
-        label: dict[str, Any] = {"camera": name, "simulation_truth": truth}
-        self.host.announce_product(command, "stereopanorama", folder / "panorama.json", label)
-        for k, wedge in enumerate(taken.wedges):
-            for side, camera in (("left", wedge.left_camera), ("right", wedge.right_camera)):
-                label = {"camera": f"{name}_{side}", "camera_model": camera_document(camera)}
-                path = folder / f"wedge{k:02d}_{side}.png"
-                self.host.announce_product(command, "wedge", path, label)
-        return 2 + 2 * len(taken.wedges)
+        with TemporaryDirectory() as made:
+            folder = taken.save(Path(made))
+            files = [ProductFile("mosaic.png", png(mosaic), "panorama", {"camera": name, **edges})]
+            document = (folder / "panorama.json").read_bytes()
+            files.append(ProductFile("panorama.json", document, "stereopanorama", {"camera": name}))
+            for k, wedge in enumerate(taken.wedges):
+                for side, camera in (("left", wedge.left_camera), ("right", wedge.right_camera)):
+                    label: dict[str, Any] = {
+                        "camera": f"{name}_{side}",
+                        "camera_model": camera_document(camera),
+                    }
+                    file = f"wedge{k:02d}_{side}.png"
+                    files.append(ProductFile(file, (folder / file).read_bytes(), "wedge", label))
+        return self.hardware.write_folder(command, "panorama", files)
 
     def point_mast(self, command: Command) -> Action:
         """Carry out `pointmast`."""
-        duration, energy = self.host.spread("pointmast")
-        yield Step(duration, energy)
+        yield from self.hardware.spend("pointmast")
         name = str(command.parameters.get("target", ""))
         if name:
-            if name not in self.body.targets:
+            if name not in self.follower.targets:
                 return Outcome(False, f"unknown target {name}")
             try:
                 pan, tilt = self.cameras.point_at(self.follower.position(name))
             except CameraError as err:
                 return Outcome(False, str(err))
         else:
-            pan = wrap_angle(number(command, "azimuth", 0.0) - self.body.believed.heading)
+            pan = wrap_angle(number(command, "azimuth", 0.0) - self.hardware.believed.heading)
             tilt = number(command, "elevation", 0.0)
         return Outcome(True, values={"pan": float(pan), "tilt": float(tilt)})
 

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from executive.ports import Command, Value
+from rover_iface.behaviour.action import Action, Outcome, Step, number
+from rover_iface.behaviour.following import TargetFollower
+from rover_iface.behaviour.hardware import Hardware
+from rover_iface.behaviour.products import png
+from rover_iface.behaviour.sight import Sight
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.navigation.navigator import Navigator, Progress, Way
-from rover_iface.navigation.sensor import StereoSensor
-from rover_iface.simulator.body import Body
-from rover_iface.simulator.engine import Action, Outcome, Step, milliseconds, number
-from rover_iface.simulator.following import TargetFollower
-from rover_iface.simulator.products import odometry_table, png, tracking_table
-from rover_iface.simulator.routine import RoutineRover
 from rover_iface.telemetry import TrackState
-
-Array = NDArray[np.floating]
 
 NEAR_M = 1.2
 ARRIVED_M, SHUT_OUT_M = 0.35, 0.5
@@ -37,77 +32,29 @@ LOOKS, LOOKS_PER_M = 20, 5.0
 """Looks that bring a drive no nearer to its goal, however far off it is, before it is given up."""
 
 
-class Sight(Protocol):
-    """What the navigator sees the ground with.
-
-    Attributes
-    ----------
-    eye
-        (3,), from where it looks, rover frame.
-    """
-
-    @property
-    def eye(self) -> Array: ...
-
-    def cost(self, *, around: bool) -> float:
-        """Return how many ordinary looks of four stereo pairs a look is worth in time and energy."""
-
-    def look(self, t_s: float, *, around: bool) -> list[Array]:
-        """Return a cloud (n, 3) per stereo pair, rover frame; `around`: to all sides and near the wheels."""
-
-
-class CastSight:
-    """Ranges cast on the true ground, with the noise of stereo."""
-
-    def __init__(self, body: Body) -> None:
-        self.body = body
-        self.sensor = StereoSensor(body.profile)
-
-    @property
-    def eye(self) -> Array:
-        """See `Sight`."""
-        return self.sensor.eye
-
-    def cost(self, *, around: bool) -> float:
-        """See `Sight`."""
-        return self.sensor.pairs_around / len(self.sensor.pans) if around else 1.0
-
-    def look(self, t_s: float, *, around: bool) -> list[Array]:
-        """See `Sight`; the light of the time does not matter."""
-        del t_s
-        return self.sensor.look(self.body.ground, self.body.pose, self.body.rng, around=around)
-
-
 class Driving:
-    """Drives a body, and has its targets looked at after each way."""
+    """Drives, and has its targets looked at after each way."""
 
-    def __init__(self, host: RoutineRover, body: Body, sight: Sight, follower: TargetFollower) -> None:
-        self.host = host
-        self.body = body
+    def __init__(self, hardware: Hardware, sight: Sight, follower: TargetFollower) -> None:
+        self.hardware = hardware
         self.sight = sight
         self.follower = follower
         self._navigator: Navigator | None = None
         self._retreats = 0
 
-    def tell_pose(self) -> None:
-        """Put the believed pose into telemetry, and both poses into the odometry."""
-        self.host.set_pose(self.body.believed)
-        self.host.set("tilt", self.body.pose.tilt)
-        self.body.odometry.append((self.host.t_s, self.body.pose, self.body.believed))
-
     def turn(self, command: Command) -> Action:
         """Carry out `turn`."""
         if "heading" in command.parameters:
-            angle = wrap_angle(number(command, "heading", 0.0) - self.body.believed.heading)
+            angle = wrap_angle(number(command, "heading", 0.0) - self.hardware.believed.heading)
         else:
             angle = number(command, "angle", 0.0)
-        before = self.host.drawn_j
+        before = self.hardware.drawn_j
         reason = yield from self._go(Way(angle, 0.0, 0.0))
-        return Outcome(not reason, reason, {"energy_j": self.host.drawn_j - before})
+        return Outcome(not reason, reason, {"energy_j": self.hardware.drawn_j - before})
 
     def stand(self, name: str) -> Pose | None:
         """Return a target's stand in the believed frame, laid out from where the target is believed to be."""
-        target = self.body.targets[name]
+        target = self.follower.targets[name]
         if target.observation_point is None:
             return None
         by = np.asarray(self.follower.position(name)[:2], dtype=float) - np.array(target.point[:2])
@@ -119,7 +66,7 @@ class Driving:
 
         The targets are looked at at its end. Returns why it went wrong, or an empty string.
         """
-        here = self.body.believed
+        here = self.hardware.believed
         east, north = pose.x - here.x, pose.y - here.y
         length = math.hypot(east, north)
         if length >= SHORTEST_M:
@@ -128,37 +75,39 @@ class Driving:
             trouble = yield from self._go(Way(turn, 0.0, length if turn == bearing else -length))
             if trouble:
                 return trouble
-        trouble = yield from self._go(Way(wrap_angle(pose.heading - self.body.believed.heading), 0.0, 0.0))
+        trouble = yield from self._go(
+            Way(wrap_angle(pose.heading - self.hardware.believed.heading), 0.0, 0.0)
+        )
         yield from self.follower.update_all()
         self.follower.set_ranges()
-        self.host.report()
+        self.hardware.report()
         return trouble
 
     def navigate(self, command: Command) -> Action:
         """Carry out `navigate`."""
         name = str(command.parameters.get("target", ""))
-        if name and name not in self.body.targets:
+        if name and name not in self.follower.targets:
             return Outcome(False, f"unknown target {name}")
         self.follower.leave_refused(name)
         required = command.parameters.get("require_tracked") is True
         if (
             required
             and self.follower.state(name) is not TrackState.TRACKED
-            and self.body.targets[name].kind == "place"
+            and self.follower.targets[name].kind == "place"
         ):
             return Outcome(False, f"target {name} is not tracked")
         mode = str(command.parameters.get("mode", "track" if self.follower.alive() else "avoid"))
-        begin_j, begin_m = self.host.drawn_j, self.body.chassis.travelled_m
+        begin_j, begin_m = self.hardware.drawn_j, self.hardware.travelled_m
         goal, heading = self._goal(command, name)
         self._navigator = None
-        far = math.hypot(goal[0] - self.body.believed.x, goal[1] - self.body.believed.y)
+        far = math.hypot(goal[0] - self.hardware.believed.x, goal[1] - self.hardware.believed.y)
         progress, looks = Progress(NEAR_M, far_patience=LOOKS + round(LOOKS_PER_M * far)), 0
         self._retreats = 0
         nearest_m = math.inf
         reason = "too many looks"
         while looks < 150:
             goal, heading = self._goal(command, name)
-            here = self.body.believed
+            here = self.hardware.believed
             left = math.hypot(goal[0] - here.x, goal[1] - here.y)
             tolerance = 0.08 if name else 0.25
             # what lies in the way of the last decimetres would lead it off again
@@ -191,9 +140,9 @@ class Driving:
                     reason = f"target {name} was lost"
                     break
             self.follower.set_ranges()
-            self.host.report()
+            self.hardware.report()
         if not reason and heading is not None:
-            angle = wrap_angle(heading - self.body.believed.heading)
+            angle = wrap_angle(heading - self.hardware.believed.heading)
             if abs(angle) > math.radians(3):
                 reason = yield from self._advance(Way(angle, 0.0, 0.0), 0.0)
                 if not reason and mode == "track":
@@ -201,10 +150,10 @@ class Driving:
         self.follower.set_ranges()
         self.follower.write_views(command)
         self._write_products(command, goal)
-        here = self.body.believed
+        here = self.hardware.believed
         values: dict[str, Value] = {
-            "distance_m": self.body.chassis.travelled_m - begin_m,
-            "energy_j": self.host.drawn_j - begin_j,
+            "distance_m": self.hardware.travelled_m - begin_m,
+            "energy_j": self.hardware.drawn_j - begin_j,
             "error_m": math.hypot(goal[0] - here.x, goal[1] - here.y),
         }
         return Outcome(not reason, reason, values)
@@ -222,44 +171,36 @@ class Driving:
 
     def _go(self, way: Way) -> Generator[Step, None, str]:
         """Drive one way; return why it went wrong, or an empty string."""
-        chassis = self.body.chassis
-        start = chassis.believed
-        chassis.slow_factor = self.host.slow_factor
-        chassis.wheel_stuck = self.host.stuck_from_ms is not None
-        driven = chassis.follow(way)
-        end = chassis.believed
-        yield Step(milliseconds(driven.duration_s), driven.energy_j, ((start.x, start.y), (end.x, end.y)))
-        self.tell_pose()
-        if driven.collision:
-            return f"hazard: {driven.collision}"
+        driven = yield from self.hardware.drive(way)
+        if driven.hazard:
+            return f"hazard: {driven.hazard}"
         return "wheel stuck" if driven.stuck else ""
 
     def _straight(self, goal: tuple[float, float], left: float) -> Way:
-        here = self.body.believed
+        here = self.hardware.believed
         turn = wrap_angle(math.atan2(goal[1] - here.y, goal[0] - here.x) - here.heading)
-        return Way(turn if abs(turn) > 0.02 else 0.0, 0.0, min(left, self.body.profile.mobility.step_m))
+        return Way(turn if abs(turn) > 0.02 else 0.0, 0.0, min(left, self.hardware.profile.mobility.step_m))
 
     def _look_and_choose(self, goal: tuple[float, float], name: str) -> Generator[Step, None, Way | None]:
-        duration, energy = self.host.spread("navigator_step")
-        here = self.body.believed
+        here = self.hardware.believed
         if self._navigator is None:
-            self._navigator = Navigator.fresh(self.body.profile, (here.x, here.y), goal)
+            self._navigator = Navigator.fresh(self.hardware.profile, (here.x, here.y), goal)
         navigator = self._navigator
         first = navigator.map.updates == 0
         looks = self.sight.cost(around=first)
-        navigator.look(self.sight.look(self.host.t_s, around=first), self.sight.eye, here)
+        navigator.look(self.sight.look(around=first), self.sight.eye, here)
         navigator.step_m = self._step_limit()
         if name:
             x, y = self.follower.position(name)[:2]
             navigator.ignore = (*navigator.on_map(float(x), float(y)), 0.45)
-        yield Step(round(duration * looks), energy * looks)
+        yield from self.hardware.spend("navigator_step", looks)
         way = navigator.choose(navigator.where(here), navigator.on_map(*goal))
         return navigator.look_aside() if way is None and not navigator.given_up else way
 
     def _step_limit(self) -> float:
         """Return the longest way the tracker can follow: a share of the nearest tracked target's range."""
-        step = self.body.profile.mobility.step_m
-        here = self.body.believed
+        step = self.hardware.profile.mobility.step_m
+        here = self.hardware.believed
         for followed in self.follower.alive():
             away = math.hypot(*(followed.update.position[:2] - (here.x, here.y)))
             step = min(step, max(0.25, 0.2 * away))
@@ -270,7 +211,7 @@ class Driving:
         heading = number(command, "heading", math.nan)
         wanted = None if math.isnan(heading) else heading
         standoff = number(command, "standoff_m", 0.0)
-        here = self.body.believed
+        here = self.hardware.believed
         if not name:
             x, y = number(command, "x", here.x), number(command, "y", here.y)
             away = math.hypot(x - here.x, y - here.y)
@@ -291,17 +232,12 @@ class Driving:
 
     def _write_products(self, command: Command, goal: tuple[float, float]) -> None:
         """Write the hazard map, the odometry and the tracking history of a drive."""
-        if self.host.out is None:
+        if not self.hardware.keeps_products:
             return
-        here = self.body.believed
+        here = self.hardware.believed
         if self._navigator is not None:
             picture = self._navigator.map.picture(16.0, (here.x, here.y))
             label = {"frame": "site", "size_m": 16.0, "goal_m": list(goal)}
-            self.host.write_product(command, "hazardmap", png(picture), ".png", label)
-        odometry, history = self.body.odometry, self.follower.history
-        for kind, count, data in (
-            ("odometry", len(odometry), odometry_table(odometry)),
-            ("tracking", len(history), tracking_table(history)),
-        ):
-            if count:
-                self.host.write_product(command, kind, data, ".json", {"frame": "site", "rows": count})
+            self.hardware.write_product(command, "hazardmap", png(picture), ".png", label)
+        for kind in ("odometry", "tracking"):
+            self.hardware.write_log(command, kind)

@@ -1,0 +1,65 @@
+"""A hazcam picture with the decision of a placement drawn on it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.placement.arm import Arm
+
+if TYPE_CHECKING:
+    from rover_iface.behaviour.arm_placing import Attempt
+
+
+def overlay(
+    image: npt.NDArray[np.uint8], camera: CameraModel, attempt: Attempt, arm: Arm
+) -> npt.NDArray[np.uint8]:
+    """Return a hazcam image with what was decided, RGB: the rock (orange), the target as handed off (white
+    cross), the tool's circle (green; red when refused), the arm at contact (blue).
+
+    `camera` is the left hazcam in the rover frame.
+    """
+    import cv2
+
+    out = np.repeat(image[:, :, None], 3, axis=2)
+    verdict = attempt.verdict
+    if verdict.rock is not None:
+        points = attempt.cloud.points[attempt.segmentation.labels == verdict.rock.label]
+        pixels = _inside(camera.project(points), out.shape)
+        tint = out[pixels[:, 1], pixels[:, 0]].astype(np.float64)
+        out[pixels[:, 1], pixels[:, 0]] = (0.7 * tint + 0.3 * np.array([255, 150, 40])).astype(np.uint8)
+    good, bad, blue = (60, 230, 90), (240, 50, 50), (70, 140, 255)
+    if verdict.point is not None and verdict.normal is not None:
+        ring = _circle(verdict.point, verdict.normal, arm.profile.tool_radius_m)
+        line = np.round(camera.project(ring)).astype(np.int32)
+        cv2.polylines(out, [line.reshape(-1, 1, 2)], True, good if verdict.accepted else bad, 2, cv2.LINE_AA)
+    if attempt.motion is not None:
+        places = arm.joint_places(attempt.motion.contact)
+        t = np.linspace(0.0, 1.0, 12)[:, None]
+        for a, b in pairwise(places[1:]):
+            link = camera.project(a + t * (b - a))
+            link = link[np.isfinite(link).all(axis=1)]
+            if len(link) > 1:
+                cv2.polylines(
+                    out, [np.round(link).astype(np.int32).reshape(-1, 1, 2)], False, blue, 3, cv2.LINE_AA
+                )
+    x, y = (round(float(v)) for v in attempt.handed.update.pixel)
+    cv2.drawMarker(out, (x, y), (255, 255, 255) if verdict.accepted else bad, cv2.MARKER_CROSS, 17, 2)
+    return np.asarray(out, dtype=np.uint8)
+
+
+def _inside(pixels: Array, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
+    whole = np.round(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
+    keep = (whole >= 0).all(axis=1) & (whole[:, 0] < shape[1]) & (whole[:, 1] < shape[0])
+    return np.asarray(whole[keep])
+
+
+def _circle(middle: Array, normal: Array, radius: float) -> Array:
+    side = np.cross(normal, (0.0, 0.0, 1.0) if abs(normal[2]) < 0.9 else (1.0, 0.0, 0.0))
+    side /= np.linalg.norm(side)
+    turn = np.linspace(0.0, 2.0 * np.pi, 40)[:, None]
+    return np.asarray(middle + radius * (np.cos(turn) * side + np.sin(turn) * np.cross(normal, side)))

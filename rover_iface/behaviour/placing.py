@@ -1,0 +1,153 @@
+"""From the mast to the tool: the commands `handoff` and `ipplaceinstrument`.
+
+Here the way of the tool is left to the arm's own controller (`Hardware.reach`); `arm_placing` plans it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from executive.ports import Command, Value
+from rover_iface.behaviour.action import Action, Outcome, number
+from rover_iface.behaviour.following import Followed, TargetFollower
+from rover_iface.behaviour.hardware import Contact, Hardware
+from rover_iface.behaviour.mast_cameras import MastCameras
+from rover_iface.behaviour.products import picture_label, png
+from rover_iface.errors import RenderError, RoverError, TrackerError
+from rover_iface.vision.tracker import TrackUpdate
+
+
+@dataclass(frozen=True, eq=False)
+class HandedOff:
+    """A target as the receiving camera has it: where it is now believed to be, and the error in pixels."""
+
+    update: TrackUpdate
+    error_px: float
+
+
+class Handoff(Protocol):
+    """Finds a tracked target again in the hazard cameras."""
+
+    def hand_off(self, followed: Followed, method: str) -> HandedOff:
+        """Return the target in the receiving camera; `method` as commanded, empty for the rover's choice.
+
+        Raises
+        ------
+        TrackerError
+            If the camera does not see it, or the answer is not to be trusted; the message says why.
+        """
+
+
+class KinematicHandoff:
+    """Takes the tracked position over as it is; its error follows from the tracker's covariance."""
+
+    def __init__(self, hardware: Hardware, cameras: MastCameras) -> None:
+        self.hardware = hardware
+        self.cameras = cameras
+
+    def hand_off(self, followed: Followed, method: str) -> HandedOff:
+        """See `Handoff`."""
+        del method
+        rover = self.hardware.believed.site_from_rover.inverse().apply(followed.update.position)
+        camera = self.cameras.rig.camera(self.hardware.profile.cameras.hazard)
+        if not bool(camera.sees(rover)):
+            raise TrackerError(f"the hazard camera does not see target {followed.target.id}")
+        away = float(np.linalg.norm(rover - camera.C))
+        sigma = math.sqrt(float(np.trace(followed.update.covariance)) / 3)
+        return HandedOff(followed.update, float(camera.hs * sigma / max(away, 0.1)))
+
+
+class Placing:
+    """Hands targets off and places instruments on them."""
+
+    def __init__(
+        self, hardware: Hardware, cameras: MastCameras, follower: TargetFollower, handoff: Handoff
+    ) -> None:
+        self.hardware = hardware
+        self.cameras = cameras
+        self.follower = follower
+        self.handoff = handoff
+
+    def hand_off(self, command: Command) -> Action:
+        """Carry out `handoff`."""
+        name = str(command.parameters["target"])
+        energy = yield from self.hardware.spend("handoff")
+        followed = self.follower.tracked(name)
+        if followed is None:
+            return Outcome(False, f"target {name} is not tracked", {"energy_j": energy})
+        try:
+            handed = self.handoff.hand_off(followed, str(command.parameters.get("method", "")))
+        except TrackerError as err:
+            return Outcome(False, str(err), {"energy_j": energy})
+        followed.update = handed.update
+        values: dict[str, Value] = {
+            "error_px": handed.error_px,
+            "confidence": float(handed.update.confidence),
+            "energy_j": energy,
+        }
+        return Outcome(True, values=values)
+
+    def place(self, command: Command) -> Action:
+        """Carry out `ipplaceinstrument`."""
+        name = str(command.parameters["target"])
+        instrument = str(command.parameters.get("instrument", self._contact_instrument()))
+        if name not in self.follower.targets:
+            return Outcome(False, f"unknown target {name}", {"made": False})
+        followed = self.follower.tracked(name)
+        if followed is None:
+            return Outcome(False, f"target {name} is not tracked", {"made": False})
+        try:
+            figures = self.hardware.profile.instrument(instrument)
+        except RoverError as err:
+            return Outcome(False, str(err), {"made": False})
+        try:
+            contact = self.hardware.reach(name, followed.update.position, instrument)
+        except RoverError as err:
+            energy = yield from self.hardware.spend("handoff")
+            return Outcome(False, str(err), {"made": False, "energy_j": energy})
+        energy = yield from self.hardware.operate(figures, number(command, "dwell_s", 0.0))
+        values: dict[str, Value] = {"made": True, "energy_j": energy}
+        if not self.hardware.instrument_delivers(figures):
+            self.follower.forget(name)
+            return Outcome(False, "no usable product", values)
+        values["products"] = float(self._write_products(command, name, instrument, contact))
+        self.follower.forget(name)
+        return Outcome(True, values=values)
+
+    def _contact_instrument(self) -> str:
+        instruments = self.hardware.profile.instruments
+        return next((n for n, i in instruments.items() if i.kind == "contact"), "mi")
+
+    def _write_products(self, command: Command, name: str, instrument: str, contact: Contact) -> int:
+        """Write what the hazard camera and the contact instrument see."""
+        if not self.hardware.keeps_products:
+            return 0
+        count = 0
+        label: dict[str, Any] = {"target": name, "instrument": instrument}
+        hazard = self.hardware.profile.cameras.hazard
+        try:
+            shot = self.cameras.body_picture(hazard)
+        except RenderError:
+            pass
+        else:
+            about = picture_label(shot.camera, self.follower.position(name))
+            count += self.hardware.write_product(
+                command,
+                "hazcam",
+                png(shot.picture.image8),
+                ".png",
+                {**label, "camera": hazard, **about},
+                picture=shot.picture.number,
+            )
+        try:
+            seen = self.hardware.take_close_up()
+        except RenderError:
+            return count
+        about = picture_label(seen.camera, contact.point)
+        return count + self.hardware.write_product(
+            command, "microscopic", png(seen.image), ".png", {**label, **about}, picture=seen.number
+        )

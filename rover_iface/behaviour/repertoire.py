@@ -1,0 +1,109 @@
+"""All that a rover does by itself, by the names of its commands; and how the rovers here are put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from executive.ports import Command
+from rover_iface.behaviour.action import Action
+from rover_iface.behaviour.arm_placing import ArmPlacing
+from rover_iface.behaviour.driving import Driving
+from rover_iface.behaviour.following import TargetFollower
+from rover_iface.behaviour.hardware import Hardware
+from rover_iface.behaviour.hazard_eyes import ArrivalTracker, HazardEyes
+from rover_iface.behaviour.imaging import Imaging
+from rover_iface.behaviour.mast_cameras import MastCameras
+from rover_iface.behaviour.placing import KinematicHandoff, Placing
+from rover_iface.behaviour.sight import ScannedSight, StereoSight
+from rover_iface.behaviour.target import DesignatedTarget
+from rover_iface.vision.ncc import NccTracker
+from rover_iface.vision.shape_tracker import CombinedTracker
+from rover_iface.vision.sift import SiftOptions
+from rover_iface.vision.template import NccOptions
+
+WINDOW_PX = 400
+"""Side of what the `full` rover's tracker gets of a navcam frame, at full resolution; a whole one costs five
+times that."""
+
+RIGHT_MARGIN_PX = 24
+
+CADENCE = 0.08
+"""Share of its range after which a far target is looked at again; the paper's steps are a tenth."""
+
+Targets = Mapping[str, DesignatedTarget]
+
+
+class Repertoire:
+    """The commands that behaviour carries out; `act` gives None for those that need nothing but time."""
+
+    def __init__(
+        self, follower: TargetFollower, driving: Driving, imaging: Imaging, placing: Placing
+    ) -> None:
+        self.follower = follower
+        self.driving = driving
+        self.imaging = imaging
+        self.placing = placing
+        self._actions: dict[str, Callable[[Command], Action]] = {
+            "navigate": driving.navigate,
+            "turn": driving.turn,
+            "trackstart": follower.start,
+            "trackstop": follower.stop,
+            "ipplaceinstrument": placing.place,
+            "handoff": placing.hand_off,
+            "image": imaging.image,
+            "imagepanorama": imaging.panorama,
+            "pointmast": imaging.point_mast,
+        }
+
+    def act(self, command: Command) -> Action | None:
+        """Return the action of a command."""
+        made = self._actions.get(command.action)
+        return None if made is None else made(command)
+
+
+class MakeRepertoire(Protocol):
+    """Puts a rover's behaviour together over its hardware; `targets` are those the ground designated."""
+
+    def __call__(self, hardware: Hardware, targets: Targets) -> Repertoire: ...
+
+
+def subframe(hardware: Hardware, targets: Targets) -> Repertoire:
+    """Return the behaviour of the `subframe` rover: ranges as given, correlation on subframes."""
+    cameras = MastCameras(hardware)
+    share = max(0.15, 3 * hardware.profile.mobility.odometry_error)
+    follower = TargetFollower(hardware, targets, cameras, NccTracker(NccOptions(odometry_share=share)))
+    driving = Driving(hardware, ScannedSight(hardware), follower)
+    placing = Placing(hardware, cameras, follower, KinematicHandoff(hardware, cameras))
+    return Repertoire(follower, driving, Imaging(hardware, cameras, follower), placing)
+
+
+class FullRepertoire(Repertoire):
+    """See `full`. `placing.attempts` holds every placement, `eyes.answers` every hand-off."""
+
+    placing: ArmPlacing
+
+    def __init__(self, hardware: Hardware, targets: Targets) -> None:
+        cameras = MastCameras(hardware, window_px=WINDOW_PX, right_margin_px=RIGHT_MARGIN_PX)
+        self.eyes = HazardEyes(hardware, cameras)
+        share = max(0.05, hardware.profile.mobility.odometry_error)
+        tracker = ArrivalTracker(
+            CombinedTracker(SiftOptions(odometry_share=share)),
+            narrow=lambda point: cameras.stereo(point, "pancam").view,
+        )
+        follower = TargetFollower(hardware, targets, cameras, tracker, cadence=CADENCE)
+        self.sight = StereoSight(hardware, cameras)
+        driving = Driving(hardware, self.sight, follower)
+        placing = ArmPlacing(hardware, cameras, follower, self.eyes, driving)
+        super().__init__(follower, driving, Imaging(hardware, cameras, follower), placing)
+
+    def act(self, command: Command) -> Action | None:
+        """Return the action of a command; a target that is tracked anew is handed off anew."""
+        if command.action == "trackstart":
+            self.eyes.forget(str(command.parameters["target"]))
+        return super().act(command)
+
+
+def full(hardware: Hardware, targets: Targets) -> FullRepertoire:
+    """Return the behaviour of the `full` rover: everything by stereo, features, cascade and planned arm."""
+    return FullRepertoire(hardware, targets)
