@@ -5,20 +5,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from executive.ports import Command, Value
 from rover_iface.behaviour.action import Action, Doing, Outcome, Step, number
+from rover_iface.behaviour.attempt import Attempt, overlay
 from rover_iface.behaviour.driving import Driving
 from rover_iface.behaviour.following import Followed, TargetFollower
 from rover_iface.behaviour.hardware import Contact, Hardware
 from rover_iface.behaviour.hazard_eyes import HazardEyes
 from rover_iface.behaviour.mast_cameras import MastCameras
-from rover_iface.behaviour.placement_picture import overlay
-from rover_iface.behaviour.placing import HandedOff, Placing
+from rover_iface.behaviour.placing import Placing
 from rover_iface.behaviour.placing_clouds import hazcam_cloud, mast_cloud
 from rover_iface.behaviour.products import picture_label, png
 from rover_iface.cameras.model import Array
@@ -28,12 +28,10 @@ from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
 from rover_iface.placement.base_adjustment import base_move
 from rover_iface.placement.base_placement import REACH_SHARE
-from rover_iface.placement.cloud import SurfaceCloud
-from rover_iface.placement.cloud_alignment import Alignment
 from rover_iface.placement.safety import plan_placement
 from rover_iface.placement.safety_limits import SafetyLimits
-from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
-from rover_iface.placement.verdict import BaseMove, PlacementVerdict
+from rover_iface.placement.segmentation import SegmentationOptions, segment
+from rover_iface.placement.verdict import BaseMove
 from rover_iface.profile import Instrument
 
 NEAR_M = 0.015
@@ -41,22 +39,6 @@ NEAR_M = 0.015
 
 MOVES, FARTHEST_MOVE_M, MOST_TURN_RAD = 2, 0.5, 0.8
 """How often, how far and with how much of a turn the rover moves without a look so that the arm reaches."""
-
-
-@dataclass(frozen=True, eq=False)
-class Attempt:
-    """One placement as it was decided and carried out; rover frame where not said otherwise.
-
-    `laid` is the mast's cloud as it was laid on the hazcams' `cloud`, None where that failed.
-    """
-
-    handed: HandedOff
-    verdict: PlacementVerdict
-    cloud: SurfaceCloud
-    segmentation: Segmentation
-    laid: Alignment | None
-    motion: Motion | None
-    touch: Contact | None
 
 
 class ArmPlacing(Placing):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -148,7 +148,7 @@ class ProductFile:
     name: str
     data: bytes
     kind: str
-    label: Mapping[str, Any]
+    label: Mapping[str, object]
 
 
 class Platform(Protocol):
@@ -213,7 +213,7 @@ class Platform(Protocol):
         kind: str,
         data: bytes,
         suffix: str,
-        label: Mapping[str, Any],
+        label: Mapping[str, object],
         *,
         picture: int | None = None,
     ) -> int:

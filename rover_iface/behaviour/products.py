@@ -23,7 +23,7 @@ def png(pixels: Any) -> bytes:
     return stream.getvalue()
 
 
-def picture_label(camera: CameraModel, point: npt.ArrayLike | None) -> dict[str, Any]:
+def picture_label(camera: CameraModel, point: npt.ArrayLike | None) -> dict[str, object]:
     """Return the part of a picture's label that says what it looks at, in the believed site frame.
 
     The camera of the picture itself (subframe and scale taken in) on the pose of dead reckoning with the mast
@@ -31,20 +31,20 @@ def picture_label(camera: CameraModel, point: npt.ArrayLike | None) -> dict[str,
     """
     from rover_iface.cameras.panorama import camera_document
 
-    label: dict[str, Any] = {"camera_model": camera_document(camera)}
+    label: dict[str, object] = {"camera_model": camera_document(camera)}
     if point is not None:
         label["point_m"] = [float(v) for v in np.asarray(point, dtype=float)]
     return label
 
 
-def track_label(update: TrackUpdate, corner: tuple[int, int] = (0, 0)) -> dict[str, Any]:
+def track_label(update: TrackUpdate, corner: tuple[int, int] = (0, 0)) -> dict[str, object]:
     """Return the part of a picture's label that says where its target is tracked.
 
     Position (3,) and covariance (3, 3), m^2, in the believed site frame; pixel (2,) and outline of the
     template (4, 2) in the picture whose left upper pixel is `corner` of the one tracked in, absent while the
     target is lost.
     """
-    label: dict[str, Any] = {
+    label: dict[str, object] = {
         "state": update.state.value,
         "confidence": float(update.confidence),
         "point_m": [float(v) for v in update.position],

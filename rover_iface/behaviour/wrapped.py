@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from executive.ports import Command, Value
 from rover_iface.behaviour.action import Doing
@@ -86,7 +85,7 @@ class WrappedHardware:
         kind: str,
         data: bytes,
         suffix: str,
-        label: Mapping[str, Any],
+        label: Mapping[str, object],
         *,
         picture: int | None = None,
     ) -> int:

@@ -366,7 +366,7 @@ class SimulatedRover:
         kind: str,
         data: bytes,
         suffix: str,
-        label: Mapping[str, Any],
+        label: Mapping[str, object],
     ) -> bool:
         """Write one data product and its label into the run's folder, and announce it; False without a
         folder.
@@ -385,7 +385,7 @@ class SimulatedRover:
         safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in command.id.task)
         return f"{self._products:04d}-{safe}-{kind}"
 
-    def announce_product(self, command: Command, kind: str, path: Path, label: Mapping[str, Any]) -> None:
+    def announce_product(self, command: Command, kind: str, path: Path, label: Mapping[str, object]) -> None:
         """Write the label of a file in the run's folder beside it, and announce the file as a product."""
         assert self.out is not None, "a product needs the folder of a run"
         data = path.read_bytes()

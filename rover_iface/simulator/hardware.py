@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -125,7 +124,7 @@ class SimulatedHardware:
         kind: str,
         data: bytes,
         suffix: str,
-        label: Mapping[str, Any],
+        label: Mapping[str, object],
         *,
         picture: int | None = None,
     ) -> int:

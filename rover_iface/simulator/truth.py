@@ -7,7 +7,6 @@ import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
@@ -145,9 +144,9 @@ class Truth:
         """Return where the camera of a picture truly was, site frame."""
         return self._cameras[number]
 
-    def label(self, number: int, target: object, kind: str) -> dict[str, Any]:
+    def label(self, number: int, target: object, kind: str) -> dict[str, object]:
         """Return what is true of a picture of a target, for its label, in the true site frame."""
-        truth: dict[str, Any] = {
+        truth: dict[str, object] = {
             **self.pose_label(),
             "camera_model": camera_document(self._cameras[number]),
         }
@@ -157,7 +156,7 @@ class Truth:
                 truth["placement_error_m"] = self.placement_error_m(target)
         return truth
 
-    def pose_label(self) -> dict[str, Any]:
+    def pose_label(self) -> dict[str, object]:
         """Return where the rover truly is, for a label."""
         return {"frame": "true site", "pose": pose_label(self.body.pose)}
 
@@ -175,5 +174,5 @@ class Truth:
         return len(self.history), _table(asdict(record) for record in self.history)
 
 
-def _table(rows: Iterable[dict[str, Any]]) -> bytes:
+def _table(rows: Iterable[dict[str, object]]) -> bytes:
     return (json.dumps(list(rows)) + "\n").encode()

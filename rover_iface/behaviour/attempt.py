@@ -1,18 +1,38 @@
-"""A hazcam picture with the decision of a placement drawn on it."""
+"""An attempt to place an instrument: what was decided and done, and a hazcam picture with it drawn on."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.behaviour.hardware import Contact
+from rover_iface.behaviour.placing import HandedOff
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.placement.arm import Arm
+from rover_iface.placement.arm_motion import Motion
+from rover_iface.placement.cloud import SurfaceCloud
+from rover_iface.placement.cloud_alignment import Alignment
+from rover_iface.placement.segmentation import Segmentation
+from rover_iface.placement.verdict import PlacementVerdict
 
-if TYPE_CHECKING:
-    from rover_iface.behaviour.arm_placing import Attempt
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One placement as it was decided and carried out; rover frame where not said otherwise.
+
+    `laid` is the mast's cloud as it was laid on the hazcams' `cloud`, None where that failed.
+    """
+
+    handed: HandedOff
+    verdict: PlacementVerdict
+    cloud: SurfaceCloud
+    segmentation: Segmentation
+    laid: Alignment | None
+    motion: Motion | None
+    touch: Contact | None
 
 
 def overlay(
