@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -154,8 +155,10 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg, unused-igno
     PLUGIN_NAME = "custom"
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Build the UI when its sources changed."""
-        build(Path(self.root))
+        """Write the client's types, and build the UI when its sources changed."""
+        root = Path(self.root)
+        runpy.run_path(str(root / "scripts" / "client_stub.py"))["write"](root)
+        build(root)
 
 
 def main(arguments: list[str]) -> int:

@@ -74,7 +74,7 @@ def register(app: typer.Typer) -> None:
         if report.without_file:
             raise typer.Exit(1)
 
-    person = group_of(app, "person", "People and their roles.")
+    person = group_of(app, "person")
 
     @person.command("add")
     def add_person(

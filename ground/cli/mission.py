@@ -11,7 +11,7 @@ from ground.cli.resources import group_of
 
 
 def register(app: typer.Typer) -> None:
-    group = group_of(app, "mission", "Missions.")
+    group = group_of(app, "mission")
 
     @group.command("load-demo")
     def load_demo_command(

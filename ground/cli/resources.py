@@ -1,329 +1,333 @@
-"""`outcrop mission|target|request|keep-out|make-plan|dry-run|product`: what the browser does."""
+"""`outcrop KIND ...`: a command for every operation of the interface, made from its description.
+
+A command stands in the group of the resource whose path it asks: `list`, `add`, `show`, `set` and `delete`,
+or the rest of the path (`GET /plans/{plan_id}/why-not/{request_id}` is `review why-not`). Variables of the
+path and required members of the body are given by position, all others as options; any member of the body
+can be given as name=value too. A command of the same name that another module registers comes first.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import inspect
+import json
+import re
+import string
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
+from typer.core import TyperGroup
 
+from ground.cli.connection import PERSON, SERVER, connected, follow, show, uploaded, written
 from ground.cli.failure import fail
-from ground.resources.keep_outs.value import KeepOut
-from ground.resources.missions.value import Mission
-from ground.resources.observation_requests.value import ObservationRequest
-from ground.resources.plans.value import Plan
-from ground.resources.products.value import Product
-from ground.resources.runs.value import Run
-from ground.resources.targets.value import Target
 
 if TYPE_CHECKING:
-    from ground.client.rest import Client
-    from ground.jobs.value import Job
+    from ground.client.interface import Member, Operation
 
-SERVER = typer.Option(
-    "http://127.0.0.1:8000", "--server", envvar="OUTCROP_SERVER", help="address of the server"
-)
-PERSON = typer.Option(None, "--as", envvar="OUTCROP_PERSON", help="local profile to work as")
+ABOUT = {
+    "mission": "Missions.",
+    "sol": "Sols.",
+    "target": "Targets.",
+    "request": "Observation requests.",
+    "keep-out": "Keep-outs.",
+    "comment": "Comments.",
+    "review": "Plans: look at, compare, approve.",
+    "run": "Runs.",
+    "network": "Path networks.",
+    "frame": "Sites, ends of drives and poses, and which solution of each is in use.",
+    "solution": "Answers to where a frame lies; every one is kept.",
+    "site-map": "Maps made at a site.",
+    "traverse": "Stops adjusted together.",
+    "problem": "Planning problems.",
+    "product": "Data products.",
+    "job": "Jobs.",
+    "approval": "Approvals.",
+    "person": "People and their roles.",
+    "history": "Changes of a mission.",
+    "exchange": "Files in and out.",
+    "api-key": "Keys for programs.",
+}
+"""Groups in which there are commands by hand or a word about them; others come as the interface has them."""
+KINDS = {"observation-requests": "request", "plans": "review", "path-networks": "network", "people": "person"}
+"""Collections whose group has another name than their own in the singular."""
+PLACES = {
+    "undo": "history undo",
+    "redo": "history redo",
+    "list_history": "history list",
+    "create_path_network": "network make",
+    "compare_plans": "review compare",
+    "create_waiver": "review waive",
+    "approve_plan": "review approve",
+    "export_geometry": "exchange export-geometry",
+    "import_geometry": "exchange import-geometry",
+    "draw_plan": "exchange draw-plan",
+    "export_products": "exchange products",
+    "get_run_report": "exchange report",
+    "list_frame_files": "frame files",
+    "import_frames": "frame import",
+    "export_frames": "frame export",
+    "get_traverse_picture": "traverse picture",
+    "get_site_map_file": "site-map get",
+}
+"""Commands whose name does not follow from the path."""
+LINES = {
+    "list_missions": "{id}  {name}  {counts[targets]} targets, {counts[observation_requests]} requests, "
+    "{counts[plans]} plans, {counts[products]} products",
+    "list_sols": "{id}  {number}  {battery_j}  {notes}",
+    "list_targets": "{id}  {name}  {position[east_m]:.2f} {position[north_m]:.2f} {position[up_m]:.2f}",
+    "create_target": "{id}  {name}  up {position[up_m]:.3f} m",
+    "list_observation_requests": "{id}  {target_name}  {instrument}  value {value:g}  {state}  "
+    "{state_reason}",
+    "list_keep_outs": "{id}  {name}  {notes}",
+    "list_comments": "{id}  {author}  {subject_kind}  {subject_id}  {text}",
+    "list_plans": "{id}  {number}  {state}  {expected_utility}  {author}  {name}",
+    "list_runs": "{id}  {kind}  {rover}  {state}  {outcome}  {utility}",
+    "list_path_networks": "{id}  {computed}  {stale}",
+    "list_frames": "{id}  {name}  {counter}  {level}",
+    "list_frame_files": "{id}  {file_name}  {added} new, {known} known",
+    "import_frames": "{id}  {added} solutions, {known} known before",
+    "list_solutions": "{id}  {label}  {in_use}  {added_utc}",
+    "list_site_maps": "{id}  {name}  {file_name}",
+    "list_problems": "{id}  {sha256}",
+    "list_products": "{id}  {file_name}  request {request_id}  run {run_id}",
+    "list_jobs": "{id}  {kind}  {state}  {progress}  {message}",
+    "cancel_job": "{id} {state} {message}",
+    "retry_job": "{id} {state} {message}",
+    "list_approvals": "{id}  {plan_id}  {approver}  {void}",
+    "approve_plan": "{id} by {approver}",
+    "list_people": "{id}  {name}  {role}  {active}",
+    "list_history": "{seq:6}  {at_utc}  {actor}  {action}  {kind} {subject_id}  {reason}",
+    "undo": "{action} {kind} {subject_id}",
+    "redo": "{action} {kind} {subject_id}",
+    "get_plan_findings": "{severity} {code} line {line}: {message}",
+    "import_geometry": "{targets:n} targets, {keep_outs:n} keep-outs",
+    "list_traverses": "{id}  {name}",
+}
+"""What is printed of an answer, or of each of its items; else ids of a list, JSON of one thing."""
+DEFAULTS: Mapping[str, Mapping[str, Any]] = {"list_history": {"newest_first": True, "limit": 50}}
+BY_HAND = {
+    "create_mission": "mission create",
+    "create_keep_out": "keep-out add",
+    "create_observation_request": "request add",
+    "create_plan": "make-plan",
+    "create_run": "dry-run",
+    "control_run": "run control",
+    "get_product_file": "product get",
+    "get_flight_rules": "review rules",
+    "choose_solution": "frame use",
+    "create_solution": "solution add",
+    "create_traverse": "traverse adjust",
+    "create_upload": "exchange import-geometry",
+    "create_session": "api",
+    "delete_session": "api",
+}
+"""Operations whose command is written by hand; a file is uploaded by each command that takes one."""
+TURNED = {"cursor", "after"}
+"""Parameters with which the client turns pages."""
 
 
-@contextmanager
-def connected(server: str, person: str | None) -> Iterator[Client]:
-    """Give a client; its errors end the program with one line."""
-    import os
+def place_of(operation: Operation) -> tuple[str, str]:
+    """Return the group of an operation's command, and its name there."""
+    if operation.name in PLACES:
+        group, _, name = PLACES[operation.name].partition(" ")
+        return group, name
+    words = [part for part in operation.path.split("/") if part]
+    inside = len(words) > 2 and words[0] == "missions" and (operation.paged or operation.method == "POST")
+    if inside and (operation.paged or operation.name.startswith("create_")):
+        words = words[2:]
+    kind = KINDS.get(words[0], words[0].removesuffix("s"))
+    rest = [word for word in words[1:] if not word.startswith("{")]
+    if rest:
+        return kind, "-".join(rest)
+    verbs = {"GET": "list" if operation.paged else "show", "POST": "add", "PATCH": "set", "DELETE": "delete"}
+    return kind, verbs[operation.method]
 
-    from ground.client.rest import ApiError, Client, ServerUnreachableError
 
-    with Client(server, person=person, api_key=os.environ.get("OUTCROP_API_KEY")) as client:
-        try:
-            yield client
-        except ServerUnreachableError as err:
-            fail(f"{err}; start one with `outcrop serve`")
-        except ApiError as err:
-            fail(str(err))
+def generated() -> Mapping[str, Mapping[str, Operation]]:
+    """Return the operations by group and name of their commands."""
+    from ground.client.interface import operations
+
+    found: dict[str, dict[str, Operation]] = {}
+    for operation in operations().values():
+        if operation.name not in BY_HAND:
+            group, name = place_of(operation)
+            found.setdefault(group, {})[name] = operation
+    return found
 
 
-def group_of(app: typer.Typer, name: str, about: str) -> typer.Typer:
+class ResourceGroup(TyperGroup):
+    """Commands by hand, and one for each operation beside them; that is made when it is asked for."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        return sorted({*super().list_commands(ctx), *generated().get(self.name or "", ())})
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name; None where there is none."""
+        found = super().get_command(ctx, cmd_name)
+        operation = generated().get(self.name or "", {}).get(cmd_name)
+        if found is not None or operation is None:
+            return found
+        program = typer.Typer(add_completion=False)
+        about = f"{operation.about.strip()} Needs a server."
+        program.command(cmd_name, help=about)(_command(operation))
+        return typer.main.get_command(program)
+
+
+def group_of(app: typer.Typer, name: str) -> typer.Typer:
     """Return the group of commands with a name; it is made if there is none."""
     for known in app.registered_groups:
         if known.name == name and known.typer_instance is not None:
             return known.typer_instance
-    group = typer.Typer(help=about, no_args_is_help=True)
+    about = ABOUT.get(name, f"{name[:1].upper()}{name[1:]}.")
+    group = typer.Typer(cls=ResourceGroup, help=about, no_args_is_help=True)
     app.add_typer(group, name=name)
     return group
 
 
-def follow(client: Client, job: Job) -> Job:
-    """Print the job's progress on stderr and return it when it is over; end the program if it failed."""
-    from ground.jobs.value import JobState
-
-    last = job
-    for last in client.wait(job):
-        typer.echo(f"{last.progress:5.0%} {last.message}", err=True)
-    if last.state is not JobState.SUCCEEDED:
-        fail((last.problem or {}).get("detail", last.state.value), 1)
-    return last
-
-
 def register(app: typer.Typer) -> None:
-    _missions(app)
-    _targets(app)
-    _requests(app)
-    _keep_outs(app)
-    _work(app)
-    _products(app)
+    for name in [*ABOUT, *generated()]:
+        group_of(app, name)
 
 
-def _missions(app: typer.Typer) -> None:
-    group = group_of(app, "mission", "Missions.")
+def _command(operation: Operation) -> Callable[..., None]:
+    """Return the function of a command, with the signature from which its options follow."""
+    found: dict[str, tuple[Any, Any]] = {"server": (str, SERVER), "person": (str | None, PERSON)}
+    for p in operation.parameters["path"]:
+        found[p.word] = (int if p.types == {"integer"} else str, typer.Argument(...))
+    if operation.body:
+        needed = [member.name.upper() for member in operation.body if member.required]
+        told = " ".join([*needed, "NAME=VALUE..."])
+        words = typer.Argument(... if needed else None, metavar=told, help="members by position or by name")
+        found["words"] = (list[str], words)
+    if operation.media not in {"", "application/json", "text/plain", "text/event-stream"}:
+        found["out"] = (Path, typer.Argument(..., help="file to write"))
+    elif operation.method == "GET" and not operation.paged:
+        found["out"] = (Path | None, typer.Option(None, "--out", help="write the answer here"))
+    defaults = DEFAULTS.get(operation.name, {})
+    for member in (*operation.parameters["query"], *(operation.body or ())):
+        scalar = member.types & {"string", "integer", "number", "boolean"}
+        if member.word in found or member.name in TURNED or not scalar:
+            continue
+        if operation.body is not None and member.required:
+            continue
+        about = " | ".join(member.choices) or member.about
+        default = ... if member.required else defaults.get(member.name)
+        option = typer.Option(default, f"--{member.word.replace('_', '-')}", help=about)
+        if scalar == {"boolean"}:
+            name = member.word.replace("_", "-")
+            option = typer.Option(default, f"--{name}/--no-{name}", help=about)
+        found[member.word] = (_python_type(scalar) | None, option)
+    if any(p.word == "revision" for p in operation.parameters["header"]):
+        found["revision"] = (
+            int | None,
+            typer.Option(None, help="change only this revision; default whatever stands there"),
+        )
 
-    @group.command("list")
-    def list_missions(server: str = SERVER, person: str | None = PERSON) -> None:
-        """List missions. Needs a server."""
-        with connected(server, person) as client:
-            for mission in client.each(Mission):
-                count = mission.counts
-                typer.echo(
-                    f"{mission.id}  {mission.name}  {count.targets} targets, "
-                    f"{count.observation_requests} requests, {count.plans} plans, {count.products} products"
-                )
+    def command(**given: Any) -> None:
+        _carry_out(operation, given)
 
-    @group.command("create")
-    def create(
-        name: str = typer.Argument(...),
-        terrain: Path | None = typer.Option(None, help="GeoTIFF, mesh, or zip of a terrain folder"),
-        seed: int = typer.Option(0, min=0, help="seed of a generated terrain, without --terrain"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Open a mission on a terrain. Needs a server."""
-        if terrain is not None and not terrain.is_file():
-            fail(f"{terrain} is no file; zip a terrain folder first")
-        with connected(server, person) as client:
-            source: dict[str, Any] = {"source": "generated", "seed": seed}
-            if terrain is not None:
-                source = {"source": "uploaded", "upload_id": client.upload(terrain).id}
-            typer.echo(client.create(Mission, {"name": name, "terrain": source}).id)
-
-    @group.command("copy")
-    def copy(
-        mission: str = typer.Argument(...),
-        name: str = typer.Argument(...),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Copy a mission: a what-if of its own. Needs a server."""
-        with connected(server, person) as client:
-            made = client.request("POST", f"/missions/{mission}/copy", json={"name": name}).json()
-            typer.echo(made["id"])
-
-
-def _targets(app: typer.Typer) -> None:
-    group = group_of(app, "target", "Targets.")
-
-    @group.command("add")
-    def add(
-        mission: str = typer.Argument(...),
-        east: float = typer.Argument(..., help="metres east"),
-        north: float = typer.Argument(..., help="metres north"),
-        name: str | None = typer.Option(None),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Pick a target. Needs a server."""
-        body: dict[str, Any] = {"east_m": east, "north_m": north}
-        if name is not None:
-            body["name"] = name
-        with connected(server, person) as client:
-            target = client.create(Target, body, mission)
-            typer.echo(f"{target.id}  {target.name}  up {target.position.up_m:.3f} m")
-
-    @group.command("list")
-    def list_targets(
-        mission: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON
-    ) -> None:
-        """List targets. Needs a server."""
-        with connected(server, person) as client:
-            for target in client.each(Target, mission):
-                p = target.position
-                typer.echo(f"{target.id}  {target.name}  {p.east_m:.2f} {p.north_m:.2f} {p.up_m:.2f}")
-
-    _common(group, "target", Target)
+    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+            for name, (kind, default) in found.items()
+        ]
+    )
+    command.__annotations__ = {name: kind for name, (kind, _) in found.items()}
+    return command
 
 
-def _requests(app: typer.Typer) -> None:
-    group = group_of(app, "request", "Observation requests.")
-
-    @group.command("add")
-    def add(
-        mission: str = typer.Argument(...),
-        target: str = typer.Argument(...),
-        instrument: str = typer.Argument(..., help="microscopic_imager or science_camera"),
-        value: float = typer.Argument(...),
-        must_do: bool = typer.Option(False, "--must-do"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """File an observation request. Needs a server."""
-        body = {"target_id": target, "instrument": instrument, "value": value, "must_do": must_do}
-        with connected(server, person) as client:
-            made = client.create(ObservationRequest, body, mission)
-            point = made.observation_point
-            typer.echo(made.id)
-            if point is not None and not point.reachable:
-                typer.echo(f"not reachable: {point.reason}", err=True)
-
-    @group.command("list")
-    def list_requests(
-        mission: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON
-    ) -> None:
-        """List observation requests. Needs a server."""
-        with connected(server, person) as client:
-            for request in client.each(ObservationRequest, mission):
-                typer.echo(
-                    f"{request.id}  {request.target_name}  {request.instrument.value}  "
-                    f"value {request.value:g}  {request.state.value}  {request.state_reason}"
-                )
-
-    _common(group, "observation request", ObservationRequest)
+def _python_type(types: Iterable[str]) -> Any:
+    order = {"boolean": bool, "string": str, "number": float, "integer": int}
+    return next(kind for name, kind in order.items() if name in types)
 
 
-def _keep_outs(app: typer.Typer) -> None:
-    group = group_of(app, "keep-out", "Keep-outs.")
-
-    @group.command("add")
-    def add(
-        mission: str = typer.Argument(...),
-        corners: list[str] = typer.Argument(..., help="EAST,NORTH for each corner"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Draw a keep-out. Needs a server."""
-        try:
-            polygon = [[float(part) for part in corner.split(",")] for corner in corners]
-        except ValueError:
-            fail("a corner is EAST,NORTH in metres, such as 1.5,-2")
-        with connected(server, person) as client:
-            typer.echo(client.create(KeepOut, {"polygon_m": polygon}, mission).id)
-
-    _common(group, "keep-out", KeepOut)
-
-
-def _common(group: typer.Typer, title: str, kind: type) -> None:
-    @group.command("delete", help=f"Delete a {title}. Needs a server.")
-    def delete(
-        identifier: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON
-    ) -> None:
-        with connected(server, person) as client:
-            client.delete(kind, identifier)
-
-
-def _work(app: typer.Typer) -> None:
-    @app.command("make-plan")
-    def make_plan(
-        mission: str = typer.Argument(...),
-        time_limit: float = typer.Option(20.0, help="seconds"),
-        max_branches: int = typer.Option(8),
-        seed: int = typer.Option(1),
-        strategy: str = typer.Option("optimal", help="optimal or pico2005"),
-        max_overrun: float | None = typer.Option(None, help="largest chance of ending over a budget"),
-        crl: Path | None = typer.Option(None, help="write the CRL here"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Plan a mission's day on the server. Needs a server."""
-        with connected(server, person) as client:
-            order = {
-                "time_limit_s": time_limit,
-                "max_branches": max_branches,
-                "seed": seed,
-                "strategy": strategy,
-                "max_overrun_probability": max_overrun,
-            }
-            job = follow(client, client.plan(mission, **order))
-            plan = client.get(Plan, job.subject_id)
-            typer.echo(
-                f"{plan.id}  {plan.status}  expected utility {plan.expected_utility or 0.0:.2f}, at most "
-                f"{plan.upper or 0.0:.2f}, {plan.branches} branches, {len(plan.left_out)} requests left out"
-            )
-            if crl is not None:
-                crl.write_text(client.crl(plan.id), encoding="utf-8")
-
-    @app.command("dry-run")
-    def dry_run(
-        mission: str = typer.Argument(...),
-        plan: str = typer.Argument(...),
-        rover: str = typer.Option("abstract"),
-        seed: int = typer.Option(1),
-        light_time: float | None = typer.Option(
-            None, help="rehearsal in the passes of the sol: one-way light time, seconds"
-        ),
-        command: list[str] = typer.Option(
-            [], help="what the operator sends and when: abort@S, pause@S or resume@S; repeatable"
-        ),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Run a plan on a simulated rover on the server. Needs a server."""
-        from ground.errors import GroundError
-        from ground.uplink.rehearsal import Sent
-
-        link: dict[str, Any] = {} if light_time is None else {"light_time_s": light_time}
-        try:
-            sent = [Sent.parse(text) for text in command]
-        except GroundError as err:
-            fail(err.message)
-        link["commands"] = [{"operation": c.operation.value, "sent_s": c.sent_s} for c in sent]
-        with connected(server, person) as client:
-            job = follow(client, client.run(mission, plan, rover=rover, seed=seed, **link))
-            run = client.get(Run, job.subject_id)
-            typer.echo(
-                f"{run.id}  {run.outcome}  utility {run.utility:g}  {run.duration_s or 0.0:.0f} s  "
-                f"options {', '.join(run.options_taken) or 'none'}"
-            )
-
-
-def _products(app: typer.Typer) -> None:
-    group = group_of(app, "product", "Data products.")
-
-    @group.command("list")
-    def list_products(
-        mission: str = typer.Argument(...),
-        orphans: bool = typer.Option(False, "--orphans", help="only those that match no request"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """List data products. Needs a server."""
-        where = {"orphan": "true"} if orphans else {}
-        with connected(server, person) as client:
-            for product in client.each(Product, mission, **where):
-                typer.echo(
-                    f"{product.id}  {product.file_name}  request {product.request_id or '-'}  "
-                    f"run {product.run_id}"
-                )
-
-    @group.command("get")
-    def get_product(
-        product: str = typer.Argument(...),
-        out: Path | None = typer.Option(None, help="file; default its own name, here"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Fetch the file of a data product. Needs a server."""
-        with connected(server, person) as client:
-            found = client.get(Product, product)
-            target = out or Path(Path(found.file_name).name)
-            target.write_bytes(client.product_file(product))
-            typer.echo(str(target))
-
-
-def fetch(url: str, out: Path, server: str, person: str | None) -> None:
-    """Write what the server has at an address into a file."""
+def _carry_out(operation: Operation, given: dict[str, Any]) -> None:
+    where = [given.pop(p.word) for p in operation.parameters["path"]]
+    server, person, out = given.pop("server"), given.pop("person"), given.pop("out", None)
+    words = given.pop("words", None) or []
+    members = {name: value for name, value in given.items() if value is not None}
+    members |= _values_of(operation.body or (), words)
+    forms = [p for p in operation.parameters["query"] if p.name == "form"]
+    if forms and out is not None and given["form"] is None:
+        members["form"] = _form(out, forms[0].choices)
     with connected(server, person) as client:
-        content = client.request("GET", url).content
+        if "upload_id" in members and not re.fullmatch(r"upl-\w+", members["upload_id"]):
+            members["upload_id"] = uploaded(client, Path(members["upload_id"]))
+        answer = client.call(operation, *where, **members)
+        if operation.starts_job:
+            typer.echo(follow(client, answer).subject_id)
+        else:
+            _say(operation, where, answer, out)
+
+
+def _form(path: Path, forms: Sequence[str]) -> str:
+    """Return the form that a file's ending names."""
+    form = path.suffix.removeprefix(".").lower()
+    if form not in forms:
+        fail(f"{path}: the ending says the form; known are {', '.join('.' + f for f in forms)}")
+    return form
+
+
+def _values_of(known: Sequence[Member], words: Sequence[str]) -> dict[str, Any]:
+    """Return members of a body: `name=value`, or the value alone of the next that is required."""
+    by_name = {member.name: member for member in known}
+    by_place = [member for member in known if member.required]
+    found: dict[str, Any] = {}
+    for word in words:
+        name, sign, text = word.partition("=")
+        if sign and name in by_name:
+            found[name] = _value(by_name[name], text)
+            continue
+        open_ones = [member for member in by_place if member.name not in found]
+        if not open_ones:
+            fail(f"{word!r}: give members as name=value; there are {', '.join(by_name)}")
+        found[open_ones[0].name] = _value(open_ones[0], word)
+    missing = [member.name for member in by_place if member.name not in found]
+    if missing:
+        fail(f"{', '.join(missing)}: needed and not given")
+    return found
+
+
+def _value(member: Member, text: str) -> Any:
+    if member.types == {"string"}:
+        return text
     try:
-        out.write_bytes(content)
-    except OSError as err:
-        fail(f"{out} cannot be written: {err.strerror}")
-    typer.echo(f"{out}: {len(content)} bytes")
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+class _Line(string.Formatter):
+    """Lines with `-` for what is not there, and `:n` for how many there are."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if value is None:
+            return "-"
+        return str(len(value)) if format_spec == "n" else str(format(value, format_spec))
+
+
+def _say(operation: Operation, where: Sequence[str | int], answer: Any, out: Path | None) -> None:
+    """Print what came back, or write it."""
+    line = LINES.get(operation.name)
+    if operation.media == "application/json" and out is not None:
+        written(out, json.dumps(answer, indent=1, ensure_ascii=False).encode())
+    elif out is not None:
+        written(out, answer.encode() if isinstance(answer, str) else answer)
+    elif operation.paged or (line is not None and isinstance(answer, list)):
+        for item in answer:
+            typer.echo(_Line().vformat(line or "{id}", (), item))
+    elif operation.media == "text/event-stream":
+        for event in answer:
+            typer.echo(json.dumps(event, ensure_ascii=False))
+    elif line is not None:
+        typer.echo(_Line().vformat(line, (), answer))
+    elif operation.method == "PATCH":
+        typer.echo(f"{where[-1]} revision {answer.revision}")
+    elif operation.method == "POST" and isinstance(answer, dict) and "id" in answer:
+        typer.echo(answer["id"])
+    elif isinstance(answer, str):
+        typer.echo(answer, nl=False)
+    elif answer is not None:
+        show(answer)

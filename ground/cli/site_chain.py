@@ -8,56 +8,20 @@ from typing import Any
 
 import typer
 
+from ground.cli.connection import PERSON, SERVER, connected, follow, uploaded
 from ground.cli.failure import fail
-from ground.cli.resources import PERSON, SERVER, connected, fetch, follow, group_of
+from ground.cli.resources import group_of
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the program."""
     _frames(app)
     _solutions(app)
-    _maps(app)
     _traverses(app)
 
 
 def _frames(app: typer.Typer) -> None:
-    group = group_of(app, "frame", "Sites, ends of drives and poses, and which solution of each is in use.")
-
-    @group.command("import")
-    def import_file(
-        mission: str = typer.Argument(...),
-        source: Path = typer.Argument(..., help="mission frame file, .svf or .rvf"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Take in a frame file; what is here already is not taken in twice. Needs a server."""
-        if not source.is_file():
-            fail(f"{source} is no file")
-        with connected(server, person) as client:
-            body = {"upload_id": client.upload(source).id}
-            made = client.request("POST", f"/missions/{mission}/frame-files", json=body).json()
-            typer.echo(f"{made['id']}  {made['added']} solutions, {made['known']} known before")
-
-    @group.command("export")
-    def export_file(
-        mission: str = typer.Argument(...),
-        out: Path = typer.Argument(..., help="file to write"),
-        site: int | None = typer.Option(None, help="rover poses in this site; without, all sites"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Write all sites, or the rover poses in one, as a frame file. Needs a server."""
-        asked = "" if site is None else f"?site={site}"
-        fetch(f"/missions/{mission}/frame-files/export{asked}", out, server, person)
-
-    @group.command("files")
-    def files(mission: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON) -> None:
-        """List the frame files that were taken in. Needs a server."""
-        with connected(server, person) as client:
-            for file in client.request("GET", f"/missions/{mission}/frame-files?limit=1000").json()["items"]:
-                typer.echo(f"{file['id']}  {file['file_name']}  {file['added']} new, {file['known']} known")
-
-    @group.command("use")
+    @group_of(app, "frame").command("use")
     def use(
         frame: str = typer.Argument(...),
         solution: str = typer.Argument(..., help="id of one of its solutions, or `none`"),
@@ -68,22 +32,18 @@ def _frames(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Put a solution in use; targets, keep-outs and maps tied to the frame move along. Needs a server."""
-        body = {
-            "solution_id": None if solution == "none" else solution,
-            "preview": preview,
-            "reason": reason,
-        }
-        headers = {"If-Match": "*" if revision is None else f'"{revision}"'}
+        chosen = None if solution == "none" else solution
         with connected(server, person) as client:
-            done = client.request("PUT", f"/frames/{frame}/solution", json=body, headers=headers).json()
-        place = done["frame"]["place"]
+            done = client.choose_solution(
+                frame, solution_id=chosen, preview=preview, reason=reason, revision=revision
+            )
+        place = done.frame.place
         if place is not None:
-            where = f"{place['east_m']:.3f} {place['north_m']:.3f} {place['up_m']:.3f}"
-            typer.echo(f"{frame}  {where}")
-        for moved in done["moved"]:
+            typer.echo(f"{frame}  {place.east_m:.3f} {place.north_m:.3f} {place.up_m:.3f}")
+        for moved in done.moved:
             typer.echo(
-                f"  {moved['kind']}  {moved['id']}  {moved['name']}  moved {moved['shift_m']:.3f} m, "
-                f"deviation {moved['sigma_before_m']:.3f} -> {moved['sigma_after_m']:.3f} m"
+                f"  {moved.kind}  {moved.id}  {moved.name}  moved {moved.shift_m:.3f} m, "
+                f"deviation {moved.sigma_before_m:.3f} -> {moved.sigma_after_m:.3f} m"
             )
 
 
@@ -98,9 +58,7 @@ def _numbers(text: str, count: int, what: str) -> list[float]:
 
 
 def _solutions(app: typer.Typer) -> None:
-    group = group_of(app, "solution", "Answers to where a frame lies; every one is kept.")
-
-    @group.command("add")
+    @group_of(app, "solution").command("add")
     def add(
         frame: str = typer.Argument(...),
         reference: str = typer.Argument(..., help="id of the frame it lies in"),
@@ -126,44 +84,11 @@ def _solutions(app: typer.Typer) -> None:
                 [value**2 if k == row else 0.0 for k in range(6)] for row, value in enumerate(values)
             ]
         with connected(server, person) as client:
-            typer.echo(client.request("POST", f"/frames/{frame}/solutions", json=body).json()["id"])
-
-
-def _maps(app: typer.Typer) -> None:
-    group = group_of(app, "site-map", "Maps made at a site.")
-
-    @group.command("add")
-    def add(
-        mission: str = typer.Argument(...),
-        frame: str = typer.Argument(..., help="id of the site"),
-        source: Path = typer.Argument(..., help="GeoTIFF in metres east and north of the site's origin"),
-        name: str | None = typer.Option(None),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """File a map of a site; it moves with the site. Needs a server."""
-        if not source.is_file():
-            fail(f"{source} is no file")
-        with connected(server, person) as client:
-            body = {"frame_id": frame, "upload_id": client.upload(source).id}
-            body |= {} if name is None else {"name": name}
-            typer.echo(client.request("POST", f"/missions/{mission}/site-maps", json=body).json()["id"])
-
-    @group.command("get")
-    def get(
-        identifier: str = typer.Argument(...),
-        out: Path = typer.Argument(...),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Write the GeoTIFF of a map. Needs a server."""
-        fetch(f"/site-maps/{identifier}/file", out, server, person)
+            typer.echo(client.create_solution(frame, **body).id)
 
 
 def _traverses(app: typer.Typer) -> None:
-    group = group_of(app, "traverse", "Stops adjusted together.")
-
-    @group.command("adjust")
+    @group_of(app, "traverse").command("adjust")
     def adjust(
         mission: str = typer.Argument(...),
         name: str = typer.Argument(...),
@@ -180,8 +105,6 @@ def _traverses(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Match rocks between stops and adjust them; wait for the solutions. Needs a server."""
-        from ground.jobs.value import Job
-
         with connected(server, person) as client:
             listed = []
             for stop in stops:
@@ -189,33 +112,21 @@ def _traverses(app: typer.Typer) -> None:
                 if not sign or not source:
                     fail(f"{stop!r}: give stops as FRAME=SOURCE")
                 if Path(source).is_file():
-                    listed.append({"frame_id": frame, "upload_id": client.upload(Path(source)).id})
+                    listed.append({"frame_id": frame, "upload_id": uploaded(client, Path(source))})
                 else:
                     run, _, panorama = source.partition(":")
                     listed.append({"frame_id": frame, "run_id": run, "panorama": panorama})
-            body = {
-                "name": name,
-                "stops": listed,
-                "odometry": odometry,
-                "heading_rad": math.radians(heading),
-                "sun_rad": None if sun is None else math.radians(sun),
-                "longest_m": longest,
-            }
-            answer = client.request("POST", f"/missions/{mission}/traverses", json=body).json()
-            done = follow(client, client.get(Job, answer["id"]))
-            found = client.request("GET", str(done.result_url)).json()
-        for leg in found["document"]["legs"]:
+            job = client.create_traverse(
+                mission,
+                name=name,
+                stops=listed,
+                odometry=odometry,
+                heading_rad=math.radians(heading),
+                sun_rad=None if sun is None else math.radians(sun),
+                longest_m=longest,
+            )
+            found = client.get_traverse(follow(client, job).subject_id)
+        for leg in (found.document or {"legs": []})["legs"]:
             typer.echo(f"{leg['first']} to {leg['second']}: {leg['verdict']}")
-        for stop, solution in zip(found["stops"][1:], found["solution_ids"], strict=True):
-            typer.echo(f"{solution}  for {stop['frame_id']}  {stop['name']}")
-
-    @group.command("picture")
-    def picture(
-        identifier: str = typer.Argument(...),
-        stop: int = typer.Argument(..., min=0, help="number of the stop, from 0"),
-        out: Path = typer.Argument(..., help="PNG to write"),
-        server: str = SERVER,
-        person: str | None = PERSON,
-    ) -> None:
-        """Write what a stop of a traverse saw, as one picture. Needs a server."""
-        fetch(f"/traverses/{identifier}/pictures/{stop}", out, server, person)
+        for driven, solution in zip(found.stops[1:], found.solution_ids, strict=True):
+            typer.echo(f"{solution}  for {driven.frame_id}  {driven.name}")

@@ -1,70 +1,25 @@
-"""A typed client of the REST interface: what the command line and scripts use."""
+"""A client of one server: requests, answers, streams and long work."""
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from itertools import islice
+from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self, TypeVar, cast
+from typing import Any, NoReturn, Self
+from urllib.parse import quote
 
 import httpx
 
-from ground.client.operations import (
-    Document,
-    MissionOperations,
-    PeopleOperations,
-    PlanOperations,
-    RunOperations,
-    SiteOperations,
-    TerrainOperations,
-    adapter,
-    events_of,
-)
-from ground.jobs.value import Job, JobState
-from ground.resources.approvals.value import Approval
-from ground.resources.comments.value import Comment
-from ground.resources.frames.value import Frame
-from ground.resources.keep_outs.value import KeepOut
-from ground.resources.lineage.value import Lineage
-from ground.resources.missions.value import Mission
-from ground.resources.observation_requests.value import ObservationRequest
-from ground.resources.path_networks.value import PathNetwork
-from ground.resources.people.value import Person
-from ground.resources.plans.value import Plan
-from ground.resources.problems.value import Problem
-from ground.resources.products.value import Product
-from ground.resources.runs.value import Run
-from ground.resources.site_maps.value import SiteMap
-from ground.resources.sols.value import Sol
-from ground.resources.solutions.value import FrameFile, Solution
-from ground.resources.targets.value import Target
-from ground.resources.traverses.value import Traverse
+from ground.client.interface import PREFIX, Operation, Record
+from ground.client.operations import Operations
 
-T = TypeVar("T")
 DEFAULT_ADDRESS = "http://127.0.0.1:8000"
-
-COLLECTIONS: Mapping[type, str] = {
-    Mission: "missions",
-    Sol: "sols",
-    Target: "targets",
-    ObservationRequest: "observation-requests",
-    KeepOut: "keep-outs",
-    PathNetwork: "path-networks",
-    Problem: "problems",
-    Plan: "plans",
-    Run: "runs",
-    Product: "products",
-    Comment: "comments",
-    Job: "jobs",
-    Person: "people",
-    Approval: "approvals",
-    Frame: "frames",
-    Solution: "solutions",
-    FrameFile: "frame-files",
-    SiteMap: "site-maps",
-    Traverse: "traverses",
-}
-"""Where each kind of value is found."""
+PAGE = 200
+"""Rows asked for at once; a page of 200 targets has about 100 kB."""
+OVER = {"succeeded", "failed", "cancelled"}
 
 
 class ApiError(Exception):
@@ -88,9 +43,7 @@ def _raise(response: httpx.Response) -> NoReturn:
     raise ApiError(response.status_code, document if isinstance(document, dict) else {})
 
 
-class Client(
-    MissionOperations, TerrainOperations, PlanOperations, RunOperations, SiteOperations, PeopleOperations
-):
+class Client(Operations):
     """Talks to one server, as one person: every operation of the interface is a method.
 
     Parameters
@@ -118,7 +71,7 @@ class Client(
             headers["Authorization"] = f"Bearer {api_key}"
         self.address = address.rstrip("/")
         self._http = httpx.Client(
-            base_url=f"{self.address}/api/v1", headers=headers, timeout=120.0, transport=transport
+            base_url=f"{self.address}{PREFIX}", headers=headers, timeout=120.0, transport=transport
         )
 
     def __enter__(self) -> Self:
@@ -143,26 +96,56 @@ class Client(
             If there is no answer.
         """
         try:
-            response = self._http.request(method, path.removeprefix("/api/v1"), **options)
+            response = self._http.request(method, path.removeprefix(PREFIX), **options)
         except httpx.TransportError as err:
             raise ServerUnreachableError(f"no server answers at {self.address} ({err})") from err
         if response.status_code >= 400:
             _raise(response)
         return response
 
-    def keep_token(self, token: str) -> None:
-        """Send a session's token with every change from now on."""
-        self._http.headers["X-CSRF-Token"] = token
+    def send(self, operation: Operation, *where: str | int, **members: Any) -> httpx.Response:
+        """Return the answer to an operation as it comes, with its headers.
 
-    def stream(self, path: str, last_event_id: str | None = None) -> Iterator[Document]:
-        """Yield the events of a stream as they come: `id`, `event` and `data`.
-
-        Parameters
-        ----------
-        last_event_id
-            Of the event seen last: the stream goes on behind it.
+        Raises
+        ------
+        TypeError
+            If the operation takes something else.
         """
-        headers = {} if last_event_id is None else {"Last-Event-ID": last_event_id}
+        path, options = _filled(operation, where, members)
+        response = self.request(operation.method, path, **options)
+        if operation.name == "create_session":  # its token goes with every change from now on
+            self._http.headers["X-CSRF-Token"] = response.json()["csrf_token"]
+        return response
+
+    def call(self, operation: Operation, *where: str | int, **members: Any) -> Any:
+        """Return the answer to an operation as the value that it describes."""
+        if operation.media == "text/event-stream":
+            path, options = _filled(operation, where, members)
+            return self._stream(path, options["headers"])
+        if operation.paged:
+            limit = members.pop("limit", None)
+            members["limit"] = PAGE if limit is None else min(PAGE, limit)
+            return islice(self._pages(operation, where, members), limit)
+        response = self.send(operation, *where, **members)
+        if operation.media == "application/json":
+            return json.loads(response.content, object_hook=Record)
+        if operation.media == "text/plain":
+            return response.text
+        return response.content if operation.media else None
+
+    def _pages(
+        self, operation: Operation, where: tuple[str | int, ...], members: Mapping[str, Any]
+    ) -> Iterator[Record]:
+        asked = dict(members)
+        follow = next(p.name for p in operation.parameters["query"] if p.name in {"cursor", "after"})
+        while True:
+            page = json.loads(self.send(operation, *where, **asked).content, object_hook=Record)
+            yield from page["items"]
+            if page["next_cursor"] is None:
+                return
+            asked[follow] = page["next_cursor"]
+
+    def _stream(self, path: str, headers: Mapping[str, str]) -> Iterator[Record]:
         try:
             with self._http.stream("GET", path, headers=headers, timeout=None) as response:
                 if response.status_code >= 400:
@@ -172,64 +155,71 @@ class Client(
         except httpx.TransportError as err:
             raise ServerUnreachableError(f"no server answers at {self.address} ({err})") from err
 
-    # ---- resources
+    def upload(self, path: Path) -> Record:
+        """Upload a file."""
+        with path.open("rb") as file:
+            found: Record = self.create_upload(file_name=path.name, content=file)
+        return found
 
-    def get(self, kind: type[T], identifier: str) -> T:
-        """Return one resource."""
-        return self.value(kind, "GET", f"/{COLLECTIONS[kind]}/{identifier}")
-
-    def each(self, kind: type[T], mission_id: str | None = None, **where: str) -> Iterator[T]:
-        """Yield the resources of a kind, page after page."""
-        path = (
-            f"/{COLLECTIONS[kind]}" if mission_id is None else f"/missions/{mission_id}/{COLLECTIONS[kind]}"
-        )
-        cursor: str | None = None
-        while True:
-            parameters = {**where, "limit": "200", **({} if cursor is None else {"cursor": cursor})}
-            page = self.request("GET", path, params=parameters).json()
-            for item in page["items"]:
-                yield adapter(cast("Hashable", kind)).validate_python(item)
-            cursor = page["next_cursor"]
-            if cursor is None:
-                return
-
-    def create(self, kind: type[T], body: Mapping[str, Any], mission_id: str | None = None) -> T:
-        """Return a new resource."""
-        path = (
-            f"/{COLLECTIONS[kind]}" if mission_id is None else f"/missions/{mission_id}/{COLLECTIONS[kind]}"
-        )
-        return self.value(kind, "POST", path, json=dict(body))
-
-    def change(
-        self, kind: type[T], identifier: str, body: Mapping[str, Any], revision: int | None = None
-    ) -> T:
-        """Return a resource after a change of the revision seen; None changes whatever stands there."""
-        headers = {"If-Match": "*" if revision is None else f'"{revision}"'}
-        path = f"/{COLLECTIONS[kind]}/{identifier}"
-        return self.value(kind, "PATCH", path, json=dict(body), headers=headers)
-
-    def delete(self, kind: type, identifier: str, revision: int | None = None) -> None:
-        """Delete a resource."""
-        headers = {"If-Match": "*" if revision is None else f'"{revision}"'}
-        self.request("DELETE", f"/{COLLECTIONS[kind]}/{identifier}", headers=headers)
-
-    # ---- long work
-
-    def wait(self, job: Job, *, limit_s: float = 3600.0) -> Iterator[Job]:
-        """Yield the job at each change until it is over."""
+    def wait(self, job: Record, *, limit_s: float = 3600.0) -> Iterator[Record]:
+        """Yield a job at each change until it is over."""
         until = time.monotonic() + limit_s
         seen = -1
         while True:
             if job.revision != seen:
                 seen = job.revision
                 yield job
-            if job.state in {JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED}:
+            if job.state in OVER:
                 return
             if time.monotonic() > until:
-                raise TimeoutError(f"job {job.id} is still {job.state.value} after {limit_s:g} s")
+                raise TimeoutError(f"job {job.id} is still {job.state} after {limit_s:g} s")
             time.sleep(0.2)
-            job = self.get(Job, job.id)
+            job = self.get_job(job.id)
 
-    def lineage(self, kind: type, identifier: str) -> Lineage:
-        """Return where a target, request or product comes from and what came of it."""
-        return self.value(Lineage, "GET", f"/{COLLECTIONS[kind]}/{identifier}/lineage")
+
+def _filled(
+    operation: Operation, where: tuple[str | int, ...], members: Mapping[str, Any]
+) -> tuple[str, dict[str, Any]]:
+    """Return the path of a request and how it is sent."""
+    places = operation.parameters["path"]
+    if len(where) != len(places):
+        raise TypeError(f"{operation.name} takes {', '.join(p.name for p in places)}; {len(where)} are given")
+    path = operation.path.format(
+        **{p.name: quote(str(part), safe="") for p, part in zip(places, where, strict=True)}
+    )
+    rest = dict(members)
+    query = {p.name: rest.pop(p.name) for p in operation.parameters["query"] if p.name in rest}
+    headers = {p.name: rest.pop(p.word, None) for p in operation.parameters["header"]}
+    if "if-match" in headers:
+        headers["if-match"] = "*" if headers["if-match"] is None else f'"{headers["if-match"]}"'
+    options: dict[str, Any] = {
+        "params": {name: value for name, value in query.items() if value is not None},
+        "headers": {name: str(value) for name, value in headers.items() if value is not None},
+    }
+    if operation.sends_file:
+        options["content"] = rest.pop("content")
+    strange = rest.keys() - {member.name for member in operation.body or ()}
+    if strange:
+        raise TypeError(f"{operation.name} takes no {', '.join(sorted(strange))}")
+    if operation.body is not None:
+        options["json"] = rest
+    return path, options
+
+
+def events_of(lines: Iterator[str]) -> Iterator[Record]:
+    """Yield the events of a text/event-stream: `id`, `event` and `data`, which is read as JSON."""
+    event: dict[str, str] = {}
+    data: list[str] = []
+    for line in lines:
+        if line == "":
+            if data:
+                told = json.loads("\n".join(data), object_hook=Record)
+                yield Record({"event": "message", **event, "data": told})
+            event, data = {}, []
+        elif not line.startswith(":"):
+            name, _, text = line.partition(":")
+            text = text.removeprefix(" ")
+            if name == "data":
+                data.append(text)
+            elif name in {"id", "event"}:
+                event[name] = text

@@ -17,128 +17,28 @@ from typer.testing import CliRunner
 from ground.app.api import build_api
 from ground.app.service import build_app
 from ground.cli.main import app, register_all
+from ground.cli.resources import BY_HAND, generated, place_of
+from ground.client.interface import operations
 from ground.gdr.repository import Repository
 from tests.ground.conftest import yard
 
-FOR_SCRIPTS = "api"
-"""Operations that make pictures in the browser, or concern its session: `outcrop api` asks for them."""
-
-COMMANDS = {
-    **{
-        f"{verb}_{kind}": f"{group} {word}"
-        for kind, group, verbs in (
-            ("target", "target", "get change delete"),
-            ("mission", "mission", "get change delete"),
-            ("sol", "sol", "get change delete"),
-            ("observation_request", "request", "get change delete"),
-            ("keep_out", "keep-out", "get change delete"),
-            ("comment", "comment", "get change delete"),
-            ("plan", "review", "get change delete"),
-            ("run", "run", "get change"),
-            ("path_network", "network", "get"),
-            ("problem", "problem", "get"),
-            ("product", "product", "get"),
-            ("job", "job", "get"),
-            ("person", "person", "get change"),
-            ("frame", "frame", "get change"),
-            ("solution", "solution", "get change"),
-            ("site_map", "site-map", "get change delete"),
-            ("traverse", "traverse", "get change delete"),
-        )
-        for verb, word in (("get", "show"), ("change", "set"), ("delete", "delete"))
-        if verb in verbs.split()
-    },
-    **{
-        f"list_{kind}": f"{group} list"
-        for kind, group in (
-            ("targets", "target"),
-            ("missions", "mission"),
-            ("sols", "sol"),
-            ("observation_requests", "request"),
-            ("keep_outs", "keep-out"),
-            ("comments", "comment"),
-            ("plans", "review"),
-            ("runs", "run"),
-            ("path_networks", "network"),
-            ("problems", "problem"),
-            ("products", "product"),
-            ("jobs", "job"),
-            ("people", "person"),
-            ("approvals", "approval"),
-            ("history", "history"),
-            ("frames", "frame"),
-            ("solutions", "solution"),
-            ("site_maps", "site-map"),
-            ("traverses", "traverse"),
-        )
-    },
-    "create_frame": "frame add",
-    "list_frame_files": "frame files",
-    "import_frames": "frame import",
-    "export_frames": "frame export",
-    "choose_solution": "frame use",
-    "create_solution": "solution add",
-    "create_site_map": "site-map add",
-    "get_site_map_file": "site-map get",
-    "create_traverse": "traverse adjust",
-    "get_traverse_picture": "traverse picture",
-    "create_target": "target add",
-    "create_mission": "mission create",
-    "copy_mission": "mission copy",
-    "create_sol": "sol add",
-    "create_observation_request": "request add",
-    "create_keep_out": "keep-out add",
-    "create_comment": "comment add",
-    "create_path_network": "network make",
-    "create_plan": "make-plan",
-    "create_run": "dry-run",
-    "create_person": "person add",
-    "create_upload": "exchange import-geometry",
-    "get_target_lineage": "target lineage",
-    "get_observation_request_lineage": "request lineage",
-    "get_product_lineage": "product lineage",
-    "get_product_file": "product get",
-    "get_run_product_file": "product get",
-    "calibrate_mission": "mission calibrate",
-    "export_mission": "mission export",
-    "import_mission": "mission import",
-    "export_geometry": "exchange export-geometry",
-    "import_geometry": "exchange import-geometry",
-    "draw_plan": "exchange draw-plan",
-    "export_products": "exchange products",
-    "get_run_report": "exchange report",
-    "get_plan_report": "review report",
-    "get_plan_tree": "review file",
-    "get_plan_crl": "review file",
-    "get_plan_summary": "review summary",
-    "get_plan_findings": "review findings",
-    "explain_request": "review why-not",
-    "compare_plans": "review compare",
-    "answer_what_if": "review what-if",
-    "get_flight_rules": "review rules",
-    "create_waiver": "review waive",
-    "approve_plan": "review approve",
-    "package_plan": "package",
-    "ingest_run": "ingest",
-    "control_run": "run control",
-    "get_run_trace": "run file",
-    "get_run_telemetry": "run file",
-    "get_run_snapshot": "run file",
-    "cancel_job": "job cancel",
-    "retry_job": "job retry",
-    "undo": "history undo",
-    "redo": "history redo",
-}
+FOR_MACHINES = {"healthz", "readyz", "metrics"}
 
 
-def commands(group: typer.Typer, before: str = "") -> Iterator[tuple[str, str]]:
-    for command in group.registered_commands:
-        name = command.name or (command.callback.__name__.replace("_", "-") if command.callback else "")
-        about = command.help or (command.callback.__doc__ if command.callback else "") or ""
-        yield f"{before}{name}", about
-    for inner in group.registered_groups:
-        assert inner.typer_instance is not None
-        yield from commands(inner.typer_instance, f"{before}{inner.name} ")
+def commands(program: typer.Typer) -> dict[str, str]:
+    """Return what each command of the program says of itself, by its whole name."""
+    top = typer.main.get_command(program)
+    found = {}
+    ctx = top.make_context("outcrop", ["--version"], resilient_parsing=True)
+    for name in top.list_commands(ctx):  # type: ignore[attr-defined]
+        group = top.get_command(ctx, name)  # type: ignore[attr-defined]
+        inner = getattr(group, "list_commands", None)
+        if inner is None:
+            found[name] = group.help or ""
+            continue
+        for word in inner(ctx):
+            found[f"{name} {word}"] = group.get_command(ctx, word).help or ""
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -149,44 +49,26 @@ def program() -> typer.Typer:
 
 
 def test_every_operation_of_the_interface_has_a_command(program: typer.Typer) -> None:
-    known = dict(commands(program))
-    assert FOR_SCRIPTS in known
-    assert {c for c in COMMANDS.values() if c not in known} == set()
-    operations = {
-        o["operationId"]
-        for path, ways in build_api().openapi()["paths"].items()
-        for o in ways.values()
-        if path.startswith("/api/")
-    }
-    assert set(COMMANDS) <= operations
-    rest = operations - set(COMMANDS)
-    pictures = ("terrain", "ortho", "heights", "coverage", "panorama", "view", "rover", "stand", "site")
-    others = {"get_session", "create_session", "delete_session", "create_api_key", "delete_api_key"}
-    strange = {o for o in rest - others if not o.startswith("stream_") and not any(p in o for p in pictures)}
-    assert strange == set()
+    known = commands(program)
+    made = {o.name: f"{group} {word}" for group, found in generated().items() for word, o in found.items()}
+    asked = {
+        o["operationId"] for ways in build_api().openapi()["paths"].values() for o in ways.values()
+    } - FOR_MACHINES
+    assert asked == {*made, *BY_HAND}
+    assert {name for name in (made | BY_HAND).values() if name not in known} == set()
+
+
+def test_each_command_asks_one_operation(program: typer.Typer) -> None:
+    places = [place_of(operation) for operation in operations().values() if operation.name not in BY_HAND]
+    assert len(places) == len(set(places))
 
 
 def test_every_command_about_resources_says_that_it_needs_a_server(program: typer.Typer) -> None:
+    groups = {"api", "make-plan", "dry-run", *generated()}
     silent = [
         name
-        for name, about in commands(program)
-        if name.split()[0]
-        in {
-            "mission",
-            "sol",
-            "target",
-            "request",
-            "keep-out",
-            "comment",
-            "review",
-            "run",
-            "network",
-            "problem",
-        }
-        | {"frame", "solution", "site-map", "traverse"}
-        | {"product", "job", "approval", "history", "person", "exchange", "api", "make-plan", "dry-run"}
-        and "Needs a server." not in about
-        and "Needs no server." not in about
+        for name, about in commands(program).items()
+        if name.split()[0] in groups and "Needs a server." not in about and "Needs no server." not in about
     ]
     assert silent == []
 
@@ -242,7 +124,7 @@ def test_a_mission_is_worked_on_from_the_command_line(
     comment = run(
         "comment", "add", mission, "subject_kind=target", f"subject_id={target}", "text=look at this"
     )
-    assert "look at this" in run("comment", "list", mission, "--where", f"subject_id={target}")
+    assert "look at this" in run("comment", "list", mission, "--subject-id", target)
     run("comment", "delete", comment)
     sol = run("sol", "add", mission, "number=2")
     assert json.loads(run("sol", "show", sol))["number"] == 2
@@ -278,6 +160,6 @@ def test_a_site_chain_is_imported_solved_anew_and_exported(
     assert "moved 0.500 m" in run("frame", "use", two, made, "--preview")
     assert "Rock  moved 0.500 m, deviation" in run("frame", "use", two, made, "--reason", "better")
     assert "no solution in use ties" in run("frame", "use", two, "none", code=2)
-    listed = run("solution", "list", mission, "--where", f"frame_id={two}").splitlines()
+    listed = run("solution", "list", mission, "--frame-id", two).splitlines()
     assert [line.split("  ")[1:3] for line in listed] == [["telemetry", "False"], ["ground", "True"]]
     assert "is not 3 numbers" in run("solution", "add", two, frames["[1]"], "2.5,3", code=2)

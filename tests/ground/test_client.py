@@ -1,12 +1,11 @@
-"""The Python client reaches every operation of the interface and says truly what comes back."""
+"""The Python client reaches every operation of the interface and asks what the interface describes."""
 
 from __future__ import annotations
 
-import inspect
 import re
-import typing
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
-from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -15,148 +14,139 @@ import pytest
 from fastapi.routing import APIRoute
 
 from ground.app.api import build_api
-from ground.client.operations import (
-    Caller,
-    MissionOperations,
-    PeopleOperations,
-    PlanOperations,
-    RunOperations,
-    SiteOperations,
-    TerrainOperations,
-    events_of,
-)
-from ground.client.rest import COLLECTIONS, ApiError, Client
-from ground.resources.targets.value import Target
+from ground.client import ApiError, Client
+from ground.client.interface import Member, Operation, Record, operations
+from ground.client.rest import events_of
 
-GROUPS = (
-    MissionOperations,
-    TerrainOperations,
-    PlanOperations,
-    RunOperations,
-    SiteOperations,
-    PeopleOperations,
-)
+ROOT = Path(__file__).parents[2]
 FOR_MACHINES = {"healthz", "readyz", "metrics"}
-Routes = dict[tuple[str, str], APIRoute]
-Asked = tuple[str, str]
 
 
-class _AskedError(Exception):
-    """Carries the request that a method would have sent."""
+def _served(answer: Callable[[httpx.Request], httpx.Response]) -> Client:
+    return Client("http://nowhere", transport=httpx.MockTransport(answer))
 
 
-def _asked(act: Callable[[Client], Any]) -> Asked:
-    """Return method and path of what a call asks of the server."""
+def _sample(member: Member) -> Any:
+    kinds = {"string": "one", "integer": 1, "number": 1.5, "boolean": True, "array": [], "object": {}}
+    return next(value for kind, value in kinds.items() if kind in member.types)
 
-    def stop(request: httpx.Request) -> httpx.Response:
-        raise _AskedError(request.method, request.url.path)
 
-    with Client("http://nowhere", transport=httpx.MockTransport(stop)) as client:
-        try:
-            done = act(client)
-            if isinstance(done, Iterator):
-                next(done)
-        except _AskedError as asked:
-            return asked.args[0], asked.args[1]
-    raise AssertionError("nothing was asked")
+def _given(operation: Operation) -> tuple[list[Any], dict[str, Any]]:
+    """Return a value for whatever an operation takes."""
+    where = [_sample(p) for p in operation.parameters["path"]]
+    named = {p.name: _sample(p) for p in operation.parameters["query"] if p.name not in {"cursor", "after"}}
+    named |= {member.name: _sample(member) for member in operation.body or ()}
+    named |= {p.word: 3 if p.word == "revision" else "one" for p in operation.parameters["header"]}
+    return where, named | ({"content": b"file"} if operation.sends_file else {})
 
 
 @pytest.fixture(scope="module")
-def routes() -> Routes:
+def routes() -> dict[str, APIRoute]:
     return {
-        (method, route.path): route
+        route.name: route
         for route in build_api().routes
-        if isinstance(route, APIRoute)
-        for method in route.methods or ()
+        if isinstance(route, APIRoute) and route.name not in FOR_MACHINES
     }
 
 
-def _fitting(routes: Routes, asked: Asked, variable: str) -> list[APIRoute]:
-    return [
-        route
-        for (method, path), route in routes.items()
-        if method == asked[0] and re.fullmatch(re.sub(r"\{[^}]*\}", variable, path), asked[1])
-    ]
+def test_every_operation_of_the_interface_is_a_method_of_the_client(routes: dict[str, APIRoute]) -> None:
+    assert set(operations()) == set(routes)
+    with _served(lambda _: httpx.Response(204)) as client:
+        assert all(callable(getattr(client, name)) for name in routes)
+        with pytest.raises(AttributeError, match="no operation 'fly'"):
+            client.fly  # noqa: B018 - reading it is the test
 
 
-def _route(routes: Routes, asked: Asked) -> APIRoute:
-    """Return the route of a request; the one with fewest variables wins (`/missions/import`)."""
-    found = _fitting(routes, asked, "[^/]+")
-    assert found, f"there is no {asked[0]} {asked[1]}"
-    return min(found, key=lambda route: route.path.count("{"))
+def test_a_method_asks_what_its_route_takes(routes: dict[str, APIRoute]) -> None:
+    for name, route in routes.items():
+        asked: list[httpx.Request] = []
+
+        def note(request: httpx.Request, asked: list[httpx.Request] = asked) -> httpx.Response:
+            asked.append(request)
+            return httpx.Response(200, json={"items": [], "next_cursor": None, "csrf_token": ""})
+
+        where, named = _given(operations()[name])
+        with _served(note) as client:
+            answer = getattr(client, name)(*where, **named)
+            if isinstance(answer, Iterator):
+                list(answer)
+        (request,) = asked
+        assert request.method in route.methods
+        assert re.fullmatch(re.sub(r"\{[^}]*\}", "[^/]+", route.path), request.url.path), name
+        known = {parameter.alias for parameter in route.dependant.query_params}
+        assert set(request.url.params) == known - {"cursor", "after"}, name
+        for parameter in route.dependant.header_params:
+            assert parameter.alias in request.headers, (name, parameter.alias)
+        if route.body_field is not None and not operations()[name].sends_file:
+            (body,) = route.dependant.body_params
+            assert set(_json(request)) == set(body.field_info.annotation.model_fields), name  # type: ignore[union-attr]
 
 
-def _arguments(method: Callable[..., Any], file: Path) -> dict[str, Any]:
-    """Return a value for each parameter that has to be given."""
-    hints = typing.get_type_hints(method)
-    values: dict[Any, Any] = {float: 1.0, int: 1, Path: file}
-    return {
-        name: values.get(hints[name], "one")
-        for name, parameter in inspect.signature(method).parameters.items()
-        if name != "self"
-        and parameter.default is inspect.Parameter.empty
-        and parameter.kind is not inspect.Parameter.VAR_KEYWORD
-    }
+def _json(request: httpx.Request) -> dict[str, Any]:
+    found: dict[str, Any] = httpx.Response(200, content=request.content).json()
+    return found
 
 
-@pytest.fixture(scope="module")
-def special(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Asked]]:
-    """Each method beyond the general ones: what it says it returns, and what it asks."""
-    file = tmp_path_factory.mktemp("client") / "file"
-    file.write_bytes(b"content")
-    base = {name for name, _ in inspect.getmembers(Caller, inspect.isfunction)}
-    return {
-        name: (
-            typing.get_type_hints(method)["return"],
-            _asked(methodcaller(name, **_arguments(method, file))),
-        )
-        for group in GROUPS
-        for name, method in inspect.getmembers(group, inspect.isfunction)
-        if name not in base
-    }
+def test_what_an_operation_does_not_take_is_refused_before_it_is_asked() -> None:
+    with _served(lambda _: pytest.fail("the server was asked")) as client:
+        with pytest.raises(TypeError, match="create_target takes no east"):
+            client.create_target("msn-1", east=1.0)
+        with pytest.raises(TypeError, match="get_target takes target_id; 0 are given"):
+            client.get_target()
 
 
-def _on(act: Callable[[Client, type], Any], kind: type) -> Callable[[Client], Any]:
-    return lambda client: act(client, kind)
+def test_answers_come_as_records_text_or_bytes() -> None:
+    def serve(request: httpx.Request) -> httpx.Response:
+        if request.url.path.endswith("/crl"):
+            return httpx.Response(200, text="(plan)")
+        if request.url.path.endswith("/report"):
+            return httpx.Response(200, text="<html>")
+        return httpx.Response(200, json={"id": "tgt-1", "position": {"east_m": 1.5}})
+
+    with _served(serve) as client:
+        target = client.get_target("tgt-1")
+        assert target.position.east_m == target["position"]["east_m"] == 1.5
+        with pytest.raises(AttributeError, match="no member 'north'; there are id, position"):
+            target.north  # noqa: B018 - reading it is the test
+        assert client.get_plan_crl("pln-1") == "(plan)"
+        assert client.get_plan_report("pln-1") == b"<html>"
 
 
-def _general() -> Iterator[Asked]:
-    acts: list[Callable[[Client, type], Any]] = [
-        lambda c, k: c.get(k, "one"),
-        lambda c, k: c.each(k),
-        lambda c, k: c.each(k, "one"),
-        lambda c, k: c.create(k, {}),
-        lambda c, k: c.create(k, {}, "one"),
-        lambda c, k: c.change(k, "one", {}),
-        lambda c, k: c.delete(k, "one"),
-        lambda c, k: c.lineage(k, "one"),
-    ]
-    for kind in COLLECTIONS:
-        for act in acts:
-            yield _asked(_on(act, kind))
+@pytest.mark.parametrize(("name", "turn"), [("list_targets", "cursor"), ("list_history", "after")])
+def test_a_list_comes_from_all_its_pages(name: str, turn: str) -> None:
+    asked: list[tuple[str | None, str]] = []
+
+    def serve(request: httpx.Request) -> httpx.Response:
+        at = request.url.params.get(turn)
+        asked.append((at, request.url.params["limit"]))
+        first = int(at or 0)
+        rows = [{"id": f"row-{first + k}"} for k in range(2)]
+        return httpx.Response(200, json={"items": rows, "next_cursor": None if first == 4 else first + 2})
+
+    with _served(serve) as client:
+        assert [row.id for row in getattr(client, name)("msn-1")] == [f"row-{k}" for k in range(6)]
+        assert asked == [(None, "200"), ("2", "200"), ("4", "200")]
+        asked.clear()
+        assert [row.id for row in getattr(client, name)("msn-1", limit=1)] == ["row-0"]
+        assert asked == [(None, "1")]
 
 
-def test_every_operation_of_the_interface_is_a_method_of_the_client(
-    routes: Routes, special: dict[str, tuple[Any, Asked]]
-) -> None:
-    reached = {_route(routes, asked).name for _, asked in special.values()}
-    for asked in _general():
-        reached |= {route.name for route in _fitting(routes, asked, "one")}
-    assert {route.name for route in routes.values()} - reached == FOR_MACHINES
+def test_a_change_names_the_revision_that_was_seen() -> None:
+    seen: list[str | None] = []
+
+    def serve(request: httpx.Request) -> httpx.Response:
+        seen.append(request.headers.get("If-Match"))
+        return httpx.Response(200, json={"id": "tgt-1"})
+
+    with _served(serve) as client:
+        client.change_target("tgt-1", notes="dusty", revision=4)
+        client.change_target("tgt-1", notes="dusty")
+    assert seen == ['"4"', "*"]
 
 
-def test_a_method_returns_the_value_that_the_interface_describes(
-    routes: Routes, special: dict[str, tuple[Any, Asked]]
-) -> None:
-    loose = {bytes, str, httpx.Response, type(None)}
-    checked = 0
-    for name, (says, asked) in special.items():
-        inner = typing.get_args(says)
-        if says in loose or typing.get_origin(says) in {dict, Iterator} or dict[str, Any] in inner:
-            continue
-        assert says == _route(routes, asked).response_model, name
-        checked += 1
-    assert checked > 30
+def test_a_part_of_a_path_stays_one_part() -> None:
+    with _served(lambda request: httpx.Response(200, json={"path": request.url.raw_path.decode()})) as client:
+        assert client.get_target("../people").path == "/api/v1/targets/..%2Fpeople"
 
 
 def test_events_are_read_with_their_ids_and_comments_are_passed_over() -> None:
@@ -170,11 +160,8 @@ def test_a_refused_stream_is_an_error_with_the_reason() -> None:
             404, json={"type": "urn:outcrop:problem:not-found", "detail": "there is no run r"}
         )
 
-    with (
-        Client("http://nowhere", transport=httpx.MockTransport(refuse)) as client,
-        pytest.raises(ApiError, match="there is no run r") as caught,
-    ):
-        next(client.run_events("r"))
+    with _served(refuse) as client, pytest.raises(ApiError, match="there is no run r") as caught:
+        next(client.stream_run("r"))
     assert (caught.value.status, caught.value.kind) == (404, "not-found")
 
 
@@ -187,7 +174,42 @@ def test_the_token_of_a_session_goes_with_every_change() -> None:
             return httpx.Response(201, json={"person": None, "csrf_token": "t0", "auth": "accounts"})
         return httpx.Response(204)
 
-    with Client("http://nowhere", transport=httpx.MockTransport(serve)) as client:
-        client.log_in("Ada", "secret")
-        client.delete(Target, "tgt-1")
+    with _served(serve) as client:
+        client.create_session(name="Ada", password="secret")
+        client.delete_target("tgt-1")
     assert seen == [None, "t0"]
+
+
+@pytest.mark.slow
+def test_the_types_of_the_methods_are_those_of_the_interface(tmp_path: Path) -> None:
+    """mypy takes what the interface takes, and refuses what it does not."""
+    script = ROOT / "scripts" / "client_stub.py"
+    subprocess.run([sys.executable, str(script)], check=True)
+    stub = (ROOT / "ground" / "client" / "operations.pyi").read_text(encoding="utf-8")
+    assert [f"    def {name}(self" in stub for name in operations()].count(False) == 0
+    use = tmp_path / "use.py"
+    use.write_text(
+        "from ground.client import Client\n"
+        "with Client() as client:\n"
+        "    for target in client.list_targets('msn-1'):\n"
+        "        up: float = target.position.up_m\n"
+        "    name: str = client.get_plan_crl('pln-1', canonical=True)\n"
+        "    client.create_target('msn-1', east_m='far', north_m=1.0)\n"
+        "    client.fly()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), str(use)],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env={"MYPYPATH": str(ROOT), "PATH": "/usr/bin:/bin"},
+    )
+    wrong = [line.rpartition("use.py:")[2] for line in done.stdout.splitlines() if "error:" in line]
+    assert [line.partition(":")[0] for line in wrong] == ["6", "7"], done.stdout
+
+
+def test_a_record_is_a_mapping_and_its_members_are_attributes() -> None:
+    record = Record(items=[1], name="n")
+    assert record.name == "n"
+    assert record["items"] == [1]
+    assert dict(record) == {"items": [1], "name": "n"}
