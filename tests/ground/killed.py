@@ -22,6 +22,7 @@ from ground.jobs.worker import Worker
 from ground.records.actor import Actor, Role
 from ground.resources.comments.create_comment import create_comment
 from ground.resources.comments.row import CommentRow
+from ground.resources.missions.kind import MISSION
 from ground.resources.packages.row import PackageRow
 from ground.resources.plans.row import PlanRow
 from ground.resources.runs.ingest_run import ingest_run
@@ -135,9 +136,7 @@ def main(folder: str, address: str, mission_id: str, plan_id: str, tell: Connect
     number = 0
 
     def comment() -> None:
-        made = create_comment(
-            repo, PLANNER, mission_id, subject_kind="mission", subject_id=mission_id, text=f"{number}"
-        )
+        made = create_comment(repo, PLANNER, mission_id, MISSION, subject_id=mission_id, text=f"{number}")
         tell.send(("comment", made.id))
 
     def job() -> None:

@@ -1,0 +1,104 @@
+"""What version 0.1.0 wrote still opens: archives, queued jobs of each kind, run folders, packages.
+
+`fixtures/v0.1.0/` was made by that version on a small yard. `mission.zip` is an archive of a mission with
+targets, requests, keep-out, drive rule, plan and dry run; `repository.zip` a whole repository as SQL (its
+data folder written as `@DATA@`) with one queued job of each kind; `package.zip` and `run.zip` are a signed
+package and its execution; `expected.json` is what that version made of them.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.app.service import JOB_KINDS
+from ground.gdr.history import verify_chains
+from ground.gdr.migrate import migrate
+from ground.gdr.repository import Repository, open_repository
+from ground.records.actor import SYSTEM_ACTOR
+from ground.resources.mission_archives.mission_archive import import_mission
+from ground.uplink.execute import Place, execute_package
+from ground.uplink.keys import PUBLIC
+from tests.ground.conftest import Api, open_api, settings_for
+
+OLD = Path(__file__).parent / "fixtures" / "v0.1.0"
+EXPECTED: dict[str, Any] = json.loads((OLD / "expected.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def old_api(tmp_path: Path) -> Iterator[Api]:
+    """Give the old repository, brought to the schema of this version."""
+    data = tmp_path / "data"
+    with zipfile.ZipFile(OLD / "repository.zip") as archive:
+        archive.extractall(data)
+    database = sqlite3.connect(data / "outcrop.db")
+    database.executescript((data / "outcrop.sql").read_text(encoding="utf-8").replace("@DATA@", str(data)))
+    database.close()
+    repository = open_repository(settings_for(data))
+    migrate(repository.database)
+    yield from open_api(repository)
+    repository.database.dispose()
+
+
+def test_a_job_of_each_kind_queued_by_the_old_version_ends_as_it_did_there(old_api: Api) -> None:
+    assert set(EXPECTED["jobs"]) == set(JOB_KINDS)
+    assert old_api.jobs() == len(JOB_KINDS)
+    for kind, expected in EXPECTED["jobs"].items():
+        job = old_api.get(f"/jobs/{expected['job']}")
+        assert (job["kind"], job["state"]) == (kind, expected["state"]), job["problem"]
+        if job["state"] == "failed":
+            assert job["problem"]["detail"] == expected["detail"]
+            continue
+        assert job["result_url"] == expected["result_url"]
+        result = old_api.get(job["result_url"].removeprefix("/api/v1"))
+        result["segments"] = len(result.get("segments", ()))
+        made = {name: value for name, value in expected.items() if name not in {"job", "state", "result_url"}}
+        assert {name: result[name] for name in made} == made, kind
+
+
+def test_old_history_still_agrees_with_itself(old_api: Api) -> None:
+    with old_api.repo.database.read() as session:
+        assert verify_chains(session)[1] == []
+
+
+def test_an_old_archive_comes_in_with_plan_run_and_products(repo: Repository) -> None:
+    mission = import_mission(repo, SYSTEM_ACTOR, OLD / "mission.zip")
+    assert mission.counts.targets == 2
+    assert mission.counts.observation_requests == 3
+    (rule,) = mission.drive_rules
+    assert rule.via_m == [[1.0, -2.0]]
+    for api in open_api(repo):
+        plan = api.get(f"/plans/{EXPECTED['plan']}")
+        assert plan["crl_sha256"] == EXPECTED["crl_sha256"]
+        run = api.get(f"/runs/{EXPECTED['run']}")
+        assert (run["outcome"], run["utility"]) == ("SUCCEEDED", EXPECTED["run_utility"])
+        assert api.get(f"/runs/{EXPECTED['run']}/snapshot")["over"]
+        products = api.get(f"/missions/{mission.id}/products")["items"]
+        assert products
+        assert all(api("GET", product["file_url"]).status_code == 200 for product in products)
+        assert api.get(f"/plans/{EXPECTED['plan']}/summary")
+
+
+def test_an_old_package_runs_and_leaves_the_old_journal(tmp_path: Path) -> None:
+    with zipfile.ZipFile(OLD / "run.zip") as archive:
+        archive.extractall(tmp_path / "old")
+    (tmp_path / "world").mkdir()
+    (tmp_path / "world" / "world.json").write_bytes((OLD / "world.json").read_bytes())
+    place = Place("abstract", tmp_path / "world", OLD / PUBLIC, seed=4)
+    _, flight = execute_package(OLD / "package.zip", place, tmp_path / "new")
+    assert flight.outcome.utility == EXPECTED["flight_utility"]
+    for name in ("trace.jsonl", "telemetry.jsonl", "products.jsonl"):
+        assert (tmp_path / "new" / name).read_bytes() == (tmp_path / "old" / name).read_bytes()
+
+
+def test_an_old_run_folder_is_taken_in(old_api: Api) -> None:
+    sent = old_api("POST", "/uploads?file_name=run.zip", content=(OLD / "run.zip").read_bytes())
+    run = old_api.post("/runs/ingest", {"upload_id": sent.json()["id"]}, who="Administrator")
+    assert (run["kind"], run["utility"]) == ("execution", EXPECTED["flight_utility"])
+    assert old_api.get(f"/runs/{run['id']}/trace")["events"]
