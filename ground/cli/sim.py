@@ -219,6 +219,7 @@ def track(
     from rover_iface.errors import RoverError, TerrainFormatError
     from rover_iface.frames import Pose
     from rover_iface.simulator.approach import ApproachOptions, approach
+    from rover_iface.streams import stream
 
     try:
         light = _sun(sun_azimuth, sun_elevation, lmst, ls, latitude)
@@ -245,7 +246,7 @@ def track(
             pose,
             point,
             light,
-            rng=np.random.default_rng([seed, 0x5E]),
+            rng=stream("approach", seed),
             options=ApproachOptions(step_share=step, odometry_error=odometry),
         )
     except RoverError as err:

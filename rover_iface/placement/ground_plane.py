@@ -17,6 +17,7 @@ import numpy.typing as npt
 from rover_iface.errors import PlacementError
 from rover_iface.frames import across
 from rover_iface.placement.cloud import Array, SurfaceCloud
+from rover_iface.streams import stream
 
 CELL_M = 0.05
 """Side of the cells that the points are thinned to, so that near ground does not outvote the far."""
@@ -112,7 +113,7 @@ def fit_ground_plane(
     points, up = part.points, np.asarray(part.up)
     if len(points) < 3:
         return None
-    rng = np.random.default_rng([seed, 0x6F])
+    rng = stream("ground plane", seed)
     chosen = rng.integers(0, len(points), (options.trials, 3))
     a, b, c = (points[chosen[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)

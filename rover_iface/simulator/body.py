@@ -21,6 +21,7 @@ from rover_iface.simulator.own_shadow import OwnShadow, ShadowedScene
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.world import World
+from rover_iface.streams import stream
 from rover_iface.terrain.strew import add_rocks
 from rover_iface.terrain.terrain import Terrain
 
@@ -55,7 +56,7 @@ class Body:
         self.profile = world.profile
         self.seed = seed
         self.own_shadow = own_shadow
-        self.rng = np.random.default_rng([seed, 0x5B])
+        self.rng = stream("wheels and sensors", seed)
         self.map = terrain
         self.targets = {t.id: t for t in world_targets(world)}
         self.terrain = self._true_terrain()
@@ -107,7 +108,7 @@ class Body:
         density = self.world.map_error.unmapped_rocks_per_m2
         if density <= 0:
             return self.map
-        rng = np.random.default_rng([self.seed, 0xD1])
+        rng = stream("unmapped rocks", self.seed)
         half = min(self._half_width(), 20.0)
         count = int(rng.poisson(density * 4 * half * half))
         table = np.column_stack([rng.uniform(-half, half, (count, 2)), rng.uniform(0.18, 0.45, count)])

@@ -17,6 +17,7 @@ from rover_iface.cameras.rig import Sensor
 from rover_iface.errors import RenderError
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.render.renderer import Renderer, Sun
+from rover_iface.streams import stream
 from rover_iface.vision.focus import merge_stack
 
 DEPTH_M = 0.003
@@ -81,7 +82,7 @@ def close_up(
     planes = middle + 1.3 * DEPTH_M * (np.arange(PLANES) - PLANES // 2)
     blurred = np.stack([frame.unit if s == 0.0 else cv2.GaussianBlur(frame.unit, (0, 0), s) for s in _BLURS])
     levels = np.array(_BLURS)
-    rng = np.random.default_rng([seed, 0xF0C])
+    rng = stream("microscope", seed)
     stack = []
     for plane in planes:
         wanted = np.clip(np.abs(depth - plane) / DEPTH_M, 0.0, levels[-1])

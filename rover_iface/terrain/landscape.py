@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_iface.errors import TerrainFormatError
+from rover_iface.streams import stream
 from rover_iface.terrain.fractal import Field, smooth_step, spectral_noise
 from rover_iface.terrain.grid import HeightLayer
 from rover_iface.terrain.rocks import Rock, draw_rocks
@@ -152,7 +153,7 @@ class Landscape:
         across = c * (xs[None, :] - x) + s * (ys[:, None] - y)
         across = across + 0.9 * self.warp.at(xs, ys) + 0.22 * self.detail.at(xs, ys)
         height = np.zeros_like(across)
-        rng = np.random.default_rng([self.recipe.seed, 77])
+        rng = stream("ledges", self.recipe.seed)
         for edge in np.linspace(-0.75, 0.75, 6) * self.outcrop_radius:
             step = 0.10 + 0.12 * float(rng.random())
             height += step * (smooth_step((across - edge) / 0.16) - 0.5)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rover_iface.streams import stream
 from rover_iface.terrain.rocks import Rock, draw_rocks, raise_rocks
 from rover_iface.terrain.terrain import Terrain
 
@@ -30,7 +31,7 @@ def strew_rocks(
     `keep_clear` are circles (x, y, radius) in which none may lie. Heights include the new rocks; `ground`
     heights stay without any. The picture is left as it was.
     """
-    rng = np.random.default_rng([seed, 0x5E])
+    rng = stream("strewn rocks", seed)
     table = draw_rocks(
         rng,
         west=-half_m,
@@ -53,7 +54,7 @@ def add_rocks(
     prefix: str = "S",
 ) -> Terrain:
     """Return the terrain with rocks at places and of diameters [n, 3], as in `strew_rocks`."""
-    rng = np.random.default_rng([seed, 0x5F])
+    rng = stream("shapes of rocks", seed)
     numbers = rng.random((len(table), 5))
     seeds = rng.integers(0, 2**31 - 1, len(table))
     feet = terrain.height(table[:, 0], table[:, 1], ground=True)

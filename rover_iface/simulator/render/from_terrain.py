@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.simulator.render.scene import Array, Material, Scene, SceneMesh
+from rover_iface.streams import stream
 from rover_iface.terrain.rocks import Mesh, Rock, rock_meshes
 from rover_iface.terrain.terrain import Terrain
 
@@ -166,7 +167,7 @@ def _stones(
     draws = []
     for i in range(math.floor(centre[0] - radius), math.ceil(centre[0] + radius)):
         for j in range(math.floor(centre[1] - radius), math.ceil(centre[1] + radius)):
-            rng = np.random.default_rng([seed, i & 0xFFFF, j & 0xFFFF, 0x53])
+            rng = stream("small stones", seed, i & 0xFFFF, j & 0xFFFF)
             block = rng.random((rng.poisson(density), 8))
             block[:, :2] += (i, j)
             draws.append(block)
