@@ -33,6 +33,7 @@ except ImportError:  # run as a script in an environment that does not build whe
 SKIP_VARIABLE = "OUTCROP_SKIP_WEB_BUILD"
 STAMP = ".stamp"
 NOT_SOURCES = {"node_modules", "dist", "dist.new", "__pycache__", ".svelte-kit", "tests", "schema.d.ts"}
+WORDS = "src/lib/crl-words.json"
 TAIL_LINES = 40
 
 
@@ -113,6 +114,26 @@ def _run(step: str, arguments: list[str], web: Path) -> None:
         )
 
 
+def write_words(root: Path) -> None:
+    """Write the words of CRL, from the executive's declaration, to where the page reads them.
+
+    Raises
+    ------
+    WebBuildError
+        If the executive's modules do not import; they need nothing but Python.
+    """
+    code = (
+        "import json; from executive.crl.nodes import language_words as w; print(json.dumps(w(), indent=1))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise WebBuildError(f"the words of CRL cannot be read from {root / 'executive'}:\n{done.stderr}")
+    target = root / "web" / WORDS
+    if not target.exists() or target.read_text() != done.stdout:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(done.stdout)
+
+
 def build(root: Path, *, force: bool = False) -> bool:
     """Make ``root/web/dist`` current; return whether a build was needed.
 
@@ -129,6 +150,7 @@ def build(root: Path, *, force: bool = False) -> bool:
         if (dist / "index.html").exists():
             return False  # built from an archive that holds the result and not the sources
         raise WebBuildError(f"{web / 'package.json'} is missing: this is not a checkout of outcrop")
+    write_words(root)
     wanted = source_hash(web)
     stamp = dist / STAMP
     if not force and stamp.exists() and stamp.read_text().strip() == wanted:
@@ -167,6 +189,7 @@ def main(arguments: list[str]) -> int:
     try:
         if arguments[:1] == ["npm"]:
             npm, environment = node_environment(os.environ)
+            write_words(root)
             return subprocess.run([*npm, *arguments[1:]], cwd=root / "web", env=environment).returncode
         if build(root, force="--force" in arguments):
             print(f"built the browser UI into {root / 'web' / 'dist'}")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -26,7 +24,7 @@ from executive.crl import (
     to_json,
     validate,
 )
-from executive.crl.nodes import FORMS, Node, Task, language_words, walk_plan
+from executive.crl.nodes import FORMS, Node, Task, walk_plan
 from executive.crl.printer import canonical_node
 from executive.crl.syntax import codec
 from executive.crl.trees import ms_text, number_text
@@ -233,13 +231,6 @@ def test_the_language_needs_the_standard_library_only() -> None:
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
-
-
-def test_the_page_colours_the_heads_that_the_language_declares() -> None:
-    page = (Path(__file__).parents[2] / "web/src/lib/crl.ts").read_text(encoding="utf-8")
-    listed = re.search(r"const HEADS = new Set\(\[(.*?)\]\)", page, re.DOTALL)
-    assert listed is not None
-    assert sorted(re.findall(r'"([a-z-]+)"', listed.group(1))) == sorted(language_words()["heads"])
 
 
 def test_every_syntax_that_a_form_uses_can_be_read_and_written() -> None:

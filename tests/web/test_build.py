@@ -12,6 +12,7 @@ from types import ModuleType
 
 import pytest
 
+from executive.crl.nodes import language_words
 from tests.web.conftest import ROOT
 
 FIRST_LOAD_LIMIT = 350_000
@@ -39,6 +40,11 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (web / "package.json").write_text("{}")
     (web / "package-lock.json").write_text("{}")
     (web / "src" / "main.ts").write_text("export {};\n")
+    language = tmp_path / "executive" / "crl"
+    language.mkdir(parents=True)
+    for folder in (language, language.parent):
+        (folder / "__init__.py").touch()
+    (language / "nodes.py").write_text("def language_words():\n    return {'heads': ['plan']}\n")
     npm = tmp_path / "npm.py"
     npm.write_text(
         "import pathlib, sys\n"
@@ -77,6 +83,21 @@ def test_tests_and_built_files_do_not_count_as_sources(checkout: Path) -> None:
         file.parent.mkdir(exist_ok=True)
         file.write_text("x")
     assert build_web.source_hash(checkout / "web") == before
+
+
+def test_a_word_more_in_the_language_makes_the_ui_anew(checkout: Path) -> None:
+    build_web.build(checkout)
+    (checkout / "executive" / "crl" / "nodes.py").write_text("def language_words():\n    return {}\n")
+    assert build_web.build(checkout)
+    (checkout / "executive" / "crl" / "nodes.py").write_text("import nothing\n")
+    with pytest.raises(build_web.WebBuildError, match="words of CRL cannot be read"):
+        build_web.build(checkout)
+
+
+def test_the_page_reads_the_words_that_the_language_declares(tmp_path: Path) -> None:
+    (tmp_path / "executive").symlink_to(ROOT / "executive")
+    build_web.write_words(tmp_path)
+    assert json.loads((tmp_path / "web" / build_web.WORDS).read_text()) == language_words()
 
 
 def test_a_source_that_moves_changes_the_hash(checkout: Path) -> None:

@@ -1,23 +1,20 @@
 /** CRL text cut into tokens for the eye, and the place of every node in it. */
 
+import words from "./crl-words.json";
+
 export interface Token {
   text: string;
   kind: "space" | "comment" | "paren" | "number" | "string" | "keyword" | "head" | "symbol" | "operator";
   start: number;
 }
 
-const HEADS = new Set([
-  "plan",
-  "task",
-  "block",
-  "concurrent-block",
-  "branch",
-  "option",
-  "floating-contingency",
-  "alternate",
-]);
+const HEADS = new Set(words.heads);
 
-const PATTERN = /(\s+)|(;[^\n]*)|([()])|("(?:[^"\\]|\\[^])*")|(>=|<=|\/=|[=<>])|([^\s()";=<>/]+)|([^])/gu;
+const OPERATORS = [...words.operators].sort((a, b) => b.length - a.length); // none has a sign that a pattern reads
+const PATTERN = new RegExp(
+  String.raw`(\s+)|(;[^\n]*)|([()])|("(?:[^"\\]|\\[^])*")|(${OPERATORS.join("|")})|([^\s()";=<>/]+)|([^])`,
+  "gu",
+);
 
 export function tokenize(text: string): Token[] {
   const tokens: Token[] = [];
