@@ -41,7 +41,7 @@ class Codec(Generic[T]):
     what
         What the value is, for messages: `day`.
     upgrades
-        For each older format the step to the next one.
+        For each older format the step to the next one; "" is a document without a format.
     error
         Class of the errors raised: a room may give its own kind of `FormatError`.
     """
@@ -57,6 +57,10 @@ class Codec(Generic[T]):
     ) -> None:
         self._kind, self.format, self.what = kind, format, what
         self._upgrades, self._error = dict(upgrades or {}), error
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The adapter holds compiled code; another process makes its own.
+        return {name: held for name, held in self.__dict__.items() if name != "_adapter"}
 
     @cached_property
     def _adapter(self) -> TypeAdapter[T]:
@@ -118,7 +122,7 @@ class Codec(Generic[T]):
     def _members(self, document: object, where: str) -> dict[str, Any]:
         if not isinstance(document, Mapping):
             raise self._wrong(f"must be an object, found {shown(document)}", where)
-        found = document.get("format")
+        found = document.get("format", "" if "" in self._upgrades else None)
         members = {str(k): v for k, v in document.items() if k != "format"}
         seen: set[str] = set()
         while found != self.format:
@@ -130,7 +134,7 @@ class Codec(Generic[T]):
         return members
 
     def _other_format(self, found: object) -> str:
-        known = ", ".join([*sorted(self._upgrades), self.format])
+        known = ", ".join([*sorted(filter(None, self._upgrades)), self.format])
         if isinstance(found, str) and _newer(found, self.format):
             return f'has the format "{found}", newer than this program; it reads {known}'
         return f'has the format {shown(found)}; it must be "{self.format}"' + (

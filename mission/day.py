@@ -69,6 +69,11 @@ class Request:
         """Requests whose observations must have been made before."""
         return tuple(c.request_id for c in self.constraints if isinstance(c, After))
 
+    @property
+    def window(self) -> Window | None:
+        """The first window that is said outright."""
+        return next((c for c in self.constraints if isinstance(c, Window)), None)
+
     def windows_s(self, sky: Sky, day_s: float) -> tuple[tuple[float, float], ...] | None:
         """Return the times of the plan at which it may start, in order; None is at any time.
 

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from ground.day.convert import calibration_of, network_heights, rover_parameters
+from ground.day.prepare import calibration_of, network_heights, rover_parameters
 from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
 from ground.uplink.flight import fly
 from planner.path_network import (

@@ -30,13 +30,14 @@ from typing import Any
 import numpy as np
 
 from executive.crl import canonical_text
-from ground.day.convert import DayRequest, PreparedDay, prepare_day
+from ground.day.prepare import PreparedDay, prepare_day
 from ground.demo.day import loss_to_inject
-from ground.demo.mission import DemoMission, demo_mission
+from ground.demo.mission import demo_mission
 from ground.uplink.flight import fly
+from mission import Day, Request, Tracked
 from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
-from planner.problem import problem_from_dict
+from planner.problem import problem_to_dict
 from planner.solve import solve
 from rover_iface.behaviour.repertoire import FullRepertoire
 from rover_iface.profile import RoverProfile, load_profile
@@ -75,22 +76,22 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
         mission = demo_mission(terrain, profile, seed=seed)
         seen = Operator(terrain, profile, mission).picks()
         # each alone: ground that is rough far off may close the ways of a network over all of it
-        reached = [p for p in seen if _prepared(terrain, profile, mission, [p]).problem["targets"]]
-        picks = choose(mission.limits.start, reached)
+        reached = [p for p in seen if _prepared(terrain, profile, mission, [p]).problem.targets]
+        picks = choose(mission.start, reached)
         picks = _designated(picks, mission, terrain, seed)
         day = _prepared(terrain, profile, mission, picks)
     with stage("plan and CRL"):
-        problem = problem_from_dict(day.problem)
+        problem, document = day.problem, problem_to_dict(day.problem)
         plan = solve(problem, max_branches=BRANCHES, time_limit_s=20.0, seed=seed)
         tree = plan_tree_to_dict(plan.tree, problem)
         crl = canonical_text(emit(problem, plan.tree, plan_id="day"))
     out.mkdir(parents=True, exist_ok=True)
     (out / "plan.crl").write_text(crl, encoding="utf-8")
-    injected = _faults(day.problem, tree) if faults else []
+    injected = _faults(document, tree) if faults else []
     world = {
         "format": "world/1",
         "name": mission.name,
-        "problem": day.problem,
+        "problem": document,
         "map_error": WORLD_ERROR,
         "battery_j": 4_000_000,
         "faults": injected,
@@ -123,23 +124,21 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
     }  # fmt: skip
 
 
-def _prepared(
-    terrain: Terrain, profile: RoverProfile, mission: DemoMission, picks: Sequence[Pick]
-) -> PreparedDay:
+def _prepared(terrain: Terrain, profile: RoverProfile, mission: Day, picks: Sequence[Pick]) -> PreparedDay:
     """Return the planning problem of a placement on each target, with room for four in the downlink."""
     requests = tuple(
-        DayRequest(f"R{k + 1}", p.target.id, "mi", 20.0, tracked=True, observation_point=p.stand)
+        Request(f"R{k + 1}", p.target.id, "mi", 20.0, (Tracked(),), observation_point=p.stand)
         for k, p in enumerate(picks)
     )
     volume = PLACEMENTS * 8.0 * profile.instrument("mi").volume_mb
     limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0, data_mbit=volume)
     targets = tuple(pick.target for pick in picks)
-    return prepare_day(terrain, profile, limits, targets, requests, mission.keep_outs)
+    return prepare_day(terrain, profile, replace(mission, limits=limits, targets=targets, requests=requests))
 
 
-def _designated(picks: Sequence[Pick], mission: DemoMission, terrain: Terrain, seed: int) -> tuple[Pick, ...]:
+def _designated(picks: Sequence[Pick], mission: Day, terrain: Terrain, seed: int) -> tuple[Pick, ...]:
     """Return the targets where the rover's first pictures put them: the operator points at them there."""
-    start = mission.limits.start
+    start = mission.start
     pose = {"east_m": start.east_m, "north_m": start.north_m, "heading_rad": start.heading_rad}
     world = load_world({"format": "world/1", "name": mission.name, "start": pose, "map_error": WORLD_ERROR})
     body = body_of(world, terrain, seed)

@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.executive_equality import compare
-from ground.day.convert import prepare_day
+from ground.day.prepare import prepare_day
 from ground.demo.mission import demo_mission
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
-from planner.problem import problem_from_dict
+from planner.problem import problem_to_dict
 from planner.solve import solve
 from rover_iface.profile import load_profile
 from rover_iface.terrain import load_terrain
@@ -40,8 +40,8 @@ def main() -> None:
     arguments = parser.parse_args()
     terrain, profile = load_terrain(arguments.terrain), load_profile("k9")
     day = demo_mission(terrain, profile, seed=arguments.seed)
-    document = prepare_day(terrain, profile, day.limits, day.targets, day.requests, day.keep_outs).problem
-    problem = problem_from_dict(document)
+    problem = prepare_day(terrain, profile, day).problem
+    document = problem_to_dict(problem)
     common = {"time_limit_s": arguments.time_limit, "seed": arguments.seed, "least_taken": 0.02}
     branched = solve(problem, max_branches=arguments.branches, **common)
     plain = solve(problem, max_branches=0, **common)

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from mission import TerrainGrid
 from planner.path_network import (
-    HeightGrid,
     KeepOut,
     NetworkOptions,
     NetworkRequest,
@@ -46,7 +46,7 @@ def world(seed: int, targets: int, keep_outs: int, size_m: float, *, terrain: bo
         row, column = np.mgrid[0:cells, 0:cells] * 0.25
         ridge = np.abs(column - 0.72 * size_m - 2 * np.sin(row / 4))
         z += 2.5 * np.exp(-((ridge / 1.2) ** 2)) * (row > 0.15 * size_m) * (row < 0.7 * size_m)
-        grid = HeightGrid(0.125, size_m - 0.125, 0.25, z)
+        grid = TerrainGrid(0.125, size_m - 0.125, 0.25, z)
     regions: list[KeepOut] = []
     solid: list[shapely.Polygon] = []
     while len(regions) < keep_outs:

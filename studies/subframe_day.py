@@ -26,11 +26,12 @@ from typing import Any
 import numpy as np
 
 from executive.crl import canonical_text
-from ground.day.convert import DayRequest, DayTarget, prepare_day, stand_for
-from ground.demo.mission import DemoMission, demo_mission, target_at
+from ground.day.prepare import prepare_day, stand_for
+from ground.demo.mission import demo_mission, target_at
 from ground.uplink.flight import fly
+from mission import Day, Request, Target, Tracked
 from planner.emit_crl import emit
-from planner.problem import problem_from_dict
+from planner.problem import problem_to_dict
 from planner.solve import solve
 from rover_iface.errors import PlacementError
 from rover_iface.mobility import settled_pose
@@ -62,13 +63,12 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
     with stage("targets, observation points, paths"):
         mission = demo_mission(terrain, profile, seed=seed)
         chosen = visible_targets(terrain, profile, mission, targets)
-        requests = tuple(
-            DayRequest(f"R{k + 1}", t.id, "mi", 20.0, tracked=True) for k, t in enumerate(chosen)
-        )
+        requests = tuple(Request(f"R{k + 1}", t.id, "mi", 20.0, (Tracked(),)) for k, t in enumerate(chosen))
         limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0)
-        day = prepare_day(terrain, profile, limits, chosen, requests, mission.keep_outs)
+        asked = replace(mission, limits=limits, targets=chosen, requests=requests)
+        day = prepare_day(terrain, profile, asked)
     with stage("plan and CRL"):
-        problem = problem_from_dict(day.problem)
+        problem = day.problem
         plan = solve(problem, max_branches=0, time_limit_s=20.0, seed=seed)
         crl = canonical_text(emit(problem, plan.tree, plan_id="day"))
     out.mkdir(parents=True, exist_ok=True)
@@ -76,7 +76,7 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
     world = {
         "format": "world/1",
         "name": mission.name,
-        "problem": day.problem,
+        "problem": problem_to_dict(problem),
         "map_error": WORLD_ERROR,
         "battery_j": 4_000_000,
     }
@@ -146,9 +146,7 @@ def comparison(results: list[dict[str, Any]]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
-def visible_targets(
-    terrain: Terrain, profile: RoverProfile, mission: DemoMission, count: int
-) -> tuple[DayTarget, ...]:
+def visible_targets(terrain: Terrain, profile: RoverProfile, mission: Day, count: int) -> tuple[Target, ...]:
     """Return the first `count` of the targets in sight; ends the program where there are fewer."""
     chosen = tuple(islice(targets_in_sight(terrain, profile, mission), count))
     if len(chosen) < count:
@@ -158,17 +156,17 @@ def visible_targets(
     return chosen
 
 
-def targets_in_sight(terrain: Terrain, profile: RoverProfile, mission: DemoMission) -> Iterator[DayTarget]:
+def targets_in_sight(terrain: Terrain, profile: RoverProfile, mission: Day) -> Iterator[Target]:
     """Yield targets as a person picks them in the first panorama: on faces of rocks seen from the start.
 
     Of rocks 4 to 10 m away whose face the arm reaches from somewhere, and 2.5 m apart, the highest first.
     """
-    stand = mission.limits.start
+    stand = mission.start
     start = settled_pose(terrain, profile, stand.east_m, stand.north_m, stand.heading_rad)
     ground = GroundRaster.of(terrain, 20.0)
     eye = start.site_from_rover.apply(StereoSensor(profile).eye)
     rocks = [r for r in terrain.rocks_near(start.x, start.y, 10.0) if 0.25 <= r.diameter <= 0.8]
-    chosen: list[DayTarget] = []
+    chosen: list[Target] = []
     for rock in sorted(rocks, key=lambda r: -r.height):
         if math.hypot(rock.x - start.x, rock.y - start.y) < 4.0:
             continue

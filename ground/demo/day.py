@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground.day.convert import PreparedDay, prepare_day
-from ground.demo.mission import DemoMission, demo_mission
+from ground.day.prepare import PreparedDay, prepare_day
+from ground.demo.mission import demo_mission
 from ground.errors import InvalidInputError
 from ground.reports.figures import draw_day
 from ground.uplink.flight import Flight, fly
+from mission import Day
 
 if TYPE_CHECKING:
     from planner.solve import PlanResult
@@ -30,11 +31,11 @@ Report = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
-class Day:
+class DayRecord:
     """All that a demo day produced; `products` are by request, `seconds` by stage."""
 
     folder: Path
-    mission: DemoMission
+    asked: Day
     prepared: PreparedDay
     plan: PlanResult
     tree: Mapping[str, Any]
@@ -47,7 +48,7 @@ class Day:
     @property
     def observed(self) -> dict[str, int]:
         """Number of data products by target."""
-        target_of = {r.id: r.target_id for r in self.mission.requests}
+        target_of = {r.id: r.target_id for r in self.asked.requests}
         count: dict[str, int] = {}
         for request, rows in self.products.items():
             count[target_of[request]] = count.get(target_of[request], 0) + len(rows)
@@ -62,7 +63,7 @@ def run_day(
     time_limit_s: float = 30.0,
     rover: str = "abstract",
     report: Report | None = None,
-) -> Day:
+) -> DayRecord:
     """Run a whole day and write every artefact into `out`; `rover` names the simulated rover of the dry run.
 
     Raises
@@ -75,7 +76,7 @@ def run_day(
     from executive.crl import canonical_text
     from planner.emit_crl import emit
     from planner.plan_tree import plan_tree_to_dict
-    from planner.problem import problem_from_dict
+    from planner.problem import problem_to_dict
     from planner.solve import solve
     from rover_iface.profile import load_profile
     from rover_iface.registry import find_rover
@@ -89,20 +90,13 @@ def run_day(
         terrain = generate_terrain(seed) if terrain_folder is None else load_terrain(terrain_folder)
     profile = load_profile(PROFILE)
     with clock.stage("targets and observation requests"):
-        mission = demo_mission(terrain, profile, seed=seed)
+        asked = demo_mission(terrain, profile, seed=seed)
     with clock.stage("observation points and path network") as tell:
-        prepared = prepare_day(
-            terrain,
-            profile,
-            mission.limits,
-            mission.targets,
-            mission.requests,
-            mission.keep_outs,
-            report=lambda share, _what: tell(share),
-        )
+        prepared = prepare_day(terrain, profile, asked, report=lambda share, _what: tell(share))
+        problem = prepared.problem
+        document = problem_to_dict(problem)
         out.mkdir(parents=True, exist_ok=True)
-        _write_json(out / "problem.json", prepared.problem)
-    problem = problem_from_dict(prepared.problem)
+        _write_json(out / "problem.json", document)
     with clock.stage("contingent plan") as tell:
         plan = solve(
             problem,
@@ -117,10 +111,10 @@ def run_day(
     with clock.stage("CRL"):
         crl_text = canonical_text(emit(problem, plan.tree, plan_id="demo"))
         (out / "plan.crl").write_text(crl_text, encoding="utf-8")
-    fault = loss_to_inject(prepared.problem, tree)
+    fault = loss_to_inject(document, tree)
     with clock.stage("dry run on the simulated rover") as tell:
         simulated = make_rover(
-            prepared.problem,
+            document,
             out=out,
             seed=seed,
             faults=() if fault is None else (Fault.from_dict(fault),),
@@ -133,23 +127,23 @@ def run_day(
             out,
             run_id="demo",
             about={"rover": rover, "seed": seed, "faults": [] if fault is None else [fault]},
-            on_sample=lambda sample: tell(min(1.0, sample.t_s / mission.limits.time_s)),
+            on_sample=lambda sample: tell(min(1.0, sample.t_s / asked.limits.time_s)),
             sync=False,
         )
     with clock.stage("data products to their requests"):
-        products, orphans = tie_products(out, mission)
-    day = Day(out, mission, prepared, plan, tree, flight, fault, products, orphans, clock.seconds)
+        products, orphans = tie_products(out, asked)
+    day = DayRecord(out, asked, prepared, plan, tree, flight, fault, products, orphans, clock.seconds)
     with clock.stage("map"):
         draw_day(
             out / "map.png",
             terrain,
-            prepared.problem,
+            document,
             tree,
             driven_m=[(s.east_m, s.north_m) for s in flight.samples],
             observed=day.observed,
             lost=flight.lost_targets(),
-            keep_outs=[k.polygon_m for k in mission.keep_outs],
-            title=f"{mission.name}: plan of {plan.expected_utility:.1f}, run of {flight.outcome.utility:.1f}",
+            keep_outs=[k.polygon_m for k in asked.keep_outs],
+            title=f"{asked.name}: plan of {plan.expected_utility:.1f}, run of {flight.outcome.utility:.1f}",
         )
     (out / "summary.txt").write_text("\n".join(summary_lines(day)) + "\n", encoding="utf-8")
     return day
@@ -230,9 +224,9 @@ def _asked_tracks(steps: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, flo
             yield from _asked_tracks(option["plan"])
 
 
-def tie_products(folder: Path, mission: DemoMission) -> tuple[dict[str, tuple[Mapping[str, Any], ...]], int]:
+def tie_products(folder: Path, asked: Day) -> tuple[dict[str, tuple[Mapping[str, Any], ...]], int]:
     """Return the data products of a run by observation request, and how many match none."""
-    known = {request.id for request in mission.requests}
+    known = {request.id for request in asked.requests}
     tied: dict[str, list[Mapping[str, Any]]] = {}
     orphans = 0
     for line in (folder / "products.jsonl").read_text(encoding="utf-8").splitlines():
@@ -245,9 +239,9 @@ def tie_products(folder: Path, mission: DemoMission) -> tuple[dict[str, tuple[Ma
     return {request: tuple(rows) for request, rows in tied.items()}, orphans
 
 
-def summary_lines(day: Day) -> list[str]:
+def summary_lines(day: DayRecord) -> list[str]:
     """Return one page about the day, for a terminal of 80 columns or more."""
-    names = {t.id: t.name for t in day.mission.targets}
+    names = {t.id: t.name for t in day.asked.targets}
     spent = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in day.seconds.items() if seconds >= 0.05)
     return [
         "",
@@ -261,10 +255,10 @@ def summary_lines(day: Day) -> list[str]:
     ]
 
 
-def _plan_lines(day: Day, names: Mapping[str, str]) -> Iterator[str]:
-    mission, plan, limits = day.mission, day.plan, day.mission.limits
+def _plan_lines(day: DayRecord, names: Mapping[str, str]) -> Iterator[str]:
+    asked, plan, limits = day.asked, day.plan, day.asked.limits
     yield (
-        f"{mission.name}: {len(mission.targets)} targets, {len(mission.requests)} observation requests, "
+        f"{asked.name}: {len(asked.targets)} targets, {len(asked.requests)} observation requests, "
         f"{limits.time_s / 3600:g} h, {limits.energy_j / 3600:.0f} Wh"
     )
     yield (
@@ -276,7 +270,7 @@ def _plan_lines(day: Day, names: Mapping[str, str]) -> Iterator[str]:
         yield f"              {option.get('p_taken', 0.0):6.1%}  if {when}"
 
 
-def _run_lines(day: Day, names: Mapping[str, str]) -> Iterator[str]:
+def _run_lines(day: DayRecord, names: Mapping[str, str]) -> Iterator[str]:
     run = day.flight.outcome
     if day.fault is not None:
         target = day.fault["target"]
@@ -289,10 +283,10 @@ def _run_lines(day: Day, names: Mapping[str, str]) -> Iterator[str]:
     )
 
 
-def _request_lines(day: Day, names: Mapping[str, str]) -> Iterator[str]:
+def _request_lines(day: DayRecord, names: Mapping[str, str]) -> Iterator[str]:
     refused = {r.request_id: r.reason for r in day.prepared.refused}
     yield f"  {'request':<9}{'target':<18}{'instrument':<12}{'value':>6}   what came back"
-    for request in day.mission.requests:
+    for request in day.asked.requests:
         rows = day.products.get(request.id, ())
         files = ", ".join(Path(row["path"]).name for row in rows)
         target = f"{names[request.target_id]} {request.target_id}"

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ground.day.convert import DayKeepOut, DayLimits, DayRequest, DayTarget, StandPose, stand_for
+from ground.day.prepare import stand_for
 from ground.errors import InvalidInputError
+from mission import After, Day, KeepOut, Limits, Pose, Request, Target, Tracked, Window
 from rover_iface.errors import PlacementError
 
 if TYPE_CHECKING:
@@ -33,19 +33,8 @@ CONTACT_ONLY, BOTH = 3, 4
 NEAREST_M, FARTHEST_M, APART_M = 3.0, 13.0, 1.8
 
 
-@dataclass(frozen=True, slots=True)
-class DemoMission:
-    """What a person would have entered in the browser."""
-
-    name: str
-    limits: DayLimits
-    targets: tuple[DayTarget, ...]
-    requests: tuple[DayRequest, ...]
-    keep_outs: tuple[DayKeepOut, ...]
-
-
-def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> DemoMission:
-    """Return ten targets with 14 observation requests on `terrain`.
+def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
+    """Return a day of ten targets with 14 observation requests on `terrain`.
 
     Raises
     ------
@@ -55,7 +44,7 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> DemoM
     rng = np.random.default_rng([seed, 1])
     start = _start(terrain, profile, rng)
     keep_outs = _keep_outs(terrain, start, rng)
-    targets: list[DayTarget] = []
+    targets: list[Target] = []
     for east, north in _candidates(terrain, start, rng):
         if len(targets) == TARGETS:
             break
@@ -69,21 +58,21 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> DemoM
             f"terrain {terrain.name}: only {len(targets)} of {TARGETS} targets with a reachable observation "
             f"point were found between {NEAREST_M:g} and {FARTHEST_M:g} m of the start"
         )
-    limits = DayLimits(
+    return Day(
         name=f"{terrain.name} sol 1",
         start=start,
-        time_s=3.5 * 3600.0,
-        energy_j=1_050_000.0,
-        overrun_penalty=60.0,
+        limits=Limits(time_s=3.5 * 3600.0, energy_j=1_050_000.0, overrun_penalty=60.0),
+        targets=tuple(targets),
+        requests=_requests(targets, rng),
+        keep_outs=keep_outs,
         refs={"terrain": terrain.name},
     )
-    return DemoMission(terrain.name, limits, tuple(targets), _requests(targets, rng), keep_outs)
 
 
-def target_at(terrain: Terrain, identifier: str, name: str, east_m: float, north_m: float) -> DayTarget:
+def target_at(terrain: Terrain, identifier: str, name: str, east_m: float, north_m: float) -> Target:
     """Return a target on the full-resolution terrain."""
     normal = np.asarray(terrain.normal(east_m, north_m), dtype=float).reshape(3)
-    return DayTarget(
+    return Target(
         id=identifier,
         name=name,
         point_site=(east_m, north_m, terrain.height_at(east_m, north_m, f"target {name}")),
@@ -91,11 +80,11 @@ def target_at(terrain: Terrain, identifier: str, name: str, east_m: float, north
     )
 
 
-def _start(terrain: Terrain, profile: RoverProfile, rng: np.random.Generator) -> StandPose:
+def _start(terrain: Terrain, profile: RoverProfile, rng: np.random.Generator) -> Pose:
     """Return a pose near the middle of the terrain on ground flat enough to stand on."""
     west, south, east, north = terrain.bounds
     middle = ((west + east) / 2, (south + north) / 2) if not _inside(terrain, 0.0, 0.0) else (0.0, 0.0)
-    best: tuple[float, StandPose] | None = None
+    best: tuple[float, Pose] | None = None
     for _ in range(400):
         radius, angle = 4.0 * math.sqrt(rng.random()), rng.uniform(0, 2 * math.pi)
         x, y = middle[0] + radius * math.cos(angle), middle[1] + radius * math.sin(angle)
@@ -110,7 +99,7 @@ def _start(terrain: Terrain, profile: RoverProfile, rng: np.random.Generator) ->
         if best is None or unevenness < best[0]:
             best = (
                 unevenness,
-                StandPose(round(x, 2), round(y, 2), round(float(rng.uniform(-math.pi, math.pi)), 3)),
+                Pose(round(x, 2), round(y, 2), round(float(rng.uniform(-math.pi, math.pi)), 3)),
             )
     if best is None:
         raise InvalidInputError(
@@ -123,9 +112,7 @@ def _inside(terrain: Terrain, x: float, y: float) -> bool:
     return bool(np.all(terrain.inside(x, y)))
 
 
-def _candidates(
-    terrain: Terrain, start: StandPose, rng: np.random.Generator
-) -> Iterator[tuple[float, float]]:
+def _candidates(terrain: Terrain, start: Pose, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
     """Yield places that stand out: mapped rocks of 12 to 60 cm, then the highest local rises of ground."""
     rocks = [
         r for r in terrain.rocks_near(start.east_m, start.north_m, FARTHEST_M) if 0.12 <= r.diameter <= 0.6
@@ -149,7 +136,7 @@ def _candidates(
             yield float(xs[k]), float(ys[k])
 
 
-def _eligible(terrain: Terrain, start: StandPose, x: float, y: float) -> bool:
+def _eligible(terrain: Terrain, start: Pose, x: float, y: float) -> bool:
     distance = math.hypot(x - start.east_m, y - start.north_m)
     return (
         NEAREST_M <= distance <= FARTHEST_M
@@ -159,9 +146,9 @@ def _eligible(terrain: Terrain, start: StandPose, x: float, y: float) -> bool:
     )
 
 
-def _keep_outs(terrain: Terrain, start: StandPose, rng: np.random.Generator) -> tuple[DayKeepOut, ...]:
+def _keep_outs(terrain: Terrain, start: Pose, rng: np.random.Generator) -> tuple[KeepOut, ...]:
     """Return two regions that a cautious planner would draw: round the steepest ground near the start."""
-    rings: list[DayKeepOut] = []
+    rings: list[KeepOut] = []
     angle, radius = rng.uniform(0, 2 * math.pi, 400), rng.uniform(4.0, 11.0, 400)
     xs, ys = start.east_m + radius * np.cos(angle), start.north_m + radius * np.sin(angle)
     inside = np.asarray(terrain.inside(xs, ys))
@@ -178,16 +165,16 @@ def _keep_outs(terrain: Terrain, start: StandPose, rng: np.random.Generator) -> 
             (round(x + a * math.cos(turn + b), 2), round(y + a * math.sin(turn + b), 2))
             for a, b in ((0.9, 0.2), (0.7, 1.4), (1.0, 2.6), (0.8, 3.9), (0.6, 5.1))
         )
-        rings.append(DayKeepOut(f"K{len(rings) + 1}", ring))
+        rings.append(KeepOut(f"K{len(rings) + 1}", ring))
     return tuple(rings)
 
 
 def _reachable(
     terrain: Terrain,
     profile: RoverProfile,
-    start: StandPose,
-    target: DayTarget,
-    keep_outs: tuple[DayKeepOut, ...],
+    start: Pose,
+    target: Target,
+    keep_outs: tuple[KeepOut, ...],
 ) -> bool:
     """Return whether the arm reaches the target from somewhere."""
     try:
@@ -196,52 +183,24 @@ def _reachable(
         return False
 
 
-def _requests(targets: list[DayTarget], rng: np.random.Generator) -> tuple[DayRequest, ...]:
+def _requests(targets: list[Target], rng: np.random.Generator) -> tuple[Request, ...]:
     """Return 14 requests: seven placements, seven remote images; one window, one precedence."""
     order = [int(k) for k in rng.permutation(len(targets))]
     contact = order[: CONTACT_ONLY + BOTH]
     remote = order[CONTACT_ONLY:]
-    requests: list[DayRequest] = []
+    requests: list[Request] = []
     for k in sorted(set(contact) | set(remote)):
-        target = targets[k]
+        target = targets[k].id
         if k in remote:
-            requests.append(
-                DayRequest(
-                    f"R{len(requests) + 1}", target.id, "scicam", float(rng.integers(2, 7)), tracked=False
-                )
-            )
+            value = float(rng.integers(2, 7))
+            # One image wants the low sun of the first two hours.
+            first = all(r.instrument != "scicam" for r in requests)
+            window = (Window(0.0, 7200.0),) if first else ()
+            requests.append(Request(f"R{len(requests) + 1}", target, "scicam", value, window))
         if k in contact:
             value = float(rng.integers(8, 25))
-            image = requests[-1].id if k in remote else None
-            requests.append(
-                DayRequest(
-                    f"R{len(requests) + 1}",
-                    target.id,
-                    "mi",
-                    value,
-                    tracked=True,
-                    after=(image,) if image else (),
-                )
-            )
-    # One image wants the low sun of the first two hours, and only one placement must follow its image.
-    seen_window = False
-    seen_after = False
-    final = []
-    for request in requests:
-        window = None
-        if request.instrument == "scicam" and not seen_window:
-            window, seen_window = (0.0, 7200.0), True
-        after = request.after if not seen_after else ()
-        seen_after = seen_after or bool(after)
-        final.append(
-            DayRequest(
-                request.id,
-                request.target_id,
-                request.instrument,
-                request.value,
-                request.tracked,
-                window,
-                after,
-            )
-        )
-    return tuple(final)
+            # Only one placement must follow its image.
+            follows = k in remote and not any(r.after for r in requests)
+            after = (After(requests[-1].id),) if follows else ()
+            requests.append(Request(f"R{len(requests) + 1}", target, "mi", value, (*after, Tracked())))
+    return tuple(requests)

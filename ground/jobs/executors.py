@@ -10,8 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ground.errors import JobFailedError
 from ground.jobs.queue import Work
 from ground.settings import ExecutorKind, Settings
+from mission import MissionError
+from mission.codec import Codec, Document
 
 
 @dataclass(slots=True)
@@ -36,13 +39,23 @@ class _Channel:
         return (Path(self.folder) / f"{self.name}.stop").exists()
 
 
-def run_work(work: Work, payload: dict[str, Any], folder: str, name: str) -> dict[str, Any]:
-    """Do the work in this process; BLAS keeps to one thread."""
+def run_work(work: Work, orders: Codec[Any], payload: Document, folder: str, name: str) -> dict[str, Any]:
+    """Do the work in this process; BLAS keeps to one thread.
+
+    Raises
+    ------
+    JobFailedError
+        If the order in the job's row cannot be read: it is of a newer version, or damaged.
+    """
     from threadpoolctl import threadpool_limits
 
     channel = _Channel(folder, name)
+    try:
+        order = orders.from_document(payload)
+    except MissionError as err:
+        raise JobFailedError(str(err)) from err
     with threadpool_limits(limits=1):
-        return work(payload, channel.report, channel.should_stop)
+        return work(order, channel.report, channel.should_stop)
 
 
 class InlineExecutor(Executor):

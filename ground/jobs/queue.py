@@ -6,7 +6,8 @@ written only if the token is still the newest one, in the same transaction as ev
 changes. So a worker that dies loses nothing (the lease runs out and any other takes the job up) and one
 that was merely slow doubles nothing.
 
-The work itself is a pure function `work(payload, report, should_stop)` on a `concurrent.futures.Executor`.
+The work itself is a pure function `work(order, report, should_stop)` on a `concurrent.futures.Executor`; the
+order is a frozen value that stands in the row as its codec writes it.
 It may be in another process or on another host; word of its progress goes through a small file in the data
 folder.
 """
@@ -29,6 +30,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.settings import Settings
+from mission.codec import Codec
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +41,7 @@ Report = Callable[[float, str], None]
 ShouldStop = Callable[[], bool]
 
 
-Work = Callable[[dict[str, Any], Report, ShouldStop], dict[str, Any]]
+Work = Callable[[Any, Report, ShouldStop], dict[str, Any]]
 
 
 Settle = Callable[[Repository, Session, JobRow, dict[str, Any]], str | None]
@@ -63,12 +65,13 @@ class WorkStoppedError(Exception):
 class JobKind:
     """One kind of long work.
 
-    `work` must be importable by name (it is sent to another process). `settle` writes the result into the
-    repository and returns its address; `abandon` is called when the job ends without a result, `begin` when
-    a worker takes it up.
+    `orders` reads what stands in the job's row. `work` must be importable by name (it is sent to another
+    process). `settle` writes the result into the repository and returns its address; `abandon` is called when
+    the job ends without a result, `begin` when a worker takes it up.
     """
 
     name: str
+    orders: Codec[Any]
     work: Work
     settle: Settle
     abandon: Abandon

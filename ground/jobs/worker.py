@@ -145,7 +145,9 @@ class Worker:
             executor = self._executors[index] or make_executor(self.repo.settings)
             self._executors[index] = executor
             try:
-                future = executor.submit(run_work, kind.work, claim.payload, channel.folder, channel.name)
+                future = executor.submit(
+                    run_work, kind.work, kind.orders, claim.payload, channel.folder, channel.name
+                )
             except BrokenExecutor:  # the process died while it had nothing to do
                 self._replace_executor(index)
                 if last:

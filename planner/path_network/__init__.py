@@ -3,7 +3,7 @@
 ```python
 import math
 from planner.path_network import (
-    HeightGrid, KeepOut, NetworkRequest, ObservationPoint, Pose, Target, build_network,
+    KeepOut, NetworkRequest, ObservationPoint, Pose, Target, build_network,
 )
 
 request = NetworkRequest(
@@ -14,7 +14,7 @@ request = NetworkRequest(
         ObservationPoint("OP2", "T2", Pose(7.3, -1.7, -0.4)),
     ),
     keep_outs=(KeepOut("K1", [(2.0, -1.0), (3.0, -1.0), (3.0, 1.0), (2.0, 1.0)]),),
-    terrain=None,  # or HeightGrid(origin_east_m, origin_north_m, spacing_m, heights): north-west cell first
+    terrain=None,  # or mission.TerrainGrid, heights with the north-west cell first
 )
 network = build_network(request)
 drive = network.route("start", "OP1")
@@ -46,7 +46,6 @@ from planner.path_network.calibration import (
 from planner.path_network.values import (
     START,
     DriveRule,
-    HeightGrid,
     KeepOut,
     MissingRoute,
     NetworkOptions,
@@ -67,7 +66,6 @@ __all__ = [
     "START",
     "Calibration",
     "DriveRule",
-    "HeightGrid",
     "KeepOut",
     "LossFit",
     "MissingRoute",

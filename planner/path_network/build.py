@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from mission import TerrainGrid
 from planner.path_network.consolidation import greedy_spanner
 from planner.path_network.drive_rules import check_rules, draw_ways
 from planner.path_network.obstacles import build_obstacles, check_request, map_bounds, outlines, place_reason
@@ -16,7 +17,6 @@ from planner.path_network.tracking import filled, loss_exposure, sample, trackin
 from planner.path_network.values import (
     START,
     FloatArray,
-    HeightGrid,
     MissingRoute,
     NetworkRequest,
     PathNetwork,
@@ -175,7 +175,7 @@ def _links(request: NetworkRequest, xy: FloatArray, edges: IntArray, length_m: F
     return _Links(edges, length_m, rise, exposure @ rates, index)
 
 
-def _rises(terrain: HeightGrid, a: FloatArray, b: FloatArray, length_m: FloatArray) -> FloatArray:
+def _rises(terrain: TerrainGrid, a: FloatArray, b: FloatArray, length_m: FloatArray) -> FloatArray:
     grid = filled(terrain)
     parts = np.maximum(1, np.ceil(length_m / _CLIMB_STEP_M).astype(int))
     begin = np.concatenate([[0], np.cumsum(parts + 1)])

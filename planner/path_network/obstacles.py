@@ -10,11 +10,11 @@ import shapely
 from shapely.geometry import LinearRing, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from mission import TerrainGrid
 from planner.errors import NetworkError
 from planner.path_network.values import (
     START,
     FloatArray,
-    HeightGrid,
     KeepOut,
     NetworkOptions,
     NetworkRequest,
@@ -118,7 +118,7 @@ def map_bounds(request: NetworkRequest) -> tuple[float, float, float, float] | N
     return None
 
 
-def _check_grid(grid: HeightGrid) -> None:
+def _check_grid(grid: TerrainGrid) -> None:
     heights = np.asarray(grid.heights_m)
     if heights.ndim != 2 or min(heights.shape) < 3:
         raise NetworkError(f"heights_m has shape {heights.shape}; two dimensions of at least 3 are needed")
@@ -183,7 +183,7 @@ def _strictly_in(polygon: BaseGeometry, east_m: float, north_m: float) -> bool:
 # --------------------------------------------------------------------------- hazards in the heights
 
 
-def hazard_polygons(grid: HeightGrid, rover: RoverParameters, options: NetworkOptions) -> list[Polygon]:
+def hazard_polygons(grid: TerrainGrid, rover: RoverParameters, options: NetworkOptions) -> list[Polygon]:
     """Return outlines of ground that is too steep, has too high a step or is unknown.
 
     Heights are averaged to cells of at least `terrain_cell_m`; the slope of a cell is that of the plane

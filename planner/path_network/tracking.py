@@ -13,7 +13,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from planner.path_network.values import FloatArray, HeightGrid, NetworkRequest, Target, TrackingRegion
+from mission import TerrainGrid
+from planner.path_network.values import FloatArray, NetworkRequest, Target, TrackingRegion
 
 
 def tracking_regions(request: NetworkRequest) -> tuple[TrackingRegion, ...]:
@@ -41,7 +42,7 @@ def _first_seen(request: NetworkRequest, target: Target) -> tuple[float, float]:
 
 
 def loss_exposure(
-    request: NetworkRequest, a: FloatArray, b: FloatArray, heights: HeightGrid | None
+    request: NetworkRequest, a: FloatArray, b: FloatArray, heights: TerrainGrid | None
 ) -> FloatArray:
     """Return metres inside, outside (weighted by the angle beyond the cone) and hidden.
 
@@ -88,7 +89,7 @@ def loss_exposure(
     )
 
 
-def filled(heights: HeightGrid) -> FloatArray:
+def filled(heights: TerrainGrid) -> FloatArray:
     """Return the heights as float64 with each unknown cell set to its nearest known one."""
     grid = np.ascontiguousarray(heights.heights_m, dtype=np.float64)
     known = np.isfinite(grid)
@@ -100,7 +101,7 @@ def filled(heights: HeightGrid) -> FloatArray:
     return np.ascontiguousarray(grid[tuple(nearest)])
 
 
-def sample(heights: HeightGrid, grid: FloatArray, points: npt.NDArray[np.float64]) -> FloatArray:
+def sample(heights: TerrainGrid, grid: FloatArray, points: npt.NDArray[np.float64]) -> FloatArray:
     """Return heights at points (n, 2), bilinear, clamped to the grid's edge."""
     frame = (heights.origin_east_m, heights.origin_north_m, heights.spacing_m)
     return _heights(grid, *map(float, frame), np.ascontiguousarray(points, dtype=np.float64))

@@ -10,11 +10,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from mission import TerrainGrid
 from planner.errors import NetworkError
 from planner.path_network.calibration import K9_CALIBRATION, Calibration
 
@@ -95,39 +95,6 @@ class DriveRule:
     first: str
     second: str
     via: tuple[Point, ...] | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class HeightGrid:
-    """Heights on a square grid, north up as in a map image.
-
-    Parameters
-    ----------
-    origin_east_m, origin_north_m
-        Centre of the cell `heights_m[0, 0]`, which is the **north-west** corner.
-    spacing_m
-        Distance between cell centres. Column j lies at `origin_east_m + j * spacing_m`, row i at
-        `origin_north_m - i * spacing_m`.
-    heights_m
-        Shape (rows, columns), metres; NaN where nothing is known.
-    """
-
-    origin_east_m: float
-    origin_north_m: float
-    spacing_m: float
-    heights_m: npt.NDArray[np.floating[Any]]
-
-    @property
-    def bounds_m(self) -> tuple[float, float, float, float]:
-        """West, south, east and north edge of the grid, metres."""
-        rows, columns = self.heights_m.shape
-        half = self.spacing_m / 2
-        return (
-            self.origin_east_m - half,
-            self.origin_north_m - (rows - 1) * self.spacing_m - half,
-            self.origin_east_m + (columns - 1) * self.spacing_m + half,
-            self.origin_north_m + half,
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,7 +209,7 @@ class NetworkRequest:
     targets: tuple[Target, ...]
     observation_points: tuple[ObservationPoint, ...]
     keep_outs: tuple[KeepOut, ...] = ()
-    terrain: HeightGrid | None = None
+    terrain: TerrainGrid | None = None
     bounds_m: tuple[float, float, float, float] | None = None
     rover: RoverParameters = RoverParameters()
     calibration: Calibration = K9_CALIBRATION

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely import Point, Polygon
 
-from ground.day.convert import DayTarget, StandPose, stand_for
-from ground.demo.mission import DemoMission
+from ground.day.prepare import stand_for
+from mission import Day, Target
+from mission import Pose as Stand
 from mission.soltime import SunClock
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.errors import PlacementError
@@ -73,8 +74,8 @@ MISSED = ((0.0, 0.0, 0.0), (0.07, 0.0, 0.0), (-0.07, 0.0, 0.0), (0.0, 0.07, 0.05
 class Pick:
     """A target and where the rover is to stand for it."""
 
-    target: DayTarget
-    stand: StandPose
+    target: Target
+    stand: Stand
     relief_m: float
 
 
@@ -87,7 +88,7 @@ class _Face:
     relief_m: float
 
 
-def choose(start: StandPose, seen: Sequence[Pick]) -> tuple[Pick, ...]:
+def choose(start: Stand, seen: Sequence[Pick]) -> tuple[Pick, ...]:
     """Return five of the targets in sight, renamed: four for a day as long as the paper's, one in reserve.
 
     Whichever of the five is lost, the shortest straight round from the start through the stands of the other
@@ -115,7 +116,7 @@ def choose(start: StandPose, seen: Sequence[Pick]) -> tuple[Pick, ...]:
     )
 
 
-def is_kept_out(mission: DemoMission, east_m: float, north_m: float) -> bool:
+def is_kept_out(mission: Day, east_m: float, north_m: float) -> bool:
     """Return whether a place lies in a keep-out of the mission: a target there has no drive to it."""
     place = Point(east_m, north_m)
     return any(Polygon(keep_out.polygon_m).intersects(place) for keep_out in mission.keep_outs)
@@ -124,9 +125,9 @@ def is_kept_out(mission: DemoMission, east_m: float, north_m: float) -> bool:
 class Operator:
     """Looks at a map and the first panorama."""
 
-    def __init__(self, terrain: Terrain, profile: RoverProfile, mission: DemoMission) -> None:
+    def __init__(self, terrain: Terrain, profile: RoverProfile, mission: Day) -> None:
         self.terrain, self.profile, self.mission = terrain, profile, mission
-        stand = mission.limits.start
+        stand = mission.start
         self.start = settled_pose(terrain, profile, stand.east_m, stand.north_m, stand.heading_rad)
         self.eye = np.asarray(self.start.site_from_rover.apply(StereoSensor(profile).eye), dtype=np.float64)
         x, y = stand.east_m, stand.north_m
@@ -176,7 +177,7 @@ class Operator:
             if is_kept_out(self.mission, x, y):
                 continue
             nx, ny, nz = (float(v) for v in face.normal)
-            target = DayTarget(name, rock.id, (x, y, z), (nx, ny, nz))
+            target = Target(name, rock.id, (x, y, z), (nx, ny, nz))
             stand = self._stand(target)
             if stand is not None:
                 return Pick(target, stand, face.relief_m)
@@ -243,13 +244,13 @@ class Operator:
         points = self.eye + hit["tfar"][mine, None].astype(float) * rays[mine]
         return points, -rays[mine]
 
-    def _stand(self, target: DayTarget) -> StandPose | None:
+    def _stand(self, target: Target) -> Stand | None:
         """Return the best stand for the whole day, None where there is none."""
         try:
             stands = stand_for(
                 self.terrain,
                 self.profile,
-                self.mission.limits.start,
+                self.mission.start,
                 target,
                 "mi",
                 keep_outs=self.mission.keep_outs,
@@ -259,7 +260,7 @@ class Operator:
             return None
         return next((s for s in stands if self._has_room(target, s) and self._good(target, s)), None)
 
-    def _has_room(self, target: DayTarget, stand: StandPose) -> bool:
+    def _has_room(self, target: Target, stand: Stand) -> bool:
         """Return whether the navigator, which keeps off rocks, will let the rover onto a stand."""
         body = self.profile.body
         c, s = math.cos(stand.heading_rad), math.sin(stand.heading_rad)
@@ -273,7 +274,7 @@ class Operator:
                 return False
         return True
 
-    def _good(self, target: DayTarget, stand: StandPose) -> bool:
+    def _good(self, target: Target, stand: Stand) -> bool:
         """Return whether camera, arm and sun get at the target from a stand that is missed a little."""
         point, normal = np.array(target.point_site), np.array(target.normal_site)
         c, s = math.cos(stand.heading_rad), math.sin(stand.heading_rad)

@@ -50,7 +50,11 @@ def _settle(_repo: Repository, session: Session, job: JobRow, _result: dict[str,
     session.add(done)
 
 
-KINDS = {"count": JobKind("count", work_for_tests.count, _settle, lambda _session, _job: None)}
+KINDS = {
+    "count": JobKind(
+        "count", work_for_tests.ORDERS, work_for_tests.count, _settle, lambda _session, _job: None
+    )
+}
 
 
 def queue_job(repo: Repository, mission_id: str) -> str:
@@ -62,7 +66,7 @@ def queue_job(repo: Repository, mission_id: str) -> str:
             mission_id=mission_id,
             subject_kind="none",
             subject_id="none",
-            payload={"what": "succeed", "log": str(repo.data_dir / "starts.log")},
+            payload={"format": "count/1", "what": "succeed", "log": str(repo.data_dir / "starts.log")},
             author="Planner",
         ).id
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from ground.day.payload import prepare
 from ground.errors import InvalidInputError
 from ground.gdr.repository import Repository
 from ground.jobs.queue import WorkStoppedError
@@ -21,8 +20,8 @@ from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
 from ground.resources.observation_requests.create_request import create_request
 from ground.resources.observation_requests.value import Instrument
-from ground.resources.problems.day_inputs import choose_sol, day_inputs
 from ground.resources.problems.inputs_digest import inputs_digest
+from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
 from ground.resources.targets.create_target import create_target
 from tests.ground.conftest import PLANNER, Api
 
@@ -76,8 +75,9 @@ def folders(tmp_path: Path) -> list[Path]:
 def _p_lose(repo: Repository, mission_id: str) -> float:
     with repo.database.read() as session:
         row = session.get_one(MissionRow, mission_id)
-        payload = day_inputs(repo, session, row, choose_sol(session, mission_id, None))
-    day = prepare(payload, lambda _share, _what: None)
+        site = worksite(repo, session, row)
+        asked = mission_day(session, row, choose_sol(session, mission_id, None))
+    day = site.prepare(asked, lambda _share, _what: None)
     return max(p for route in day.network.routes for p in route.p_lose.values())
 
 
@@ -178,14 +178,14 @@ def test_the_work_tells_how_far_it_is_and_stops_when_asked(
     repo: Repository, mission: Mission, folders: list[Path]
 ) -> None:
     with repo.database.read() as session:
-        payload = service.calibration_payload(repo, session, mission.id, folders, strict=True, name="")
+        order = service.calibration_order(repo, session, mission.id, folders, strict=True, name="")
     said: list[float] = []
-    work(payload, lambda share, _what: said.append(share), lambda: False)
+    work(order, lambda share, _what: said.append(share), lambda: False)
     assert said == sorted(said)
     assert said[0] == 0.0
     assert 0.9 < said[-1] < 1.0
     calls = len(said)
     said.clear()
     with pytest.raises(WorkStoppedError):
-        work(payload, lambda share, _what: said.append(share), lambda: len(said) >= 20)
+        work(order, lambda share, _what: said.append(share), lambda: len(said) >= 20)
     assert len(said) == 20 < calls

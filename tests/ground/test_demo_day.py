@@ -115,9 +115,9 @@ def test_nothing_is_lost_where_nothing_is_tracked() -> None:
 @pytest.mark.slow
 def test_executive_earns_on_curiosity_terrain_what_the_planner_evaluated() -> None:
     from benchmarks.executive_equality import compare
-    from ground.day.convert import prepare_day
+    from ground.day.prepare import prepare_day
     from ground.demo.mission import demo_mission
-    from planner.problem import problem_from_dict
+    from planner.problem import problem_to_dict
     from planner.solve import solve
     from rover_iface.profile import load_profile
     from rover_iface.terrain import load_terrain
@@ -125,8 +125,8 @@ def test_executive_earns_on_curiosity_terrain_what_the_planner_evaluated() -> No
     terrain = load_terrain(shared("data/terrain/msl_onsight/murray_buttes"))
     profile = load_profile("k9")
     day = demo_mission(terrain, profile, seed=1)
-    document = prepare_day(terrain, profile, day.limits, day.targets, day.requests, day.keep_outs).problem
-    result = solve(problem_from_dict(document), max_branches=6, time_limit_s=20.0, seed=1, least_taken=0.02)
+    problem = prepare_day(terrain, profile, day).problem
+    result = solve(problem, max_branches=6, time_limit_s=20.0, seed=1, least_taken=0.02)
     assert result.expected_utility > 60.0
     assert all(notes.p_taken >= 0.02 for notes in result.tree.option_notes.values())
-    assert compare(document, result.tree, 200, seed=11) == []
+    assert compare(problem_to_dict(problem), result.tree, 200, seed=11) == []

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ground.day.convert import calibration_of
+from ground.day.prepare import calibration_of
 from ground.errors import ArchiveError, InvalidInputError
 from ground.resources.calibrations.driven_legs import (
     DrivenLeg,

@@ -36,7 +36,13 @@ def _settle(_repo: Repository, _session: Session, job: JobRow, result: dict[str,
     return f"/api/v1/done/{job.id}"
 
 
-KIND = JobKind("count", work_for_tests.count, _settle, lambda _session, job: ABANDONED.append(job.id))
+KIND = JobKind(
+    "count",
+    work_for_tests.ORDERS,
+    work_for_tests.count,
+    _settle,
+    lambda _session, job: ABANDONED.append(job.id),
+)
 KINDS = {"count": KIND}
 
 
@@ -55,7 +61,7 @@ def queue(repo: Repository, what: str, **changes: Any) -> str:
             mission_id=None,
             subject_kind="none",
             subject_id="none",
-            payload={"what": what, "log": str(repo.data_dir / "starts.log")},
+            payload={"format": "count/1", "what": what, "log": str(repo.data_dir / "starts.log")},
             author="Planner",
         )
         for name, value in changes.items():
@@ -368,3 +374,22 @@ def test_job_states_are_streamed_with_ids_to_resume_from(api: Api) -> None:
     last = stream.rsplit("id: ", 1)[1].split("\n")[0]
     again = api("GET", f"/jobs/{job}/events", headers={"Last-Event-ID": last}).text
     assert again.count("event: job") == 1
+
+
+@pytest.mark.parametrize(
+    ("payload", "message"),
+    [
+        ({"format": "count/2", "what": "succeed"}, 'has the format "count/2", newer than this program'),
+        ({"format": "count/1", "what": "succeed"}, "log is missing"),
+        ({"format": "count/1", "what": 3, "log": ""}, "what must be a string, found 3"),
+    ],
+)
+def test_an_order_that_cannot_be_read_fails_the_job_by_name(
+    repo: Repository, payload: dict[str, Any], message: str
+) -> None:
+    job_id = queue(repo, "succeed", payload=payload)
+    Worker(repo, KINDS).run_until_idle()
+    row = row_of(repo, job_id)
+    assert row.state == "failed"
+    assert message in row.message
+    assert [job_id] == ABANDONED

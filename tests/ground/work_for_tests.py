@@ -11,16 +11,27 @@ from typing import Any
 
 from ground.errors import JobFailedError
 from ground.jobs.queue import WorkStoppedError
+from mission.codec import Codec
+from mission.values import value
 
 
-def count(
-    payload: dict[str, Any], report: Callable[[float, str], None], stop: Callable[[], bool]
-) -> dict[str, Any]:
-    """Do what the payload says: note each start, then succeed, fail, die or wait to be stopped."""
-    with Path(payload["log"]).open("a", encoding="utf-8") as log:
+@value
+class Count:
+    """What to do, and the file in which each start is noted."""
+
+    what: str
+    log: str
+
+
+ORDERS = Codec(Count, "count/1", "order to count")
+
+
+def count(order: Count, report: Callable[[float, str], None], stop: Callable[[], bool]) -> dict[str, Any]:
+    """Do what the order says: note each start, then succeed, fail, die or wait to be stopped."""
+    with Path(order.log).open("a", encoding="utf-8") as log:
         log.write(f"{os.getpid()}\n")
     report(0.5, "half")
-    match payload["what"]:
+    match order.what:
         case "fail":
             raise JobFailedError("as it was told")
         case "break":
@@ -28,7 +39,7 @@ def count(
         case "die":
             os.kill(os.getpid(), signal.SIGKILL)
         case "die-once":
-            if len(Path(payload["log"]).read_text().splitlines()) == 1:
+            if len(Path(order.log).read_text().splitlines()) == 1:
                 os.kill(os.getpid(), signal.SIGKILL)
         case "wait":
             until = time.monotonic() + 60.0

@@ -9,7 +9,7 @@ from ground.errors import NotFoundError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import update
-from ground.resources.calibrations.calibrate_mission import calibration_payload, run_folders
+from ground.resources.calibrations.calibrate_mission import calibration_order, run_folders
 from ground.resources.missions.kind import MISSION, show_missions
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
@@ -33,7 +33,7 @@ def calibrate_from_folders(
 
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.read() as session:
-        payload = calibration_payload(
+        order = calibration_order(
             repo,
             session,
             mission_id,
@@ -41,7 +41,7 @@ def calibrate_from_folders(
             strict=bool(folders),
             name=name,
         )
-    document = learn(payload, lambda _share, _what: None, lambda: False)
+    document = learn(order, lambda _share, _what: None, lambda: False)
     with repo.database.write() as session:
         row = session.get(MissionRow, mission_id, with_for_update=True)
         if row is None:

@@ -17,6 +17,7 @@ from ground.jobs.row import JobRow
 from ground.jobs.value import Job
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
 from ground.records.edit import update
+from ground.resources.calibrations.order import ORDERS, CalibrationOrder
 from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import terrain_row
@@ -54,7 +55,9 @@ def calibrate_mission(
             mission_id=mission_id,
             subject_kind="mission",
             subject_id=mission_id,
-            payload=calibration_payload(repo, session, mission_id, folders, strict=bool(run_ids), name=name),
+            payload=ORDERS.document(
+                calibration_order(repo, session, mission_id, folders, strict=bool(run_ids), name=name)
+            ),
             author=actor.name,
         )
         value = show_jobs(session, [job])[0]
@@ -82,7 +85,7 @@ def run_folders(
     return [repo.run_dir(run_id) for run_id in run_ids or known]
 
 
-def calibration_payload(
+def calibration_order(
     repo: Repository,
     session: Session,
     mission_id: str,
@@ -90,7 +93,7 @@ def calibration_payload(
     *,
     strict: bool,
     name: str,
-) -> dict[str, Any]:
+) -> CalibrationOrder:
     """Return what the work needs; without `strict`, folders that hold no legs are passed over.
 
     Raises
@@ -101,13 +104,13 @@ def calibration_payload(
     mission = session.get(MissionRow, mission_id)
     if mission is None:
         raise NotFoundError(f"there is no mission {mission_id}")
-    return {
-        "folders": [str(folder) for folder in folders],
-        "strict": strict,
-        "name": name or f"runs of {mission.name}",
-        "rover_profile": mission.rover_profile,
-        "terrain_dir": str(repo.terrain_dir(terrain_row(session, mission_id).id)),
-    }
+    return CalibrationOrder(
+        folders=tuple(str(folder) for folder in folders),
+        strict=strict,
+        name=name or f"runs of {mission.name}",
+        rover_profile=mission.rover_profile,
+        terrain_dir=str(repo.terrain_dir(terrain_row(session, mission_id).id)),
+    )
 
 
 def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, Any]) -> str | None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground.day.convert import calibration_of, network_heights, rover_parameters
+from ground.day.prepare import calibration_of, network_heights, rover_parameters
 from ground.errors import ArchiveError, InvalidInputError
 
 if TYPE_CHECKING:

@@ -7,16 +7,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ground.day.convert import Report
+from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
+from ground.resources.calibrations.order import CalibrationOrder
 
 READING = 0.3
 """Share of the work that reading the runs is."""
 
 
-def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
     """Return `calibration`, the document `calibration/1` that run folders bear out.
 
     Raises
@@ -27,12 +28,12 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         If it was asked to stop.
     """
     try:
-        return {"calibration": learn(payload, report, should_stop)}
+        return {"calibration": learn(order, report, should_stop)}
     except InvalidInputError as err:
         raise JobFailedError(err.message) from err
 
 
-def learn(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
     """Return the document; see above, but wrong runs are an `InvalidInputError`."""
     from ground.gdr.terrain_folders import load_cached
     from planner.path_network import calibration_to_json
@@ -43,7 +44,7 @@ def learn(payload: dict[str, Any], report: Report, should_stop: Callable[[], boo
             raise WorkStoppedError
         report(share, what)
 
-    folders = [Path(folder) for folder in payload["folders"]]
+    folders = [Path(folder) for folder in order.folders]
     legs: list[DrivenLeg] = []
     used = 0
     for index, folder in enumerate(folders):
@@ -51,19 +52,19 @@ def learn(payload: dict[str, Any], report: Report, should_stop: Callable[[], boo
         try:
             found = legs_of_run(folder)
         except ArchiveError as err:
-            if payload["strict"]:
+            if order.strict:
                 raise InvalidInputError(err.message, pointer="/run_ids") from err
             continue
         legs += found
         used += bool(found)
-    profile = load_profile(payload["rover_profile"])
+    profile = load_profile(order.rover_profile)
     tell(READING, "terrain")
     runs = f"{used} recorded run{'' if used == 1 else 's'}"
     fitted = calibrate(
         legs,
         profile,
-        load_cached(Path(payload["terrain_dir"])),
-        name=payload["name"],
+        load_cached(Path(order.terrain_dir)),
+        name=order.name,
         source=f"{len(legs)} legs of {runs} of rover profile {profile.name} {profile.version}",
         report=lambda share: tell(READING + (1.0 - READING) * share, "metres in and out of view"),
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sqlalchemy import select
 
-from ground.day.payload import instrument_name
+from ground.day.worksite import instrument_name
 from ground.demo.mission import demo_mission
 from ground.errors import TerrainFileError
 from ground.gdr.geometry import Pose
@@ -81,7 +81,7 @@ def fill_with_demo(repo: Repository, actor: Actor, mission_id: str, *, seed: int
         day = demo_mission(terrain, profile, seed=seed)
     except ValueError as err:
         raise TerrainFileError(str(err), pointer="/terrain") from err
-    start = Pose(day.limits.start.east_m, day.limits.start.north_m, day.limits.start.heading_rad)
+    start = Pose(day.start.east_m, day.start.north_m, day.start.heading_rad)
     create_sol(
         repo,
         actor,
@@ -129,7 +129,9 @@ def fill_with_demo(repo: Repository, actor: Actor, mission_id: str, *, seed: int
                     instrument=instrument.value,
                     value=request.value,
                     tracked=request.tracked,
-                    window_s=None if request.window_s is None else list(request.window_s),
+                    window_s=None
+                    if request.window is None
+                    else [request.window.opens_s, request.window.closes_s],
                     after=[ids[i] for i in request.after],
                     must_do=request.must_do,
                     dwell_s=request.dwell_s,

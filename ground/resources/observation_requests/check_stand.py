@@ -7,7 +7,7 @@ import math
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.day.payload import INSTRUMENTS
+from ground.day.worksite import INSTRUMENTS
 from ground.errors import NotFoundError
 from ground.gdr.geometry import Pose as PoseValue
 from ground.gdr.repository import Repository

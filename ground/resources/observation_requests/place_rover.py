@@ -5,19 +5,19 @@ from __future__ import annotations
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.day.convert import DayKeepOut, DayTarget, StandPose, stand_for
-from ground.day.payload import INSTRUMENTS
+from ground.day.prepare import stand_for
+from ground.day.worksite import INSTRUMENTS
 from ground.errors import InvalidInputError, UnreachableError
 from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository
-from ground.resources.keep_outs.row import KeepOutRow
-from ground.resources.keep_outs.rules import kept_clear
+from ground.resources.keep_outs.row import KeepOutRow, day_keep_out
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain, terrain_row
 from ground.resources.observation_requests.check_stand import weigh_stand
 from ground.resources.observation_requests.value import Instrument, ObservationPoint
 from ground.resources.sols.row import SolRow
-from ground.resources.targets.row import TargetRow
+from ground.resources.targets.row import TargetRow, day_target
+from mission import Pose as DayPose
 
 
 def place_rover(
@@ -59,18 +59,10 @@ def place_rover(
         stands = stand_for(
             mission_terrain(repo, session, mission.id),
             profile,
-            StandPose(**start),
-            DayTarget(
-                target.id,
-                target.name,
-                (target.east_m, target.north_m, target.up_m),
-                (target.normal[0], target.normal[1], target.normal[2]),
-            ),
+            DayPose(**start),
+            day_target(target),
             INSTRUMENTS[instrument.value],
-            keep_outs=[
-                DayKeepOut(k.id, tuple((e, n) for e, n in kept_clear(k.polygon_m, k.sigma_m)))
-                for k in keep_outs
-            ],
+            keep_outs=[day_keep_out(k) for k in keep_outs],
             count=1,
         )
     except RoverError as err:

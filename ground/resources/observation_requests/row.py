@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from sqlalchemy import (
@@ -13,9 +13,11 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
+from ground.day.worksite import INSTRUMENTS
 from ground.gdr.base import Row, mission_column
 from ground.gdr.geometry import pose_of
 from ground.resources.observation_requests.value import ObservationPoint
+from mission import After, Constraint, MustDo, Pose, Request, Tracked, Window
 
 
 class ObservationRequestRow(Row):
@@ -46,4 +48,25 @@ def observation_point_of(document: Mapping[str, Any] | None) -> ObservationPoint
         reachable=document["reachable"],
         manual=document["manual"],
         reason=document["reason"],
+    )
+
+
+def day_request(row: ObservationRequestRow, among: Collection[str]) -> Request:
+    """Return a stored observation request as a value of the day; it comes after those `among` only."""
+    constraints: list[Constraint] = [After(i) for i in row.after if i in among]
+    if row.tracked:
+        constraints.append(Tracked())
+    if row.must_do:
+        constraints.append(MustDo())
+    if row.window_s is not None:
+        constraints.append(Window(*row.window_s))
+    point = row.observation_point
+    return Request(
+        id=row.id,
+        target_id=row.target_id,
+        instrument=INSTRUMENTS.get(row.instrument, row.instrument),
+        value=row.value,
+        constraints=tuple(constraints),
+        dwell_s=row.dwell_s,
+        observation_point=Pose(**point["pose"]) if point is not None and point["manual"] else None,
     )

@@ -17,9 +17,10 @@ from ground.records.actor import SYSTEM_ACTOR, Action, Actor
 from ground.records.edit import insert, update
 from ground.resources.missions.row import MissionRow
 from ground.resources.path_networks.kind import PATH_NETWORK
+from ground.resources.path_networks.order import ORDERS, NetworkOrder
 from ground.resources.path_networks.row import PathNetworkRow
-from ground.resources.problems.day_inputs import choose_sol, day_inputs
 from ground.resources.problems.inputs_digest import inputs_digest
+from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
 
 KIND = "build_path_network"
 
@@ -42,6 +43,7 @@ def build_path_network(repo: Repository, actor: Actor, mission_id: str, *, sol_i
             geometry=None,
         )
         insert(session, actor, PATH_NETWORK, row)
+        order = NetworkOrder(worksite(repo, session, mission), mission_day(session, mission, sol))
         job = enqueue(
             session,
             repo.settings,
@@ -49,7 +51,7 @@ def build_path_network(repo: Repository, actor: Actor, mission_id: str, *, sol_i
             mission_id=mission_id,
             subject_kind="path_network",
             subject_id=network_id,
-            payload=day_inputs(repo, session, mission, sol),
+            payload=ORDERS.document(order),
             author=actor.name,
             job_id=job_id,
         )

@@ -18,9 +18,10 @@ from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.plans.read_plan import computed_plan
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.study_value import WhatIfAnswer
-from ground.resources.problems.day_inputs import choose_sol, day_inputs
 from ground.resources.problems.inputs_digest import inputs_digest
+from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
 from ground.resources.problems.row import ProblemRow
+from mission import KeepOut, Pose
 from planner.changes import Changes, changed_problem, counted
 
 if TYPE_CHECKING:
@@ -113,9 +114,6 @@ def _with_keep_outs(repo: Repository, plan_id: str, known: _Known, changes: Chan
 
     The rover goes to the observation points of the plan, except where a new keep-out covers one.
     """
-    from ground.day.payload import prepare
-    from planner.problem import problem_from_dict
-
     with repo.database.read() as session:
         plan = session.get_one(PlanRow, plan_id)
         key = (plan_id, inputs_digest(session, plan.mission_id), changes.keep_outs)
@@ -127,25 +125,24 @@ def _with_keep_outs(repo: Repository, plan_id: str, known: _Known, changes: Chan
         rows = ObservationRequestRow
         there = set(session.scalars(select(rows.id).where(rows.mission_id == plan.mission_id)))
         asked = [str(o.id) for o in known.problem.observations if str(o.id) in there]
-        payload = day_inputs(repo, session, mission, sol, asked)
-    payload["keep_outs"] = keep_out_documents(changes)
-    stands = {str(t.id): t.observation_point for t in known.problem.targets}
-    for request in payload["requests"]:
-        stand = stands.get(request["target_id"])
-        if stand is not None and request["observation_pose"] is None:
-            if any(_inside(stand.east_m, stand.north_m, p) for p in changes.keep_outs or ()):
-                continue
-            request["observation_pose"] = {
-                "east_m": stand.east_m,
-                "north_m": stand.north_m,
-                "heading_rad": stand.heading_rad,
-            }
+        site, day = worksite(repo, session, mission), mission_day(session, mission, sol, asked)
+    stands = {
+        str(t.id): Pose(p.east_m, p.north_m, p.heading_rad)
+        for t in known.problem.targets
+        if (p := t.observation_point) is not None
+        and not any(_inside(p.east_m, p.north_m, polygon) for polygon in changes.keep_outs or ())
+    }
+    requests = tuple(
+        replace(r, observation_point=r.observation_point or stands.get(r.target_id)) for r in day.requests
+    )
     try:
-        day = prepare(payload, lambda _share, _what: None)
+        prepared = site.prepare(
+            replace(day, requests=requests, keep_outs=keep_outs_of(changes)), lambda _share, _what: None
+        )
     except JobFailedError as err:
         raise InvalidInputError(err.message, pointer="/changes/keep_outs") from err
     problem = replace(
-        problem_from_dict(day.problem),
+        prepared.problem,
         budget=known.problem.budget,
         max_overrun_probability=known.problem.max_overrun_probability,
     )
@@ -156,12 +153,9 @@ def _with_keep_outs(repo: Repository, plan_id: str, known: _Known, changes: Chan
     return problem
 
 
-def keep_out_documents(changes: Changes) -> list[dict[str, Any]]:
-    """Return the keep-outs of the changes as they go to the planner."""
-    return [
-        {"id": f"what-if-{k + 1}", "polygon_m": [list(corner) for corner in polygon]}
-        for k, polygon in enumerate(changes.keep_outs or ())
-    ]
+def keep_outs_of(changes: Changes) -> tuple[KeepOut, ...]:
+    """Return the keep-outs of the changes as values of the day."""
+    return tuple(KeepOut(f"what-if-{k + 1}", ring) for k, ring in enumerate(changes.keep_outs or ()))
 
 
 def _inside(x: float, y: float, polygon: tuple[tuple[float, float], ...]) -> bool:

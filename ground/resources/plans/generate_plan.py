@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import orjson
@@ -25,14 +25,16 @@ from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.path_networks.kind import PATH_NETWORK
 from ground.resources.path_networks.row import PathNetworkRow
-from ground.resources.plans.answer_what_if import keep_out_documents
+from ground.resources.plans.answer_what_if import keep_outs_of
 from ground.resources.plans.kind import PLAN
+from ground.resources.plans.order import ORDERS, PlanWork, Search
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
-from ground.resources.problems.day_inputs import choose_sol, day_inputs
 from ground.resources.problems.inputs_digest import inputs_digest
 from ground.resources.problems.kind import PROBLEM
+from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
 from ground.resources.problems.row import ProblemRow
+from mission import Day
 from planner.changes import Changes
 
 KIND = "generate_plan"
@@ -78,11 +80,12 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
             if order.what_if is not None and order.max_overrun_probability is None:
                 order = replace(order, max_overrun_probability=_allowed(session, parent))
         sol = choose_sol(session, mission_id, order.sol_id)
-        payload = day_inputs(repo, session, mission, sol, order.request_ids)
-        payload["limits"]["max_overrun_probability"] = order.max_overrun_probability
+        day = mission_day(session, mission, sol, order.request_ids)
+        limits = replace(day.limits, max_overrun_probability=order.max_overrun_probability)
+        day = replace(day, limits=limits)
         inputs = inputs_digest(session, mission_id)
         if order.what_if is not None:
-            inputs = _changed_inputs(payload, inputs, order.what_if)
+            day, inputs = _changed(day, inputs, order.what_if)
         plan_id, job_id = new_id("pln"), new_id("job")
         number = next_number(session, PlanRow, mission_id)
         row = PlanRow(
@@ -111,11 +114,8 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
             left_out={},
         )
         insert(session, actor, PLAN, row)
-        order_document = {
-            k: value
-            for k, value in asdict(order).items()
-            if k not in {"name", "notes", "request_ids", "what_if", "max_overrun_probability"}
-        }
+        search = Search(order.strategy, order.max_branches, order.time_limit_s, order.iterations, order.seed)
+        work = PlanWork(worksite(repo, session, mission), day, plan_id, search, order.what_if)
         job = enqueue(
             session,
             repo.settings,
@@ -123,7 +123,7 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
             mission_id=mission_id,
             subject_kind="plan",
             subject_id=plan_id,
-            payload={**payload, "plan_id": plan_id, "order": order_document},
+            payload=ORDERS.document(work),
             author=actor.name,
             job_id=job_id,
         )
@@ -138,15 +138,14 @@ def _allowed(session: Session, plan: PlanRow) -> float | None:
     return None if problem is None else problem.document.get("max_overrun_probability")
 
 
-def _changed_inputs(payload: dict[str, Any], inputs: str, changes: Changes) -> str:
-    """Put the changes into the day of a what-if; return a digest that no state of the mission ever has.
+def _changed(day: Day, inputs: str, changes: Changes) -> tuple[Day, str]:
+    """Return the day with the keep-outs of a what-if, and a digest that no state of the mission ever has.
 
     So the plan counts as stale from the beginning: it answers another question and cannot be approved.
     """
     if changes.keep_outs is not None:
-        payload["keep_outs"] = keep_out_documents(changes)
-    payload["what_if"] = changes.as_dict()
-    return hashlib.sha256(orjson.dumps([inputs, payload["what_if"]])).hexdigest()
+        day = replace(day, keep_outs=keep_outs_of(changes))
+    return day, hashlib.sha256(orjson.dumps([inputs, changes.as_dict()])).hexdigest()
 
 
 def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, Any]) -> str | None:

@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ground.day.convert import Report
-from ground.day.payload import network_geometry, observation_points, prepare
+from ground.day.prepare import Report
 from ground.errors import JobFailedError
 from ground.jobs.queue import WorkStoppedError
-from planner.changes import changed_problem, changes_of
+from ground.resources.path_networks.geometry import network_geometry, observation_points
+from ground.resources.plans.order import PlanWork
+from planner.changes import changed_problem
 
 if TYPE_CHECKING:
     from planner.problem import Problem
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 STOPPED = "The search was stopped; this is the best plan it had found."
 
 
-def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
     """Return plan tree, CRL, summary and everything else a plan's row holds.
 
     Asked to stop, it returns the best plan so far, with a note that says so, if there is one.
@@ -33,11 +34,11 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     from planner.emit_crl import emit
     from planner.errors import PlannerError
     from planner.plan_tree import plan_tree_to_dict, planned_observations
-    from planner.problem import problem_from_dict, problem_to_dict
+    from planner.problem import problem_to_dict
     from planner.solve import PlanStatus, Progress, solve
 
-    day = prepare(payload, lambda share, what: report(0.3 * share, what))
-    order = payload["order"]
+    day = order.site.prepare(order.day, lambda share, what: report(0.3 * share, what))
+    search = order.search
     stopped = False
 
     def follow(progress: Progress) -> None:
@@ -54,17 +55,14 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         return stopped
 
     try:
-        problem, document = problem_from_dict(day.problem), day.problem
-        if "what_if" in payload:
-            problem = changed_problem(problem, changes_of(payload["what_if"]))
-            document = problem_to_dict(problem)
+        problem = day.problem if order.what_if is None else changed_problem(day.problem, order.what_if)
         result = solve(
             problem,
-            strategy=order["strategy"],
-            max_branches=order["max_branches"],
-            time_limit_s=order["time_limit_s"],
-            iterations=order["iterations"],
-            seed=order["seed"],
+            strategy=search.strategy,
+            max_branches=search.max_branches,
+            time_limit_s=search.time_limit_s,
+            iterations=search.iterations,
+            seed=search.seed,
             report=follow,
             should_stop=stop,
         )
@@ -76,8 +74,8 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         reason = "; ".join(result.reasons) or result.status.value
         raise JobFailedError(f"no plan: {reason}", type=f"plan-{result.status.value}")
     report(0.97, "CRL")
-    refs = {"mission": payload["mission_id"], "plan": payload["plan_id"]}
-    crl = emit(problem, result.tree, plan_id=payload["plan_id"], metadata=refs)
+    refs = {"mission": order.site.mission_id, "plan": order.plan_id}
+    crl = emit(problem, result.tree, plan_id=order.plan_id, metadata=refs)
     canonical, text = canonical_text(crl), readable_text(crl)
     done = planned_observations(result.tree.plan)
     left_out = {refusal.request_id: refusal.reason for refusal in day.refused}
@@ -90,7 +88,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     return {
         "status": result.status.value,
         "stopped": STOPPED if stopped else "",
-        "problem": document,
+        "problem": problem_to_dict(problem),
         "problem_sha256": problem.digest(),
         "tree": plan_tree_to_dict(result.tree, problem),
         "crl_text": text,
@@ -107,7 +105,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         "summary": {
             **summary_of(problem, result, digest(crl)),
             "stopped": stopped,
-            **({"what_if": payload["what_if"]} if "what_if" in payload else {}),
+            **({} if order.what_if is None else {"what_if": order.what_if.as_dict()}),
         },
         "geometry": network_geometry(day),
         "observation_points": observation_points(day),

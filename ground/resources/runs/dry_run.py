@@ -28,6 +28,7 @@ from ground.resources.plans.value import PlanState
 from ground.resources.problems.row import ProblemRow
 from ground.resources.products.row import ProductRow
 from ground.resources.runs.kind import RUN
+from ground.resources.runs.order import ORDERS, RunWork, SentCommand
 from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Fault as FaultValue
 from ground.resources.runs.value import RunKind
@@ -104,6 +105,20 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
             notes=order.notes,
         )
         insert(session, actor, RUN, row)
+        work = RunWork(
+            run_id,
+            run_dir=str(repo.run_dir(run_id)),
+            files_dir=str(repo.files.folder),
+            terrain_dir=str(repo.terrain_dir(terrain_row(session, mission_id).id)),
+            crl_text=plan.crl_text,
+            problem=problem.document,
+            rover=order.rover,
+            seed=order.seed,
+            faults=tuple(faults),
+            pace=order.pace,
+            link=None if link is None else link.as_dict(),
+            commands=tuple(SentCommand(c.operation.value, c.sent_s) for c in order.commands),
+        )
         job = enqueue(
             session,
             repo.settings,
@@ -111,20 +126,7 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
             mission_id=mission_id,
             subject_kind="run",
             subject_id=run_id,
-            payload={
-                "run_id": run_id,
-                "run_dir": str(repo.run_dir(run_id)),
-                "files_dir": str(repo.files.folder),
-                "terrain_dir": str(repo.terrain_dir(terrain_row(session, mission_id).id)),
-                "crl_text": plan.crl_text,
-                "problem": problem.document,
-                "rover": order.rover,
-                "seed": order.seed,
-                "faults": faults,
-                "pace": order.pace,
-                "link": None if link is None else link.as_dict(),
-                "commands": [{"operation": c.operation.value, "sent_s": c.sent_s} for c in order.commands],
-            },
+            payload=ORDERS.document(work),
             author=actor.name,
             job_id=job_id,
         )

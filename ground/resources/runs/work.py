@@ -13,12 +13,13 @@ from pathlib import Path, PurePosixPath
 from typing import IO, TYPE_CHECKING, Any
 
 from executive.ports import Operation
-from ground.day.convert import Report
+from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.gdr.base import utc_now
 from ground.gdr.files import FileStore
 from ground.gdr.ids import new_id
 from ground.jobs.queue import WorkStoppedError
+from ground.resources.runs.order import RunWork
 from ground.uplink.flight import Sample, fly, product_line
 from ground.uplink.link import Link
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
@@ -149,7 +150,7 @@ class _Live:
             self._look(plan_s)
 
 
-def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
     """Return outcome, trace, telemetry and products of a run; the files of products are in the store.
 
     Raises
@@ -163,32 +164,31 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     from rover_iface.errors import RoverError
     from rover_iface.simulator.faults import load_faults
 
-    folder = Path(payload["run_dir"])
+    folder = Path(order.run_dir)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    budget_s = max(float(payload["problem"]["budget"]["time_s"]), 1.0)
+    budget_s = max(float(order.problem["budget"]["time_s"]), 1.0)
     report(0.0, "the rover wakes")
-    asked: Mapping[str, Any] | None = payload.get("link")  # jobs of before there were links lack it
-    link = None if asked is None else Link.from_dict(asked)
-    reach = heard(link, [Sent(Operation(c["operation"]), c["sent_s"]) for c in payload.get("commands", ())])
+    link = None if order.link is None else Link.from_dict(order.link)
+    reach = heard(link, [Sent(Operation(c.operation), c.sent_s) for c in order.commands])
     try:
-        rover = find_rover(payload["rover"])(
-            payload["problem"],
+        rover = find_rover(order.rover)(
+            order.problem,
             out=folder,
-            seed=payload["seed"],
-            faults=load_faults(payload["faults"]),
+            seed=order.seed,
+            faults=load_faults(order.faults),
             progress_s=PROGRESS_S,
-            terrain=load_cached(Path(payload["terrain_dir"])),
+            terrain=load_cached(Path(order.terrain_dir)),
         )
         with (folder / LIVE).open("w", encoding="utf-8") as out:
-            pace, store = float(payload["pace"]), FileStore(Path(payload["files_dir"]))
+            pace, store = order.pace, FileStore(Path(order.files_dir))
             live = _Live(out, folder / CONTROL, pace, budget_s, report, should_stop, store)
             flight = fly(
-                payload["crl_text"],
+                order.crl_text,
                 rover,
                 folder,
-                run_id=payload["run_id"],
-                about={name: payload[name] for name in ("rover", "seed", "faults")},
+                run_id=order.run_id,
+                about={"rover": order.rover, "seed": order.seed, "faults": list(order.faults)},
                 on_sample=live.sample,
                 on_trace=live.trace,
                 on_product=live.product,
@@ -204,7 +204,7 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         raise WorkStoppedError
     report(0.98, "products")
     return {
-        **read_run_folder(folder, Path(payload["files_dir"]), live.products),
+        **read_run_folder(folder, Path(order.files_dir), live.products),
         "options_taken": list(flight.options_taken()),
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from ground.day.convert import rover_parameters
+from ground.day.prepare import rover_parameters
 from ground.errors import InvalidInputError, OutsideTerrainError
 from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository

@@ -13,6 +13,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Mapped, mapped_column
 
 from ground.gdr.base import Row, mission_column
+from mission import Target
 
 
 class TargetRow(Row):
@@ -32,3 +33,9 @@ class TargetRow(Row):
     frame_id: Mapped[str | None] = mapped_column(String(40), index=True)
     in_frame: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     """What was seen from the frame, in its own axes; the columns above follow from it."""
+
+
+def day_target(row: TargetRow) -> Target:
+    """Return a stored target as a value of the day."""
+    east, north, up = row.normal
+    return Target(row.id, row.name, (row.east_m, row.north_m, row.up_m), (east, north, up))

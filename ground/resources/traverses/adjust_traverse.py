@@ -25,6 +25,7 @@ from ground.resources.missions.row import MissionRow
 from ground.resources.runs.row import RunRow
 from ground.resources.solutions.choose_solution import GivenSolution, insert_solution
 from ground.resources.traverses.kind import TRAVERSE
+from ground.resources.traverses.order import ORDERS, Accuracy, SeenStop, TraverseWork
 from ground.resources.traverses.row import TraverseRow
 from ground.resources.uploads.row import UploadRow
 
@@ -71,7 +72,7 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, order: Trav
             raise NotFoundError(f"there is no mission {mission_id}")
         chain = load_chain(session, mission_id)
         listed: list[dict[str, Any]] = []
-        payload = []
+        seen: list[SeenStop] = []
         for index, stop in enumerate(order.stops):
             frame = require_frame(session, mission_id, stop.frame_id, f"/stops/{index}/frame_id")
             if any(frame.id == other["frame_id"] for other in listed):
@@ -79,16 +80,8 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, order: Trav
             place = chain.place(frame.id)
             path, file_name = _source(repo, session, mission_id, stop, f"/stops/{index}")
             listed.append({**asdict(stop), "name": frame.key})
-            payload.append(
-                {
-                    "name": frame.key,
-                    "path": str(path),
-                    "file_name": file_name,
-                    "east_m": place.east_m,
-                    "north_m": place.north_m,
-                    "max_bytes": int(repo.settings.max_body_mib * 8 * 2**20),
-                }
-            )
+            most = int(repo.settings.max_body_mib * 8 * 2**20)
+            seen.append(SeenStop(frame.key, str(path), file_name, place.east_m, place.north_m, most))
         traverse_id, job_id = new_id("trv"), new_id("job")
         row = TraverseRow(
             id=traverse_id,
@@ -102,6 +95,7 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, order: Trav
             solution_ids=[],
         )
         insert(session, actor, TRAVERSE, row)
+        accuracy = Accuracy(order.odometry, order.heading_rad, order.sun_rad, order.longest_m)
         job = enqueue(
             session,
             repo.settings,
@@ -109,16 +103,7 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, order: Trav
             mission_id=mission_id,
             subject_kind="traverse",
             subject_id=traverse_id,
-            payload={
-                "stops": payload,
-                "files_dir": str(repo.files.folder),
-                "options": {
-                    "odometry": order.odometry,
-                    "heading_rad": order.heading_rad,
-                    "sun_rad": order.sun_rad,
-                    "longest_m": order.longest_m,
-                },
-            },
+            payload=ORDERS.document(TraverseWork(tuple(seen), str(repo.files.folder), accuracy)),
             author=actor.name,
             job_id=job_id,
         )

@@ -8,10 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground.day.convert import Report
+from ground.day.prepare import Report
 from ground.errors import GroundError, JobFailedError
 from ground.gdr.files import FileStore
 from ground.jobs.queue import WorkStoppedError
+from ground.resources.traverses.order import SeenStop, TraverseWork
 
 if TYPE_CHECKING:
     from rover_iface.localization.ground_points import GroundPoints
@@ -21,7 +22,7 @@ NEAR_M = 5.0
 """A panorama is of a frame only if taken within this distance of it: a mast's height, and no other stop."""
 
 
-def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
     """Return `document` (`localization/1`, each stop with its picture) and `poses` of the stops.
 
     Raises
@@ -35,26 +36,26 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     from rover_iface.localization.leg import FaultLimits
     from rover_iface.localization.traverse import TraverseOptions, localise_traverse
 
-    store = FileStore(Path(payload["files_dir"]))
+    store = FileStore(Path(order.files_dir))
     stops, pictures = [], []
-    for index, stop in enumerate(payload["stops"]):
+    for index, stop in enumerate(order.stops):
         if should_stop():
             raise WorkStoppedError
-        report(0.5 * index / len(payload["stops"]), f"points of {stop['name']}")
+        report(0.5 * index / len(order.stops), f"points of {stop.name}")
         try:
             seen, picture = _seen(stop)
         except (RoverError, GroundError, OSError) as err:
-            raise JobFailedError(f"stop {stop['name']}: {err}") from err
-        away = math.hypot(seen.eye[0] - stop["east_m"], seen.eye[1] - stop["north_m"])
+            raise JobFailedError(f"stop {stop.name}: {err}") from err
+        away = math.hypot(seen.eye[0] - stop.east_m, seen.eye[1] - stop.north_m)
         if away > NEAR_M:
             raise JobFailedError(
-                f"stop {stop['name']}: its panorama was taken at ({seen.eye[0]:.1f}, {seen.eye[1]:.1f}) m, "
+                f"stop {stop.name}: its panorama was taken at ({seen.eye[0]:.1f}, {seen.eye[1]:.1f}) m, "
                 f"{away:.1f} m from its frame; the limit is {NEAR_M:g} m"
             )
         encoded = cv2.imencode(".png", picture.image)[1].tobytes()
         pictures.append({"sha256": store.put_bytes(encoded).sha256, **picture.document()})
-        stops.append((stop["name"], seen))
-    options = payload["options"]
+        stops.append((stop.name, seen))
+    options = order.options
     done = [0]
 
     def say(line: str) -> None:
@@ -67,11 +68,11 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
         found = localise_traverse(
             stops,
             TraverseOptions(
-                share=options["odometry"],
-                heading_sigma_rad=options["heading_rad"],
-                sun_sigma_rad=options["sun_rad"],
+                share=options.odometry,
+                heading_sigma_rad=options.heading_rad,
+                sun_sigma_rad=options.sun_rad,
             ),
-            limits=FaultLimits(longest_m=options["longest_m"]),
+            limits=FaultLimits(longest_m=options.longest_m),
             report=say,
         )
     except RoverError as err:
@@ -93,19 +94,19 @@ def work(payload: dict[str, Any], report: Report, should_stop: Callable[[], bool
     return {"document": document, "poses": poses}
 
 
-def _seen(stop: dict[str, Any]) -> tuple[GroundPoints, StopPicture]:
+def _seen(stop: SeenStop) -> tuple[GroundPoints, StopPicture]:
     """Return the points and the picture of a stop."""
     from ground.gdr.archives import extract_zip, is_zip
     from rover_iface.cameras.panorama import load_panorama
     from rover_iface.localization.ground_points import points_of_panorama, read_points
     from rover_iface.localization.stop_picture import picture_of_panorama, picture_of_points
 
-    source = Path(stop["path"])
+    source = Path(stop.path)
     with tempfile.TemporaryDirectory(prefix="outcrop-stop-") as scratch:
         folder = source
-        if source.is_file() and is_zip(source) and not stop["file_name"].lower().endswith(".npz"):
+        if source.is_file() and is_zip(source) and not stop.file_name.lower().endswith(".npz"):
             folder = Path(scratch) / "panorama"
-            extract_zip(source, folder, max_bytes=stop["max_bytes"])
+            extract_zip(source, folder, max_bytes=stop.max_bytes)
             inside = sorted(folder.rglob("panorama.json"))
             if len(inside) != 1:
                 raise JobFailedError(f"the zip holds {len(inside)} panorama.json; one is needed")
@@ -113,7 +114,7 @@ def _seen(stop: dict[str, Any]) -> tuple[GroundPoints, StopPicture]:
         if folder.is_dir():
             panorama = load_panorama(folder)
             return points_of_panorama(panorama), picture_of_panorama(panorama)
-        named = Path(scratch) / f"points{Path(stop['file_name']).suffix}"
+        named = Path(scratch) / f"points{Path(stop.file_name).suffix}"
         named.symlink_to(source)
         seen = read_points(named)
         return seen, picture_of_points(seen)

@@ -12,9 +12,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mission import TerrainGrid
 from planner.errors import NetworkError
 from planner.path_network import (
-    HeightGrid,
     KeepOut,
     NetworkOptions,
     NetworkRequest,
@@ -164,7 +164,7 @@ def test_leaving_the_cone_costs_the_track_more_than_staying_in_it() -> None:
 def test_ground_between_camera_and_target_hides_it() -> None:
     heights = np.zeros((80, 80))
     heights[:, 38:42] = 3.0  # a ridge at 9.5 to 10.5 m east
-    grid = HeightGrid(0.125, 19.875, 0.25, heights)
+    grid = TerrainGrid(0.125, 19.875, 0.25, heights)
     targets = (Target("behind", 18, 10),)
     points = (ObservationPoint("P", "behind", Pose(17, 10)), ObservationPoint("Q", "behind", Pose(6, 10)))
     blind = NetworkRequest(
@@ -197,7 +197,7 @@ def test_a_drive_that_very_likely_loses_its_own_track_is_taken_out_with_its_reas
 def test_a_steep_bank_is_driven_round_and_a_moat_makes_a_point_unreachable() -> None:
     heights = np.zeros((120, 120))
     heights[40:80, 58:62] = 4.0
-    grid = HeightGrid(0.125, 29.875, 0.25, heights)
+    grid = TerrainGrid(0.125, 29.875, 0.25, heights)
     request = NetworkRequest(
         Pose(5, 15), (Target("T", 25, 15),), (ObservationPoint("O", "T", Pose(24, 15)),), terrain=grid
     )
@@ -210,7 +210,7 @@ def test_a_steep_bank_is_driven_round_and_a_moat_makes_a_point_unreachable() -> 
     row, column = np.mgrid[0:120, 0:120]
     ring = np.hypot(row - 59.5, column - 96) * 0.25
     heights[(ring > 3) & (ring < 4)] = -5
-    closed = build_network(replace(request, terrain=HeightGrid(0.125, 29.875, 0.25, heights)))
+    closed = build_network(replace(request, terrain=TerrainGrid(0.125, 29.875, 0.25, heights)))
     assert [u.id for u in closed.unreachable] == ["O"]
     assert "close every way" in closed.unreachable[0].reason
     assert closed.route("start", "O") is None
@@ -218,7 +218,7 @@ def test_a_steep_bank_is_driven_round_and_a_moat_makes_a_point_unreachable() -> 
 
 def test_climbing_costs_time_and_energy_uphill_only() -> None:
     east = np.arange(120) * 0.25
-    grid = HeightGrid(0.0, 29.75, 0.25, np.tile(0.1 * east, (120, 1)))
+    grid = TerrainGrid(0.0, 29.75, 0.25, np.tile(0.1 * east, (120, 1)))
     request = NetworkRequest(
         Pose(5, 15), (Target("T", 21, 15),), (ObservationPoint("O", "T", Pose(20, 15)),), terrain=grid
     )
@@ -281,10 +281,10 @@ BASE = NetworkRequest(
         ({"observation_points": (ObservationPoint("start", "T", Pose(9, 0)),)}, "may not be called 'start'"),
         ({"targets": (Target("T", 10, 0), Target("T", 9, 0))}, "target T is given twice"),
         ({"bounds_m": (5, 0, -5, 9)}, "west < east"),
-        ({"bounds_m": None, "terrain": HeightGrid(0, 0, 0.0, np.zeros((9, 9)))}, "spacing_m"),
-        ({"bounds_m": None, "terrain": HeightGrid(0, 0, 1.0, np.zeros(9))}, "two dimensions"),
+        ({"bounds_m": None, "terrain": TerrainGrid(0, 0, 0.0, np.zeros((9, 9)))}, "spacing_m"),
+        ({"bounds_m": None, "terrain": TerrainGrid(0, 0, 1.0, np.zeros(9))}, "two dimensions"),
         (
-            {"bounds_m": None, "terrain": HeightGrid(-9, 9, 1.0, np.full((19, 29), np.nan))},
+            {"bounds_m": None, "terrain": TerrainGrid(-9, 9, 1.0, np.full((19, 29), np.nan))},
             "no height at all",
         ),
     ],

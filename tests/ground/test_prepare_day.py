@@ -8,11 +8,11 @@ from functools import cache
 
 import pytest
 
-from ground.day.convert import DayKeepOut, DayRequest, PreparedDay, prepare_day, stand_for
-from ground.demo.mission import DemoMission, demo_mission, target_at
+from ground.day.prepare import PreparedDay, prepare_day, stand_for
+from ground.demo.mission import demo_mission, target_at
 from ground.errors import InvalidInputError
 from ground.reports.figures import ribbons
-from planner.problem import problem_from_dict
+from mission import Day, KeepOut, Request, Sky, SunElevation, Target, Tracked, Window
 from rover_iface.errors import PlacementError
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.terrain import Terrain, generate_terrain
@@ -30,21 +30,30 @@ def _profile() -> RoverProfile:
 
 
 @cache
-def _mission() -> DemoMission:
+def _mission() -> Day:
     return demo_mission(_terrain(), _profile(), seed=1)
 
 
 @cache
 def _prepared() -> PreparedDay:
+    return prepare_day(_terrain(), _profile(), _mission())
+
+
+def _asking(
+    *requests: Request, targets: tuple[Target, ...] | None = None, keep_outs: tuple[KeepOut, ...] = ()
+) -> Day:
+    """Return the demo's day with other requests."""
     day = _mission()
-    return prepare_day(_terrain(), _profile(), day.limits, day.targets, day.requests, day.keep_outs)
+    return dataclasses.replace(
+        day, requests=requests, targets=day.targets if targets is None else targets, keep_outs=keep_outs
+    )
 
 
 def test_demo_mission_has_ten_targets_and_fourteen_requests() -> None:
     day = _mission()
     assert (len(day.targets), len(day.requests)) == (10, 14)
     assert {r.target_id for r in day.requests} == {t.id for t in day.targets}
-    assert any(r.window_s for r in day.requests)
+    assert any(r.window for r in day.requests)
     assert any(r.after for r in day.requests)
 
 
@@ -55,32 +64,31 @@ def test_demo_mission_depends_on_its_seed_alone() -> None:
 
 
 def test_a_day_becomes_a_problem_the_planner_reads() -> None:
-    problem = problem_from_dict(_prepared().problem)
+    problem = _prepared().problem
     assert len(problem.observations) == 14 - len(_prepared().refused)
     assert len(problem.targets) == 10
     assert {leg.origin for leg in problem.legs} >= {"start", "T1"}
 
 
 def test_requests_travel_through_the_problem_by_their_ids() -> None:
-    for observation in problem_from_dict(_prepared().problem).observations:
+    for observation in _prepared().problem.observations:
         assert observation.refs["request"] == observation.id
 
 
 def test_a_remote_observation_that_asks_for_its_track_is_planned_with_it() -> None:
-    day = _mission()
-    requests = [
-        DayRequest("R1", "T1", "scicam", 5.0, tracked=True),
-        DayRequest("R2", "T2", "scicam", 5.0, tracked=False),
-        DayRequest("R3", "T3", "mi", 5.0, tracked=True),
-    ]
-    prepared = prepare_day(_terrain(), _profile(), day.limits, day.targets, requests)
-    found = {o.id: o for o in problem_from_dict(prepared.problem).observations}
+    day = _asking(
+        Request("R1", "T1", "scicam", 5.0, (Tracked(),)),
+        Request("R2", "T2", "scicam", 5.0),
+        Request("R3", "T3", "mi", 5.0, (Tracked(),)),
+    )
+    prepared = prepare_day(_terrain(), _profile(), day)
+    found = {o.id: o for o in prepared.problem.observations}
     assert {name: (o.kind.value, o.needs_track) for name, o in found.items()} == {
         "R1": ("image", True),
         "R2": ("image", False),
         "R3": ("place", True),
     }
-    lost = [leg["p_lose"] for leg in prepared.problem["legs"]]
+    lost = [leg.p_lose for leg in prepared.problem.legs]
     assert any("T1" in table for table in lost)
 
 
@@ -88,8 +96,8 @@ def test_routes_keep_out_of_keep_outs() -> None:
     from shapely.geometry import LineString, Polygon
 
     rings = [Polygon(k.polygon_m) for k in _mission().keep_outs]
-    for leg in _prepared().problem["legs"]:
-        way = LineString(leg["route"]) if len(leg["route"]) > 1 else None
+    for leg in _prepared().problem.legs:
+        way = LineString(leg.route) if len(leg.route) > 1 else None
         assert way is None or not any(way.crosses(ring) or way.within(ring) for ring in rings)
 
 
@@ -109,57 +117,68 @@ def test_arm_reaches_every_target_of_a_placement_from_its_observation_point() ->
 
 def test_observation_point_set_by_hand_is_kept() -> None:
     day = _mission()
-    pose = stand_for(_terrain(), _profile(), day.limits.start, day.targets[0], "scicam", count=3)[-1]
-    request = DayRequest("R1", "T1", "scicam", 5.0, tracked=False, observation_point=pose)
-    prepared = prepare_day(_terrain(), _profile(), day.limits, day.targets[:1], [request])
+    pose = stand_for(_terrain(), _profile(), day.start, day.targets[0], "scicam", count=3)[-1]
+    request = Request("R1", "T1", "scicam", 5.0, observation_point=pose)
+    prepared = prepare_day(_terrain(), _profile(), _asking(request, targets=day.targets[:1]))
     assert prepared.observation_points == {"T1": pose}
 
 
 def test_request_without_reachable_observation_point_is_refused_with_the_reason() -> None:
     day = _mission()
-    start = day.limits.start
+    start = day.start
     target = target_at(_terrain(), "T1", "walled in", start.east_m + 6.0, start.north_m)
     ring = tuple(
         (target.point_site[0] + 4.0 * math.cos(a), target.point_site[1] + 4.0 * math.sin(a))
         for a in (k * math.pi / 4 for k in range(8))
     )
-    request = DayRequest("R1", "T1", "mi", 5.0, tracked=True)
-    prepared = prepare_day(
-        _terrain(), _profile(), day.limits, [target], [request], [DayKeepOut("wall", ring)]
-    )
+    request = Request("R1", "T1", "mi", 5.0, (Tracked(),))
+    day = _asking(request, targets=(target,), keep_outs=(KeepOut("wall", ring),))
+    prepared = prepare_day(_terrain(), _profile(), day)
     assert [r.request_id for r in prepared.refused] == ["R1"]
     assert "walled in" in prepared.refused[0].reason
     assert "keep-out" in prepared.refused[0].reason
-    assert prepared.problem["targets"] == []
+    assert prepared.problem.targets == ()
 
 
 def test_target_under_an_overhang_of_its_own_normal_is_refused_with_figures() -> None:
     day = _mission()
     down = dataclasses.replace(day.targets[0], normal_site=(0.0, 0.0, -1.0))
     with pytest.raises(PlacementError, match="no observation point for mi"):
-        stand_for(_terrain(), _profile(), day.limits.start, down, "mi")
+        stand_for(_terrain(), _profile(), day.start, down, "mi")
 
 
 @pytest.mark.parametrize(
     ("request_", "message"),
     [
-        (DayRequest("R9", "T99", "mi", 1.0, True), "R9: unknown target T99"),
-        (DayRequest("R9", "T1", "laser", 1.0, True), 'rover k9 has no instrument "laser"; it has mi, scicam'),
         (
-            DayRequest("R9", "T1", "mi", 1.0, False),
-            "R9: mi is placed by the arm, so its target must be tracked",
+            Request("R9", "T1", "laser", 1.0, (Tracked(),)),
+            'R9: rover k9 has no instrument "laser"; it has mi, scicam',
         ),
-        (DayRequest("R9", "T1", "mi", 1.0, True, after=("R7",)), "R9: comes after the unknown request R7"),
+        (Request("R9", "T1", "mi", 1.0), "R9: mi is placed by the arm, so its target must be tracked"),
     ],
 )
-def test_request_that_names_what_does_not_exist_is_refused(request_: DayRequest, message: str) -> None:
-    day = _mission()
+def test_a_request_that_the_rover_cannot_serve_is_refused(request_: Request, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        prepare_day(_terrain(), _profile(), day.limits, day.targets, [request_])
+        prepare_day(_terrain(), _profile(), _asking(request_))
+
+
+def test_a_constraint_on_the_sun_becomes_a_window_of_the_problem() -> None:
+    low = SunElevation(at_most_rad=math.radians(20))
+    day = _asking(
+        Request("R1", "T1", "scicam", 5.0, (SunElevation(math.radians(40)),)),
+        Request("R2", "T2", "scicam", 5.0, (Window(0.0, 60.0), low)),
+    )
+    prepared = prepare_day(_terrain(), _profile(), dataclasses.replace(day, sky=Sky(start_lmst_h=10.5)))
+    (observation,) = prepared.problem.observations
+    assert observation.window_s is not None
+    clock = Sky(start_lmst_h=10.5).clock()
+    for t_s in observation.window_s:
+        assert clock.elevation_rad(t_s) >= math.radians(39.9)
+    assert [(r.request_id, "20 degrees at no time" in r.reason) for r in prepared.refused] == [("R2", True)]
 
 
 def test_heights_of_the_network_are_those_of_the_terrain() -> None:
-    from ground.day.convert import network_heights
+    from ground.day.prepare import network_heights
 
     grid = network_heights(_terrain(), [(0.0, 0.0), (4.0, 9.0)])
     for row, column in ((0, 0), (3, 40), (grid.heights_m.shape[0] - 1, 5)):
@@ -191,7 +210,6 @@ def test_murray_buttes_holds_a_day() -> None:
     from rover_iface.terrain import load_terrain
 
     terrain = load_terrain(shared("data/terrain/msl_onsight/murray_buttes"))
-    day = demo_mission(terrain, _profile(), seed=1)
-    prepared = prepare_day(terrain, _profile(), day.limits, day.targets, day.requests, day.keep_outs)
+    prepared = prepare_day(terrain, _profile(), demo_mission(terrain, _profile(), seed=1))
     assert prepared.refused == ()
-    assert len(prepared.problem["legs"]) == 100
+    assert len(prepared.problem.legs) == 100

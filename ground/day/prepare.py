@@ -1,20 +1,22 @@
-"""Translate between the rooms: terrain, targets and requests in, planning problem out.
+"""Make a day ready to plan: where the rover stands for each target, the path network, the planning problem.
 
-This is the one module that knows the values of both the planner and the rover. Positions are metres in the
-site frame (east, north, up), headings radians from east.
+This is the one module that joins the planner and the rover: the rover's room finds stands and samples the
+terrain, the network and the problem are the planner's.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ground.errors import InvalidInputError
+from mission import Day, KeepOut, MissionError, Pose, Request, Target, TerrainGrid
 
 if TYPE_CHECKING:
-    from planner.path_network import Calibration, HeightGrid, PathNetwork, RoverParameters
+    from planner.path_network import Calibration, NetworkRequest, PathNetwork, RoverParameters
+    from planner.problem import Problem
     from rover_iface.profile import RoverProfile
     from rover_iface.terrain import Terrain
 
@@ -22,73 +24,7 @@ NETWORK_POSTS_M = 0.25
 """Spacing of the heights that the path network is given; finer than a wheel is of no use to it."""
 
 NETWORK_MARGIN_M = 15.0
-"""How far beyond start and targets the path network may look for a way round."""
-
-
-@dataclass(frozen=True, slots=True)
-class StandPose:
-    """Where the rover stands: metres east and north, heading in radians from east."""
-
-    east_m: float
-    north_m: float
-    heading_rad: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class DayTarget:
-    """A target as the planner and the rover need it."""
-
-    id: str
-    name: str
-    point_site: tuple[float, float, float]
-    normal_site: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class DayRequest:
-    """An observation request; `observation_point` overrides base placement, `after` names earlier ones."""
-
-    id: str
-    target_id: str
-    instrument: str
-    value: float
-    tracked: bool
-    window_s: tuple[float, float] | None = None
-    after: tuple[str, ...] = ()
-    must_do: bool = False
-    dwell_s: float | None = None
-    observation_point: StandPose | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class DayKeepOut:
-    """A region the rover must not enter; corners are (east, north)."""
-
-    id: str
-    polygon_m: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class DayDriveRule:
-    """A drive between two targets' stands (None: the start) that is taken out, or has to go by corners."""
-
-    from_target_id: str | None
-    to_target_id: str
-    via_m: tuple[tuple[float, float], ...] | None
-
-
-@dataclass(frozen=True, slots=True)
-class DayLimits:
-    """Where the day begins and what it may use. The energy budget is above the floor already."""
-
-    name: str
-    start: StandPose
-    time_s: float
-    energy_j: float
-    overrun_penalty: float = 0.0
-    data_mbit: float | None = None
-    max_overrun_probability: float | None = None
-    refs: Mapping[str, str] = field(default_factory=dict)
+"""How far beyond start and targets the path network may look for a route round an obstacle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,26 +38,23 @@ class Refusal:
 
 @dataclass(frozen=True)
 class PreparedDay:
-    """A day made ready to plan: `problem` is a `problem/1` document."""
+    """A day made ready to plan; `observation_points` holds where the rover stands for each target."""
 
-    problem: dict[str, Any]
+    problem: Problem
     network: PathNetwork
-    observation_points: Mapping[str, StandPose]
+    observation_points: Mapping[str, Pose]
     refused: tuple[Refusal, ...]
 
 
 Report = Callable[[float, str], None]
+"""Told the share that is done, and what is being done."""
 
 
 def prepare_day(
     terrain: Terrain,
     profile: RoverProfile,
-    limits: DayLimits,
-    targets: Sequence[DayTarget],
-    requests: Sequence[DayRequest],
-    keep_outs: Sequence[DayKeepOut] = (),
+    day: Day,
     *,
-    drive_rules: Sequence[DayDriveRule] = (),
     calibration: Calibration | None = None,
     report: Report | None = None,
 ) -> PreparedDay:
@@ -130,71 +63,44 @@ def prepare_day(
     Raises
     ------
     InvalidInputError
-        If a request names an unknown target, instrument or request.
+        If a request asks of the rover what it cannot do.
     NetworkError, TerrainError
         If the start or a keep-out is impossible on this terrain.
     """
-    from planner.path_network import START, DriveRule, NetworkRequest, ObservationPoint, Pose, build_network
-    from planner.path_network import KeepOut as NetworkKeepOut
-    from planner.path_network import Target as NetworkTarget
+    from planner.path_network import build_network
+    from planner.problem import problem_from_dict
 
     tell = report or (lambda _share, _what: None)
-    by_id = {target.id: target for target in targets}
-    check_requests(profile, by_id, requests)
+    check_requests(profile, day)
     tell(0.0, "observation points")
-    poses, refused = _observation_points(terrain, profile, limits.start, by_id, requests, keep_outs)
+    poses, refused = _observation_points(terrain, profile, day)
     tell(0.3, "path network")
-    start = limits.start
-    tracked = {r.target_id for r in requests if r.tracked}
-    reachable = [t for t in targets if t.id in poses]
-    network = build_network(
-        NetworkRequest(
-            start=Pose(start.east_m, start.north_m, start.heading_rad),
-            targets=tuple(
-                NetworkTarget(t.id, t.point_site[0], t.point_site[1], t.point_site[2], t.id in tracked)
-                for t in reachable
-            ),
-            observation_points=tuple(
-                ObservationPoint(f"{target}.{k + 1}", target, Pose(p.east_m, p.north_m, p.heading_rad))
-                for target, stands in poses.items()
-                for k, p in enumerate(stands)
-            ),
-            keep_outs=tuple(NetworkKeepOut(k.id, k.polygon_m) for k in keep_outs),
-            terrain=network_heights(
-                terrain,
-                [(start.east_m, start.north_m), *((t.point_site[0], t.point_site[1]) for t in targets)],
-            ),
-            rover=rover_parameters(profile),
-            calibration=calibration or calibration_of(profile),
-            drive_rules=tuple(
-                DriveRule(rule.from_target_id or START, rule.to_target_id, rule.via_m)
-                for rule in drive_rules
-                if {rule.from_target_id, rule.to_target_id} <= {None, *(t.id for t in reachable)}
-            ),
-        )
-    )
+    network = build_network(_network_request(terrain, profile, day, poses, calibration))
     tell(0.8, "planning problem")
     best = network.best_points()
     unreachable = {point.target: point.reason for point in network.unreachable}
-    for request in requests:
+    for request in day.requests:
         if request.target_id in poses and request.target_id not in best:
             reason = unreachable.get(request.target_id, "no drive leads to its observation point")
             refused.append(Refusal(request.id, request.target_id, reason))
-    stand = {target: _pose_of(network, point) for target, point in best.items()}
+    stands = {target: network.places[point] for target, point in best.items()}
+    standing = {t: Pose(p.east_m, p.north_m, p.heading_rad) for t, p in stands.items()}
     gone = {refusal.request_id for refusal in refused}
-    kept = [r for r in requests if r.id not in gone]
-    problem = _problem(profile, limits, network, by_id, stand, best, kept)
-    return PreparedDay(problem, network, stand, tuple(refused))
+    windows: dict[str, tuple[tuple[float, float], ...] | None] = {}
+    for request in day.requests:
+        if request.id in gone:
+            continue
+        try:
+            windows[request.id] = request.windows_s(day.sky, day.limits.time_s)
+        except MissionError as err:
+            refused.append(Refusal(request.id, request.target_id, str(err)))
+    problem = problem_from_dict(_problem(profile, day, network, standing, best, windows))
+    return PreparedDay(problem, network, standing, tuple(refused))
 
 
-def check_requests(
-    profile: RoverProfile, targets: Mapping[str, DayTarget], requests: Sequence[DayRequest]
-) -> None:
-    """Raise InvalidInputError if a request names what does not exist."""
-    known = {request.id for request in requests}
-    for request in requests:
-        if request.target_id not in targets:
-            raise InvalidInputError(f"observation request {request.id}: unknown target {request.target_id}")
+def check_requests(profile: RoverProfile, day: Day) -> None:
+    """Raise InvalidInputError if a request asks of the rover what it cannot do."""
+    for request in day.requests:
         if request.instrument not in profile.instruments:
             names = ", ".join(sorted(profile.instruments))
             raise InvalidInputError(
@@ -206,11 +112,43 @@ def check_requests(
                 f"observation request {request.id}: {request.instrument} is placed by the arm, so its target "
                 "must be tracked"
             )
-        for other in request.after:
-            if other not in known:
-                raise InvalidInputError(
-                    f"observation request {request.id}: comes after the unknown request {other}"
-                )
+
+
+def _network_request(
+    terrain: Terrain,
+    profile: RoverProfile,
+    day: Day,
+    poses: Mapping[str, Sequence[Pose]],
+    calibration: Calibration | None,
+) -> NetworkRequest:
+    from planner.path_network import START, DriveRule, NetworkRequest, ObservationPoint
+    from planner.path_network import KeepOut as NetworkKeepOut
+    from planner.path_network import Pose as NetworkPose
+    from planner.path_network import Target as NetworkTarget
+
+    tracked = {r.target_id for r in day.requests if r.tracked}
+    known = {None, *poses}
+    places = [(day.start.east_m, day.start.north_m), *(t.point_site[:2] for t in day.targets)]
+    return NetworkRequest(
+        start=NetworkPose(day.start.east_m, day.start.north_m, day.start.heading_rad),
+        targets=tuple(
+            NetworkTarget(t.id, *t.point_site, t.id in tracked) for t in day.targets if t.id in poses
+        ),
+        observation_points=tuple(
+            ObservationPoint(f"{target}.{k + 1}", target, NetworkPose(p.east_m, p.north_m, p.heading_rad))
+            for target, stands in poses.items()
+            for k, p in enumerate(stands)
+        ),
+        keep_outs=tuple(NetworkKeepOut(k.id, k.polygon_m) for k in day.keep_outs),
+        terrain=network_heights(terrain, places),
+        rover=rover_parameters(profile),
+        calibration=calibration or calibration_of(profile),
+        drive_rules=tuple(
+            DriveRule(rule.from_target_id or START, rule.to_target_id, rule.via_m)
+            for rule in day.drive_rules
+            if {rule.from_target_id, rule.to_target_id} <= known
+        ),
+    )
 
 
 def rover_parameters(profile: RoverProfile) -> RoverParameters:
@@ -253,13 +191,13 @@ def calibration_of(profile: RoverProfile) -> Calibration:
 def stand_for(
     terrain: Terrain,
     profile: RoverProfile,
-    start: StandPose,
-    target: DayTarget,
+    start: Pose,
+    target: Target,
     instrument: str,
     *,
-    keep_outs: Sequence[DayKeepOut] = (),
+    keep_outs: Sequence[KeepOut] = (),
     count: int = 4,
-) -> list[StandPose]:
+) -> list[Pose]:
     """Return observation points of a target for an instrument, best first.
 
     Raises
@@ -267,7 +205,7 @@ def stand_for(
     PlacementError
         If there is none; the message names the figures that stand in the way.
     """
-    from rover_iface.frames import Pose
+    from rover_iface.frames import Pose as Pose3
     from rover_iface.placement.base_placement import place_base
 
     found = place_base(
@@ -277,28 +215,23 @@ def stand_for(
         target.normal_site,
         target=target.name or target.id,
         instrument=instrument,
-        start=Pose(start.east_m, start.north_m, 0.0, start.heading_rad),
+        start=Pose3(start.east_m, start.north_m, 0.0, start.heading_rad),
         keep_out=[k.polygon_m for k in keep_outs],
         count=count,
     )
-    return [StandPose(p.pose.x, p.pose.y, p.pose.heading) for p in found]
+    return [Pose(p.pose.x, p.pose.y, p.pose.heading) for p in found]
 
 
 def _observation_points(
-    terrain: Terrain,
-    profile: RoverProfile,
-    start: StandPose,
-    targets: Mapping[str, DayTarget],
-    requests: Sequence[DayRequest],
-    keep_outs: Sequence[DayKeepOut],
-) -> tuple[dict[str, list[StandPose]], list[Refusal]]:
+    terrain: Terrain, profile: RoverProfile, day: Day
+) -> tuple[dict[str, list[Pose]], list[Refusal]]:
     """Return candidate poses per target: those of the arm serve its remote observations too."""
     from rover_iface.errors import PlacementError
 
-    poses: dict[str, list[StandPose]] = {}
+    poses: dict[str, list[Pose]] = {}
     refused: list[Refusal] = []
-    asked: dict[str, list[DayRequest]] = {}
-    for request in requests:
+    asked: dict[str, list[Request]] = {}
+    for request in day.requests:
         asked.setdefault(request.target_id, []).append(request)
     for target_id, group in asked.items():
         manual = [r.observation_point for r in group if r.observation_point is not None]
@@ -307,23 +240,22 @@ def _observation_points(
             continue
         contact = [r for r in group if profile.instrument(r.instrument).kind == "contact"]
         remote = [r for r in group if r not in contact]
+        target = day.target(target_id)
         for choice in (contact, remote):
             if not choice or target_id in poses:
                 continue
             instrument = choice[0].instrument
             try:
                 poses[target_id] = stand_for(
-                    terrain, profile, start, targets[target_id], instrument, keep_outs=keep_outs
+                    terrain, profile, day.start, target, instrument, keep_outs=day.keep_outs
                 )
             except PlacementError as err:
                 refused.extend(Refusal(r.id, target_id, str(err)) for r in choice)
     return poses, refused
 
 
-def network_heights(terrain: Terrain, points: Sequence[tuple[float, float]]) -> HeightGrid:
+def network_heights(terrain: Terrain, points: Sequence[tuple[float, float]]) -> TerrainGrid:
     """Return the heights round points (east, north), as the path network takes them."""
-    from planner.path_network import HeightGrid
-
     west, south, east, north = terrain.bounds
     margin = NETWORK_MARGIN_M
     window = (
@@ -334,7 +266,7 @@ def network_heights(terrain: Terrain, points: Sequence[tuple[float, float]]) -> 
     )
     grid = terrain.as_height_grid(max(NETWORK_POSTS_M, terrain.spacing), window)
     rows = grid.heights_m.shape[0]
-    return HeightGrid(  # the planner's rows run from north to south, the terrain's from south to north
+    return TerrainGrid(  # the planner's rows run from north to south, the terrain's from south to north
         origin_east_m=grid.west_m,
         origin_north_m=grid.south_m + (rows - 1) * grid.spacing_m,
         spacing_m=grid.spacing_m,
@@ -342,39 +274,43 @@ def network_heights(terrain: Terrain, points: Sequence[tuple[float, float]]) -> 
     )
 
 
-def _pose_of(network: PathNetwork, point: str) -> StandPose:
-    pose = network.places[point]
-    return StandPose(pose.east_m, pose.north_m, pose.heading_rad)
-
-
 def _problem(
     profile: RoverProfile,
-    limits: DayLimits,
+    day: Day,
     network: PathNetwork,
-    targets: Mapping[str, DayTarget],
-    stand: Mapping[str, StandPose],
+    stands: Mapping[str, Pose],
     points: Mapping[str, str],
-    requests: Sequence[DayRequest],
+    windows: Mapping[str, tuple[tuple[float, float], ...] | None],
 ) -> dict[str, Any]:
-    """Return the `problem/1` document; targets without a request left are not in it."""
-    asked: dict[str, list[DayRequest]] = {}
-    for request in requests:
-        asked.setdefault(request.target_id, []).append(request)
+    """Return the `problem/1` document of the requests in `windows`; targets without any are not in it."""
+    asked: dict[str, list[Request]] = {}
+    for request in day.requests:
+        if request.id in windows:
+            asked.setdefault(request.target_id, []).append(request)
     tracking = profile.activity("trackstart")
-    kept = {request.id for request in requests}
+    limits = day.limits
     document: dict[str, Any] = {
         "format": "problem/1",
-        "name": limits.name,
+        "name": day.name,
         "budget": {"time_s": limits.time_s, "energy_j": limits.energy_j},
         "hotel_w": profile.power.hotel_w,
         "overrun_penalty": limits.overrun_penalty,
         "track_start": {"time_s": tracking.fixed_s, "energy_j": tracking.fixed_j},
         "track_overhead_s_per_leg": network.track_overhead_s,
-        "start": _pose_document(limits.start),
-        "targets": [_target(profile, targets[t], stand[t], asked[t]) for t in asked],
+        "start": _pose_document(day.start),
+        "targets": [
+            {
+                "id": t,
+                "point_m": [round(v, 4) for v in day.target(t).point_site],
+                "observation_point": _pose_document(stands[t]),
+                "refs": {"target": t, "name": day.target(t).name},
+                "observations": [_observation(profile, r, windows[r.id]) for r in requests],
+            }
+            for t, requests in asked.items()
+        ],
         "legs": _legs(network, {t: points[t] for t in asked}),
-        "precedence": [[a, r.id] for r in requests for a in r.after if a in kept],
-        "refs": dict(limits.refs),
+        "precedence": [[a, r.id] for r in day.requests if r.id in windows for a in r.after if a in windows],
+        "refs": dict(day.refs),
     }
     if limits.data_mbit is not None:
         document["budget"]["data_mbit"] = limits.data_mbit
@@ -383,7 +319,7 @@ def _problem(
     return document
 
 
-def _pose_document(pose: StandPose) -> dict[str, float]:
+def _pose_document(pose: Pose) -> dict[str, float]:
     return {
         "east_m": round(pose.east_m, 4),
         "north_m": round(pose.north_m, 4),
@@ -391,21 +327,10 @@ def _pose_document(pose: StandPose) -> dict[str, float]:
     }
 
 
-def _target(
-    profile: RoverProfile, target: DayTarget, stand: StandPose, requests: Sequence[DayRequest]
+def _observation(
+    profile: RoverProfile, request: Request, windows: tuple[tuple[float, float], ...] | None
 ) -> dict[str, Any]:
-    return {
-        "id": target.id,
-        "point_m": [round(v, 4) for v in target.point_site],
-        "observation_point": _pose_document(stand),
-        "refs": {"target": target.id, "name": target.name},
-        "observations": [_observation(profile, request) for request in requests],
-    }
-
-
-def _observation(profile: RoverProfile, request: DayRequest) -> dict[str, Any]:
     instrument = profile.instrument(request.instrument)
-    dwell_s = request.dwell_s or 0.0
     document: dict[str, Any] = {
         "id": request.id,
         "instrument": request.instrument,
@@ -413,7 +338,7 @@ def _observation(profile: RoverProfile, request: DayRequest) -> dict[str, Any]:
         "utility": request.value,
         "p_success": instrument.p_success,
         "observe": {
-            "time_s": {"mean": instrument.time_s.mean + dwell_s, "sd": instrument.time_s.sd},
+            "time_s": {"mean": instrument.time_s.mean + (request.dwell_s or 0.0), "sd": instrument.time_s.sd},
             "energy_j": {"mean": instrument.energy_j.mean, "sd": instrument.energy_j.sd},
         },
         "must_do": request.must_do,
@@ -421,8 +346,10 @@ def _observation(profile: RoverProfile, request: DayRequest) -> dict[str, Any]:
         "tracked": request.tracked and instrument.kind != "contact",
         "refs": {"request": request.id},
     }
-    if request.window_s is not None:
-        document["window_s"] = list(request.window_s)
+    if windows:
+        # `problem/1` holds one window; of several the longest is planned with.
+        opens_s, closes_s = max(windows, key=lambda w: w[1] - w[0])
+        document["window_s"] = [opens_s, closes_s]
     return document
 
 

@@ -1,0 +1,49 @@
+"""What the job that runs a plan on a simulated rover is given."""
+
+from __future__ import annotations
+
+from mission.codec import Codec, Document
+from mission.values import NotNegative, value
+
+
+@value
+class SentCommand:
+    """A command of the operator, and when it leaves the ground."""
+
+    operation: str
+    sent_s: float
+
+
+@value
+class RunWork:
+    """A plan to be run.
+
+    Parameters
+    ----------
+    run_dir, files_dir, terrain_dir
+        Folders of the run, of the file store and of the terrain.
+    problem
+        The planning problem (`problem/1`), from which a rover draws its world.
+    faults
+        Each a `fault/1`.
+    pace
+        Plan seconds a second; 0 is as fast as it goes.
+    link
+        Light time and passes; None where ground hears all at once.
+    """
+
+    run_id: str
+    run_dir: str
+    files_dir: str
+    terrain_dir: str
+    crl_text: str
+    problem: Document
+    rover: str
+    seed: int
+    faults: tuple[Document, ...] = ()
+    pace: NotNegative = 0.0
+    link: Document | None = None
+    commands: tuple[SentCommand, ...] = ()
+
+
+ORDERS = Codec(RunWork, "run-order/1", "order for a run", upgrades={"": ("run-order/1", dict)})
