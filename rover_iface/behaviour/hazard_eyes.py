@@ -1,114 +1,23 @@
-"""From the mast to the hazard cameras: shape registration on arrival, and the hand-off cascade."""
+"""From the mast to the hazard cameras: hand-off by a registered method on the pairs of one stop."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.hardware import Hardware
 from rover_iface.behaviour.mast_cameras import MastCameras, Sighting
 from rover_iface.behaviour.placing import HandedOff
-from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.model import CameraModel
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Pose
-from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off
-from rover_iface.vision.handoff_cascade import cascade
-from rover_iface.vision.narrow_range import NarrowSight, narrow_sight
-from rover_iface.vision.shape_tracker import CombinedTracker
-from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
-
-ARRIVED_M = 2.2
-"""Distance from the mast cameras at which a target counts as arrived at."""
-
-NARROW_M = 3.5
-"""Distance from which on a new target is ranged by the narrow pair; nearer, the navcams know enough."""
-
-PUBLISHED = {
-    "kinematic": "pure kinematic",
-    "alternate": "alternate kinematic",
-    "refined": "refined kinematic",
-    "geometric": "pure geometric",
-    "draped": "refined geometric",
-    "registration": "registration",
-}
-"""Methods of the command dictionary, by their names in the study."""
-
-
-Narrow = Callable[[Array], StereoView]
-"""Takes a pair with the narrow cameras round a believed point (3,)."""
-
-
-class ArrivalTracker:
-    """A `Tracker`: features on the way, and shape registration with earlier views once the target is near.
-
-    A target that the features have lost, even failed, is tracked again if registration finds it, as the
-    single-cycle instrument placement paper reports; one that they have is settled where both agree. A target
-    that is far when it is designated is looked at by the narrow pair too, if there is one: it ranges better,
-    and its picture is what the near navcams go back to (`CombinedTracker.recall`).
-    """
-
-    def __init__(
-        self,
-        tracker: CombinedTracker | None = None,
-        *,
-        arrived_m: float = ARRIVED_M,
-        narrow: Narrow | None = None,
-    ) -> None:
-        self.tracker = tracker or CombinedTracker()
-        self.arrived_m = arrived_m
-        self.narrow = narrow
-        self.settled: dict[str, TrackUpdate] = {}
-
-    def start(self, target: str, position: npt.ArrayLike, view: StereoView) -> TrackUpdate:
-        """See `Tracker`."""
-        narrow = self._narrow(np.asarray(position, dtype=np.float64), view)
-        return self.tracker.start(target, position, view, narrow=narrow)
-
-    def _narrow(self, position: Array, view: StereoView) -> NarrowSight | None:
-        """Return the target in the narrow pair; None where that is not needed or does not show it."""
-        away = float(np.linalg.norm(position - view.left_camera.C))
-        pixel = np.asarray(view.left_camera.project(position), dtype=np.float64)
-        if self.narrow is None or away < NARROW_M or not np.isfinite(pixel).all():
-            return None
-        try:
-            pair = self.narrow(position)
-        except (CameraError, RenderError, TrackerError):
-            return None
-        return narrow_sight(view, pixel, pair, away)
-
-    def update(self, target: str, view: StereoView) -> TrackUpdate:
-        """See `Tracker`."""
-        update = self.tracker.update(target, view)
-        self.settled.pop(target, None)
-        recalled = self.tracker.recall(target, view)
-        if recalled is not None:
-            self.settled[target] = recalled
-            return recalled
-        away = float(np.linalg.norm(update.position - view.left_camera.C))
-        if away > self.arrived_m:
-            return update
-        found, registration = self.tracker.settle(target, view, nearest_m=0.6)
-        if found.state is TrackState.LOST and update.state is TrackState.TRACKED:
-            # two ways of looking contradict each other: the features, with their own test, are not given up
-            return replace(update, reasons=found.reasons)
-        if registration is not None:
-            self.settled[target] = found
-        return found
-
-    def predicted(self, target: str) -> Array:
-        """See `Tracker`."""
-        settled = self.settled.get(target)
-        return self.tracker.predicted(target) if settled is None else settled.position
-
-    def clear(self, target: str) -> None:
-        """See `Tracker`."""
-        self.settled.pop(target, None)
-        self.tracker.clear(target)
+from rover_iface.vision.handoff import Handoff, Side
+from rover_iface.vision.handoffs import Found, Refused, find_handoff
+from rover_iface.vision.tracker import StereoView
 
 
 class HazardEyes:
@@ -120,7 +29,7 @@ class HazardEyes:
     def __init__(self, hardware: Hardware, cameras: MastCameras) -> None:
         self.hardware = hardware
         self.cameras = cameras
-        self.answers: dict[str, dict[str, object]] = {}
+        self.answers: dict[str, Mapping[str, object]] = {}
         self._pair: tuple[Pose, Sighting] | None = None
         self._handed: dict[str, tuple[Pose, HandedOff]] = {}
         self._near: dict[str, tuple[Pose, StereoView]] = {}
@@ -170,7 +79,7 @@ class HazardEyes:
 
     def hand_off(self, followed: Followed, method: str) -> HandedOff:
         """See `Handoff` of the rover's placing; the default method is the cascade from the near navcams."""
-        name = followed.target.id
+        name, find = followed.target.id, find_handoff(method)
         if not self.sees(followed):
             raise TrackerError(f"the hazard camera does not see target {name}")
         try:
@@ -181,55 +90,28 @@ class HazardEyes:
         haz = self.pair().view
         pixel = np.asarray(near.left_camera.project(followed.update.position), dtype=np.float64)
         given = Handoff(Side(haz, 0.3), Side(near, 0.8), pixel)
-        if method and method != "cascade":
-            handed = self._published(followed, given, method)
-        else:
-            handed = self._cascade(followed, given)
+        answer = find(given)
+        self.answers[name] = answer.about
+        if isinstance(answer, Refused):
+            raise TrackerError(f"hand-off of target {name} {answer.why}")
+        handed = _handed(followed, haz.left_camera, answer)
         self._handed[name] = (self.hardware.believed, handed)
         return handed
 
-    def _cascade(self, followed: Followed, given: Handoff) -> HandedOff:
-        name = followed.target.id
-        answer = cascade(given, "near")
-        self.answers[name] = {
-            "method": "cascade",
-            "accepted": answer.accepted,
-            "agreeing": answer.agreeing,
-            "score": answer.score,
-            "error_px": answer.error_px if answer.accepted else None,
-            "reasons": list(answer.reasons),
-        }
-        if not answer.accepted:
-            raise TrackerError(f"hand-off of target {name} refused: {'; '.join(answer.reasons)}")
-        camera = given.hazcam.view.left_camera
-        return _handed(followed, camera, answer.pixel, answer.position, answer.error_px, answer.score)
 
-    def _published(self, followed: Followed, given: Handoff, method: str) -> HandedOff:
-        name, published = followed.target.id, PUBLISHED.get(method, "")
-        if published not in METHODS:
-            raise TrackerError(f'hand-off "{method}"; there are cascade, {", ".join(PUBLISHED)}')
-        found = hand_off(published, "near", given)
-        match = None if found is None else given.hazcam.point(found.pixel)
-        self.answers[name] = {"method": published, "accepted": match is not None}
-        if found is None or match is None:
-            raise TrackerError(f"hand-off of target {name} by the {published} method found nothing")
-        # none of the published methods knows its error: that of the tracked position stands in
-        camera = given.hazcam.view.left_camera
-        away = float(np.linalg.norm(match.point - camera.C))
-        sigma = math.sqrt(float(np.trace(followed.update.covariance)) / 3)
-        return _handed(followed, camera, found.pixel, match.point, camera.hs * sigma / away, found.score)
-
-
-def _handed(
-    followed: Followed, camera: CameraModel, pixel: Array, position: Array, error_px: float, score: float
-) -> HandedOff:
-    sigma = error_px * float(np.linalg.norm(position - camera.C)) / camera.hs + 0.001
+def _handed(followed: Followed, camera: CameraModel, found: Found) -> HandedOff:
+    """Return a hand-off; where a method does not know its error, that of the tracked position stands in."""
+    away = float(np.linalg.norm(found.position - camera.C))
+    error_px = found.error_px
+    if error_px is None:
+        error_px = camera.hs * math.sqrt(float(np.trace(followed.update.covariance)) / 3) / away
+    sigma = error_px * away / camera.hs + 0.001
     update = replace(
         followed.update,
-        position=np.asarray(position, dtype=np.float64),
+        position=np.asarray(found.position, dtype=np.float64),
         covariance=sigma**2 * np.eye(3),
-        confidence=min(1.0, max(score, followed.update.confidence)),
-        pixel=np.asarray(pixel),
+        confidence=min(1.0, max(found.score, followed.update.confidence)),
+        pixel=np.asarray(found.pixel),
         reasons=(),
     )
     return HandedOff(update, float(error_px))

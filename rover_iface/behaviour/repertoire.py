@@ -11,16 +11,13 @@ from rover_iface.behaviour.arm_placing import ArmPlacing
 from rover_iface.behaviour.driving import Driving
 from rover_iface.behaviour.following import TargetFollower
 from rover_iface.behaviour.hardware import Hardware
-from rover_iface.behaviour.hazard_eyes import ArrivalTracker, HazardEyes
+from rover_iface.behaviour.hazard_eyes import HazardEyes
 from rover_iface.behaviour.imaging import Imaging
 from rover_iface.behaviour.mast_cameras import MastCameras
 from rover_iface.behaviour.placing import KinematicHandoff, Placing
 from rover_iface.behaviour.sight import ScannedSight, StereoSight
 from rover_iface.behaviour.target import DesignatedTarget
-from rover_iface.vision.ncc import NccTracker
-from rover_iface.vision.shape_tracker import CombinedTracker
-from rover_iface.vision.sift import SiftOptions
-from rover_iface.vision.template import NccOptions
+from rover_iface.vision.trackers import TrackerAids, make_tracker
 
 WINDOW_PX = 400
 """Side of what the `full` rover's tracker gets of a navcam frame, at full resolution; a whole one costs five
@@ -63,16 +60,19 @@ class Repertoire:
 
 
 class MakeRepertoire(Protocol):
-    """Puts a rover's behaviour together over its hardware; `targets` are those the ground designated."""
+    """Puts a rover's behaviour together over its hardware.
 
-    def __call__(self, hardware: Hardware, targets: Targets) -> Repertoire: ...
+    `targets` are those the ground designated; `tracker` names another than the rover's own.
+    """
+
+    def __call__(self, hardware: Hardware, targets: Targets, tracker: str = "") -> Repertoire: ...
 
 
-def subframe(hardware: Hardware, targets: Targets) -> Repertoire:
+def subframe(hardware: Hardware, targets: Targets, tracker: str = "") -> Repertoire:
     """Return the behaviour of the `subframe` rover: ranges as given, correlation on subframes."""
     cameras = MastCameras(hardware)
-    share = max(0.15, 3 * hardware.profile.mobility.odometry_error)
-    follower = TargetFollower(hardware, targets, cameras, NccTracker(NccOptions(odometry_share=share)))
+    aids = TrackerAids(hardware.profile.mobility.odometry_error)
+    follower = TargetFollower(hardware, targets, cameras, make_tracker(tracker or "ncc", aids))
     driving = Driving(hardware, ScannedSight(hardware), follower)
     placing = Placing(hardware, cameras, follower, KinematicHandoff(hardware, cameras))
     return Repertoire(follower, driving, Imaging(hardware, cameras, follower), placing)
@@ -83,15 +83,15 @@ class FullRepertoire(Repertoire):
 
     placing: ArmPlacing
 
-    def __init__(self, hardware: Hardware, targets: Targets) -> None:
+    def __init__(self, hardware: Hardware, targets: Targets, tracker: str = "") -> None:
         cameras = MastCameras(hardware, window_px=WINDOW_PX, right_margin_px=RIGHT_MARGIN_PX)
         self.eyes = HazardEyes(hardware, cameras)
-        share = max(0.05, hardware.profile.mobility.odometry_error)
-        tracker = ArrivalTracker(
-            CombinedTracker(SiftOptions(odometry_share=share)),
+        aids = TrackerAids(
+            hardware.profile.mobility.odometry_error,
             narrow=lambda point: cameras.stereo(point, "pancam").view,
         )
-        follower = TargetFollower(hardware, targets, cameras, tracker, cadence=CADENCE)
+        own = make_tracker(tracker or "sift-shape", aids)
+        follower = TargetFollower(hardware, targets, cameras, own, cadence=CADENCE)
         self.sight = StereoSight(hardware, cameras)
         driving = Driving(hardware, self.sight, follower)
         placing = ArmPlacing(hardware, cameras, follower, self.eyes, driving)
@@ -104,6 +104,6 @@ class FullRepertoire(Repertoire):
         return super().act(command)
 
 
-def full(hardware: Hardware, targets: Targets) -> FullRepertoire:
+def full(hardware: Hardware, targets: Targets, tracker: str = "") -> FullRepertoire:
     """Return the behaviour of the `full` rover: everything by stereo, features, cascade and planned arm."""
-    return FullRepertoire(hardware, targets)
+    return FullRepertoire(hardware, targets, tracker)

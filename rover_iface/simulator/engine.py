@@ -11,7 +11,9 @@ from __future__ import annotations
 import hashlib
 import heapq
 import json
+import logging
 import math
+import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -39,6 +41,12 @@ from rover_iface.simulator.faults import Fault, FaultKind
 def milliseconds(seconds: float) -> int:
     """Return whole milliseconds, the half rounded to even."""
     return round(seconds * 1000.0)
+
+
+INTERNAL_ERROR = "internal-error"
+"""Reason of an action that ended by an error in the rover's own program; its log has the traceback."""
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
@@ -191,7 +199,7 @@ class SimulatedRover:
         while self._heap and self._heap[0][0] <= self._now and self._heap[0][2] == _FAULT:
             self.apply_fault(heapq.heappop(self._heap)[3])
         problem = check_command(command)
-        action = self._refuse(problem) if problem else self.act(command)
+        action = self._refuse(problem) if problem else self._walled(command)
         running = _Running(command, action)
         self._running[command.id] = running
         for fault in self.faults:
@@ -203,6 +211,28 @@ class SimulatedRover:
         if self.silent_from_ms is not None and self._now >= self.silent_from_ms:
             running.silent = True
         self._advance(running)
+
+    def _walled(self, command: Command) -> Action:
+        """Carry out an action; an error in it ends it as failed and nothing else."""
+        try:
+            return (yield from self.act(command))
+        except Exception as err:  # whatever a behaviour raises, the plan goes on by its branches
+            self._log_error(command, err)
+            return Outcome(False, INTERNAL_ERROR)
+
+    def _log_error(self, command: Command, err: Exception) -> None:
+        """Put the traceback of an error into the log, and into `rover.log` of the run's folder."""
+        logger.error(
+            "internal error in an action",
+            extra={"task_id": command.id.task, "action": command.action, "t_s": self.t_s},
+            exc_info=err,
+        )
+        if self.out is None:
+            return
+        self.out.mkdir(parents=True, exist_ok=True)
+        told = "".join(traceback.format_exception(err))
+        with (self.out / "rover.log").open("a", encoding="utf-8") as file:
+            file.write(f"{self.t_s:.3f} s, {command.action} of task {command.id.task}:\n{told}\n")
 
     def _refuse(self, problem: str) -> Action:
         yield from ()

@@ -33,6 +33,7 @@ def make_rover(
     terrain: Terrain | None = None,
     battery_j: float | None = None,
     make: MakeRepertoire | None = None,
+    tracker: str = "",
 ) -> TerrainRover:
     """Return a full rover; the entry point `full` of the group `outcrop.rovers`.
 
@@ -46,4 +47,5 @@ def make_rover(
         faults=(*place.faults, *faults),
         progress_s=place.progress_s if progress_s is None else progress_s,
         battery_j=battery_j if battery_j is not None else place.battery_j,
+        tracker=tracker or place.tracker,
     )

@@ -36,6 +36,7 @@ def make_rover(
     terrain: Terrain | None = None,
     battery_j: float | None = None,
     make: MakeRepertoire | None = None,
+    tracker: str = "",
 ) -> TerrainRover:
     """Return a subframe rover; the entry point `subframe` of the group `outcrop.rovers`.
 
@@ -53,6 +54,8 @@ def make_rover(
         Report the pose so often during a drive; 0 = at the end of each way.
     make
         Another behaviour over the same hardware.
+    tracker
+        Name of another tracker than that of the world, or of the rover; see `rover_iface.vision.trackers`.
 
     Raises
     ------
@@ -67,6 +70,7 @@ def make_rover(
         faults=(*place.faults, *faults),
         progress_s=place.progress_s if progress_s is None else progress_s,
         battery_j=battery_j if battery_j is not None else place.battery_j,
+        tracker=tracker or place.tracker,
     )
 
 

@@ -33,6 +33,7 @@ class TerrainRover(RoutineRover):
         faults: Sequence[Fault] = (),
         progress_s: float = 0.0,
         battery_j: float | None = None,
+        tracker: str = "",
     ) -> None:
         profile = body.profile
         super().__init__(
@@ -52,7 +53,7 @@ class TerrainRover(RoutineRover):
         self.truth = Truth(body)
         simulated = SimulatedHardware(self, body, self.truth)
         self.hardware = FaultyHardware(simulated)
-        self.repertoire = make(self.hardware, body.targets)
+        self.repertoire = make(self.hardware, body.targets, tracker)
         simulated.tell_pose()
         self.report()
 

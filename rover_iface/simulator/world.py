@@ -13,7 +13,8 @@
      "soil": {"slip_per_slope": 0.9, "slip_flat": 0.03, "sinkage_m": 0.01},
      "map_error": {"unmapped_rocks_per_m2": 0.01, "softer": 1.2},
      "sun": {"ls_deg": 120, "latitude_deg": -4.6, "start_lmst_h": 10.0},
-     "faults": [], "progress_s": 0}
+     "faults": [], "progress_s": 0,
+     "tracker": "ncc"}                      the rover's own when absent
 
 Every member but `format` may be absent. A problem document by itself is a world too.
 """
@@ -40,7 +41,7 @@ FORMAT = "world/1"
 _PROBLEMS = ("problem/1", "contingency/1")
 _MEMBERS = {
     "format", "name", "terrain", "profile", "seed", "start", "targets", "problem", "future", "battery_j",
-    "soil", "map_error", "sun", "faults", "progress_s",
+    "soil", "map_error", "sun", "faults", "progress_s", "tracker",
 }  # fmt: skip
 
 
@@ -91,6 +92,7 @@ class World:
     sun: Sun = field(default_factory=Sun)
     faults: tuple[Fault, ...] = ()
     progress_s: float = 0.0
+    tracker: str = ""
 
     def problem_document(self) -> Mapping[str, Any]:
         """Return the planning problem; made from the targets when the world has none."""
@@ -182,6 +184,7 @@ def load_world(source: World | Mapping[str, Any] | Path | str) -> World:
         sun=_values(Sun, source.get("sun"), "sun"),
         faults=load_faults(folder / faults if isinstance(faults, str) else faults),
         progress_s=_number(source, "progress_s", 0.0, minimum=0.0),
+        tracker=str(source.get("tracker") or ""),
     )
 
 

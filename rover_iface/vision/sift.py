@@ -126,14 +126,22 @@ class _Chain:
 
 @dataclass(slots=True)
 class _Target:
+    """A track that goes where the features go (method `published`)."""
+
     chain: _Chain
     position: Array
     covariance: Array
-    anchor: Anchor | None
     view: StereoView
     state: TrackState = TrackState.TRACKED
     misses: int = 0
     answer: TrackUpdate | None = None
+
+
+@dataclass(slots=True, kw_only=True)
+class _Anchored(_Target):
+    """A track that is tied to what its own surface was seen to be (method `shipped`)."""
+
+    anchor: Anchor
 
 
 class SiftTracker:
@@ -182,7 +190,8 @@ class SiftTracker:
         """
         if target in self._targets:
             raise TrackerError(f'target "{target}" is followed already; clear it first')
-        point, spread, anchor = self._designate(target, position, view, pixel, pixels, known)
+        given = None if position is None else np.asarray(position, dtype=np.float64)
+        pair = _designated(target, given, view, pixel, pixels)
         chain = next((t.chain for t in self._targets.values() if t.chain.valid_view is view), None)
         if chain is None:
             chain = _Chain(view, view, self.find(view))
@@ -190,7 +199,19 @@ class SiftTracker:
             raise TrackerError(
                 f"only {len(chain.features)} features could be ranged; {self.options.least} are needed"
             )
-        track = _Target(chain, point, spread, anchor, view)
+        anchored = None
+        if self.shipped:
+            anchored = point, spread, _ = self._ranged(target, pair[0], given, view, known)
+        else:
+            if pixel is not None:
+                point = self._ranged(target, pair[0], given, view, known)[0]
+                pair = pair[0], np.asarray(view.right_camera.project(point))
+            point, spread = self._triangulated(target, pair, view)
+        track = (
+            _Target(chain, point, spread, view)
+            if anchored is None
+            else _Anchored(chain, point, spread, view, anchor=anchored[2])
+        )
         self._targets[target] = track
         track.answer = self._answer(target, view, spread, len(chain.features), ())
         return track.answer
@@ -216,7 +237,7 @@ class SiftTracker:
             track.answer = self._coast(target, track, view)
             return track.answer
         track.position, track.covariance = chain.motion.at(track.position, track.covariance)
-        if track.anchor is not None:
+        if isinstance(track, _Anchored):
             track.anchor.normal = np.asarray(chain.motion.new_from_old.rotate(track.anchor.normal))
             _move_key(track.anchor, chain.motion)
             track.position, track.covariance = self.looks.take(
@@ -255,7 +276,7 @@ class SiftTracker:
         away = float(np.linalg.norm(ray))
         across = np.eye(3) - np.outer(ray, ray) / away**2
         track.covariance = track.covariance + (error_px * away / view.left_camera.hs) ** 2 * across
-        if track.anchor is not None:
+        if isinstance(track, _Anchored):
             track.anchor.key = replace(track.anchor.key, drift_px2=error_px**2)
         track.answer = self._answer(target, view, track.covariance, len(track.chain.features), ())
         return track.answer
@@ -320,42 +341,30 @@ class SiftTracker:
 
     # ---- steps of an update
 
-    def _designate(
-        self,
-        target: str,
-        position: npt.ArrayLike | None,
-        view: StereoView,
-        pixel: npt.ArrayLike | None,
-        pixels: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-        known: KnownRange | None,
-    ) -> tuple[Array, Array, Anchor | None]:
-        given = None if position is None else np.asarray(position, dtype=np.float64)
-        if given is None and pixel is None and pixels is None:
-            raise TrackerError(f'target "{target}" needs a position or its pixel')
-        if pixels is not None:
-            pair = np.asarray(pixels[0], dtype=np.float64), np.asarray(pixels[1], dtype=np.float64)
-        elif pixel is not None:
-            pair = np.asarray(pixel, dtype=np.float64), np.full(2, np.nan)
-        else:
-            assert given is not None
-            pair = view.left_camera.project(given), view.right_camera.project(given)
-        if not np.isfinite(pair[0]).all():
-            raise TrackerError(f'target "{target}" lies behind the cameras')
+    def _ranged(
+        self, target: str, pixel: Array, given: Array | None, view: StereoView, known: KnownRange | None
+    ) -> tuple[Array, Array, Anchor]:
+        """Return position, covariance and anchor of the surface under a pixel.
+
+        Raises
+        ------
+        TrackerError
+            If its own patch cannot be ranged: what is not seen by stereo is not tracked.
+        """
         expected = None if given is None else float(np.linalg.norm(given - view.left_camera.C))
-        ask = self.shipped or pixel is not None
-        found = self.looks.begin(view, pair[0], expected, known) if ask else None
-        if found is not None and self.shipped:
-            return found
-        if not np.isfinite(pair[1]).all():
-            if found is None:
-                raise TrackerError(
-                    f'target "{target}" at pixel ({pair[0][0]:.1f}, {pair[0][1]:.1f}) could not be ranged'
-                )
-            pair = pair[0], np.asarray(view.right_camera.project(found[0]))
+        found = self.looks.begin(view, pixel, expected, known)
+        if found is None:
+            raise TrackerError(
+                f'target "{target}" at pixel ({pixel[0]:.1f}, {pixel[1]:.1f}) could not be ranged'
+            )
+        return found
+
+    def _triangulated(self, target: str, pair: tuple[Array, Array], view: StereoView) -> tuple[Array, Array]:
+        """Return position and covariance by the pixels of both images (eq. 4)."""
         point = triangulate(view.left_camera, view.right_camera, pair[0][None], pair[1][None])[0][0]
         if not np.isfinite(point).all():
             raise TrackerError(f'target "{target}" lies behind the cameras')
-        return point, _unscented(view, pair[0], pair[1], self.options.start_sigma_px), None
+        return point, _unscented(view, pair[0], pair[1], self.options.start_sigma_px)
 
     def _advance(self, chain: _Chain, view: StereoView) -> None:
         """Find the motion to a new stop; without one the last valid stop stays the one to match."""
@@ -363,23 +372,24 @@ class SiftTracker:
         chain.coasted_m += float(np.linalg.norm(view.left_camera.C - chain.view.left_camera.C))
         chain.view = view
         fresh = self.find(view)
-        chain.motion = self.motion(chain.features, fresh, view, seed=chain.stops, driven_m=chain.coasted_m)
-        if chain.motion is not None and chain.motion.doubtful and not self._confirmed(chain, view):
-            chain.motion = None
-        if chain.motion is not None:
+        motion = self.motion(chain.features, fresh, view, seed=chain.stops, driven_m=chain.coasted_m)
+        if motion is not None and motion.doubtful and not self._confirmed(chain, motion, view):
+            motion = None
+        chain.motion = motion
+        if motion is not None:
             # a stop that shows little moves the features it has: they may be needed for the next; so does one
             # whose few matches lead no target to where it is seen
-            poor = self.shipped and chain.motion.inliers < self.options.half_count
-            poor = poor and (2 * len(fresh) < len(chain.features) or not self._confirmed(chain, view))
-            chain.features = chain.features.moved(chain.motion.new_from_old) if poor else fresh
+            poor = self.shipped and motion.inliers < self.options.half_count
+            poor = poor and (2 * len(fresh) < len(chain.features) or not self._confirmed(chain, motion, view))
+            chain.features = chain.features.moved(motion.new_from_old) if poor else fresh
             chain.valid_view, chain.coasted_m = view, 0.0
 
-    def _confirmed(self, chain: _Chain, view: StereoView) -> bool:
+    def _confirmed(self, chain: _Chain, motion: Motion, view: StereoView) -> bool:
         """Return whether a doubtful motion leads at least one target to where it is seen again."""
-        motion = chain.motion
-        assert motion is not None
         for track in self._targets.values():
-            if track.chain is not chain or track.anchor is None or track.state is TrackState.FAILED:
+            if track.chain is not chain or track.state is TrackState.FAILED:
+                continue
+            if not isinstance(track, _Anchored):
                 continue
             anchor = replace(
                 track.anchor, normal=np.asarray(motion.new_from_old.rotate(track.anchor.normal)), scores={}
@@ -417,8 +427,7 @@ class SiftTracker:
     def _grounds(self, track: _Target, view: StereoView, motion: Motion) -> dict[str, float]:
         options = self.options
         grounds = {f"{motion.inliers} features agree": self._count(motion.inliers)}
-        if self.shipped:
-            assert track.anchor is not None
+        if isinstance(track, _Anchored):
             told = self.looks.told(view, track.position, track.covariance, track.anchor)
             chance = _within(told, view, track.position, options.error_m)
             grounds[f"the chance of {100 * options.error_m:.0f} cm is {chance:.2f}"] = chance
@@ -446,7 +455,7 @@ class SiftTracker:
         if track.chain.motion is not None:
             scores["matches"] = float(track.chain.motion.matches)
             scores["residual"] = track.chain.motion.residual_px
-        if track.anchor is not None:
+        if isinstance(track, _Anchored):
             scores |= track.anchor.scores
             spread = self.looks.told(view, track.position, spread, track.anchor)
         return TrackUpdate(
@@ -465,6 +474,33 @@ class SiftTracker:
             known = ", ".join(self._targets) or "none"
             raise TrackerError(f'target "{target}" is not followed; followed: {known}')
         return self._targets[target]
+
+
+def _designated(
+    target: str,
+    given: Array | None,
+    view: StereoView,
+    pixel: npt.ArrayLike | None,
+    pixels: tuple[npt.ArrayLike, npt.ArrayLike] | None,
+) -> tuple[Array, Array]:
+    """Return the pixels of a designated point in both images; NaN in the right one where that is not known.
+
+    Raises
+    ------
+    TrackerError
+        If nothing says where the target is, or it lies behind the cameras.
+    """
+    if pixels is not None:
+        pair = np.asarray(pixels[0], dtype=np.float64), np.asarray(pixels[1], dtype=np.float64)
+    elif pixel is not None:
+        pair = np.asarray(pixel, dtype=np.float64), np.full(2, np.nan)
+    elif given is not None:
+        pair = view.left_camera.project(given), view.right_camera.project(given)
+    else:
+        raise TrackerError(f'target "{target}" needs a position or its pixel')
+    if not np.isfinite(pair[0]).all():
+        raise TrackerError(f'target "{target}" lies behind the cameras')
+    return pair
 
 
 def _move_key(anchor: Anchor, motion: Motion) -> None:

@@ -208,3 +208,14 @@ def test_misuse_is_refused() -> None:
         tracker.update("Z", view(-6.0))
     with pytest.raises(TrackerError, match="at least 20"):
         SiftOptions(features=3)
+
+
+def test_a_target_that_its_own_patch_does_not_range_is_not_tracked() -> None:
+    seen = view(-6.0)
+    column, row = (round(float(v)) for v in seen.left_camera.project(surface()))
+    left = seen.left.copy()
+    left[row - 14 : row + 15, column - 14 : column + 15] = 1.0
+    tracker = SiftTracker()
+    with pytest.raises(TrackerError, match=r'target "A" at pixel .* could not be ranged'):
+        tracker.start("A", surface(), replace(seen, left=left))
+    assert tracker.targets == ()

@@ -1,0 +1,89 @@
+"""The tracker of the `full` rover: features on the way, shape registration once the target is near."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.cameras.model import Array
+from rover_iface.errors import CameraError, RenderError, TrackerError
+from rover_iface.vision.narrow_range import NarrowSight, narrow_sight
+from rover_iface.vision.shape_tracker import CombinedTracker
+from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
+from rover_iface.vision.trackers import Narrow
+
+ARRIVED_M = 2.2
+"""Distance from the mast cameras at which a target counts as arrived at."""
+
+NARROW_M = 3.5
+"""Distance from which on a new target is ranged by the narrow pair; nearer, the navcams know enough."""
+
+
+class ArrivalTracker:
+    """A `Tracker`: features on the way, and shape registration with earlier views once the target is near.
+
+    A target that the features have lost, even failed, is tracked again if registration finds it, as the
+    single-cycle instrument placement paper reports; one that they have is settled where both agree. A target
+    that is far when it is designated is looked at by the narrow pair too, if there is one: it ranges better,
+    and its picture is what the near navcams go back to (`CombinedTracker.recall`).
+    """
+
+    def __init__(
+        self,
+        tracker: CombinedTracker | None = None,
+        *,
+        arrived_m: float = ARRIVED_M,
+        narrow: Narrow | None = None,
+    ) -> None:
+        self.tracker = tracker or CombinedTracker()
+        self.arrived_m = arrived_m
+        self.narrow = narrow
+        self.settled: dict[str, TrackUpdate] = {}
+
+    def start(self, target: str, position: npt.ArrayLike, view: StereoView) -> TrackUpdate:
+        """See `Tracker`."""
+        narrow = self._narrow(np.asarray(position, dtype=np.float64), view)
+        return self.tracker.start(target, position, view, narrow=narrow)
+
+    def _narrow(self, position: Array, view: StereoView) -> NarrowSight | None:
+        """Return the target in the narrow pair; None where that is not needed or does not show it."""
+        away = float(np.linalg.norm(position - view.left_camera.C))
+        pixel = np.asarray(view.left_camera.project(position), dtype=np.float64)
+        if self.narrow is None or away < NARROW_M or not np.isfinite(pixel).all():
+            return None
+        try:
+            pair = self.narrow(position)
+        except (CameraError, RenderError, TrackerError):
+            return None
+        return narrow_sight(view, pixel, pair, away)
+
+    def update(self, target: str, view: StereoView) -> TrackUpdate:
+        """See `Tracker`."""
+        update = self.tracker.update(target, view)
+        self.settled.pop(target, None)
+        recalled = self.tracker.recall(target, view)
+        if recalled is not None:
+            self.settled[target] = recalled
+            return recalled
+        away = float(np.linalg.norm(update.position - view.left_camera.C))
+        if away > self.arrived_m:
+            return update
+        found, registration = self.tracker.settle(target, view, nearest_m=0.6)
+        if found.state is TrackState.LOST and update.state is TrackState.TRACKED:
+            # two ways of looking contradict each other: the features, with their own test, are not given up
+            return replace(update, reasons=found.reasons)
+        if registration is not None:
+            self.settled[target] = found
+        return found
+
+    def predicted(self, target: str) -> Array:
+        """See `Tracker`."""
+        settled = self.settled.get(target)
+        return self.tracker.predicted(target) if settled is None else settled.position
+
+    def clear(self, target: str) -> None:
+        """See `Tracker`."""
+        self.settled.pop(target, None)
+        self.tracker.clear(target)

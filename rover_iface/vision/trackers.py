@@ -1,0 +1,83 @@
+"""Trackers by name: those that come with the program, and what packages announce under `outcrop.trackers`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, cast
+
+from mission.errors import PluginError
+from mission.plugins import Registry
+from rover_iface.cameras.model import Array
+from rover_iface.errors import TrackerError
+from rover_iface.vision.tracker import StereoView, Tracker
+
+Narrow = Callable[[Array], StereoView]
+"""Takes a pair with the narrow cameras round a believed point (3,)."""
+
+TRACKERS = Registry(
+    "tracker",
+    "outcrop.trackers",
+    {
+        "ncc": "rover_iface.vision.trackers:correlation",
+        "sift": "rover_iface.vision.trackers:features",
+        "sift-shape": "rover_iface.vision.trackers:features_and_shape",
+    },
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TrackerAids:
+    """What a rover tells its tracker: share of the way that odometry is off, and its narrow pair, if any."""
+
+    odometry_error: float = 0.05
+    narrow: Narrow | None = None
+
+
+class MakeTracker(Protocol):
+    """Makes a tracker for one rover: what an entry point of `outcrop.trackers` names."""
+
+    def __call__(self, aids: TrackerAids) -> Tracker: ...
+
+
+def make_tracker(name: str, aids: TrackerAids | None = None) -> Tracker:
+    """Return a new tracker of a registered kind.
+
+    Raises
+    ------
+    TrackerError
+        If there is none of that name, or it cannot be loaded; the message names what is known.
+    """
+    try:
+        make = TRACKERS.load(name)
+    except PluginError as err:
+        raise TrackerError(str(err)) from err
+    if not callable(make):
+        raise TrackerError(f'tracker "{name}" is {make!r}; a function that makes a tracker is needed')
+    return cast("MakeTracker", make)(aids or TrackerAids())
+
+
+def correlation(aids: TrackerAids) -> Tracker:
+    """Return the correlation tracker on subframes, as flown on Opportunity."""
+    from rover_iface.vision.ncc import NccTracker
+    from rover_iface.vision.template import NccOptions
+
+    # three sigma of the way: beyond it a range is no range of the target
+    return NccTracker(NccOptions(odometry_share=max(0.15, 3 * aids.odometry_error)))
+
+
+def features(aids: TrackerAids) -> Tracker:
+    """Return the feature tracker of K9, by itself."""
+    from rover_iface.vision.sift import SiftOptions, SiftTracker
+
+    return SiftTracker(SiftOptions(odometry_share=max(0.05, aids.odometry_error)))
+
+
+def features_and_shape(aids: TrackerAids) -> Tracker:
+    """Return features on the way, the narrow pair's first picture and registration of surfaces on arrival."""
+    from rover_iface.vision.arrival import ArrivalTracker
+    from rover_iface.vision.shape_tracker import CombinedTracker
+    from rover_iface.vision.sift import SiftOptions
+
+    options = SiftOptions(odometry_share=max(0.05, aids.odometry_error))
+    return ArrivalTracker(CombinedTracker(options), narrow=aids.narrow)
