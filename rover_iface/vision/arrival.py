@@ -9,10 +9,9 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
-from rover_iface.vision.narrow_range import NarrowSight, narrow_sight
+from rover_iface.vision.narrow_range import Narrow, NarrowSight, narrow_sight
 from rover_iface.vision.shape_tracker import CombinedTracker
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
-from rover_iface.vision.trackers import Narrow
 
 ARRIVED_M = 2.2
 """Distance from the mast cameras at which a target counts as arrived at."""

@@ -35,8 +35,9 @@ from rover_iface.cameras.stereo import Cloud, PointMatch, dense_stereo, point_st
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision.relief import ReliefOptions, align_relief
-from rover_iface.vision.shape import ShapeOptions, Surface, register, surface_from_cloud
+from rover_iface.vision.shape import register
 from rover_iface.vision.sift_features import Descriptors, Features, detect, find_features
+from rover_iface.vision.surface import ShapeOptions, Surface, surface_from_cloud
 from rover_iface.vision.tracker import Image, StereoView
 
 STEP = 2

@@ -9,22 +9,24 @@ moved until its window is found on the wide one. Mast angles that are off betwee
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import PointStereo, point_stereo, triangulate
-
-if TYPE_CHECKING:
-    from rover_iface.vision.tracker import StereoView
+from rover_iface.vision.tracker import StereoView
 
 SEARCH_PX, LEAST_SCORE, SETTLED_PX, TURNS = 12, 0.7, 0.05, 5
 RANGE_PX, BIAS_PX = 0.15, 0.09
 """Error of a patch's disparity, and what those of a scene share: as the feature tracker has them."""
 PLACE_PX = 0.3
 """Error of the place in the wide picture; over a slanted face it is one of range."""
+
+
+Narrow = Callable[[Array], StereoView]
+"""Takes a pair with the narrow cameras round a believed point (3,)."""
 
 
 @dataclass(frozen=True, slots=True)

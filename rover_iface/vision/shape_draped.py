@@ -26,8 +26,9 @@ from rover_iface.vision.drape import (
     range_pixel,
 )
 from rover_iface.vision.handoff import Side
-from rover_iface.vision.shape import Registration, ShapeOptions, register
+from rover_iface.vision.shape import Registration, register
 from rover_iface.vision.sift_motion import Motion, settle
+from rover_iface.vision.surface import ShapeOptions
 
 BOTH_PX = 2.5
 """Consensus distance of patches in both images of a pair, in units of their expected error of a pixel."""

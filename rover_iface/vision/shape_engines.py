@@ -11,11 +11,10 @@ from rover_iface.cameras.model import Array
 from rover_iface.frames import Transform
 from rover_iface.vision import shape_kernels
 from rover_iface.vision.sift_motion import small_rotation
+from rover_iface.vision.surface import Sensor, ShapeOptions, Surface
 
 if TYPE_CHECKING:
     from small_gicp import RegistrationResult
-
-    from rover_iface.vision.shape import Sensor, ShapeOptions, Surface
 
 REACHES = (5.0, 2.5)
 """How far GICP looks for partners, in its voxels: first wide, then near."""

@@ -23,9 +23,10 @@ from rover_iface.frames import Transform
 from rover_iface.vision.handoff import Handoff, Side
 from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.narrow_range import NarrowSight
-from rover_iface.vision.shape import Registration, ShapeOptions
+from rover_iface.vision.shape import Registration
 from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift import SiftOptions, SiftTracker
+from rover_iface.vision.surface import ShapeOptions
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
 CLOSER = 1.5

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, cast
 
 from mission.errors import PluginError
 from mission.plugins import Registry
-from rover_iface.cameras.model import Array
 from rover_iface.errors import TrackerError
-from rover_iface.vision.tracker import StereoView, Tracker
-
-Narrow = Callable[[Array], StereoView]
-"""Takes a pair with the narrow cameras round a believed point (3,)."""
+from rover_iface.vision.narrow_range import Narrow
+from rover_iface.vision.tracker import Tracker
 
 TRACKERS = Registry(
     "tracker",

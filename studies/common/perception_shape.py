@@ -11,9 +11,10 @@ import numpy as np
 
 from rover_iface.frames import Transform
 from rover_iface.vision.handoff import Side
-from rover_iface.vision.shape import ShapeOptions, Surface, register
+from rover_iface.vision.shape import register
 from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift_motion import small_rotation
+from rover_iface.vision.surface import ShapeOptions, Surface
 from rover_iface.vision.tracker import StereoView
 from studies.common.perception_worlds import Shot, approach
 from studies.common.tracking_worlds import Array

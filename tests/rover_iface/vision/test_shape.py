@@ -11,9 +11,10 @@ import pytest
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision import shape_kernels
-from rover_iface.vision.shape import Registration, ShapeOptions, Surface, register
+from rover_iface.vision.shape import Registration, register
 from rover_iface.vision.shape_tracker import CombinedTracker
 from rover_iface.vision.sift import SiftOptions
+from rover_iface.vision.surface import ShapeOptions, Surface
 from rover_iface.vision.tracker import TrackState
 from tests.rover_iface.vision.test_sift import view
 

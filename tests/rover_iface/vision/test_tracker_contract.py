@@ -166,8 +166,6 @@ def test_a_package_whose_tracker_cannot_be_imported_is_named(monkeypatch: pytest
 
     monkeypatch.setattr(plugins, "entry_points", entry_points)
     assert "hound" in TRACKERS.names()
-    with pytest.raises(
-        TrackerError, match=r'"hound" \(acme_hound:make\) cannot be loaded.*ncc, sift'
-    ):
+    with pytest.raises(TrackerError, match=r'"hound" \(acme_hound:make\) cannot be loaded.*ncc, sift'):
         make_tracker("hound")
     assert make_tracker("ncc").start("A", surface(), view(-6.0)).state is TrackState.TRACKED
