@@ -17,8 +17,12 @@ def set_timers(run: Run, floating: Floating) -> None:
 def phase_f(run: Run) -> bool:
     """Apply one rule of phase F; tell whether one applied."""
     root = run.root
-    if root.state is State.FINISHED and not run.stopping:
-        return next_alternate(run)
+    if not run.stopping:
+        if root.state is State.FINISHED:
+            return next_alternate(run)
+        if root.state is State.INACTIVE:  # the root of a replacing plan, when the old one is over
+            lifecycle.activate(run, root)
+            return True
     if run.board.stale:
         stale, run.board.stale = run.board.stale, []
         for floating in stale:
@@ -139,6 +143,7 @@ def next_alternate(run: Run) -> bool:
     run.hold = None
     run.root_alternate = best
     run.root = run.plant(best.node, None)
+    run.of_alternates.update(run.root.walk())
     run.network.planted(run.root)
     lifecycle.activate(run, run.root)
     return True

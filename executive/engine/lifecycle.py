@@ -14,7 +14,9 @@ from executive.engine.spec import END, START, Kind, OptionSpec
 
 
 def activate(run: Run, node: Instance) -> None:
-    """Row 1: INACTIVE -> WAITING."""
+    """Row 1: INACTIVE -> WAITING; a node that a replacement has kept goes on as it is."""
+    if node.state is not State.INACTIVE:
+        return
     node.state = State.WAITING
     node.activation = run.t
     run.waiting[node] = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from executive.engine import contingencies, lifecycle, windows
 from executive.engine.instance import ACTIVE, RUNNING, Floating, Instance, Outcome, State
 from executive.engine.run import Run
@@ -19,53 +21,77 @@ def replace(run: Run, text: str) -> None:
     if run.hold is not None and run.hold.root is not None:
         run.note("rejected", f"E111: contingency {run.hold.floating.spec.id} is active")
         return
-    wrong = out_of_order(run, loaded)
+    keeping = keep(run, loaded)
+    wrong = "" if run.root_alternate is not None else out_of_order(loaded, keeping)
     if wrong:
         run.note("rejected", f"E110: {wrong}")
         return
     run.record("replace")
-    exchange(run, loaded)
+    exchange(run, loaded, keeping)
+
+
+def keep(run: Run, plan: PlanSpec) -> dict[str, Instance]:
+    """Return the old nodes with which the new main tree goes on, by id.
+
+    A composite that is FINISHED or FAILING takes nobody in: what is not over cannot go on below it.
+    """
+    keeping: dict[str, Instance] = {}
+    stack: list[tuple[NodeSpec, Instance | None]] = [(plan.root, None)]
+    while stack:
+        spec, above = stack.pop()
+        old = kept(run, spec)
+        closed = above is not None and above.state in (State.FINISHED, State.FAILING)
+        if old is not None and closed and old.state is not State.FINISHED and old.parent is not above:
+            old = None
+        if old is not None:
+            keeping[spec.id] = old
+        stack.extend((child, old) for child in spec.below())
+    return keeping
 
 
 def kept(run: Run, spec: NodeSpec) -> Instance | None:
-    """Return the old node that the new one goes on with, if there is one."""
+    """Return the node of the running plan that the new one may go on with, if there is one.
+
+    Nodes of alternates are never kept; while one is in force, only tasks that SUCCEEDED are.
+    """
     old = run.instances.get(spec.id)
-    if old is None or old.kind is not spec.kind or (old.outcome is Outcome.SKIPPED and old.start is None):
+    if old is None or old.kind is not spec.kind or old in run.of_alternates or run.old.get(spec.id) is old:
         return None
-    if spec.kind is Kind.TASK:
-        if old.state not in KEPT_TASK_STATES:
-            return None
-        return old if old.spec is spec or old.spec.identity() == spec.identity() else None
-    return old if old.start is not None else None
+    if spec.kind is not Kind.TASK:
+        return old if old.start is not None and run.root_alternate is None else None
+    if old.state not in KEPT_TASK_STATES or (old.outcome is Outcome.SKIPPED and old.start is None):
+        return None
+    if run.root_alternate is not None and old.outcome is not Outcome.SUCCEEDED:
+        return None
+    return old if old.spec is spec or old.spec.identity() == spec.identity() else None
 
 
-def out_of_order(run: Run, plan: PlanSpec) -> str:
+def out_of_order(plan: PlanSpec, keeping: Mapping[str, Instance]) -> str:
     """Return what E110 forbids in the new main tree, or nothing."""
     stack: list[tuple[NodeSpec, str]] = [(plan.root, "")]
     while stack:
         spec, barrier = stack.pop()
-        old = kept(run, spec)
-        if old is not None and barrier:
+        is_kept = spec.id in keeping
+        if is_kept and barrier:
             return f"{spec.id} has started, {barrier}"
-        if spec.kind is Kind.BLOCK and old is not None:
+        if spec.kind is Kind.BLOCK and is_kept:
             waits = ""
             for child in spec.children:
                 stack.append((child, waits and f"but would follow {waits}, which has not"))
-                if not waits and kept(run, child) is None:
+                if not waits and child.id not in keeping:
                     waits = child.id
             continue
-        for child in spec.below():
-            stack.append(
-                (child, barrier or ("" if old is not None else f"but lies below {spec.id}, which has not"))
-            )
+        below = "" if is_kept else f"but lies below {spec.id}, which has not"
+        stack.extend((child, barrier or below) for child in spec.below())
     return ""
 
 
-def exchange(run: Run, plan: PlanSpec) -> None:
+def exchange(run: Run, plan: PlanSpec, keeping: dict[str, Instance]) -> None:
     """Keep what may be kept, stop or skip the rest, and open the new nodes."""
     former_nodes = list(run.instances.values())
-    keeping = {spec.id: node for spec in plan.root.walk() if (node := kept(run, spec)) is not None}
-    alternate = keep_alternate(run, plan)
+    if run.root_alternate is not None and run.root.state is not State.FINISHED:
+        run.used_alternates.discard(run.root_alternate.id)
+    run.root_alternate = None
     run.former_ids.update(dict.fromkeys(run.plan.node_ids()))
     run.plan = plan
     run.ledger.redeclare(plan.resources)
@@ -75,21 +101,14 @@ def exchange(run: Run, plan: PlanSpec) -> None:
         run.release_held()
     exchange_contingencies(run, plan)
     run.dependents = {}
-    root = rebuild(run, plan.root, keeping)
-    if alternate is None:
-        run.root = root
-        run.root_alternate = None
-    else:
-        for node in alternate.walk():
-            keeping[node.id] = node
-            run.register_windows(node)
+    run.root = rebuild(run, plan.root, keeping)
     gone = [node for node in former_nodes if keeping.get(node.id) is not node]
     for node in gone:
         run.old[node.id] = node
     separate(gone, set(keeping.values()))
     for node in gone:
         retire(run, node)
-    reopen(run, root)
+    reopen(run)
     run.agenda.sort_again()
 
 
@@ -105,26 +124,6 @@ def exchange_contingencies(run: Run, plan: PlanSpec) -> None:
         run.contingencies.append(fresh)
         contingencies.set_timers(run, fresh)
     run.board.watch_triggers(run.contingencies)
-
-
-def keep_alternate(run: Run, plan: PlanSpec) -> Instance | None:
-    """Return the alternate that is running as the root, if the new plan has it unchanged."""
-    current = run.root_alternate
-    old_main = run.instances.get(plan.root.id)
-    if current is None or old_main is None or old_main.state is not State.FINISHED:
-        return None
-    for alternate in plan.alternates:
-        if alternate.id == current.id and same_tree(alternate.node, current.node):
-            return run.root
-    return None
-
-
-def same_tree(left: NodeSpec, right: NodeSpec) -> bool:
-    lefts, rights = list(left.walk()), list(right.walk())
-    return len(lefts) == len(rights) and all(
-        a.id == b.id and a.kind is b.kind and a.identity() == b.identity()
-        for a, b in zip(lefts, rights, strict=True)
-    )
 
 
 def rebuild(run: Run, top: NodeSpec, keeping: dict[str, Instance]) -> Instance:
@@ -202,25 +201,34 @@ def retire(run: Run, node: Instance) -> None:
         run.agenda.touch(node)
 
 
-def reopen(run: Run, root: Instance) -> None:
-    """Open what follows from the kept nodes: activate new children, skip those of finished parents."""
-    if root.state is State.INACTIVE:
-        lifecycle.activate(run, root)
-    for node in list(root.walk()):
-        if node.state in (State.FINISHED, State.FAILING):
+def reopen(run: Run) -> None:
+    """Open what follows from the kept nodes: activate new children, skip those of nodes that are over.
+
+    A root that is not kept is activated by phase F, when the last old node is FINISHED.
+    """
+    for node in list(run.root.walk()):
+        if node.kind is Kind.TASK and node.state in ACTIVE:
+            refresh(run, node)
+        elif node.state in (State.FINISHED, State.FAILING):
             for child in node.below:
-                if child.state is State.INACTIVE:
-                    lifecycle.skip(run, child, "parent-ended")
-            continue
-        if node.state not in ACTIVE:
-            continue
-        if node.kind is Kind.CONCURRENT:
-            for child in node.below:
-                if child.state is State.INACTIVE:
+                lifecycle.skip(run, child, "parent-ended")
+        elif node.state in ACTIVE:
+            if node.state is State.ENDING and not is_complete(node):
+                node.state = State.EXECUTING  # row 8b
+            if node.kind is Kind.CONCURRENT:
+                for child in node.below:
                     lifecycle.activate(run, child)
-        elif node.kind is Kind.BRANCH:
-            reopen_branch(run, node)
-        refresh(run, node)
+            elif node.kind is Kind.BRANCH:
+                reopen_branch(run, node)
+            refresh(run, node)
+
+
+def is_complete(node: Instance) -> bool:
+    """Tell whether a composite is complete (CRL.md 4.6)."""
+    if node.kind is Kind.BRANCH:
+        child = node.below[node.chosen] if node.chosen is not None else None
+        return child is not None and child.state is State.FINISHED and not child.failed_fatally()
+    return node.remaining == 0 and not node.fatal
 
 
 def refresh(run: Run, node: Instance) -> None:
@@ -240,8 +248,6 @@ def reopen_branch(run: Run, node: Instance) -> None:
     if node.chosen is None:
         return
     for index, child in enumerate(node.below):
-        if child.state is not State.INACTIVE:
-            continue
         if index == node.chosen:
             lifecycle.activate(run, child)
         elif not node.spec.next_on_failure:

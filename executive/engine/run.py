@@ -33,6 +33,8 @@ class Run:
         Ids of all nodes of plans that were replaced; nodes that a replacement took out of the plan.
     stopping
         Nodes stopped by a replacement and not yet FINISHED; nothing starts before the last of them.
+    used_alternates, of_alternates
+        Ids of alternates that have been in force; all nodes of theirs.
     waiting, retrying, undecided
         Nodes WAITING or SUSPENDED; tasks that wait for a retry; branches that have not chosen.
     held_back
@@ -76,6 +78,7 @@ class Run:
         self.contingencies = [Floating(c, i) for i, c in enumerate(plan.contingencies)]
         self.board.watch_triggers(self.contingencies)
         self.used_alternates: set[str] = set()
+        self.of_alternates: set[Instance] = set()
         self.network = DispatchNetwork(self, risks=risks)
 
     @property

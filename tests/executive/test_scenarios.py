@@ -19,6 +19,9 @@ PUBLIC = [
     "P06-a-wait-with-a-time-limit",
     "P07-one-arm-for-two-tasks",
     "P08-reference-to-a-node-that-does-not-exist",
+    "draft3/P09-a-plan-sent-while-the-alternate-runs",
+    "draft3/P10-a-held-block-is-given-a-child",
+    "draft3/P11-an-alternate-that-was-stopped-may-run-again",
 ]
 
 
