@@ -13,6 +13,7 @@ from typing import Annotated
 
 from annotated_types import MinLen
 
+from mission.codec import Codec
 from mission.constraints import After, Constraint, MustDo, Tracked, Window
 from mission.errors import MissionError
 from mission.geometry import Pose
@@ -194,3 +195,6 @@ class Day:
         """Return how far a target lies from the start, metres in the plane."""
         point = self.target(target_id).point_site
         return math.hypot(point[0] - self.start.east_m, point[1] - self.start.north_m)
+
+
+DAYS = Codec(Day, "day/1", "day")

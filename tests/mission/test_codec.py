@@ -30,8 +30,8 @@ from mission import (
     Window,
 )
 from mission.codec import Codec
+from mission.day import DAYS
 
-DAYS = Codec(Day, "day/1", "day")
 numbers = st.floats(-1e6, 1e6)
 amounts = st.floats(0, 1e9)
 

@@ -1,0 +1,24 @@
+"""The schemas in the docs are those of the codecs; OUTCROP_WRITE_SCHEMAS=1 writes them anew."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mission.codec import Codec
+from mission.day import DAYS
+
+FORMATS = Path(__file__).parents[2] / "docs/formats"
+
+
+@pytest.mark.parametrize("codec", [DAYS], ids=lambda codec: str(codec.format))
+def test_a_published_schema_is_that_of_its_codec(codec: Codec[Any]) -> None:
+    path = FORMATS / f"{codec.format.replace('/', '-')}.schema.json"
+    text = json.dumps(codec.schema(), indent=2) + "\n"
+    if os.environ.get("OUTCROP_WRITE_SCHEMAS") == "1":
+        path.write_text(text, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == text
