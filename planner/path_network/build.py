@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from mission import TerrainGrid
 from planner.path_network.consolidation import greedy_spanner
@@ -25,7 +26,7 @@ from planner.path_network.values import (
     Segment,
     UnreachablePoint,
 )
-from planner.path_network.visibility_graph import IntArray, build_visibility_graph, shortest_ways, walk
+from planner.path_network.visibility_graph import IntArray, ShortestRoutes, build_visibility_graph
 
 _CLIMB_STEP_M = 0.5
 
@@ -53,15 +54,19 @@ def build_network(request: NetworkRequest) -> PathNetwork:
     number = {name: i for i, name in enumerate(standing)}
     spots = np.array([(places[s].east_m, places[s].north_m) for s in standing])
 
-    graph = build_visibility_graph(spots, obstacles.blocked, map_bounds(request))
+    graph = build_visibility_graph(spots, obstacles, map_bounds(request), 2 * request.options.maximum_corners)
     sources = np.arange(len(standing), dtype=np.int64)
     # A hair for each segment makes the way with the fewest bends win among equals.
-    distance, previous = shortest_ways(len(graph.xy), graph.edges, graph.length_m + 1e-9, sources)
-    used = _used_edges(graph.edges, distance, previous, len(standing))
-    edges, length_m = graph.edges[used], graph.length_m[used]
-    kept = greedy_spanner(len(graph.xy), edges, length_m, request.options.stretch)
-    edges, length_m = edges[kept], length_m[kept]
-    _, ways = shortest_ways(len(graph.xy), edges, length_m + 1e-9, sources)
+    shortest_ways = ShortestRoutes(graph.owner, graph.edges, graph.length_m + 1e-9, sources, len(standing))
+    distance = shortest_ways.distance
+    used = _used_edges(graph.edges, shortest_ways, len(standing))
+    kept = used & ~graph.shared()
+    shared = np.flatnonzero(used & graph.shared())
+    kept[shared] = greedy_spanner(
+        len(graph.xy), graph.edges[shared], graph.length_m[shared], request.options.stretch
+    )
+    edges, length_m = graph.edges[kept], graph.length_m[kept]
+    ways = ShortestRoutes(graph.owner, edges, length_m + 1e-9, sources, len(standing))
     connected = np.isfinite(distance)
 
     drawn = draw_ways(request, (graph.xy, edges, length_m), number, target_of, obstacles)
@@ -90,12 +95,12 @@ def build_network(request: NetworkRequest) -> PathNetwork:
                 continue
             own = column.get(target_of.get(destination, ""))
             # Walked from the lower end, so that both directions take the same way.
-            nodes = by_hand or walk(ways[min(a, b)], min(a, b), max(a, b))
+            nodes = by_hand or ways.route(min(a, b), max(a, b))
             if by_hand is None and a > b:
                 nodes.reverse()
             route = _route(request, links, drawn.xy, nodes, places[origin], places[destination], tracked)
             if by_hand is None and own is not None and route[1][own] > request.options.maximum_loss:
-                nodes = _safest(links, len(drawn.xy), a, b, own)
+                nodes = _safest(links, graph.owner, len(edges), (a, b), own)
                 route = _route(request, links, drawn.xy, nodes, places[origin], places[destination], tracked)
             if own is not None and route[1][own] > request.options.maximum_loss:
                 missing.append(
@@ -190,20 +195,15 @@ def _rises(terrain: TerrainGrid, a: FloatArray, b: FloatArray, length_m: FloatAr
     return np.stack([up, down], axis=1)
 
 
-def _used_edges(edges: IntArray, distance: FloatArray, previous: IntArray, places: int) -> IntArray:
-    """Return the edges that some shortest way between two places takes."""
+def _used_edges(edges: IntArray, routes: ShortestRoutes, places: int) -> npt.NDArray[np.bool_]:
+    """Return which edges some shortest route between two places takes."""
     pairs: set[tuple[int, int]] = set()
     for source in range(places):
-        seen: set[int] = set()
         for destination in range(source + 1, places):
-            node = destination
-            while node != source and node not in seen and np.isfinite(distance[source, destination]):
-                seen.add(node)
-                before = int(previous[source, node])
-                pairs.add((min(node, before), max(node, before)))
-                node = before
-    mask = np.fromiter(((int(u), int(v)) in pairs for u, v in edges), dtype=bool, count=len(edges))
-    return np.nonzero(mask)[0]
+            if np.isfinite(routes.distance[source, destination]):
+                nodes = routes.route(source, destination)
+                pairs.update((min(u, v), max(u, v)) for u, v in pairwise(nodes))
+    return np.fromiter(((u, v) in pairs for u, v in edges.tolist()), dtype=bool, count=len(edges))
 
 
 def _route(
@@ -255,11 +255,14 @@ def _wrap(angle: float) -> float:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-def _safest(links: _Links, nodes: int, origin: int, destination: int, own: int) -> list[int]:
-    """Return the way on kept segments that keeps one track best; length decides among near equals."""
-    weight = links.hazard[:, own] + 1e-3 * links.length_m + 1e-9
-    _, previous = shortest_ways(nodes, links.edges, weight, np.array([origin], dtype=np.int64))
-    return walk(previous[0], origin, destination)
+def _safest(links: _Links, owner: IntArray, count: int, ends: tuple[int, int], own: int) -> list[int]:
+    """Return the route on the network's own segments that keeps one track best; length decides near ties.
+
+    The segments behind the first `count` were drawn by hand, for one drive each.
+    """
+    weight = links.hazard[:count, own] + 1e-3 * links.length_m[:count] + 1e-9
+    source = np.array(ends[:1], dtype=np.int64)
+    return ShortestRoutes(owner, links.edges[:count], weight, source, max(ends) + 1).route(*ends)
 
 
 def _segments(

@@ -13,7 +13,7 @@ import shapely
 from planner.errors import NetworkError
 from planner.path_network.obstacles import Obstacles
 from planner.path_network.values import START, FloatArray, NetworkRequest, Point
-from planner.path_network.visibility_graph import IntArray, clear_of
+from planner.path_network.visibility_graph import IntArray
 
 FORBIDDEN = "the drive was taken out by hand"
 
@@ -108,8 +108,9 @@ def draw_ways(
 def _blocked(obstacles: Obstacles, corners: Sequence[Point | FloatArray]) -> str | None:
     """Return why a way cannot be driven, naming what it comes too near to; None where it can."""
     line = np.asarray(corners, dtype=np.float64)
-    pieces = shapely.linestrings(np.stack([line[:-1], line[1:]], axis=1))
-    if bool(clear_of(obstacles.blocked, pieces).all()):
+    pieces = np.asarray(shapely.linestrings(np.stack([line[:-1], line[1:]], axis=1)))
+    ends = [(float(e), float(n)) for e, n in (line[0], line[-1])]
+    if bool(obstacles.free(pieces, *ends).all()):
         return None
     whole = shapely.linestrings(line)
     near = min(zip(obstacles.hard, obstacles.names, strict=True), key=lambda p: shapely.distance(p[0], whole))

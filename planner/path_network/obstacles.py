@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely.geometry import LinearRing, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from mission import TerrainGrid
 from planner.errors import NetworkError
+from planner.path_network.hazards import hazard_polygons
 from planner.path_network.values import (
     START,
     FloatArray,
     KeepOut,
-    NetworkOptions,
     NetworkRequest,
     Pose,
-    RoverParameters,
 )
 
 _ARC = 3  # segments to a quarter circle of clearance
+_SHRINK_M = 1e-6  # a segment along an obstacle's edge is free, one through its inside is not
+_HAIR_M = 1e-5  # a segment along an opening's edge is free
 _SLIVER_M = 1e-4  # corners nearer than this to a straight edge only slow the search down
 # One chord of a GEOS arc spans up to one and a half steps, and a concave outline may lose 1 % of the
 # distance; this factor keeps the chords outside the true circle all the same.
@@ -43,12 +47,22 @@ class Obstacles:
         All of them with the clearance, united; routes stay outside or on its edge.
     hazards
         The part of `hard` that was found in the heights.
+    openings
+        Ground inside `blocked` that the drives to and from a place (east, north) may use.
     """
 
     hard: tuple[Polygon, ...]
     names: tuple[str, ...]
     blocked: BaseGeometry
     hazards: tuple[Polygon, ...]
+    openings: Mapping[tuple[float, float], BaseGeometry]
+
+    def free(self, lines: npt.NDArray[np.object_], *places: tuple[float, float]) -> npt.NDArray[np.bool_]:
+        """Return which straight lines may be driven on the way to or from these places."""
+        for place in places:
+            if place in self.openings:
+                lines = shapely.difference(lines, self.openings[place].buffer(_HAIR_M, quad_segs=1))
+        return clear_of(self.blocked, lines)
 
 
 def check_request(request: NetworkRequest) -> tuple[Polygon, ...]:
@@ -180,69 +194,15 @@ def _strictly_in(polygon: BaseGeometry, east_m: float, north_m: float) -> bool:
     return bool(polygon.contains(point)) and float(polygon.boundary.distance(point)) > 1e-9
 
 
-# --------------------------------------------------------------------------- hazards in the heights
-
-
-def hazard_polygons(grid: TerrainGrid, rover: RoverParameters, options: NetworkOptions) -> list[Polygon]:
-    """Return outlines of ground that is too steep, has too high a step or is unknown.
-
-    Heights are averaged to cells of at least `terrain_cell_m`; the slope of a cell is that of the plane
-    through its surroundings of the rover's size, the step is what the heights in the cell's 3x3 (or finer)
-    neighbourhood span beyond that slope.
-    """
-    from scipy import ndimage
-
-    heights = np.asarray(grid.heights_m, dtype=np.float64)
-    known = np.isfinite(heights)
-    if not known.all():
-        nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-        heights = heights[tuple(nearest)]
-    block = max(1, round(options.terrain_cell_m / grid.spacing_m))
-    rows, columns = heights.shape[0] // block, heights.shape[1] // block
-    if min(rows, columns) < 3:
-        block, rows, columns = 1, *heights.shape
-    cut = heights[: rows * block, : columns * block].reshape(rows, block, columns, block)
-    mean = cut.mean(axis=(1, 3))
-    cell = grid.spacing_m * block
-    width = max(3, 2 * round(max(rover.clearance_m, cell) / cell) + 1)
-    smooth = ndimage.uniform_filter(mean, width, mode="nearest")
-    north, east = np.gradient(smooth, cell)
-    slope = np.hypot(east, north)
-    if block >= 2:
-        span = cut.max(axis=(1, 3)) - cut.min(axis=(1, 3))
-        reach = cell
-    else:
-        span = ndimage.maximum_filter(mean, 3) - ndimage.minimum_filter(mean, 3)
-        reach = 2 * cell
-    step = span - slope * reach * math.sqrt(2.0)
-    bad = (slope > math.tan(rover.maximum_slope_rad)) | (step > rover.maximum_step_m)
-    if options.unknown_is_hazard and not known.all():
-        dark = ~known[: rows * block, : columns * block].reshape(rows, block, columns, block).all(axis=(1, 3))
-        hole = max(1, round(rover.clearance_m / cell))
-        bad |= ndimage.binary_opening(dark, np.ones((hole + 1, hole + 1), dtype=bool))
-    if not bad.any():
-        return []
-    west = grid.origin_east_m - grid.spacing_m / 2
-    top = grid.origin_north_m + grid.spacing_m / 2
-    edges = np.diff(np.pad(bad.astype(np.int8), ((0, 0), (1, 1))), axis=1)
-    begin_row, begin = np.nonzero(edges == 1)
-    _, end = np.nonzero(edges == -1)
-    boxes = shapely.box(
-        west + begin * cell, top - (begin_row + 1) * cell, west + end * cell, top - begin_row * cell
-    )
-    united = shapely.union_all(boxes)
-    return [g for g in shapely.get_parts(united).tolist() if isinstance(g, Polygon)]
-
-
 # --------------------------------------------------------------------------- clearance
 
 
 def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> tuple[Obstacles, list[str]]:
     """Return all obstacles with their clearance, and notes on what had to be bent.
 
-    A place nearer to an obstacle than the clearance stays reachable: within one clearance of the place that
-    obstacle's margin shrinks to nine tenths of the place's own distance. So adding an obstacle never opens
-    a way, and a route never enters an obstacle.
+    A place nearer to an obstacle than the clearance stays reachable: its own drives may use an opening in
+    the margin (`_opening`), no others. So adding an obstacle never opens a way, a route never enters an
+    obstacle, and keeps the clearance but for its own ends.
     """
     rover, options = request.rover, request.options
     notes: list[str] = []
@@ -269,58 +229,77 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
         *("a hazard in the terrain" for _ in hazards),
     )
     if not hard:
-        return Obstacles((), (), Polygon(), ()), notes
-    tolerance = 0.0
+        return Obstacles((), (), Polygon(), (), {}), notes
+    blocked = _with_clearance(hard, rover.clearance_m, 0.0)
+    if shapely.get_num_coordinates(blocked) > 2 * options.maximum_corners:
+        blocked = _with_clearance(hard, rover.clearance_m, options.outward_m)
+    tree = shapely.STRtree(hard)
     places = [request.start, *(p.pose for p in request.observation_points)]
-    spots = shapely.points([(p.east_m, p.north_m) for p in places])
-    while True:
-        blocked = _with_clearance(hard, len(keep_outs), spots, rover.clearance_m, tolerance)
-        corners = int(shapely.get_num_coordinates(blocked))
-        if corners <= 2 * options.maximum_corners or tolerance > 4.0:
-            break
-        tolerance = max(0.1, 2 * tolerance)
-    if tolerance:
-        notes.append(f"hazards were simplified outward by up to {tolerance:g} m")
-    return Obstacles(tuple(hard), names, blocked, tuple(hazards)), notes
+    openings = {}
+    for pose in places:
+        opening = _opening(hard, tree, blocked, pose, rover.clearance_m)
+        if opening is not None:
+            openings[pose.east_m, pose.north_m] = opening
+    return Obstacles(tuple(hard), names, blocked, tuple(hazards), openings), notes
 
 
-def _with_clearance(
-    hard: tuple[Polygon, ...], exact: int, spots: np.ndarray, clearance_m: float, tolerance_m: float
-) -> BaseGeometry:
-    """Return the union of all obstacles with margins; those from `exact` on may be simplified outward."""
-    bodies = np.array(hard, dtype=object)
-    margin = clearance_m * _ROUND_UP + 2 * _SLIVER_M
-    grown = shapely.buffer(bodies, margin, quad_segs=_ARC)
-    if tolerance_m > 0 and exact < len(hard):
-        rough = shapely.union_all(shapely.buffer(bodies[exact:], margin + tolerance_m, quad_segs=1))
-        parts = shapely.get_parts(shapely.simplify(rough, tolerance_m))
-        parts = np.array(
-            [Polygon(p.exterior, [r for r in p.interiors if Polygon(r).area > 4.0]) for p in parts]
-        )
-        grown = np.concatenate([grown[:exact], parts])
-        bodies = np.concatenate([bodies[:exact], [shapely.union_all(bodies[exact:])] * len(parts)])
-    for i, body in enumerate(bodies):
-        away = shapely.distance(body, spots)
-        near = np.nonzero((away > 0) & shapely.intersects(grown[i], spots))[0]
-        if not near.size:
-            continue
-        shape = grown[i]
-        for j in near:
-            reach = max(clearance_m, 1.05 * tolerance_m)
-            disc = shapely.buffer(spots[j], reach, quad_segs=4)
-            nearby = body.intersection(shapely.buffer(spots[j], reach + 1.5 * clearance_m, quad_segs=4))
-            tight = shapely.buffer(nearby, 0.9 * min(float(away[j]), clearance_m), quad_segs=_ARC)
-            shape = shape.difference(disc.difference(tight))
-        grown[i] = shape
-    united = shapely.union_all(grown)
-    return shapely.simplify(united, _SLIVER_M)
+def _with_clearance(hard: tuple[Polygon, ...], clearance_m: float, outward_m: float) -> BaseGeometry:
+    """Return the union of all obstacles with the clearance, its outline made simpler outward only.
+
+    Grown by the clearance and twice `outward_m`, then simplified by that (Douglas and Peucker): what it cuts
+    off lies within `outward_m` of the outline, at the vertex where a ring begins within twice that. So no
+    ground within the clearance is ever opened.
+    """
+    margin = (clearance_m + 2 * outward_m) * _ROUND_UP + 2 * _SLIVER_M
+    grown = shapely.buffer(np.array(hard, dtype=object), margin, quad_segs=_ARC)
+    return shapely.simplify(shapely.union_all(grown), _SLIVER_M + outward_m)
+
+
+def _opening(
+    hard: tuple[Polygon, ...], tree: shapely.STRtree, blocked: BaseGeometry, pose: Pose, clearance_m: float
+) -> BaseGeometry | None:
+    """Return the ground round a place inside a margin that drives to and from it may use; None without need.
+
+    Within one clearance of the place the margin shrinks to nine tenths of the place's own distance.
+    """
+    spot = shapely.Point(pose.east_m, pose.north_m)
+    if clearance_m <= 0.0 or not blocked.contains(spot):
+        return None
+    bodies = [hard[i] for i in tree.query(spot, predicate="dwithin", distance=2.5 * clearance_m)]
+    disc = spot.buffer(clearance_m, quad_segs=4)
+    for body in bodies:
+        away = float(body.distance(spot))
+        disc = disc.difference(body.buffer(0.9 * min(away, clearance_m), quad_segs=_ARC))
+    return disc
+
+
+def clear_of(blocked: BaseGeometry, lines: Any) -> npt.NDArray[np.bool_]:
+    """Return which straight lines (an array of shapely's) stay outside `blocked` or on its edge."""
+    body = shapely.buffer(blocked, -_SHRINK_M, join_style="mitre")
+    return ~_hits(body, np.asarray(lines))
+
+
+def _hits(body: BaseGeometry, lines: npt.NDArray[np.object_]) -> npt.NDArray[np.bool_]:
+    """Return which lines meet the body: a tree over its parts finds the few that each line may meet."""
+    parts = shapely.get_parts(body)
+    hit = np.zeros(len(lines), dtype=bool)
+    shapely.prepare(parts)
+    tree = shapely.STRtree(lines)
+    # Large parts first: most lines fall to them and need no further test.
+    for part in sorted(parts.tolist(), key=lambda g: -g.area):
+        found = tree.query(part)
+        found = found[~hit[found]]
+        if found.size:
+            hit[found] = shapely.intersects(part, lines[found])
+    return hit
 
 
 def place_reason(obstacles: Obstacles, east_m: float, north_m: float) -> str | None:
     """Return why the rover cannot stand at a point, or None where it can."""
-    for polygon, name in zip(obstacles.hard, obstacles.names, strict=True):
-        if _strictly_in(polygon, east_m, north_m):
-            return f"it lies inside {name}"
+    inside = np.flatnonzero(shapely.contains_xy(np.array(obstacles.hard, dtype=object), east_m, north_m))
+    for k in inside.tolist():
+        if _strictly_in(obstacles.hard[k], east_m, north_m):
+            return f"it lies inside {obstacles.names[k]}"
     return None
 
 

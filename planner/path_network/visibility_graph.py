@@ -1,27 +1,38 @@
-"""Straight segments that see each other past obstacles, and the shortest ways along them.
+"""Straight segments that see each other past obstacles, and the shortest routes along them.
 
-Nodes are the places and the convex corners of the obstacles. A shortest way bends only at such corners,
+Nodes are the places and the convex corners of the obstacles. A shortest route bends only at such corners,
 and only so that it hugs them, so a segment is kept when it is tangent at every corner that it ends in
 (Lozano-Perez and Wesley 1979; the pruned form is the tangent graph of Liu and Arimoto 1991).
+
+A place inside a margin has nodes of its own, the corners of its opening: only routes that begin or end there
+pass them. With many corners not all pairs are looked at: near ones in all directions, and the edges of a
+constrained Delaunay triangulation of the free ground, which keep every connection that there is.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from planner.path_network.obstacles import ring_corners
+from planner.path_network.obstacles import Obstacles, clear_of, ring_corners
 from planner.path_network.values import FloatArray
 
 IntArray = npt.NDArray[np.int64]
 
-_SHRINK_M = 1e-6  # a segment along an obstacle's edge is free, one through its inside is not
 _EPS = 1e-9
+EVERYBODY = -1
+"""Owner of a node that every route may pass."""
+
+SECTORS, NEAREST, LOOKED_AT = 12, 3, 400
+"""Directions in which near corners are looked for, corners in each, and neighbours that they come from. By
+hand: 36 segments to be looked at from a corner, of about 25 obstacles round it."""
+
+OPEN_GROUND_M = 20.0
+"""Without an edge of the map, ground so far round everything is looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,90 +49,334 @@ class VisibilityGraph:
         Shape (edges, 2), lower node first.
     length_m
         Shape (edges,).
+    owner
+        Shape (nodes,): the place whose routes alone may pass a node, or `EVERYBODY`.
     """
 
     xy: FloatArray
     places: int
     edges: IntArray
     length_m: FloatArray
+    owner: IntArray
+
+    def shared(self) -> npt.NDArray[np.bool_]:
+        """Return which edges every route may use."""
+        return np.asarray((self.owner[self.edges] == EVERYBODY).all(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class _Nodes:
+    """Nodes with the corner before and after each, shapes (n, 2); NaN for places and for plain vertices."""
+
+    xy: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+    def tangent(self, first: IntArray, second: IntArray) -> npt.NDArray[np.bool_]:
+        """Return which segments hug the corners that they end in."""
+        good = np.ones(len(first), dtype=bool)
+        for end, other in ((first, second), (second, first)):
+            at = ~np.isnan(self.before[end, 0])
+            c = end[at]
+            along = self.xy[other[at]] - self.xy[c]
+            good[at] &= _cross(along, self.before[c] - self.xy[c]) * _cross(
+                along, self.after[c] - self.xy[c]
+            ) >= (-_EPS)
+        return good
+
+    def length_m(self, edges: IntArray) -> FloatArray:
+        return np.asarray(np.hypot(*(self.xy[edges[:, 0]] - self.xy[edges[:, 1]]).T))
+
+    def lines(self, first: IntArray, second: IntArray) -> npt.NDArray[np.object_]:
+        return np.asarray(shapely.linestrings(np.stack([self.xy[first], self.xy[second]], axis=1)))
 
 
 def build_visibility_graph(
-    places: FloatArray, blocked: BaseGeometry, bounds_m: tuple[float, float, float, float] | None
+    places: FloatArray,
+    obstacles: Obstacles,
+    bounds_m: tuple[float, float, float, float] | None,
+    most_corners: int,
 ) -> VisibilityGraph:
-    """Return the tangent graph of places (n, 2) and obstacles; segments never enter `blocked`."""
-    corners, before, after = ring_corners(blocked)
-    if len(corners):
-        turn = _cross(corners - before, after - corners)
-        keep = turn > _EPS
-        if bounds_m is not None:
-            west, south, east, north = bounds_m
-            keep &= (corners[:, 0] >= west) & (corners[:, 0] <= east)
-            keep &= (corners[:, 1] >= south) & (corners[:, 1] <= north)
-        corners, before, after = corners[keep], before[keep], after[keep]
+    """Return the tangent graph of places (n, 2) and obstacles.
+
+    With more than `most_corners` convex corners only near pairs are looked at.
+    """
     n = len(places)
-    xy = np.concatenate([places, corners])
-    first, second = np.triu_indices(len(xy), 1)
-    tangent = np.ones(len(first), dtype=bool)
-    for end, other in ((first, second), (second, first)):
-        at = end >= n
-        c = end[at] - n
-        along = xy[other[at]] - corners[c]
-        tangent[at] &= _cross(along, before[c] - corners[c]) * _cross(along, after[c] - corners[c]) >= -_EPS
-    first, second = first[tangent], second[tangent]
-    if not blocked.is_empty and len(first):
-        free = clear_of(blocked, shapely.linestrings(np.stack([xy[first], xy[second]], axis=1)))
+    corners = _convex(*ring_corners(obstacles.blocked), bounds_m)
+    none = np.full((n, 2), np.nan)
+    nodes = _Nodes(*(np.concatenate(pair) for pair in zip((places, none, none), corners, strict=True)))
+    owner = np.full(len(nodes.xy), EVERYBODY, dtype=np.int64)
+    narrow = [i for i in range(n) if (float(places[i, 0]), float(places[i, 1])) in obstacles.openings]
+    owner[narrow] = narrow
+    own = [_own_corners(obstacles, places[i], bounds_m) for i in narrow]
+    everybody = np.flatnonzero(owner == EVERYBODY)
+    if len(corners[0]) <= most_corners:
+        a, b = np.triu_indices(len(everybody), 1)
+        first, second = everybody[a], everybody[b]
+        kept = nodes.tangent(first, second)
+    else:
+        nodes, owner, safe = _with_triangles(nodes, owner, obstacles, bounds_m)
+        first, second = _near_pairs(nodes, everybody)
+        kept = np.ones(len(first), dtype=bool)
+    first, second = first[kept], second[kept]
+    if not obstacles.blocked.is_empty and len(first):
+        free = clear_of(obstacles.blocked, nodes.lines(first, second))
         first, second = first[free], second[free]
     edges = np.stack([first, second], axis=1).astype(np.int64)
-    return VisibilityGraph(xy, n, edges, np.hypot(*(xy[first] - xy[second]).T))
+    if len(corners[0]) > most_corners:
+        edges = np.unique(np.concatenate([edges, safe]), axis=0)
+    if narrow:
+        nodes, owner, private = _private(nodes, owner, narrow, own, obstacles, most_corners)
+        edges = np.concatenate([edges, private])
+    graph = VisibilityGraph(nodes.xy, n, edges, nodes.length_m(edges), owner)
+    if len(corners[0]) > most_corners:
+        graph = _with_all_pairs_in_use(graph, nodes, obstacles)
+    return graph
+
+
+def _convex(
+    here: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    bounds_m: tuple[float, float, float, float] | None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the corners that a shortest route may bend at."""
+    if not len(here):
+        return here, before, after
+    keep = _cross(here - before, after - here) > _EPS
+    if bounds_m is not None:
+        west, south, east, north = bounds_m
+        keep &= (here[:, 0] >= west) & (here[:, 0] <= east) & (here[:, 1] >= south) & (here[:, 1] <= north)
+    return here[keep], before[keep], after[keep]
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def clear_of(blocked: BaseGeometry, lines: Any) -> npt.NDArray[np.bool_]:
-    """Return which straight lines (an array of shapely's) stay outside `blocked` or on its edge."""
-    body = shapely.buffer(blocked, -_SHRINK_M, join_style="mitre")
-    return ~_hits(body, np.asarray(lines))
+# --------------------------------------------------------------------------- places inside a margin
 
 
-def _hits(body: BaseGeometry, lines: npt.NDArray[np.object_]) -> npt.NDArray[np.bool_]:
-    """Return which lines meet the body: a tree over its parts finds the few that each line may meet."""
-    parts = shapely.get_parts(body)
-    hit = np.zeros(len(lines), dtype=bool)
-    shapely.prepare(parts)
-    tree = shapely.STRtree(lines)
-    # Large parts first: most lines fall to them and need no further test.
-    for part in sorted(parts.tolist(), key=lambda g: -g.area):
-        found = tree.query(part)
-        found = found[~hit[found]]
-        if found.size:
-            hit[found] = shapely.intersects(part, lines[found])
-    return hit
+def _own_corners(
+    obstacles: Obstacles, place: FloatArray, bounds_m: tuple[float, float, float, float] | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the convex corners that the obstacles have in the opening of a place."""
+    opening = obstacles.openings[float(place[0]), float(place[1])]
+    spot = shapely.Point(place)
+    reach = float(shapely.hausdorff_distance(spot, opening.envelope))
+    near = obstacles.blocked.intersection(spot.buffer(3.0 * reach)).difference(opening)
+    here, before, after = _convex(*ring_corners(near), bounds_m)
+    inside = np.flatnonzero(shapely.dwithin(opening, shapely.points(here), 1e-6))
+    return here[inside], before[inside], after[inside]
 
 
-def shortest_ways(
-    nodes: int, edges: IntArray, weight: FloatArray, sources: IntArray
-) -> tuple[FloatArray, IntArray]:
-    """Return Dijkstra's distances and predecessors from each source, shapes (sources, nodes).
+def _private(
+    nodes: _Nodes,
+    owner: IntArray,
+    narrow: list[int],
+    own: list[tuple[FloatArray, FloatArray, FloatArray]],
+    obstacles: Obstacles,
+    most: int,
+) -> tuple[_Nodes, IntArray, IntArray]:
+    """Return nodes and owners with those of the openings behind, and the segments that end in one."""
+    count = len(nodes.xy)
+    parts = [np.concatenate([np.zeros((0, 2)), *(o[k] for o in own)]) for k in range(3)]
+    nodes = _Nodes(
+        np.concatenate([nodes.xy, parts[0]]),
+        np.concatenate([nodes.before, parts[1]]),
+        np.concatenate([nodes.after, parts[2]]),
+    )
+    owner = np.concatenate([owner, np.repeat(narrow, [len(o[0]) for o in own])]).astype(np.int64)
+    everybody = np.flatnonzero(owner[:count] == EVERYBODY)
+    discs = shapely.union_all([obstacles.openings[tuple(nodes.xy[i].tolist())] for i in narrow])
+    outside = obstacles.blocked.difference(shapely.buffer(discs, 0.01))
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    for place in narrow:
+        mine = np.flatnonzero(owner == place)
+        others = np.flatnonzero((owner > place) & (owner != EVERYBODY))
+        away = np.hypot(*(nodes.xy[everybody] - nodes.xy[place]).T)
+        near = everybody if len(everybody) <= most else everybody[np.argsort(away, kind="stable")[:most]]
+        a, b = np.meshgrid(mine, np.concatenate([near, others]), indexing="ij")
+        inner = np.triu_indices(len(mine), 1)
+        first = np.concatenate([a.ravel(), mine[inner[0]]])
+        second = np.concatenate([b.ravel(), mine[inner[1]]])
+        kept = nodes.tangent(first, second)
+        first, second = first[kept], second[kept]
+        free = clear_of(outside, nodes.lines(first, second))
+        first, second = first[free], second[free]
+        spots = [tuple(nodes.xy[i].tolist()) for i in narrow]
+        ends = np.where(owner[second] == EVERYBODY, place, owner[second])
+        for other in np.unique(ends):
+            at = ends == other
+            here = obstacles.free(
+                nodes.lines(first[at], second[at]),
+                spots[narrow.index(place)],
+                spots[narrow.index(int(other))],
+            )
+            pair = np.stack([first[at][here], second[at][here]], axis=1)
+            found.append(np.sort(pair, axis=1))
+    return nodes, owner, np.concatenate(found)
 
-    An unreachable node has infinite distance; predecessor -9999 means none.
+
+# --------------------------------------------------------------------------- many corners
+
+
+def _with_triangles(
+    nodes: _Nodes,
+    owner: IntArray,
+    obstacles: Obstacles,
+    bounds_m: tuple[float, float, float, float] | None,
+) -> tuple[_Nodes, IntArray, IntArray]:
+    """Return the nodes with all vertices of the free ground behind, and edges that keep it connected."""
+    if bounds_m is None:
+        ground = shapely.union_all([obstacles.blocked, shapely.MultiPoint(nodes.xy)]).envelope
+        ground = ground.buffer(OPEN_GROUND_M, join_style="mitre")
+    else:
+        ground = shapely.box(*bounds_m)
+    free = ground.difference(obstacles.blocked)
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(free))
+    rings = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    number = {tuple(xy): k for k, xy in enumerate(nodes.xy.tolist())}
+    added: list[list[float]] = []
+    corner = np.empty(rings.shape[:2], dtype=np.int64)
+    for t, ring in enumerate(rings.tolist()):
+        for k, xy in enumerate(ring):
+            at = number.setdefault(tuple(xy), len(number))
+            if at == len(nodes.xy) + len(added):
+                added.append(xy)
+            corner[t, k] = at
+    pairs = [corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]]
+    spots = np.flatnonzero(np.isnan(nodes.before[:, 0]) & (owner == EVERYBODY))
+    points = shapely.points(nodes.xy[spots])
+    place, triangle = shapely.STRtree(triangles).query(points, predicate="intersects")
+    pairs += [np.stack([spots[place], corner[triangle, k]], axis=1) for k in range(3)]
+    edges = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    none = np.full((len(added), 2), np.nan)
+    more = np.array(added, dtype=np.float64).reshape(-1, 2)
+    nodes = _Nodes(
+        np.concatenate([nodes.xy, more]),
+        np.concatenate([nodes.before, none]),
+        np.concatenate([nodes.after, none]),
+    )
+    return nodes, np.concatenate([owner, np.full(len(more), EVERYBODY)]), edges
+
+
+def _near_pairs(nodes: _Nodes, among: IntArray) -> tuple[IntArray, IntArray]:
+    """Return tangent pairs of nodes that lie near each other, in each direction the nearest."""
+    from scipy.spatial import cKDTree
+
+    at = nodes.xy[among]
+    _, near = cKDTree(at).query(at, k=min(LOOKED_AT, len(at)))
+    found = _near_kernel(at, nodes.before[among], nodes.after[among], near)
+    pairs = np.unique(np.sort(found, axis=1), axis=0)
+    return among[pairs[:, 0]], among[pairs[:, 1]]
+
+
+@numba.njit(cache=True, nogil=True)
+def _hugs(xy: FloatArray, before: FloatArray, after: FloatArray, at: int, other: int) -> bool:
+    """Return whether the segment to another node hugs the corner `at`; a plain node hugs all."""
+    if np.isnan(before[at, 0]):
+        return True
+    east, north = xy[other, 0] - xy[at, 0], xy[other, 1] - xy[at, 1]
+    one = east * (before[at, 1] - xy[at, 1]) - north * (before[at, 0] - xy[at, 0])
+    two = east * (after[at, 1] - xy[at, 1]) - north * (after[at, 0] - xy[at, 0])
+    return one * two >= -_EPS
+
+
+@numba.njit(cache=True, nogil=True)
+def _near_kernel(xy: FloatArray, before: FloatArray, after: FloatArray, near: IntArray) -> IntArray:
+    """Return the tangent pairs (p, 2) of each node with the nearest of `near` (n, k) in each direction."""
+    found = np.empty((len(xy) * SECTORS * NEAREST, 2), dtype=np.int64)
+    count = 0
+    taken = np.zeros(SECTORS, dtype=np.int64)
+    for a in range(len(xy)):
+        taken[:] = 0
+        for b in near[a]:
+            if b == a or not _hugs(xy, before, after, a, b) or not _hugs(xy, before, after, b, a):
+                continue
+            angle = np.arctan2(xy[b, 1] - xy[a, 1], xy[b, 0] - xy[a, 0]) + np.pi
+            sector = int(angle / (2 * np.pi) * SECTORS) % SECTORS
+            if taken[sector] < NEAREST:
+                taken[sector] += 1
+                found[count, 0], found[count, 1] = a, b
+                count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True, nogil=True)
+def _tangent_kernel(xy: FloatArray, before: FloatArray, after: FloatArray) -> IntArray:
+    """Return all tangent pairs (p, 2) of nodes, lower first."""
+    found = np.empty((1024, 2), dtype=np.int64)
+    count = 0
+    for a in range(len(xy)):
+        for b in range(a + 1, len(xy)):
+            if _hugs(xy, before, after, a, b) and _hugs(xy, before, after, b, a):
+                if count == len(found):
+                    found = np.concatenate((found, np.empty_like(found)))
+                found[count, 0], found[count, 1] = a, b
+                count += 1
+    return found[:count]
+
+
+def _with_all_pairs_in_use(graph: VisibilityGraph, nodes: _Nodes, obstacles: Obstacles) -> VisibilityGraph:
+    """Return the graph with all tangent pairs of those corners that its shortest routes pass."""
+    sources = np.arange(graph.places, dtype=np.int64)
+    routes = ShortestRoutes(graph.owner, graph.edges, graph.length_m, sources, graph.places)
+    passed: set[int] = set()
+    for a, b in zip(*np.nonzero(np.triu(np.isfinite(routes.distance), 1)), strict=True):
+        passed.update(routes.route(int(a), int(b)))
+    used = np.array(sorted(passed), dtype=np.int64)
+    used = used[graph.owner[used] == EVERYBODY]
+    first, second = used[_tangent_kernel(nodes.xy[used], nodes.before[used], nodes.after[used])].T
+    free = clear_of(obstacles.blocked, nodes.lines(first, second))
+    more = np.stack([first[free], second[free]], axis=1)
+    edges = np.unique(np.concatenate([graph.edges, more]), axis=0)
+    return replace(graph, edges=edges, length_m=nodes.length_m(edges))
+
+
+# --------------------------------------------------------------------------- routes
+
+
+class ShortestRoutes:
+    """Dijkstra's routes from some places, where nodes with an owner serve its own routes only.
+
+    Each such node has two copies: one that routes from its owner leave by, and one that routes to it come
+    in by; no segment leads from the second to the first.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import dijkstra
 
-    both = np.concatenate([edges, edges[:, ::-1]])
-    graph = coo_matrix(
-        (np.concatenate([weight, weight]), (both[:, 0], both[:, 1])), shape=(nodes, nodes)
-    ).tocsr()
-    distance, previous = dijkstra(graph, directed=True, indices=sources, return_predecessors=True)
-    return distance, previous.astype(np.int64)
+    def __init__(
+        self, owner: IntArray, edges: IntArray, weight: FloatArray, sources: IntArray, places: int
+    ) -> None:
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import dijkstra
 
+        self.nodes = n = len(owner)
+        u, v = np.concatenate([edges, edges[:, ::-1]]).T
+        both = np.concatenate([weight, weight])
+        own_u, own_v = owner[u] != EVERYBODY, owner[v] != EVERYBODY
+        same = own_u & own_v & (owner[u] == owner[v])
+        copies = [
+            (u[~own_u & ~own_v], v[~own_u & ~own_v], both[~own_u & ~own_v]),
+            (u[own_u & ~own_v], v[own_u & ~own_v], both[own_u & ~own_v]),
+            (u[~own_u & own_v], v[~own_u & own_v] + n, both[~own_u & own_v]),
+            (u[same], v[same], both[same]),
+            (u[same] + n, v[same] + n, both[same]),
+            (u[own_u & own_v & ~same], v[own_u & own_v & ~same] + n, both[own_u & own_v & ~same]),
+        ]
+        first, second, cost = (np.concatenate(part) for part in zip(*copies, strict=True))
+        graph = coo_matrix((cost, (first, second)), shape=(2 * n, 2 * n)).tocsr()
+        distance, previous = dijkstra(graph, directed=True, indices=sources, return_predecessors=True)
+        self._end = np.arange(places) + np.where(owner[:places] == EVERYBODY, 0, n)
+        self._row = {int(source): k for k, source in enumerate(sources)}
+        self._previous = previous
+        self.distance: FloatArray = distance[:, self._end]
+        """Shape (sources, places); infinite where there is no route."""
 
-def walk(previous: IntArray, source: int, destination: int) -> list[int]:
-    """Return the nodes from source to destination along one row of predecessors."""
-    nodes = [destination]
-    while nodes[-1] != source:
-        nodes.append(int(previous[nodes[-1]]))
-    return nodes[::-1]
+    def route(self, source: int, destination: int) -> list[int]:
+        """Return the nodes of the shortest route between two places that are connected."""
+        row = self._previous[self._row[source]]
+        nodes = [int(self._end[destination])]
+        while nodes[-1] != source:
+            nodes.append(int(row[nodes[-1]]))
+        return [node % self.nodes for node in reversed(nodes)]

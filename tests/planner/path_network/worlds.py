@@ -7,7 +7,17 @@ import math
 import numpy as np
 import shapely
 
-from planner.path_network import KeepOut, NetworkRequest, ObservationPoint, Pose, Target
+from mission import TerrainGrid
+from planner.path_network import (
+    KeepOut,
+    NetworkOptions,
+    NetworkRequest,
+    ObservationPoint,
+    Pose,
+    RoverParameters,
+    Target,
+)
+from planner.path_network.hazards import hazard_polygons
 
 
 def random_world(seed: int, *, targets: int = 8, keep_outs: int = 8, size_m: float = 30.0) -> NetworkRequest:
@@ -47,4 +57,33 @@ def random_world(seed: int, *, targets: int = 8, keep_outs: int = 8, size_m: flo
         tuple(stands),
         tuple(regions),
         bounds_m=(0.0, 0.0, size_m, size_m),
+    )
+
+
+def rocky_world(
+    seed: int, *, rocks: int, points: int, size_m: float, spacing_m: float = 0.25
+) -> NetworkRequest:
+    """Return a request on flat ground with rocks; every other observation point stands close to one."""
+    rng = np.random.default_rng(seed)
+    cells = int(size_m / spacing_m)
+    heights = np.zeros((cells, cells))
+    north, east = (np.mgrid[0:cells, 0:cells] + 0.5) * spacing_m
+    for _ in range(rocks):
+        at, radius = rng.uniform(3.0, size_m - 3.0, 2), rng.uniform(0.3, 1.5)
+        heights[np.hypot(north - at[1], east - at[0]) < radius] = rng.uniform(0.4, 1.0)
+    grid = TerrainGrid(spacing_m / 2, size_m - spacing_m / 2, spacing_m, heights[::-1])
+    solid = shapely.union_all(hazard_polygons(grid, RoverParameters(), NetworkOptions()))
+
+    def stand(least_m: float) -> tuple[float, float]:
+        while True:
+            at = rng.uniform(3.0, size_m - 3.0, 2)
+            if solid.distance(shapely.Point(*at)) > least_m:
+                return float(at[0]), float(at[1])
+
+    places = [stand(0.25 if k % 2 else 0.7) for k in range(points)]
+    return NetworkRequest(
+        Pose(*stand(0.7)),
+        tuple(Target(f"T{k}", *at, tracked=False) for k, at in enumerate(places)),
+        tuple(ObservationPoint(f"O{k}", f"T{k}", Pose(*at)) for k, at in enumerate(places)),
+        terrain=grid,
     )
