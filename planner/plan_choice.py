@@ -10,8 +10,8 @@ from planner.contingency.sampled_branches import Curve
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate, simulate
-from planner.evaluate.notes import annotate
 from planner.evaluate.propagate import Evaluator
+from planner.notes import annotate
 from planner.plan_edits import without_option
 from planner.plan_tree import Plan, PlanTree, count_branches
 

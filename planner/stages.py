@@ -16,9 +16,9 @@ from planner.contingency.seeding import mean_seed, route_steps, track_steps
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate
-from planner.evaluate.notes import annotate, annotate_sampled
 from planner.evaluate.propagate import Evaluator
 from planner.large_plans import Checked, plan_large
+from planner.notes import annotate, annotate_sampled
 from planner.options import PlannerOptions
 from planner.plan_choice import held_up
 from planner.plan_tree import Observe, OnFail, Plan, PlanTree, TrackStart, Visit, count_branches

@@ -16,9 +16,9 @@ from planner.contingency.sampled_futures import Change, Growth, Sampler
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import MAX_BITS, Model
 from planner.evaluate.monte_carlo import simulate
-from planner.evaluate.notes import annotate, annotate_sampled
 from planner.evaluate.program import compile_plan
 from planner.large_plans import plan_large
+from planner.notes import annotate, annotate_sampled
 from planner.plan_edits import steps_at
 from planner.plan_tree import (
     Comparison,

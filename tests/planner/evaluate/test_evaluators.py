@@ -16,9 +16,9 @@ from benchmarks.draws import draw_table, earned
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Correlation, estimate, simulate
-from planner.evaluate.notes import annotate
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, Evaluator, forward, run_in
+from planner.notes import annotate
 from planner.plan_tree import (
     Branch,
     Comparison,
