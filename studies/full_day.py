@@ -39,7 +39,7 @@ from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_to_dict
 from planner.solve import solve
-from rover_iface.behaviour.repertoire import FullRepertoire
+from rover_iface.behaviour.repertoire import FullRepertoire, MakeRepertoire
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.full_rover import make_rover
@@ -59,8 +59,15 @@ BRANCHES = 6
 STREWN_COVER = 0.07
 
 
-def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = True) -> dict[str, Any]:
-    """Return what the day came to; the run's folder is `out`."""
+def fly_day(
+    seed: int,
+    out: Path,
+    folder: Path | None = None,
+    *,
+    faults: bool = True,
+    make: MakeRepertoire | None = None,
+) -> dict[str, Any]:
+    """Return what the day came to; the run's folder is `out`, `make` puts another behaviour together."""
     spent: dict[str, tuple[float, float]] = {}
 
     @contextmanager
@@ -97,7 +104,7 @@ def fly_day(seed: int, out: Path, folder: Path | None = None, *, faults: bool = 
         "faults": injected,
     }
     with stage("world of the rover: unmapped rocks, scene"):
-        rover = make_rover(world, terrain=terrain, seed=seed, out=out)
+        rover = make_rover(world, terrain=terrain, seed=seed, out=out, make=make)
         triangles = rover.body.renderer.scene.triangle_count
     about = {"rover": "full", "seed": seed, "faults": injected}
     with stage("the day under the executive"):
@@ -183,9 +190,11 @@ def _driven(rover: TerrainRover) -> float:
 def _target(rover: TerrainRover, name: str, out: Path) -> dict[str, Any]:
     """Return what came of one target; errors in centimetres from the point under the operator's pixel."""
     own = rover.repertoire
-    assert isinstance(own, FullRepertoire)
-    attempt = own.placing.attempts.get(name)
-    found: dict[str, Any] = {"handoff": own.eyes.answers.get(name, {})}
+    found: dict[str, Any] = {"handoff": {}}
+    attempt = None
+    if isinstance(own, FullRepertoire):
+        attempt = own.placing.attempts.get(name)
+        found["handoff"] = own.eyes.answers.get(name, {})
     near = [r for r in rover.truth.history if r.target == name and r.range_m < 1.5]
     if near:
         found["tracked_cm"] = 100 * near[-1].error_m

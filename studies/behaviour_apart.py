@@ -1,0 +1,46 @@
+"""The same day twice: behaviour beside the simulated world, and in a process that cannot import it.
+
+    .venv/bin/python -m studies.behaviour_apart --rover full --seed 2 --out DIR
+
+The journals must be the same byte for byte: then behaviour got nothing from the world but what passes through
+`Hardware`. The days are those of `studies.full_day` and `studies.subframe_day`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from studies import full_day, subframe_day
+from studies.common.apart import ApartRepertoire, apart
+
+DAYS = {"full": full_day.fly_day, "subframe": subframe_day.fly_day}
+
+
+def main() -> None:
+    """Fly both days and say whether their journals are the same."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rover", choices=list(DAYS), default="full")
+    parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--out", type=Path, required=True)
+    arguments = parser.parse_args()
+    fly_day = DAYS[arguments.rover]
+    together, alone = arguments.out / "together", arguments.out / "apart"
+    fly_day(arguments.seed, together)
+    made: list[ApartRepertoire] = []
+    fly_day(arguments.seed, alone, make=apart(arguments.rover, made))
+    world = [module for own in made for module in own.close()]
+    journals = [(folder / "journal.jsonl").read_bytes() for folder in (together, alone)]
+    same = journals[0] == journals[1]
+    print(f"{len(made)} process, {len(world)} modules of the simulated world in it")
+    print(
+        f"journals of {len(journals[0])} and {len(journals[1])} bytes: {'the same' if same else 'different'}"
+    )
+    if not same or world:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()
