@@ -15,6 +15,10 @@ class Use(StrEnum):
     REMOTE = "remote"
 
 
+USUAL_ACTIONS = {Use.CONTACT: "ipplaceinstrument", Use.REMOTE: "image"}
+"""Action that uses an instrument which names none."""
+
+
 @value
 class Amount:
     """A random amount that is not negative, by mean and standard deviation; `sd` 0 is a constant."""
@@ -51,6 +55,10 @@ class Instrument:
         Whether a remote observation needs its target tracked.
     field_of_view_rad
         Full angle of view; 0 where it does not matter.
+    alias
+        Name under which requests hold it, where that is another than the profile's; both are understood.
+    action
+        Action of the rover's dictionary that uses it; empty for the usual one of its use.
     """
 
     use: Use
@@ -63,11 +71,23 @@ class Instrument:
     p_success: Chance = 1.0
     needs_tracking: bool = False
     field_of_view_rad: NotNegative = 0.0
+    alias: str = ""
+    action: str = ""
+
+    @property
+    def contact(self) -> bool:
+        """Whether the arm places it on the target."""
+        return self.use is Use.CONTACT
+
+    @property
+    def used_by(self) -> str:
+        """Name of the action that uses it."""
+        return self.action or USUAL_ACTIONS[self.use]
 
     @property
     def tracks(self) -> bool:
         """Whether its observations need their target tracked."""
-        return self.needs_tracking or self.use is Use.CONTACT
+        return self.needs_tracking or self.contact
 
     @property
     def data_mbit(self) -> float:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from executive.crl.dictionary import ValueSpec, ValueType
+from executive.crl.dictionary import Dictionary, ValueSpec, ValueType
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -30,8 +30,7 @@ from executive.ports import (
     Update,
     Value,
 )
-from rover_iface.commands import COMMANDS
-from rover_iface.telemetry import TELEMETRY
+from rover_iface.profile import RoverProfile, load_profile
 
 Factory = Callable[..., Rover]
 
@@ -49,12 +48,37 @@ class Finding:
         return not self.detail
 
 
+@dataclass(frozen=True)
+class Case:
+    """What the checks are about: how a fresh rover is made, and what it is by its profile."""
+
+    rover: Callable[[], Rover]
+    profile: RoverProfile
+    dictionary: Dictionary
+
+    def parameters(self, action: str) -> dict[str, Value]:
+        """Return parameters of an action as its dictionary wants them, for the target T1."""
+        spec = self.dictionary.commands.actions[action]
+        group = spec.one_of[0] if spec.one_of else ()
+        return {
+            p.name: "T1" if p.name == "target" else _example(p)
+            for p in spec.parameters
+            if p.required or p.name in group
+        }
+
+
+def _example(spec: ValueSpec) -> Value:
+    if spec.type is ValueType.STRING:
+        return spec.choices[0] if spec.choices else "T1"
+    return False if spec.type is ValueType.BOOLEAN else max(spec.minimum or 0.0, 0.0)
+
+
 class _BrokenError(Exception):
     """What a check found wrong."""
 
 
-def write_contract_world(folder: Path) -> Path:
-    """Write the world of the checks (`world.json` and its terrain) and return the folder."""
+def write_contract_world(folder: Path, profile: str = "k9") -> Path:
+    """Write the world of the checks (`world.json` and its terrain) for a rover profile; return the folder."""
     from rover_iface.terrain.grid import HeightLayer
     from rover_iface.terrain.load import write_terrain
     from rover_iface.terrain.strew import add_rocks
@@ -69,7 +93,14 @@ def write_contract_world(folder: Path) -> Path:
     targets = []
     for number, rock in enumerate(ground.rocks, start=1):
         targets.append(_target(f"T{number}", ground, rock))
-    world = {"format": "world/1", "name": "contract", "terrain": "terrain", "seed": 7, "targets": targets}
+    world = {
+        "format": "world/1",
+        "name": "contract",
+        "terrain": "terrain",
+        "profile": profile,
+        "seed": 7,
+        "targets": targets,
+    }
     (folder / "world.json").write_text(json.dumps(world, indent=1) + "\n", encoding="utf-8")
     return folder
 
@@ -151,8 +182,8 @@ def _need(condition: bool, detail: str) -> None:
 # ---- the checks
 
 
-def _tells_its_state_at_time_zero(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _tells_its_state_at_time_zero(case: Case) -> None:
+    driver = _Driver(case.rover())
     event = driver.hear(0)
     _need(
         isinstance(event, Update) and event.t_ms == 0, f"the first event is {event!r:.80}, not an update at 0"
@@ -162,8 +193,8 @@ def _tells_its_state_at_time_zero(make: Callable[[], Rover]) -> None:
         _need(key in driver.state, f'the state at time 0 lacks ":{key}"')
 
 
-def _waits_exactly_and_once(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _waits_exactly_and_once(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     rover = driver.rover
     command = Command(CommandId("contract", "w", 1), "wait", {"duration_s": 5.25})
@@ -187,8 +218,8 @@ def _waits_exactly_and_once(make: Callable[[], Rover]) -> None:
     )
 
 
-def _refuses_what_it_does_not_know(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _refuses_what_it_does_not_know(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     for action, parameters in (
         ("dance", {}),
@@ -201,8 +232,8 @@ def _refuses_what_it_does_not_know(make: Callable[[], Rover]) -> None:
         _need(bool(result.reason), f"{action} {parameters} failed without a reason")
 
 
-def _acknowledges_an_abort(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _acknowledges_an_abort(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     command = driver.send("wait", duration_s=1000.0)
     while driver.hear(20_000) is not None:
@@ -218,8 +249,8 @@ def _acknowledges_an_abort(make: Callable[[], Rover]) -> None:
     _need(after.success, "a wait after an abort failed")
 
 
-def _does_two_things_at_once(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _does_two_things_at_once(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     longer, shorter = driver.send("wait", duration_s=20.0), driver.send("wait", duration_s=10.0)
     first, second = driver.answer(shorter), driver.answer(longer)
@@ -229,8 +260,8 @@ def _does_two_things_at_once(make: Callable[[], Rover]) -> None:
     )
 
 
-def _uses_energy_that_never_comes_back(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _uses_energy_that_never_comes_back(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     used = [driver.state.get("energy-used", 0.0)]
     for seconds in (10.0, 0.0, 100.0):
@@ -241,8 +272,8 @@ def _uses_energy_that_never_comes_back(make: Callable[[], Rover]) -> None:
     _need(numbers == sorted(numbers), f'":energy-used" fell: {numbers}')
 
 
-def _drives_and_tells_where_it_is(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _drives_and_tells_where_it_is(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     result = driver.do("navigate", x=1.5, y=0.5)
     _need(result.success, f"a drive of 1.6 m over level ground failed: {result.reason}")
@@ -251,8 +282,8 @@ def _drives_and_tells_where_it_is(make: Callable[[], Rover]) -> None:
     _need(result.t_ms > 1000, "a drive of 1.6 m took no time")
 
 
-def _tracks_or_says_why_not(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _tracks_or_says_why_not(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     result = driver.do("trackstart", target="T1")
     state = driver.state.get("trackerstate T1")
@@ -267,31 +298,46 @@ def _tracks_or_says_why_not(make: Callable[[], Rover]) -> None:
     _need(driver.do("trackstop", target="T1").success, "stopping what is not tracked failed")
 
 
-def _will_not_leave_without_the_track(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _will_not_leave_without_the_track(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     result = driver.do("navigate", target="T1", require_tracked=True)
     _need(not result.success, "it left for a target that must be tracked and is not")
     _need(result.t_ms == 0, f"it took {result.t_ms} ms to see that the target is not tracked")
 
 
-def _visits_a_target_and_keeps_to_its_dictionaries(make: Callable[[], Rover]) -> None:
-    driver = _Driver(make())
+def _knows_every_action_of_its_dictionary(case: Case) -> None:
+    driver = _Driver(case.rover())
+    driver.begin()
+    for action in case.dictionary.commands.actions:
+        command = driver.send(action, **case.parameters(action))
+        driver.rover.abort(command)
+        answer = driver.answer(command)
+        reason = answer.reason if isinstance(answer, Result) else ""
+        _need(not reason.startswith("unknown action"), f"{action} is in the dictionary: {reason}")
+
+
+def _visits_a_target_and_keeps_to_its_dictionaries(case: Case) -> None:
+    driver = _Driver(case.rover())
     driver.begin()
     driver.do("trackstart", target="T1")
     driver.do("navigate", target="T1")
-    driver.do("ipplaceinstrument", target="T1", instrument="mi")
-    driver.do("image", azimuth=0.0, elevation=-0.3)
-    driver.do("stow")
-    results = {action.name: {v.name: v for v in action.results} for action in COMMANDS.actions.values()}
+    for name, figures in case.profile.instruments.items():
+        driver.do(figures.used_by, target="T1", instrument=name)
+    commands, telemetry = case.dictionary.commands, case.dictionary.telemetry
+    if "image" in commands.actions:
+        driver.do("image", azimuth=0.0, elevation=-0.3)
+    if "stow" in commands.actions:
+        driver.do("stow")
+    results = {action.name: {v.name: v for v in action.results} for action in commands.actions.values()}
     for event in driver.heard:
         values = event.values if isinstance(event, Update) else getattr(event, "updates", {})
         for key, value in values.items():
             name, *arguments = key.split(" ")
-            spec = TELEMETRY.keys.get(name)
+            spec = telemetry.keys.get(name)
             _need(spec is not None, f'":{key}" is not in the telemetry dictionary')
             assert spec is not None
-            _need(len(arguments) == TELEMETRY.arguments[name], f'":{key}" has {len(arguments)} arguments')
+            _need(len(arguments) == telemetry.arguments[name], f'":{key}" has {len(arguments)} arguments')
             _fits(spec, value, f'":{key}"')
         if isinstance(event, Result):
             action = event.command.task.rsplit("-", 1)[0]
@@ -320,10 +366,10 @@ def _fits(spec: ValueSpec, value: Value, what: str) -> None:
         _need(value in spec.choices, f"{what} is {value!r}, not one of {', '.join(spec.choices)}")
 
 
-def _does_the_same_for_the_same_seed(make: Callable[[], Rover]) -> None:
+def _does_the_same_for_the_same_seed(case: Case) -> None:
     days = []
     for _ in range(2):
-        driver = _Driver(make())
+        driver = _Driver(case.rover())
         driver.begin()
         driver.do("trackstart", target="T2")
         driver.do("navigate", x=1.0, y=-0.6)
@@ -332,7 +378,7 @@ def _does_the_same_for_the_same_seed(make: Callable[[], Rover]) -> None:
     _need(days[0] == days[1], "two rovers with the same seed did not do the same")
 
 
-CHECKS: tuple[Callable[[Callable[[], Rover]], None], ...] = (
+CHECKS: tuple[Callable[[Case], None], ...] = (
     _tells_its_state_at_time_zero,
     _waits_exactly_and_once,
     _refuses_what_it_does_not_know,
@@ -342,22 +388,28 @@ CHECKS: tuple[Callable[[Callable[[], Rover]], None], ...] = (
     _drives_and_tells_where_it_is,
     _tracks_or_says_why_not,
     _will_not_leave_without_the_track,
+    _knows_every_action_of_its_dictionary,
     _visits_a_target_and_keeps_to_its_dictionaries,
     _does_the_same_for_the_same_seed,
 )
 
 
-def check_rover(factory: Factory, world: Path, **options: Any) -> list[Finding]:
+def check_rover(
+    factory: Factory, world: Path, *, dictionary: Dictionary | None = None, **options: Any
+) -> list[Finding]:
     """Return what each check found for rovers made by `factory(world, **options)`.
 
-    `world` is a folder as `write_contract_world` makes it. An exception that a rover lets out is a finding
-    too.
+    `world` is a folder as `write_contract_world` makes it; it names the profile. The dictionary is that of
+    the profile unless another is given. An exception that a rover lets out is a finding too.
     """
+    named = str(json.loads((world / "world.json").read_text(encoding="utf-8")).get("profile", "k9"))
+    profile = load_profile(world / named if named.endswith(".toml") else named)
+    case = Case(lambda: factory(world, **options), profile, dictionary or profile.language)
     findings = []
     for check in CHECKS:
         name = check.__name__.strip("_").replace("_", " ")
         try:
-            check(lambda: factory(world, **options))
+            check(case)
         except _BrokenError as err:
             findings.append(Finding(name, str(err)))
         except Exception as err:

@@ -1,40 +1,72 @@
 """Rover profiles: one TOML file holds what a rover is, and every room reads it from here.
 
-`load_profile("k9")` reads a profile that comes with the program, `load_profile(Path("mine.toml"))` any other.
+`load_profile("k9")` reads a profile that comes with the program or with an installed package (entry point
+group `outcrop.profiles`, a path of a file), `load_profile(Path("mine.toml"))` any other.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import math
 import tomllib
-import types
-import typing
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass, field, fields
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
+from executive.crl.dictionary import Dictionary, load_dictionary
+from executive.crl.errors import DictionaryError
+from mission.codec import Codec
+from mission.errors import MissionError, PluginError
+from mission.instrument import USUAL_ACTIONS, Amount, Instrument, Use
+from mission.plugins import Registry
+from mission.values import NotNegative, Positive, value
+from rover_iface import profiles
 from rover_iface.errors import ProfileError
 
-FORMAT = "profile/1"
-_FOLDER = Path(__file__).parent / "profiles"
+_FOLDER = Path(__file__).parent
+STANDARD_DICTIONARY = "outcrop-rover"
+"""Dictionary of a profile that names none: that of the simulated rovers."""
+PARTS = ("mobility", "mast", "arm", "cameras", "power")
+"""Parts of a rover that an action may need."""
 
 Triple = tuple[float, float, float]
 Pair = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@lru_cache(maxsize=32)
+def dictionary_file(name: str) -> Dictionary:
+    """Return a dictionary by name, or from a file that ends in `.toml` or `.json`.
+
+    Raises
+    ------
+    DictionaryError
+        If there is none of that name, or the file cannot be read as one.
+    """
+    if name.endswith((".toml", ".json")):
+        return load_dictionary(Path(name))
+    path = _FOLDER / "dictionaries" / f"{name}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in path.parent.glob("*.toml")))
+        raise DictionaryError(f'unknown dictionary "{name}"; known are {known}, or a file')
+    return load_dictionary(path)
+
+
+def standard_dictionary() -> Dictionary:
+    """Return the dictionary of the rovers that come with the program."""
+    return dictionary_file(STANDARD_DICTIONARY)
+
+
+@value
 class Body:
     """The box of the rover, metres and kilograms; the belly is the part between the wheels."""
 
-    length_m: float
-    width_m: float
-    height_m: float
-    mass_kg: float
-    clearance_m: float
+    length_m: Positive
+    width_m: Positive
+    height_m: Positive
+    mass_kg: Positive
+    clearance_m: Positive
     belly_length_m: float
     belly_width_m: float
 
@@ -44,55 +76,61 @@ class Body:
         return math.hypot(self.length_m, self.width_m) / 2
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Wheels:
     """Six wheels of a rocker-bogie; x of the axles from front to rear in the rover frame."""
 
-    radius_m: float
+    radius_m: Positive
     width_m: float
-    track_m: float
+    track_m: Positive
     axle_x_m: Triple
     bogie_pivot_x_m: float
     rocker_pivot_x_m: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Mobility:
     """How the rover drives; the odometry error is a share of the distance (one standard deviation)."""
 
-    speed_m_s: float
-    turn_rate_rad_s: float
-    step_m: float
+    speed_m_s: Positive
+    turn_rate_rad_s: Positive
+    step_m: Positive
     min_arc_radius_m: float
-    max_slope_rad: float
-    max_tilt_rad: float
-    max_step_m: float
+    max_slope_rad: Positive
+    max_tilt_rad: Positive
+    max_step_m: Positive
     odometry_error: float
     heading_drift_rad_m: float
     max_stops_per_m: float = 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Power:
     """Loads in watts, energies in joules; `floor_j` is the state of charge that ends a day."""
 
     hotel_w: float
     drive_w: float
     turn_w: float
-    battery_j: float
-    initial_j: float
+    battery_j: Positive
+    initial_j: NotNegative
     floor_j: float
     solar_peak_w: float
     heater_w: float
     downlink_w: float
 
+    def __post_init__(self) -> None:
+        if self.initial_j > self.battery_j:
+            raise MissionError(
+                f"initial_j is {self.initial_j} J; it must be at most battery_j {self.battery_j} J"
+            )
 
-@dataclass(frozen=True, slots=True)
+
+@value
 class Mast:
     """Pan-tilt mast: `base_m` in the rover frame, `height_m` of the camera bar above ground."""
 
     base_m: Triple
-    height_m: float
+    height_m: Positive
     pan_limit_rad: float
     tilt_limits_rad: Pair
     rate_rad_s: float
@@ -101,7 +139,7 @@ class Mast:
     settle_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Arm:
     """Arm of five joints: waist yaw, shoulder pitch, elbow pitch, forearm twist, wrist pitch.
 
@@ -143,56 +181,56 @@ class Arm:
 
     shoulder_m: Triple
     joints: int
-    links_m: Triple
+    links_m: tuple[Positive, Positive, Positive]
     joint_limits_rad: tuple[Pair, ...]
     stow_rad: tuple[float, ...]
-    reach_m: float
+    reach_m: Positive
     min_reach_m: float
     azimuth_limit_rad: float
     max_tool_tilt_rad: float
-    tool_radius_m: float
-    link_radius_m: float
+    tool_radius_m: Positive
+    link_radius_m: Positive
     workspace_height_m: Pair
-    accuracy_m: float
-    standoff_m: float
-    overtravel_m: float
-    joint_rate_rad_s: float
-    approach_m_s: float
+    accuracy_m: NotNegative
+    standoff_m: Positive
+    overtravel_m: NotNegative
+    joint_rate_rad_s: Positive
+    approach_m_s: Positive
+
+    def __post_init__(self) -> None:
+        if self.min_reach_m >= self.reach_m:
+            raise MissionError(
+                f"min_reach_m is {self.min_reach_m} m; it must be less than reach_m {self.reach_m} m"
+            )
+        for name, values in (("joint_limits_rad", self.joint_limits_rad), ("stow_rad", self.stow_rad)):
+            if len(values) != self.joints or self.joints != 5:
+                raise MissionError(
+                    f"{name} has {len(values)} entries and joints is {self.joints}; both must be 5"
+                )
+        if abs(sum(self.links_m) - self.reach_m) > 1e-6:
+            raise MissionError(f"links_m add up to {sum(self.links_m):.3f} m; reach_m is {self.reach_m} m")
+        for joint, ((low, high), stow) in enumerate(
+            zip(self.joint_limits_rad, self.stow_rad, strict=True), 1
+        ):
+            if not low <= stow <= high:
+                raise MissionError(f"stow_rad of joint {joint} is {stow}, outside its limits {low} to {high}")
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Cameras:
-    """Names of camera models; which one serves science, navigation and hazard avoidance."""
+    """Names of camera models; which one serves science, navigation and hazard avoidance.
 
+    `set` names a camera set that comes with the program, or a file (`cameras/1`) beside the profile.
+    """
+
+    set: str
     science: str
     navigation: str
     hazard: str
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Mean and standard deviation of a quantity that is not negative."""
-
-    mean: float
-    sd: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Instrument:
-    """One instrument: `kind` contact (placed by the arm) or remote (looks from a distance)."""
-
-    kind: str
-    time_s: Spread
-    energy_j: Spread
-    doc: str = ""
-    camera: str = ""
-    volume_mb: float = 0.0
-    standoff_m: float = 0.0
-    p_success: float = 1.0
-
-
-@dataclass(frozen=True, slots=True)
+@value
 class Activity:
     """Time and drive energy of an activity: fixed part + part per metre; `cv` is sd / mean."""
 
@@ -203,20 +241,52 @@ class Activity:
     per_m_j: float = 0.0
     energy_cv: float = 0.0
 
-    def time_s(self, length_m: float = 0.0) -> Spread:
+    def time_s(self, length_m: float = 0.0) -> Amount:
         """Return mean and spread of the time for a way of `length_m`."""
         mean = self.fixed_s + self.per_m_s * length_m
-        return Spread(mean, self.cv * mean)
+        return Amount(mean, self.cv * mean)
 
-    def energy_j(self, length_m: float = 0.0) -> Spread:
+    def energy_j(self, length_m: float = 0.0) -> Amount:
         """Return mean and spread of the energy, hotel load excluded, for a way of `length_m`."""
         mean = self.fixed_j + self.per_m_j * length_m
-        return Spread(mean, self.energy_cv * mean)
+        return Amount(mean, self.energy_cv * mean)
 
 
-@dataclass(frozen=True, slots=True)
-class RoverProfile:
-    """What a rover is: metres, radians, rover frame (x forward, y left, z up, origin on the ground)."""
+@value
+class LegModel:
+    """How drives and tracks go beyond what the activities say; the path network's leg model takes it.
+
+    Attributes
+    ----------
+    source
+        Where the numbers come from.
+    turn_factor, energy_factor
+        Factors on the time of turns and on the energy of a drive.
+    slope_gain
+        Share by which a drive takes longer for each unit of the mean uphill slope (tangent).
+    inside_per_m, outside_per_m, occluded_per_m
+        Tracks lost a metre inside the tracking region, outside it, and with the target hidden by ground.
+    angle_gain_per_rad
+        Share by which a metre outside counts more for each radian beyond the region's cone.
+    """
+
+    source: str
+    turn_factor: NotNegative
+    slope_gain: NotNegative
+    energy_factor: NotNegative
+    inside_per_m: NotNegative
+    outside_per_m: NotNegative
+    occluded_per_m: NotNegative
+    angle_gain_per_rad: NotNegative
+
+
+@value
+class ProfileFile:
+    """What a profile file holds: metres, radians, rover frame (x forward, y left, z up, origin on the
+    ground).
+
+    `dictionary` names a dictionary that comes with the program, or a file beside the profile.
+    """
 
     name: str
     version: str
@@ -227,35 +297,159 @@ class RoverProfile:
     mast: Mast
     arm: Arm
     cameras: Cameras
+    leg_model: LegModel
     instruments: Mapping[str, Instrument]
     activities: Mapping[str, Activity]
     doc: str = ""
+    dictionary: str = STANDARD_DICTIONARY
+
+    def __post_init__(self) -> None:
+        held: dict[str, str] = {name: name for name in self.instruments}
+        for name, instrument in self.instruments.items():
+            if instrument.alias and held.setdefault(instrument.alias, name) != name:
+                raise MissionError(
+                    f'instruments.{name}.alias is "{instrument.alias}", which the instrument '
+                    f"{held[instrument.alias]} has already"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class RoverProfile(ProfileFile):
+    """What a rover is, with its dictionary.
+
+    Attributes
+    ----------
+    sha256
+        Of the profile's file.
+    camera_set
+        Where its camera set is: a name or the path of a file.
+    language
+        Content of its dictionary: what it can be told, and what it tells.
+    """
+
     sha256: str = field(default="", compare=False)
+    camera_set: str = field(default="", compare=False)
+    language: Dictionary = field(default_factory=standard_dictionary, compare=False)
 
     def activity(self, name: str) -> Activity:
         """Return the times of an activity, zero when the profile does not list it."""
         return self.activities.get(name, Activity())
 
-    def instrument(self, name: str) -> Instrument:
-        """Return one instrument.
+    def instrument_key(self, name: str) -> str:
+        """Return the profile's name of an instrument, given that or its alias.
 
         Raises
         ------
         ProfileError
-            If the rover has none of that name.
+            If the rover has no such instrument.
         """
-        try:
-            return self.instruments[name]
-        except KeyError:
-            known = ", ".join(sorted(self.instruments))
-            raise ProfileError(
-                f'rover "{self.name}" has no instrument "{name}"; it carries {known}'
-            ) from None
+        if name in self.instruments:
+            return name
+        for key, instrument in self.instruments.items():
+            if instrument.alias == name:
+                return key
+        raise ProfileError(
+            f'rover "{self.name}" has no instrument "{name}"; it carries {", ".join(self.instrument_names())}'
+        )
+
+    def instrument(self, name: str) -> Instrument:
+        """Return one instrument by name or alias; raises as `instrument_key` does."""
+        return self.instruments[self.instrument_key(name)]
+
+    def instrument_names(self) -> list[str]:
+        """Return the names under which requests hold the instruments, sorted."""
+        return sorted(instrument.alias or key for key, instrument in self.instruments.items())
+
+    def usual_action(self, action: str, parameters: Mapping[str, object]) -> str:
+        """Return the action that a rover carries a command out as.
+
+        An action that the dictionary gives to an instrument goes as the usual one of that instrument's use:
+        a drill is placed as any contact instrument is.
+        """
+        spec = self.language.commands.actions.get(action)
+        if spec is None or not spec.instrument or action in USUAL_ACTIONS.values():
+            return action
+        figures = self.instruments.get(str(parameters.get(spec.instrument, "")))
+        return action if figures is None else USUAL_ACTIONS[figures.use]
+
+    def usual_instrument(self, use: Use) -> str:
+        """Return the profile's name of the first instrument of a use.
+
+        Raises
+        ------
+        ProfileError
+            If it has none.
+        """
+        for key, instrument in self.instruments.items():
+            if instrument.use is use:
+                return key
+        raise ProfileError(f'rover "{self.name}" has no {use} instrument')
+
+
+_LEG_MODEL_OF_1 = {
+    "source": "Kim et al. 2009, Table II; outside and occluded rates and the angle gain assumed",
+    "turn_factor": 1.0,
+    "slope_gain": 1.0,
+    "energy_factor": 1.0,
+    "inside_per_m": 0.0048,
+    "outside_per_m": 0.05,
+    "occluded_per_m": 0.15,
+    "angle_gain_per_rad": 1.0,
+}
+
+
+def _of_version_1(members: dict[str, Any]) -> dict[str, Any]:
+    """Bring a `profile/1` document up to date.
+
+    There an instrument's use was its `kind`, the repository called `mi` and `scicam` of any rover by the
+    names below, what the arm placed looked through the camera `mi`, a rover without a camera set of its name
+    had K9's, every rover had the leg model below, and an activity that was not listed took no time.
+    """
+    known_as = {"mi": "microscopic_imager", "scicam": "science_camera"}
+    tables = members.get("instruments")
+    if isinstance(tables, dict):
+        members["instruments"] = {name: _instrument_of_1(table) for name, table in tables.items()}
+        for name, alias in known_as.items():
+            if isinstance(members["instruments"].get(name), dict):
+                members["instruments"][name].setdefault("alias", alias)
+    cameras = members.get("cameras")
+    if isinstance(cameras, dict):
+        name = str(members.get("name"))
+        cameras.setdefault("set", name if (_FOLDER / "cameras" / "data" / f"{name}.toml").is_file() else "k9")
+    members.setdefault("leg_model", dict(_LEG_MODEL_OF_1))
+    if isinstance(members.get("activities"), dict):
+        for action in standard_dictionary().commands.actions.values():
+            if action.activity:
+                members["activities"].setdefault(action.activity, {})
+    return members
+
+
+def _instrument_of_1(table: Any) -> Any:
+    if not isinstance(table, dict) or "kind" not in table:
+        return table
+    use = {"use": table["kind"], **{name: item for name, item in table.items() if name != "kind"}}
+    return {"camera": "mi", **use} if table["kind"] == "contact" else use
+
+
+PROFILES = Codec(
+    ProfileFile,
+    "profile/2",
+    "rover profile",
+    upgrades={"profile/1": ("profile/2", _of_version_1)},
+    error=ProfileError,
+)
+"""Reads the members of a profile; `load_profile` adds its dictionary."""
+
+_NAMED = Registry(
+    "rover profile",
+    "outcrop.profiles",
+    {path.stem: f"rover_iface.profiles:{path.stem}" for path in profiles.FOLDER.glob("*.toml")},
+)
 
 
 def profile_names() -> list[str]:
-    """Return the names of the profiles that come with the program."""
-    return sorted(path.stem for path in _FOLDER.glob("*.toml"))
+    """Return the names of the profiles that come with the program and with installed packages."""
+    return _NAMED.names()
 
 
 def load_profile(source: str | Path) -> RoverProfile:
@@ -264,14 +458,10 @@ def load_profile(source: str | Path) -> RoverProfile:
     Raises
     ------
     ProfileError
-        If the name is unknown, the file is no TOML, or a member is missing, unknown or out of range.
+        If the name is unknown or its package cannot be imported, the file is no TOML, a member is missing,
+        unknown or out of range, or profile and dictionary contradict each other.
     """
-    if isinstance(source, str) and not source.endswith(".toml"):
-        path = _FOLDER / f"{source}.toml"
-        if not path.is_file():
-            raise ProfileError(f'unknown rover profile "{source}"; known: {", ".join(profile_names())}')
-    else:
-        path = Path(source)
+    path = _named(source) if isinstance(source, str) and not source.endswith(".toml") else Path(source)
     try:
         raw = path.read_bytes()
     except OSError as err:
@@ -279,140 +469,94 @@ def load_profile(source: str | Path) -> RoverProfile:
     return _parse(raw, str(path))
 
 
+@cache
+def _named(name: str) -> Path:
+    """Return the file of a profile that has a name; looking through what is installed takes milliseconds."""
+    try:
+        found = _NAMED.load(name)
+    except PluginError as err:
+        raise ProfileError(str(err)) from err
+    if not isinstance(found, str | Path):
+        raise ProfileError(f'rover profile "{name}" is {found!r}; the path of a TOML file is needed')
+    return Path(found)
+
+
 @lru_cache(maxsize=32)
-def _parse(raw: bytes, where: str) -> RoverProfile:
+def _parse(raw: bytes, path: str) -> RoverProfile:
+    where = f"rover profile {path}"
     try:
         document = tomllib.loads(raw.decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as err:
-        raise ProfileError(f"rover profile {where}: not TOML: {err}") from err
-    if document.pop("format", None) != FORMAT:
-        raise ProfileError(f'rover profile {where}: "format" must be "{FORMAT}"')
-    profile = _build(RoverProfile, document, where)
-    _check(profile, where)
-    return dataclasses.replace(profile, sha256=hashlib.sha256(raw).hexdigest())
+        raise ProfileError(f"{where}: not TOML: {err}") from err
+    read = PROFILES.from_document(document, where)
+    try:
+        language = dictionary_file(_beside(path, read.dictionary))
+    except DictionaryError as err:
+        raise ProfileError(f"{where}: dictionary is {read.dictionary!r}: {err}") from err
+    wrong = contradiction(read, language)
+    if wrong:
+        raise ProfileError(f"{where}: dictionary {language.name} {language.version}: {wrong}")
+    members = {f.name: getattr(read, f.name) for f in fields(read)}
+    return RoverProfile(
+        **members,
+        sha256=hashlib.sha256(raw).hexdigest(),
+        camera_set=_beside(path, read.cameras.set),
+        language=language,
+    )
 
 
-T = TypeVar("T")
+def _beside(path: str, name: str) -> str:
+    """Return a name as it is, a file's as it lies beside the profile."""
+    return str(Path(path).parent / name) if name.endswith((".toml", ".json")) else name
 
 
-def _build(kind: type[T], document: object, where: str) -> T:
-    """Fill a dataclass from a TOML table, with the path of a wrong member in the message."""
-    if not isinstance(document, dict):
-        raise ProfileError(f"rover profile {where}: a table is needed, found {document!r}")
-    hints = typing.get_type_hints(kind)
-    values: dict[str, Any] = {}
-    fields = {f.name: f for f in dataclasses.fields(cast("Any", kind)) if f.name != "sha256"}
-    for name in document:
-        if name not in fields:
-            raise ProfileError(f'rover profile {where}: unknown member "{name}"')
-    for name, spec in fields.items():
-        if name not in document:
-            if spec.default is dataclasses.MISSING:
-                raise ProfileError(f'rover profile {where}: member "{name}" is missing')
-            continue
-        values[name] = _convert(hints[name], document[name], f"{where}: {name}")
-    return kind(**values)
-
-
-def _convert(kind: Any, value: Any, where: str) -> Any:
-    origin = typing.get_origin(kind)
-    if dataclasses.is_dataclass(kind):
-        return _build(cast("type", kind), value, where)
-    if origin is not None and issubclass(origin, Mapping):
-        if not isinstance(value, dict):
-            raise ProfileError(f"rover profile {where}: a table is needed, found {value!r}")
-        item = typing.get_args(kind)[1]
-        return types.MappingProxyType({k: _convert(item, v, f"{where}.{k}") for k, v in value.items()})
-    if origin is tuple:
-        items = typing.get_args(kind)
-        if not isinstance(value, list) or (items[-1] is not Ellipsis and len(value) != len(items)):
-            raise ProfileError(f"rover profile {where}: {len(items)} values are needed, found {value!r}")
-        return tuple(_convert(items[0], v, where) for v in value)
-    if kind is float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ProfileError(f"rover profile {where}: a number is needed, found {value!r}")
-        return float(value)
-    if not isinstance(value, kind) or isinstance(value, bool):
-        raise ProfileError(f"rover profile {where}: {kind.__name__} is needed, found {value!r}")
-    return value
-
-
-_POSITIVE = [
-    "body.length_m",
-    "body.width_m",
-    "body.height_m",
-    "body.mass_kg",
-    "body.clearance_m",
-    "wheels.radius_m",
-    "wheels.track_m",
-    "mobility.speed_m_s",
-    "mobility.turn_rate_rad_s",
-    "mobility.step_m",
-    "mobility.max_slope_rad",
-    "mobility.max_tilt_rad",
-    "mobility.max_step_m",
-    "power.battery_j",
-    "mast.height_m",
-    "arm.reach_m",
-    "arm.tool_radius_m",
-    "arm.link_radius_m",
-    "arm.standoff_m",
-    "arm.joint_rate_rad_s",
-    "arm.approach_m_s",
-]
-
-
-def _check(profile: RoverProfile, where: str) -> None:
-    for dotted in _POSITIVE:
-        part, name = dotted.split(".")
-        value = getattr(getattr(profile, part), name)
-        if not value > 0:
-            raise ProfileError(f"rover profile {where}: {dotted} is {value}; it must be positive")
-    if profile.arm.min_reach_m >= profile.arm.reach_m:
-        raise ProfileError(
-            f"rover profile {where}: arm.min_reach_m is {profile.arm.min_reach_m} m, "
-            f"not less than arm.reach_m {profile.arm.reach_m} m"
-        )
-    _check_arm(profile.arm, where)
-    if not 0 <= profile.power.initial_j <= profile.power.battery_j:
-        raise ProfileError(
-            f"rover profile {where}: power.initial_j is {profile.power.initial_j} J, "
-            f"outside 0 to power.battery_j {profile.power.battery_j} J"
-        )
+def contradiction(profile: ProfileFile, language: Dictionary) -> str:
+    """Return in what a dictionary contradicts a profile, the first thing found; empty if in nothing."""
+    actions = language.commands.actions
+    carried = ", ".join(sorted(profile.instruments)) or "none"
+    for name, action in actions.items():
+        if action.activity and action.activity not in profile.activities:
+            return (
+                f'action "{name}" takes its time from the activity "{action.activity}", which the profile '
+                f"lacks; it has {', '.join(sorted(profile.activities))}"
+            )
+        for part in action.needs:
+            if part not in PARTS:
+                return f'action "{name}" needs "{part}"; a rover has {", ".join(PARTS)}'
+        named = action.parameter(action.instrument) if action.instrument else None
+        for choice in named.choices if named is not None else ():
+            if choice not in profile.instruments:
+                return (
+                    f'action "{name}" lets its {action.instrument} be "{choice}", which the profile lacks; '
+                    f"it carries {carried}"
+                )
     for name, instrument in profile.instruments.items():
-        if instrument.kind not in ("contact", "remote"):
-            raise ProfileError(
-                f'rover profile {where}: instruments.{name}.kind is "{instrument.kind}"; contact or remote'
-            )
-        if not 0 < instrument.p_success <= 1:
-            raise ProfileError(
-                f"rover profile {where}: instruments.{name}.p_success is {instrument.p_success}; 0 to 1"
-            )
+        wrong = _misused(name, instrument, language)
+        if wrong:
+            return wrong
+    return ""
 
 
-def _check_arm(arm: Arm, where: str) -> None:
-    for name, values in (("joint_limits_rad", arm.joint_limits_rad), ("stow_rad", arm.stow_rad)):
-        if len(values) != arm.joints or arm.joints != 5:
-            raise ProfileError(
-                f"rover profile {where}: arm.{name} has {len(values)} entries and arm.joints is "
-                f"{arm.joints}; both must be 5"
-            )
-    for name, length in zip(("upper arm", "forearm", "tool"), arm.links_m, strict=True):
-        if not length > 0:
-            raise ProfileError(
-                f"rover profile {where}: arm.links_m: {name} is {length} m; it must be positive"
-            )
-    if abs(sum(arm.links_m) - arm.reach_m) > 1e-6:
-        raise ProfileError(
-            f"rover profile {where}: arm.links_m add up to {sum(arm.links_m):.3f} m; "
-            f"arm.reach_m is {arm.reach_m} m"
+def _misused(name: str, instrument: Instrument, language: Dictionary) -> str:
+    """Return what is wrong with the action that uses an instrument, or an empty string."""
+    actions = language.commands.actions
+    action = actions.get(instrument.used_by)
+    if action is None:
+        return (
+            f'instrument "{name}" is used by the action "{instrument.used_by}", which the dictionary lacks; '
+            f"it has {', '.join(actions)}"
         )
-    for number, ((low, high), stow) in enumerate(zip(arm.joint_limits_rad, arm.stow_rad, strict=True), 1):
-        if not low <= stow <= high:
-            raise ProfileError(
-                f"rover profile {where}: arm.stow_rad of joint {number} is {stow}, outside its limits "
-                f"{low} to {high}"
+    for parameter in ("target", "instrument"):
+        spec = action.parameter(parameter)
+        if spec is None:
+            known = ", ".join(p.name for p in action.parameters) or "none"
+            return (
+                f'instrument "{name}" is used by the action "{action.name}", which has no parameter '
+                f'"{parameter}"; it has {known}'
             )
-    for name, value in (("accuracy_m", arm.accuracy_m), ("overtravel_m", arm.overtravel_m)):
-        if value < 0:
-            raise ProfileError(f"rover profile {where}: arm.{name} is {value}; it must not be negative")
+        if parameter == "instrument" and spec.choices and name not in spec.choices:
+            return (
+                f'instrument "{name}" is used by the action "{action.name}", whose instrument must be one of '
+                f"{', '.join(spec.choices)}"
+            )
+    return ""

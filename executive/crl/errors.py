@@ -5,6 +5,7 @@
     CrlError
     ├── CrlSyntaxError     the text is no plan: code, line, column
     ├── CrlFormError       a JSON document is not the JSON form of a plan
+    ├── DictionaryError    a file is no dictionary of a rover, or contradicts itself
     └── CrlValidationError a plan was required to be valid and is not: holds the findings
 
 What a validator says about a plan is a value, `Finding`; only a caller who *needs* a plan gets an exception.
@@ -97,6 +98,10 @@ def _rebuild_syntax_error(
 
 class CrlFormError(CrlError):
     """A JSON document is not the JSON form of a plan; the message names the member and its value."""
+
+
+class DictionaryError(CrlError):
+    """A file is no dictionary of a rover, or contradicts itself."""
 
 
 class CrlValidationError(CrlError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 
 from executive.crl import CrlValidationError, Plan
+from executive.crl.dictionary import Dictionary
 from executive.crl.printer import canonical_node, canonical_text
 from executive.crl.reader import parse
 from executive.crl.validate import check
@@ -12,8 +13,10 @@ from executive.engine.compile_plan import compile_plan
 from executive.engine.spec import PlanSpec
 
 
-def load_plan(plan: str | Plan, *, trusted: bool = False) -> PlanSpec:
+def load_plan(plan: str | Plan, *, trusted: bool = False, dictionary: Dictionary | None = None) -> PlanSpec:
     """Return a plan ready to run. A text is validated unless it is `trusted` (it was validated before).
+
+    With a `dictionary` its actions, parameters and keys are held to that.
 
     Raises
     ------
@@ -24,7 +27,9 @@ def load_plan(plan: str | Plan, *, trusted: bool = False) -> PlanSpec:
         if trusted:
             plan = parse(plan)
         else:
-            report = check(plan)
+            commands = None if dictionary is None else dictionary.commands
+            telemetry = None if dictionary is None else dictionary.telemetry
+            report = check(plan, commands=commands, telemetry=telemetry)
             if report.plan is None or report.errors:
                 raise CrlValidationError(report.findings)
             plan = report.plan

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.crl import CrlValidationError, Finding
+from executive.crl.dictionary import Dictionary
 from executive.engine.spec import PlanSpec
 from executive.errors import ScenarioError
 from executive.ports import (
@@ -233,10 +234,13 @@ def _scripted(entry: Mapping[str, Any], where: str) -> Event | Crash:
 # --- running ------------------------------------------------------------------
 
 
-def run_scenario(scenario: Scenario) -> ScenarioRun:
-    """Run a scenario and compare what came with what it expects, if it expects anything."""
+def run_scenario(scenario: Scenario, dictionary: Dictionary | None = None) -> ScenarioRun:
+    """Run a scenario and compare what came with what it expects, if it expects anything.
+
+    With a `dictionary` a plan that does not keep to it is rejected.
+    """
     try:
-        plan = load_plan(scenario.plan)
+        plan = load_plan(scenario.plan, dictionary=dictionary)
     except CrlValidationError as error:
         findings = error.findings
         differences = () if scenario.expect is None else _compare_errors(findings, scenario.expect)

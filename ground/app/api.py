@@ -31,6 +31,7 @@ from ground.resources.plans.routes import router as plans
 from ground.resources.problems.routes import router as problems
 from ground.resources.products.routes import router as products
 from ground.resources.reports.routes import router as reports
+from ground.resources.rovers.routes import router as rovers
 from ground.resources.runs.export_routes import router as product_files
 from ground.resources.runs.ingest_routes import router as ingest
 from ground.resources.runs.routes import router as runs
@@ -64,6 +65,7 @@ ROUTERS = (
     site_maps,
     traverses,
     jobs,
+    rovers,
     uploads,
     people,
     products,

@@ -12,6 +12,7 @@ from ground.cli.failure import fail
 
 if TYPE_CHECKING:
     from executive.crl import Finding, Plan
+    from executive.crl.dictionary import Dictionary
 
 crl_app = typer.Typer(name="crl", help="Check, format and try out plan texts (CRL).", no_args_is_help=True)
 
@@ -26,7 +27,10 @@ def check(
     file: Annotated[Path, typer.Argument(help="CRL text, or its JSON form (.json)")],
     as_json: Annotated[bool, typer.Option("--json", help="findings as JSON on stdout")] = False,
     dictionary: Annotated[
-        str | None, typer.Option(help="look actions and keys up in a rover's dictionaries: outcrop")
+        str | None,
+        typer.Option(
+            help="look actions and keys up in a rover's dictionary: its name (outcrop-rover) or file"
+        ),
     ] = None,
     level: Annotated[
         list[str] | None,
@@ -40,13 +44,8 @@ def check(
     levels = _levels(level or [])
     commands = telemetry = None
     if dictionary is not None:
-        from rover_iface.commands import COMMANDS
-        from rover_iface.telemetry import TELEMETRY
-
-        names = {"outcrop", COMMANDS.name}
-        if dictionary not in names:
-            fail(f"unknown dictionary {dictionary!r}; known: {', '.join(sorted(names))}")
-        commands, telemetry = COMMANDS, TELEMETRY
+        language = dictionary_of(dictionary)
+        commands, telemetry = language.commands, language.telemetry
     text = _read(file)
     if file.suffix == ".json":
         text = readable_text(_from_json(file, text))
@@ -93,6 +92,17 @@ def format_(
         typer.echo(json.dumps(to_json(plan), indent=2, ensure_ascii=False))
     else:
         typer.echo(readable_text(plan), nl=False)
+
+
+def dictionary_of(name: str) -> Dictionary:
+    """Return the dictionary that `--dictionary` names; `outcrop` is that of the program's rovers."""
+    from executive.crl.errors import DictionaryError
+    from rover_iface.profile import STANDARD_DICTIONARY, dictionary_file
+
+    try:
+        return dictionary_file(STANDARD_DICTIONARY if name == "outcrop" else name)
+    except DictionaryError as error:
+        fail(str(error))
 
 
 def _from_json(file: Path, text: str) -> Plan:

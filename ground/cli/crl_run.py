@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ground.cli.crl import dictionary_of
 from ground.cli.failure import fail
 
 
@@ -22,6 +23,10 @@ def run(
     trace_dir: Annotated[
         Path | None, typer.Option(help="folder for what came of each scenario, one file of the same name")
     ] = None,
+    dictionary: Annotated[
+        str | None,
+        typer.Option(help="hold plans to a rover's dictionary: its name (outcrop-rover) or file"),
+    ] = None,
 ) -> None:
     """Run scenarios; exit 0 iff every trace agrees with what its file expects."""
     import json
@@ -30,6 +35,7 @@ def run(
     from executive.runtime.scenario import load_scenario, run_scenario
 
     disagreeing = broken = 0
+    language = None if dictionary is None else dictionary_of(dictionary)
     if trace_dir is not None:
         try:
             trace_dir.mkdir(parents=True, exist_ok=True)
@@ -37,7 +43,7 @@ def run(
             fail(f"trace folder {trace_dir} cannot be made: {error.strerror}")
     for path in scenarios:
         try:
-            result = run_scenario(load_scenario(path))
+            result = run_scenario(load_scenario(path), language)
         except ScenarioError as error:
             typer.echo(f"outcrop: {error}", err=True)
             broken += 1

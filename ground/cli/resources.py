@@ -119,6 +119,8 @@ BY_HAND = {
     "create_solution": "solution add",
     "create_traverse": "traverse adjust",
     "create_upload": "exchange import-geometry",
+    "list_rovers": "rover list",
+    "read_rover": "rover show",
     "create_session": "api",
     "delete_session": "api",
 }

@@ -30,27 +30,52 @@ def list_rovers() -> None:
 
 
 @rover.command()
+def show(name: Annotated[str, typer.Argument(help="name of the rover profile")]) -> None:
+    """Print a rover's instruments, actions, telemetry keys and constraints as JSON."""
+    import json
+    from dataclasses import asdict
+
+    from ground.errors import GroundError
+    from ground.resources.rovers.read_rover import describe
+
+    try:
+        typer.echo(json.dumps(asdict(describe(name)), indent=1))
+    except GroundError as err:
+        typer.echo(f"outcrop: {err.message}", err=True)
+        raise typer.Exit(2) from err
+
+
+@rover.command()
 def check(
     name: Annotated[str, typer.Argument(help="name of the rover (entry point group outcrop.rovers)")],
     world: Annotated[
         Path | None, typer.Option(help="world with targets T1 and T2; a made one if absent")
     ] = None,
+    profile: Annotated[str, typer.Option(help="rover profile of the made world: name or TOML file")] = "k9",
+    dictionary: Annotated[
+        str | None, typer.Option(help="dictionary to hold it to: name or file; that of the profile if absent")
+    ] = None,
 ) -> None:
     """Run the contract suite against a rover; exit 1 if a check fails."""
     import tempfile
 
+    from executive.crl.errors import DictionaryError
     from rover_iface.contract import check_rover, write_contract_world
     from rover_iface.errors import RoverError
+    from rover_iface.profile import dictionary_file
     from rover_iface.registry import find_rover
 
+    if profile.endswith(".toml"):
+        profile = str(Path(profile).resolve())
     try:
         factory = find_rover(name)
-    except RoverError as err:
+        language = None if dictionary is None else dictionary_file(dictionary)
+        with tempfile.TemporaryDirectory() as folder:
+            place = world if world is not None else write_contract_world(Path(folder), profile)
+            findings = check_rover(factory, place, dictionary=language)
+    except (RoverError, DictionaryError) as err:
         typer.echo(f"outcrop: {err}", err=True)
         raise typer.Exit(2) from err
-    with tempfile.TemporaryDirectory() as folder:
-        place = world if world is not None else write_contract_world(Path(folder))
-        findings = check_rover(factory, place)
     for finding in findings:
         typer.echo(f"{'ok  ' if finding.passed else 'FAIL'}  {finding.name}")
         if not finding.passed:

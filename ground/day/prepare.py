@@ -6,9 +6,8 @@ terrain, the network and the problem are the planner's.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ground.errors import InvalidInputError
@@ -71,6 +70,7 @@ def prepare_day(
     from planner.problem import problem_from_dict
 
     tell = report or (lambda _share, _what: None)
+    day = named_as_in(profile, day)
     check_requests(profile, day)
     tell(0.0, "observation points")
     poses, refused = _observation_points(terrain, profile, day)
@@ -98,19 +98,33 @@ def prepare_day(
     return PreparedDay(problem, network, standing, tuple(refused))
 
 
+def named_as_in(profile: RoverProfile, day: Day) -> Day:
+    """Return a day whose requests call instruments as the profile does.
+
+    Raises
+    ------
+    InvalidInputError
+        If a request names one that the rover does not carry.
+    """
+    from rover_iface.errors import ProfileError
+
+    requests = []
+    for request in day.requests:
+        try:
+            requests.append(replace(request, instrument=profile.instrument_key(request.instrument)))
+        except ProfileError as err:
+            raise InvalidInputError(f"observation request {request.id}: {err}") from err
+    return replace(day, requests=tuple(requests))
+
+
 def check_requests(profile: RoverProfile, day: Day) -> None:
     """Raise InvalidInputError if a request asks of the rover what it cannot do."""
     for request in day.requests:
-        if request.instrument not in profile.instruments:
-            names = ", ".join(sorted(profile.instruments))
+        instrument = profile.instrument(request.instrument)
+        if instrument.tracks and not request.tracked:
+            why = "is placed by the arm" if instrument.contact else "looks at a tracked target alone"
             raise InvalidInputError(
-                f"observation request {request.id}: rover {profile.name} has no instrument "
-                f'"{request.instrument}"; it has {names}'
-            )
-        if profile.instrument(request.instrument).kind == "contact" and not request.tracked:
-            raise InvalidInputError(
-                f"observation request {request.id}: {request.instrument} is placed by the arm, so its target "
-                "must be tracked"
+                f"observation request {request.id}: {request.instrument} {why}, so its target must be tracked"
             )
 
 
@@ -171,20 +185,24 @@ def rover_parameters(profile: RoverProfile) -> RoverParameters:
 
 
 def calibration_of(profile: RoverProfile) -> Calibration:
-    """Return the leg model of a rover profile; rates of lost tracks are published K9 and flight figures."""
-    from planner.path_network import K9_CALIBRATION
+    """Return the leg model of a rover profile as the path network takes it."""
+    from planner.path_network import Calibration
 
-    drive = profile.activity("navigate")
-    return dataclasses.replace(
-        K9_CALIBRATION,
+    drive, legs = profile.activity("navigate"), profile.leg_model
+    return Calibration(
         name=f"profile-{profile.name}-{profile.version}",
-        source=(
-            f"rover profile {profile.name} {profile.version}; rates of lost tracks: {K9_CALIBRATION.source}"
-        ),
+        source=f"rover profile {profile.name} {profile.version}; rates of lost tracks: {legs.source}",
         fixed_s=drive.fixed_s,
         drive_factor=drive.per_m_s * profile.mobility.speed_m_s,
+        turn_factor=legs.turn_factor,
+        slope_gain=legs.slope_gain,
         duration_cv=drive.cv,
+        energy_factor=legs.energy_factor,
         energy_cv=drive.energy_cv,
+        inside_per_m=legs.inside_per_m,
+        outside_per_m=legs.outside_per_m,
+        occluded_per_m=legs.occluded_per_m,
+        angle_gain_per_rad=legs.angle_gain_per_rad,
     )
 
 
@@ -238,7 +256,7 @@ def _observation_points(
         if manual:
             poses[target_id] = manual[:1]
             continue
-        contact = [r for r in group if profile.instrument(r.instrument).kind == "contact"]
+        contact = [r for r in group if profile.instrument(r.instrument).contact]
         remote = [r for r in group if r not in contact]
         target = day.target(target_id)
         for choice in (contact, remote):
@@ -334,7 +352,7 @@ def _observation(
     document: dict[str, Any] = {
         "id": request.id,
         "instrument": request.instrument,
-        "kind": "place" if instrument.kind == "contact" else "image",
+        "kind": "place" if instrument.contact else "image",
         "utility": request.value,
         "p_success": instrument.p_success,
         "observe": {
@@ -342,8 +360,8 @@ def _observation(
             "energy_j": {"mean": instrument.energy_j.mean, "sd": instrument.energy_j.sd},
         },
         "must_do": request.must_do,
-        "data_mbit": instrument.volume_mb * 8.0,
-        "tracked": request.tracked and instrument.kind != "contact",
+        "data_mbit": instrument.data_mbit,
+        "tracked": request.tracked and not instrument.contact,
         "refs": {"request": request.id},
     }
     if windows:

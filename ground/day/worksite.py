@@ -62,15 +62,6 @@ class Worksite:
             raise JobFailedError(err.message) from err
 
 
-INSTRUMENTS = {"microscopic_imager": "mi", "science_camera": "scicam"}
-"""Names of instruments in the repository, and in rover profiles."""
-
-
-def instrument_name(in_profile: str) -> str:
-    """Return the repository's name of an instrument of a rover profile."""
-    return next((name for name, short in INSTRUMENTS.items() if short == in_profile), in_profile)
-
-
 def from_version_0(payload: dict[str, Any]) -> dict[str, Any]:
     """Return the members `site` and `day` of a job that version 0.1 left in a database without a format."""
     limits = payload["limits"]
@@ -111,7 +102,7 @@ def _request_of_version_0(request: dict[str, Any]) -> dict[str, Any]:
     return {
         "id": request["id"],
         "target_id": request["target_id"],
-        "instrument": INSTRUMENTS.get(request["instrument"], request["instrument"]),
+        "instrument": request["instrument"],
         "value": request["value"],
         "constraints": constraints,
         "dwell_s": request["dwell_s"],

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-
 from ground.errors import AlreadyExecutedError, ArchiveError, InvalidInputError
 from ground.uplink.flight import Flight, Sample, fly
 from ground.uplink.keys import load_public
@@ -68,7 +66,7 @@ def execute_package(
     StateError
         If the rover does not repeat what the interrupted journal holds.
     """
-    checked = _checked(package, load_public(place.trust))
+    checked = _checked(package, place)
     manifest = checked.manifest
     begun = _begun(place.world / LEDGER, checked)
     if begun is not None and not resume:
@@ -120,17 +118,18 @@ def execute_package(
     return checked, flight
 
 
-def _checked(package: Path, trusted: Ed25519PublicKey) -> Package:
+def _checked(package: Path, place: Place) -> Package:
     from executive.crl import CrlError, digest, parse
-    from rover_iface.commands import COMMANDS
+    from rover_iface.simulator.world import load_world
 
-    checked = read_package(package, trusted)
+    checked = read_package(package, load_public(place.trust))
+    language = load_world(place.world).profile.language
     manifest = checked.manifest
     wanted = manifest.get("dictionary", {})
-    if (wanted.get("name"), wanted.get("version")) != (COMMANDS.name, COMMANDS.version):
+    if (wanted.get("name"), wanted.get("version")) != (language.name, language.version):
         raise ArchiveError(
             f"the package is for the command dictionary {wanted.get('name')} {wanted.get('version')}; "
-            f"this rover has {COMMANDS.name} {COMMANDS.version}"
+            f"this rover has {language.name} {language.version}"
         )
     try:
         found = digest(parse(checked.crl_text))

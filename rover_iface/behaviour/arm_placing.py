@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from executive.ports import Command, Value
+from mission.instrument import Instrument
 from rover_iface.behaviour.action import Action, Doing, Outcome, Step, number
 from rover_iface.behaviour.attempt import Attempt, overlay
 from rover_iface.behaviour.driving import Driving
@@ -32,7 +33,6 @@ from rover_iface.placement.safety import plan_placement
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.segmentation import SegmentationOptions, segment
 from rover_iface.placement.verdict import BaseMove
-from rover_iface.profile import Instrument
 
 NEAR_M = 0.015
 """How far from the designated point a safe one may be taken; with hand-off and arm that keeps 2 cm."""
@@ -66,7 +66,7 @@ class ArmPlacing(Placing):
     def place(self, command: Command) -> Action:
         """Carry out `ipplaceinstrument`."""
         name = str(command.parameters["target"])
-        instrument = str(command.parameters.get("instrument", self._contact_instrument()))
+        instrument = str(command.parameters.get("instrument", self._usual_instrument()))
         if name not in self.follower.targets:
             return Outcome(False, f"unknown target {name}", {"made": False})
         followed = self.follower.tracked(name)
@@ -245,11 +245,14 @@ class ArmPlacing(Placing):
         return count + self.hardware.write_product(command, "verdict", data, ".json", about)
 
     def _write_close_up(self, command: Command, name: str, instrument: str, touch: Contact) -> int:
-        """Write the merged picture of the imager on the tool."""
+        """Write the merged picture of an imager on the tool, what was measured for another instrument."""
         if not self.hardware.keeps_products:
             return 0
+        camera = self.hardware.profile.instrument(instrument).camera
+        if not camera:
+            return self.write_measurement(command, name, instrument, touch)
         try:
-            seen = self.hardware.take_close_up()
+            seen = self.hardware.take_close_up(camera)
         except RenderError:
             return 0
         label = {

@@ -16,12 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from executive.ports import Command, Value
+from mission.instrument import Instrument
 from rover_iface.behaviour.action import Doing
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.frames import Pose
 from rover_iface.navigation.navigator import Way
 from rover_iface.placement.arm_motion import Motion
-from rover_iface.profile import Instrument, RoverProfile
+from rover_iface.profile import RoverProfile
 
 Cloud = npt.NDArray[np.floating]
 Window = tuple[int, int, int, int]
@@ -260,8 +261,8 @@ class Hardware(Platform, Protocol):
     def move_arm(self, target: str, motion: Motion) -> Doing[Contact]:
         """Move the joints along a motion until the tool's sensors report contact."""
 
-    def take_close_up(self) -> CloseUp:
-        """Return what the imager on the tool sees where it touches.
+    def take_close_up(self, camera: str) -> CloseUp:
+        """Return what an imager on the tool sees where it touches; `camera` of the rover's rig.
 
         Raises
         ------

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from executive.ports import Command, Value
+from mission.instrument import Use
 from rover_iface.behaviour.action import Action, Outcome, number
 from rover_iface.behaviour.following import TargetFollower
 from rover_iface.behaviour.hardware import Hardware, ProductFile
@@ -45,7 +46,7 @@ class Imaging:
         profile = self.hardware.profile
         figures = profile.instruments.get(instrument)
         if figures is None:
-            figures = next(i for i in profile.instruments.values() if i.kind == "remote")
+            figures = profile.instrument(profile.usual_instrument(Use.REMOTE))
         camera = figures.camera or profile.cameras.science
         energy = yield from self.hardware.operate(figures)
         point = self.follower.position(name) if name else self._far_point(command)

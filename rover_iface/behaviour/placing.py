@@ -5,6 +5,7 @@ Here the way of the tool is left to the arm's own controller (`Hardware.reach`);
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -12,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from executive.ports import Command, Value
+from mission.instrument import Use
 from rover_iface.behaviour.action import Action, Outcome, number
 from rover_iface.behaviour.following import Followed, TargetFollower
 from rover_iface.behaviour.hardware import Contact, Hardware
@@ -94,7 +96,7 @@ class Placing:
     def place(self, command: Command) -> Action:
         """Carry out `ipplaceinstrument`."""
         name = str(command.parameters["target"])
-        instrument = str(command.parameters.get("instrument", self._contact_instrument()))
+        instrument = str(command.parameters.get("instrument", self._usual_instrument()))
         if name not in self.follower.targets:
             return Outcome(False, f"unknown target {name}", {"made": False})
         followed = self.follower.tracked(name)
@@ -118,9 +120,21 @@ class Placing:
         self.follower.forget(name)
         return Outcome(True, values=values)
 
-    def _contact_instrument(self) -> str:
-        instruments = self.hardware.profile.instruments
-        return next((n for n, i in instruments.items() if i.kind == "contact"), "mi")
+    def _usual_instrument(self) -> str:
+        return self.hardware.profile.usual_instrument(Use.CONTACT)
+
+    def write_measurement(self, command: Command, name: str, instrument: str, contact: Contact) -> int:
+        """Write what an instrument without a camera leaves: what was measured, where, and for how long."""
+        document = {
+            "target": name,
+            "instrument": instrument,
+            "doc": self.hardware.profile.instrument(instrument).doc,
+            "point_site": [round(float(v), 4) for v in contact.point],
+            "dwell_s": number(command, "dwell_s", 0.0),
+        }
+        data = (json.dumps(document, indent=1) + "\n").encode()
+        label = {"target": name, "instrument": instrument, "frame": "site"}
+        return self.hardware.write_product(command, "measurement", data, ".json", label)
 
     def _write_products(self, command: Command, name: str, instrument: str, contact: Contact) -> int:
         """Write what the hazard camera and the contact instrument see."""
@@ -143,8 +157,11 @@ class Placing:
                 {**label, "camera": hazard, **about},
                 picture=shot.picture.number,
             )
+        camera = self.hardware.profile.instrument(instrument).camera
+        if not camera:
+            return count + self.write_measurement(command, name, instrument, contact)
         try:
-            seen = self.hardware.take_close_up()
+            seen = self.hardware.take_close_up(camera)
         except RenderError:
             return count
         about = picture_label(seen.camera, contact.point)

@@ -55,7 +55,8 @@ class Repertoire:
 
     def act(self, command: Command) -> Action | None:
         """Return the action of a command."""
-        made = self._actions.get(command.action)
+        profile = self.placing.hardware.profile
+        made = self._actions.get(profile.usual_action(command.action, command.parameters))
         return None if made is None else made(command)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from executive.ports import Command, Value
+from mission.instrument import Instrument
 from rover_iface.behaviour.action import Doing
 from rover_iface.behaviour.hardware import (
     CloseUp,
@@ -21,7 +22,7 @@ from rover_iface.cameras.model import Array
 from rover_iface.frames import Pose
 from rover_iface.navigation.navigator import Way
 from rover_iface.placement.arm_motion import Motion
-from rover_iface.profile import Instrument, RoverProfile
+from rover_iface.profile import RoverProfile
 
 
 class WrappedHardware:
@@ -109,8 +110,8 @@ class WrappedHardware:
     def move_arm(self, target: str, motion: Motion) -> Doing[Contact]:
         return self.inner.move_arm(target, motion)
 
-    def take_close_up(self) -> CloseUp:
-        return self.inner.take_close_up()
+    def take_close_up(self, camera: str) -> CloseUp:
+        return self.inner.take_close_up(camera)
 
     def instrument_delivers(self, instrument: Instrument) -> bool:
         return self.inner.instrument_delivers(instrument)

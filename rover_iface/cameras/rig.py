@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,9 @@ from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.errors import CameraError
 from rover_iface.frames import Transform
 from rover_iface.profile import RoverProfile
+
+if TYPE_CHECKING:
+    from rover_iface.profile import RoverProfile
 
 _FOLDER = Path(__file__).parent / "data"
 FORMAT = "cameras/1"
@@ -59,10 +62,10 @@ def preset_names() -> list[str]:
 
 
 def rig_of(profile: RoverProfile) -> CameraRig:
-    """Return a rover's cameras on its mast; a profile without a camera set of its name has K9's."""
+    """Return a rover's cameras on its mast; raises as `load_cameras` does."""
     mast = profile.mast
     return CameraRig(
-        load_cameras(profile.name if profile.name in preset_names() else "k9"),
+        load_cameras(profile.camera_set),
         (mast.base_m[0], mast.base_m[1], mast.height_m),
         mast.pan_limit_rad,
         mast.tilt_limits_rad,

@@ -25,8 +25,6 @@ def base_move(
     point: Array,
     normal: Array | None,
     terrain: Terrain | None = None,
-    *,
-    instrument: str = "mi",
 ) -> BaseMove | str:
     """Return the shortest move after which the arm reaches `point`, or why there is none.
 
@@ -38,9 +36,7 @@ def base_move(
         return "the ground round the rover is not known"
     here = Pose(0.0, 0.0)
     try:
-        poses = place_base(
-            ground, profile, point.tolist(), normal, instrument=instrument, start=here, count=24
-        )
+        poses = place_base(ground, profile, point.tolist(), normal, start=here, count=24)
     except (PlacementError, OutsideTerrainError) as err:
         return str(err)
     # a turn costs like half a metre a radian

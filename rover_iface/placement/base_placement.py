@@ -16,6 +16,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mission.instrument import Use
 from rover_iface.errors import PlacementError
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.mobility import Standing, settle
@@ -69,7 +70,7 @@ def place_base(
     normal: ArrayLike | None = None,
     *,
     target: str = "target",
-    instrument: str = "mi",
+    instrument: str = "",
     start: Pose | None = None,
     keep_out: Sequence[ArrayLike] = (),
     count: int = 5,
@@ -84,7 +85,8 @@ def place_base(
     normal
         Surface normal there [3], outward; taken from the terrain over 10 cm when absent.
     instrument
-        Name in the rover profile; its kind decides between arm and stand-off.
+        Name in the rover profile; its use decides between arm and stand-off. The first one that the arm
+        places when absent.
     start
         Where the rover comes from: poses on that side are preferred, since the target was seen from there
         and is tracked on the way. The origin when absent.
@@ -102,6 +104,7 @@ def place_base(
     """
     px, py, pz = (float(v) for v in point)
     terrain.require_inside(px, py, f"target {target}")
+    instrument = instrument or profile.usual_instrument(Use.CONTACT)
     figures = profile.instrument(instrument)
     up = np.asarray(normal if normal is not None else terrain.normal(px, py, 0.10), dtype=float)
     if up.shape != (3,) or not np.linalg.norm(up) > 0:
@@ -110,7 +113,7 @@ def place_base(
         )
     up = up / np.linalg.norm(up)
     origin = start if start is not None else Pose(0.0, 0.0)
-    contact = figures.kind == "contact"
+    contact = figures.contact
     x, y, heading = _candidates(profile, px, py, origin, contact, figures.standoff_m)
     standing = settle(terrain, profile, x, y, heading)
     here = np.array([px, py, pz])
@@ -170,7 +173,7 @@ def check_observation_point(
     normal: ArrayLike | None = None,
     *,
     target: str = "target",
-    instrument: str = "mi",
+    instrument: str = "",
     keep_out: Sequence[ArrayLike] = (),
 ) -> ObservationPoint:
     """Return what a given pose is worth for a target.
@@ -183,13 +186,14 @@ def check_observation_point(
     px, py, pz = (float(v) for v in point)
     terrain.require_inside(px, py, f"target {target}")
     terrain.require_inside(pose.x, pose.y, f"observation point of target {target}")
+    instrument = instrument or profile.usual_instrument(Use.CONTACT)
     figures = profile.instrument(instrument)
     up = np.asarray(normal if normal is not None else terrain.normal(px, py, 0.10), dtype=float)
     up = up / np.linalg.norm(up)
     x, y, heading = np.array([pose.x]), np.array([pose.y]), np.array([pose.heading])
     standing = settle(terrain, profile, x, y, heading)
     here = np.array([px, py, pz])
-    if figures.kind == "contact":
+    if figures.contact:
         reach, tilt, rules = _arm_rules(profile, here, up, x, y, heading, standing, share=1.0)
     else:
         reach, tilt, rules = _view_rules(terrain, profile, here, up, x, y, standing, figures.standoff_m)
@@ -204,7 +208,7 @@ def check_observation_point(
         profile,
         Pose(pose.x - math.cos(pose.heading), pose.y - math.sin(pose.heading)),
         here,
-        figures.kind == "contact",
+        figures.contact,
         x,
         y,
         heading,

@@ -191,7 +191,7 @@ class AbstractRover(RoutineRover):
 
     def act(self, command: Command) -> Action:
         """Return the generator of an action."""
-        match command.action:
+        match self.profile.usual_action(command.action, command.parameters):
             case "navigate":
                 return self._navigate(command)
             case "trackstart":
@@ -358,7 +358,7 @@ class AbstractRover(RoutineRover):
             return (yield from self._observe(command, contact=False))
         if self.camera_failed:
             return Outcome(False, "camera failed")
-        scicam = next((i for i in self.profile.instruments.values() if i.kind == "remote"), None)
+        scicam = next((i for i in self.profile.instruments.values() if not i.contact), None)
         duration, energy = (
             (milliseconds(scicam.time_s.mean), scicam.energy_j.mean) if scicam is not None else (0, 0.0)
         )

@@ -20,6 +20,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from executive.crl.dictionary import CommandDictionary
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -33,8 +34,8 @@ from executive.ports import (
     Value,
 )
 from rover_iface.behaviour.action import Action, Outcome, Route, Step
-from rover_iface.commands import COMMANDS
 from rover_iface.frames import Pose, wrap_angle
+from rover_iface.profile import standard_dictionary
 from rover_iface.simulator.faults import Fault, FaultKind
 
 
@@ -115,6 +116,11 @@ class SimulatedRover:
                 self._push(milliseconds(fault.at_s), _FAULT, fault)
 
     # ---- what a subclass gives
+
+    @property
+    def commands(self) -> CommandDictionary:
+        """Return the actions that the rover takes."""
+        return standard_dictionary().commands
 
     def act(self, command: Command) -> Action:
         """Return the generator of an action; the default answers that the action is unknown."""
@@ -198,7 +204,7 @@ class SimulatedRover:
             return
         while self._heap and self._heap[0][0] <= self._now and self._heap[0][2] == _FAULT:
             self.apply_fault(heapq.heappop(self._heap)[3])
-        problem = check_command(command)
+        problem = check_command(command, self.commands)
         action = self._refuse(problem) if problem else self._walled(command)
         running = _Running(command, action)
         self._running[command.id] = running
@@ -466,9 +472,9 @@ def pose_label(pose: Pose) -> dict[str, float]:
     }
 
 
-def check_command(command: Command) -> str:
-    """Return what is wrong with a command by the dictionary, or an empty string."""
-    spec = COMMANDS.actions.get(command.action)
+def check_command(command: Command, commands: CommandDictionary) -> str:
+    """Return what is wrong with a command by a dictionary, or an empty string."""
+    spec = commands.actions.get(command.action)
     if spec is None:
         return f'unknown action "{command.action}"'
     known = {p.name for p in spec.parameters}

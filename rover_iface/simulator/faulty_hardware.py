@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from executive.ports import Value
+from mission.instrument import Instrument
 from rover_iface.behaviour.action import Doing, Step
 from rover_iface.behaviour.hardware import Drive, Look, Picture
 from rover_iface.behaviour.wrapped import WrappedHardware
 from rover_iface.navigation.navigator import Way
-from rover_iface.profile import Instrument
 from rover_iface.simulator.engine import milliseconds
 from rover_iface.simulator.faults import Fault, FaultKind
 from rover_iface.simulator.hardware import SimulatedHardware

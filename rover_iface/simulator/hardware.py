@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from executive.ports import Command, Value
+from mission.instrument import Instrument
 from rover_iface.behaviour.action import Doing, Step
 from rover_iface.behaviour.hardware import (
     CloseUp,
@@ -27,7 +28,7 @@ from rover_iface.navigation.sensor import StereoSensor
 from rover_iface.placement.arm import Arm
 from rover_iface.placement.arm_motion import Motion
 from rover_iface.placement.base_placement import check_observation_point
-from rover_iface.profile import Instrument, RoverProfile
+from rover_iface.profile import RoverProfile
 from rover_iface.side_by_side import side_by_side
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.contact import place_tool
@@ -36,8 +37,6 @@ from rover_iface.simulator.microscope import close_up
 from rover_iface.simulator.render.picture import Negative
 from rover_iface.simulator.routine import RoutineRover
 from rover_iface.simulator.truth import Truth
-
-IMAGER = "mi"
 
 
 class SimulatedHardware:
@@ -55,7 +54,7 @@ class SimulatedHardware:
         self._bias = mast_bias(body)
         self._noisy = 0
         self._ranger = StereoSensor(body.profile)
-        self._close_up: Callable[[], CloseUp] | None = None
+        self._close_up: Callable[[str], CloseUp] | None = None
 
     # ---- platform
 
@@ -212,7 +211,7 @@ class SimulatedHardware:
         believed_from_true = body.true_from_believed.inverse()
         at = np.asarray(believed_from_true.apply(place), dtype=np.float64)
 
-        def seen() -> CloseUp:
+        def seen(_name: str) -> CloseUp:
             frame = body.renderer.render(camera, None, body.sun(self.t_s), samples=2)
             return CloseUp(frame.image8, camera.transformed(believed_from_true), self.truth.took(frame))
 
@@ -228,8 +227,8 @@ class SimulatedHardware:
         believed_from_true = body.true_from_believed.inverse()
         at = np.asarray(believed_from_true.apply(touch.point), dtype=np.float64)
 
-        def seen() -> CloseUp:
-            mounted = self.rig.mounted(IMAGER)
+        def seen(name: str) -> CloseUp:
+            mounted = self.rig.mounted(name)
             camera = mounted.model.transformed(touch.site_from_tool)
             sun = body.sun(self.t_s)
             found = close_up(body.renderer, camera, sun, sensor=mounted.sensor, seed=body.seed)
@@ -248,10 +247,10 @@ class SimulatedHardware:
             self._close_up = seen
         return Contact(touch.made, touch.reason, at, touch.beyond_m)
 
-    def take_close_up(self) -> CloseUp:
+    def take_close_up(self, camera: str) -> CloseUp:
         if self._close_up is None:
             raise RenderError("the imager on the tool touches nothing")
-        return self._close_up()
+        return self._close_up(camera)
 
 
 def mast_bias(body: Body) -> Array:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mission.instrument import Use
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose
 from rover_iface.profile import RoverProfile
@@ -269,8 +270,7 @@ def problem_from_targets(
         north = float(pose.get("north_m", point[1]))
         places.append((str(target["id"]), east, north))
         kind = str(target.get("kind", "place"))
-        wanted = "contact" if kind == "place" else "remote"
-        instrument = next((n for n, i in profile.instruments.items() if i.kind == wanted), "")
+        instrument = profile.usual_instrument(Use.CONTACT if kind == "place" else Use.REMOTE)
         figures = profile.instrument(instrument)
         listed.append(
             {

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from executive.crl.dictionary import CommandDictionary
 from executive.ports import Command
+from mission.instrument import Instrument
 from rover_iface.behaviour.action import Action, Outcome, Step, number
-from rover_iface.profile import Activity, Instrument, RoverProfile, load_profile
+from rover_iface.profile import Activity, RoverProfile, load_profile
 from rover_iface.simulator.engine import SimulatedRover, milliseconds
 
 
@@ -34,6 +36,11 @@ class RoutineRover(SimulatedRover):
                 return self._timed(command, "downlink", self.profile.power.downlink_w)
             case _:
                 return self._plain(*self.spread(command.action))
+
+    @property
+    def commands(self) -> CommandDictionary:
+        """Return the actions of the rover's own dictionary."""
+        return self.profile.language.commands
 
     @property
     def profile(self) -> RoverProfile:

@@ -64,7 +64,8 @@ class TerrainRover(RoutineRover):
         action = self.repertoire.act(command)
         if action is None:
             return self.routine(command)
-        return self._scored(command, action) if command.action == "ipplaceinstrument" else action
+        placed = self.profile.usual_action(command.action, command.parameters) == "ipplaceinstrument"
+        return self._scored(command, action) if placed else action
 
     def _scored(self, command: Command, action: Action) -> Action:
         """Carry out a placement; its result tells how far off it was, which only a simulation can."""

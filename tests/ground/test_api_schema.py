@@ -27,7 +27,6 @@ from ground.cli.openapi import document_text
 from ground.gdr.repository import open_repository
 from ground.resources.keep_outs.create_keep_out import create_keep_out
 from ground.resources.observation_requests.create_request import create_request
-from ground.resources.observation_requests.value import Instrument
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.targets.create_target import create_target
 from rover_iface import terrain
@@ -55,7 +54,7 @@ def schema(
     mission = yard(repo, terrain_folder)
     target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
     asked = create_request(
-        repo, PLANNER, mission.id, target_id=target.id, instrument=Instrument.SCIENCE_CAMERA, value=3.0
+        repo, PLANNER, mission.id, target_id=target.id, instrument="science_camera", value=3.0
     )
     keep_out = create_keep_out(repo, PLANNER, mission.id, polygon_m=[(1, 1), (2, 1), (2, 2)])
     known = {

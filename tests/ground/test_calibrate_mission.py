@@ -19,7 +19,6 @@ from ground.resources.calibrations.work import work
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
 from ground.resources.observation_requests.create_request import create_request
-from ground.resources.observation_requests.value import Instrument
 from ground.resources.problems.inputs_digest import inputs_digest
 from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
 from ground.resources.targets.create_target import create_target
@@ -90,7 +89,7 @@ def test_a_mission_plans_with_what_its_runs_taught(
         PLANNER,
         mission.id,
         target_id=target.id,
-        instrument=Instrument.MICROSCOPIC_IMAGER,
+        instrument="microscopic_imager",
         value=5.0,
         tracked=True,
     )

@@ -18,7 +18,7 @@ from ground.uplink.execute import LEDGER, Place, execute_package
 from ground.uplink.flight import Sample
 from ground.uplink.keys import PUBLIC, load_private, make_keys
 from ground.uplink.package import write_package
-from rover_iface.commands import COMMANDS
+from rover_iface.profile import standard_dictionary
 from tests.rover_iface.worlds import small_problem
 
 PLAN = """(plan :id day :node (block :id all :node-list (
@@ -43,7 +43,7 @@ def site(tmp_path: Path) -> tuple[Path, Place]:
         "plan": "P",
         "sequence": 3,
         "crl_sha256": digest(plan),
-        "dictionary": {"name": COMMANDS.name, "version": COMMANDS.version},
+        "dictionary": {"name": standard_dictionary().name, "version": standard_dictionary().version},
     }
     content = write_package(manifest, PLAN, {}, load_private(tmp_path / "keys"))
     (tmp_path / "package.zip").write_bytes(content)

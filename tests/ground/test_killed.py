@@ -30,7 +30,6 @@ from ground.resources.backups.check_files import check_files
 from ground.resources.comments.row import CommentRow
 from ground.resources.missions.value import Mission
 from ground.resources.observation_requests.create_request import create_request
-from ground.resources.observation_requests.value import Instrument
 from ground.resources.packages.row import PackageRow
 from ground.resources.plans.row import PlanRow
 from ground.resources.products.row import ProductRow
@@ -50,7 +49,7 @@ def uplinked_plan(repo: Repository, mission: Mission) -> str:
     """File a plan with one task for one request, as it stands after its uplink; return its id."""
     target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
     request = create_request(
-        repo, PLANNER, mission.id, target_id=target.id, instrument=Instrument.SCIENCE_CAMERA, value=1.0
+        repo, PLANNER, mission.id, target_id=target.id, instrument="science_camera", value=1.0
     )
     text = f'(plan :id p :node (task :id {TASK} :action image :metadata (request = "{request.id}")))'
     with repo.database.write() as session:

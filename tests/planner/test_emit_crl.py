@@ -35,8 +35,7 @@ from planner.plan_tree import (
     plan_tree_from_dict,
 )
 from planner.problem import Problem, load_problem, problem_to_dict
-from rover_iface.commands import COMMANDS
-from rover_iface.telemetry import TELEMETRY
+from rover_iface.profile import standard_dictionary
 from tests.planner.examples import example, observation, visits
 from tests.shared import shared
 
@@ -211,7 +210,10 @@ def test_options_exclude_each_other_and_the_last_one_goes_on() -> None:
 
 
 def _findings(problem: Problem, tree: PlanTree) -> list[str]:
-    report = check(canonical_text(emit(problem, tree)), commands=COMMANDS, telemetry=TELEMETRY)
+    language = standard_dictionary()
+    report = check(
+        canonical_text(emit(problem, tree)), commands=language.commands, telemetry=language.telemetry
+    )
     return [f"{f.code} {f.message}" for f in report.errors]
 
 

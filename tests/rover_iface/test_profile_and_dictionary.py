@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from executive.crl.dictionary import ValueType
-from rover_iface.commands import COMMANDS
 from rover_iface.errors import ProfileError
-from rover_iface.profile import load_profile, profile_names
-from rover_iface.telemetry import TELEMETRY, TrackState, key
+from rover_iface.profile import load_profile, profile_names, standard_dictionary
+from rover_iface.telemetry import TrackState, key
 
+COMMANDS, TELEMETRY = standard_dictionary().commands, standard_dictionary().telemetry
 NAMES = [
     "navigate", "turn", "trackstart", "trackstop", "pointmast", "image", "imagepanorama", "handoff",
     "ipplaceinstrument", "stow", "heat", "recharge", "wait", "downlink", "safemode",
@@ -45,7 +45,7 @@ def test_profiles_that_come_with_the_program_are_whole(name: str) -> None:
     assert profile.name == name
     assert profile.arm.reach_m == 0.79
     assert profile.arm.joints == 5
-    assert {i.kind for i in profile.instruments.values()} == {"contact", "remote"}
+    assert {i.use for i in profile.instruments.values()} == {"contact", "remote"}
     assert set(profile.activities) >= {"navigate", "trackstart", "track_overhead"}
     assert len(profile.sha256) == 64
 
@@ -100,24 +100,30 @@ def broken(tmp_path: Path, old: str, new: str) -> Path:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("reach_m = 0.79", "reach_m = -1", "arm.reach_m is -1.0; it must be positive"),
-        ("reach_m = 0.79", "", 'member "reach_m" is missing'),
-        ("reach_m = 0.79", 'reach_m = "far"', "a number is needed, found 'far'"),
-        ("joints = 5", "joints = 5\nelbows = 2", 'unknown member "elbows"'),
-        ("initial_j = 1350000.0", "initial_j = 9e9", "outside 0 to power.battery_j"),
-        ('kind = "contact"', 'kind = "psychic"', 'instruments.mi.kind is "psychic"; contact or remote'),
-        ("p_success = 0.9", "p_success = 1.5", "instruments.mi.p_success is 1.5"),
-        ('format = "profile/1"', 'format = "profile/9"', '"format" must be "profile/1"'),
-        ("min_reach_m = 0.25", "min_reach_m = 0.9", "not less than arm.reach_m 0.79"),
-        ("[body]", "[body", "not TOML"),
-        ("links_m = [0.34, 0.31, 0.14]", "links_m = [0.40]", "3 values are needed"),
-        ("links_m = [0.34, 0.31, 0.14]", "links_m = [0.34, 0.31, 0.1]", "arm.links_m add up to 0.750 m"),
+        ("reach_m = 0.79", "reach_m = -1", "arm.reach_m is -1; it must be more than 0"),
+        ("reach_m = 0.79", "", "arm.reach_m is missing"),
+        ("reach_m = 0.79", 'reach_m = "far"', 'arm.reach_m must be a number, found "far"'),
+        ("joints = 5", "joints = 5\nelbows = 2", "arm.elbows is no member that is known"),
+        ("initial_j = 1350000.0", "initial_j = 9e9", "initial_j is 9000000000.0 J; it must be at most"),
+        ('use = "contact"', 'use = "psychic"', "instruments.mi.use is \"psychic\"; it must be 'contact' or"),
+        ("p_success = 0.9", "p_success = 1.5", "instruments.mi.p_success is 1.5; it must be at most 1"),
+        ('format = "profile/2"', 'format = "profile/9"', 'format "profile/9", newer than this program'),
         (
-            "stow_rad = [-1.4, ",
-            "stow_rad = [-1.9, ",
-            "arm.stow_rad of joint 1 is -1.9, outside its limits -1.7",
+            "min_reach_m = 0.25",
+            "min_reach_m = 0.9",
+            "min_reach_m is 0.9 m; it must be less",
         ),
-        ("stow_rad = [-1.4, ", "stow_rad = [", "arm.stow_rad has 4 entries and arm.joints is 5"),
+        ("[body]", "[body", "not TOML"),
+        ("links_m = [0.34, 0.31, 0.14]", "links_m = [0.40]", "arm.links_m"),
+        ("links_m = [0.34, 0.31, 0.14]", "links_m = [0.34, 0.31, 0.1]", "links_m add up to 0.750 m"),
+        ("stow_rad = [-1.4, ", "stow_rad = [-1.9, ", "stow_rad of joint 1 is -1.9, outside its limits -1.7"),
+        ("stow_rad = [-1.4, ", "stow_rad = [", "stow_rad has 4 entries and joints is 5; both must be 5"),
+        ("hotel_w = 38.0", "hotel_w = nan", "power.hotel_w is NaN; it must be"),
+        (
+            'alias = "science_camera"',
+            'alias = "mi"',
+            'instruments.scicam.alias is "mi", which the instrument mi has already',
+        ),
     ],
 )
 def test_a_broken_profile_is_refused_by_name_value_and_limit(
@@ -129,12 +135,15 @@ def test_a_broken_profile_is_refused_by_name_value_and_limit(
 
 
 def test_an_unknown_profile_lists_the_known_ones() -> None:
-    with pytest.raises(ProfileError, match='unknown rover profile "curiosity"; known: k9, mer'):
+    with pytest.raises(ProfileError, match='unknown rover profile "curiosity"; known are k9, mer'):
         load_profile("curiosity")
     with pytest.raises(ProfileError, match="No such file"):
         load_profile(Path("nowhere.toml"))
 
 
 def test_an_unknown_instrument_lists_the_known_ones() -> None:
-    with pytest.raises(ProfileError, match='rover "k9" has no instrument "drill"; it carries mi, scicam'):
+    with pytest.raises(
+        ProfileError,
+        match='rover "k9" has no instrument "drill"; it carries microscopic_imager, science_camera',
+    ):
         load_profile("k9").instrument("drill")

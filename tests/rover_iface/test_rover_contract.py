@@ -92,7 +92,7 @@ def test_the_command_checks_a_rover_and_names_an_unknown_one() -> None:
         register_all()
     run = CliRunner().invoke(app, ["rover", "check", "abstract"])
     assert run.exit_code == 0, run.output
-    assert "abstract: 11 of 11 checks passed" in run.output
+    assert "abstract: 12 of 12 checks passed" in run.output
     run = CliRunner().invoke(app, ["rover", "check", "curiosity"])
     assert run.exit_code == 2
     assert 'unknown rover "curiosity"' in run.output

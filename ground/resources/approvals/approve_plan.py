@@ -9,6 +9,7 @@ from importlib.metadata import version
 import orjson
 from sqlalchemy.orm import Session
 
+from ground.day.rovers import profile_of
 from ground.errors import ForbiddenError, InvalidInputError, StateError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
@@ -26,22 +27,11 @@ from ground.resources.plans.value import PlanState
 from ground.resources.problems.inputs_digest import inputs_digest
 
 
-def dictionary_digest() -> str:
-    """Return the SHA-256 over the command and telemetry dictionaries."""
-    from rover_iface.commands import COMMANDS
-    from rover_iface.telemetry import TELEMETRY
-
-    content = orjson.dumps([asdict(COMMANDS), asdict(TELEMETRY)], option=orjson.OPT_SORT_KEYS)
-    return hashlib.sha256(content).hexdigest()
-
-
 def models_digest(rover_profile: str) -> str:
     """Return the SHA-256 over what turned inputs into the plan: program, rover profile, flight rules."""
-    from rover_iface.profile import load_profile
-
     content = {
         "outcrop": version("outcrop"),
-        "profile": load_profile(rover_profile).sha256,
+        "profile": profile_of(rover_profile).sha256,
         "rules": [asdict(rule) for rule in flight_rules()],
     }
     return hashlib.sha256(orjson.dumps(content, option=orjson.OPT_SORT_KEYS)).hexdigest()
@@ -90,7 +80,7 @@ def approve_plan(repo: Repository, actor: Actor, plan_id: str, crl_sha256: str, 
             note=note,
             crl_sha256=crl_sha256,
             terrain_sha256=plan.terrain_sha256,
-            dictionary_sha256=dictionary_digest(),
+            dictionary_sha256=profile_of(plan.rover_profile).language.sha256,
             models_sha256=models_digest(plan.rover_profile),
         )
         insert(session, actor, APPROVAL, row)

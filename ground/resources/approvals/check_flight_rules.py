@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError, StateError
 from ground.gdr.history import Change, record
 from ground.gdr.ids import new_id
@@ -101,9 +102,7 @@ def _arm(case: Case, limit: float) -> Verdict:
 
 
 def _instrument(case: Case, limit: float) -> Verdict:
-    from rover_iface.profile import load_profile
-
-    known = load_profile(case.plan.rover_profile).instruments
+    known = profile_of(case.plan.rover_profile).instruments
     foreign = sorted({o["instrument"] for _, o in case.planned() if o["instrument"] not in known})
     return len(foreign) <= limit, float(len(foreign)), ", ".join(foreign) or "all are known"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sqlalchemy import select
 
-from ground.day.worksite import instrument_name
+from ground.day.rovers import instrument_name, profile_of
 from ground.demo.mission import demo_mission
 from ground.errors import TerrainFileError
 from ground.gdr.geometry import Pose
@@ -31,7 +31,7 @@ from ground.resources.missions.value import Mission
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.observation_requests.value import Instrument, RequestState
+from ground.resources.observation_requests.value import RequestState
 from ground.resources.sols.create_sol import create_sol
 from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
@@ -71,12 +71,10 @@ def fill_with_demo(repo: Repository, actor: Actor, mission_id: str, *, seed: int
     TerrainFileError
         If the terrain has no ten targets that can be reached.
     """
-    from rover_iface.profile import load_profile
-
     with repo.database.read() as session:
         terrain = mission_terrain(repo, session, mission_id)
         mission = session.get_one(MissionRow, mission_id)
-        profile = load_profile(mission.rover_profile)
+        profile = profile_of(mission.rover_profile)
     try:
         day = demo_mission(terrain, profile, seed=seed)
     except ValueError as err:
@@ -115,7 +113,7 @@ def fill_with_demo(repo: Repository, actor: Actor, mission_id: str, *, seed: int
         for request in day.requests:
             ids[request.id] = new_id("req")
         for request in day.requests:
-            instrument = Instrument(instrument_name(request.instrument))
+            instrument = instrument_name(profile, request.instrument)
             pose = place_rover(repo, session, rows[request.target_id], instrument)
             insert(
                 session,
@@ -126,7 +124,7 @@ def fill_with_demo(repo: Repository, actor: Actor, mission_id: str, *, seed: int
                     author=actor.name,
                     mission_id=mission_id,
                     target_id=ids[request.target_id],
-                    instrument=instrument.value,
+                    instrument=instrument,
                     value=request.value,
                     tracked=request.tracked,
                     window_s=None

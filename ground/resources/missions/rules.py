@@ -6,18 +6,17 @@ import json
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError
 
 
 def require_profile(name: str) -> None:
-    """Raise unless there is a rover profile of the name."""
-    from rover_iface.profile import profile_names
-
-    if name not in profile_names():
+    """Raise unless there is a rover profile of the name that can be used."""
+    if name.endswith(".toml"):
         raise InvalidInputError(
-            f"there is no rover profile {name!r}; there are {', '.join(profile_names())}",
-            pointer="/rover_profile",
+            f"rover_profile is {name!r}; a mission takes a profile by its name", pointer="/rover_profile"
         )
+    profile_of(name)
 
 
 def require_drive_rules(rules: Sequence[Mapping[str, Any]], target_ids: Collection[str]) -> None:

@@ -7,14 +7,23 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ground.api.forms import Body, Flag, Id, PoseBody, Seconds, Text, Utility, Window, unset
-from ground.resources.observation_requests.value import Instrument
+
+InstrumentName = Annotated[
+    str,
+    Field(
+        min_length=1,
+        max_length=40,
+        description="an instrument of the mission's rover, as `GET /rovers/{name}` lists them",
+        examples=["microscopic_imager", "science_camera"],
+    ),
+]
 
 
 class ObservationRequestCreate(Body):
     """What is asked of a target. `observation_pose` sets the observation point by hand."""
 
     target_id: Id
-    instrument: Instrument
+    instrument: InstrumentName
     value: Utility
     tracked: Flag | None = None
     window_s: Window | None = None
@@ -28,7 +37,7 @@ class ObservationRequestCreate(Body):
 class ObservationRequestChange(Body):
     """`observation_pose: null` gives the choice of the observation point back to the program."""
 
-    instrument: Instrument = Field(default_factory=unset)
+    instrument: InstrumentName = Field(default_factory=unset)
     value: Utility = Field(default_factory=unset)
     tracked: Flag = Field(default_factory=unset)
     window_s: Window | None = None

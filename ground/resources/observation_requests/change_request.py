@@ -9,17 +9,18 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from ground.day.rovers import instrument_name, profile_of
 from ground.errors import InvalidInputError
 from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.edit import update
 from ground.records.kind import Changed, Prepared, plain
+from ground.resources.missions.row import MissionRow
 from ground.resources.observation_requests.create_request import require_after, require_window
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow, observation_point_of
-from ground.resources.observation_requests.value import Instrument
 from ground.resources.targets.row import TargetRow
 
 
@@ -29,13 +30,17 @@ def prepare_request(
     """Return the observation point that follows from another instrument or pose."""
     if not {"observation_pose", "instrument"} & set(members):
         return Prepared(row.revision)
-    instrument = Instrument(members.get("instrument", row.instrument))
+    instrument = members.get("instrument", row.instrument)
+    if "instrument" in members:
+        profile = profile_of(session.get_one(MissionRow, row.mission_id).rover_profile)
+        instrument = instrument_name(profile, instrument)
     old = observation_point_of(row.observation_point)
     manual: Pose | None = members.get("observation_pose")
     if "observation_pose" not in members and old is not None and old.manual:
         manual = old.pose
     point = place_rover(repo, session, session.get_one(TargetRow, row.target_id), instrument, manual)
-    return Prepared(row.revision, points={(row.id, instrument.value): asdict(point)})
+    named = {"instrument": instrument} if "instrument" in members else {}
+    return Prepared(row.revision, named, {(row.id, instrument): asdict(point)})
 
 
 def change_request(
@@ -62,6 +67,7 @@ def change_request(
             pointer="/state",
         )
     columns = {name: plain(value) for name, value in members.items() if name != "observation_pose"}
+    columns |= dict(prepared.columns)
     if prepared.points:
         instrument = columns.get("instrument", row.instrument)
         columns["observation_point"] = prepared.points[(row.id, instrument)]

@@ -17,7 +17,6 @@ from ground.resources.observation_requests.change_request import forget_preceden
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.observation_requests.value import Instrument
 from ground.resources.targets.create_target import free_name, target_columns
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.tie_target import tied_target
@@ -35,7 +34,7 @@ def prepare_target(
     points: dict[tuple[str, str], Mapping[str, Any] | None] = {}
     for request in session.scalars(_requests_on(row)):
         if not set_by_hand(request):
-            point = place_rover(repo, session, moved, Instrument(request.instrument))
+            point = place_rover(repo, session, moved, request.instrument)
             points[(request.id, request.instrument)] = asdict(point)
     return Prepared(row.revision, columns, points)
 

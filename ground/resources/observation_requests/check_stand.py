@@ -7,7 +7,6 @@ import math
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.day.worksite import INSTRUMENTS
 from ground.errors import NotFoundError
 from ground.gdr.geometry import Pose as PoseValue
 from ground.gdr.repository import Repository
@@ -17,7 +16,7 @@ from ground.resources.keep_outs.rules import kept_clear
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.observation_requests.value import Instrument, StandCheck
+from ground.resources.observation_requests.value import StandCheck
 from ground.resources.targets.row import TargetRow
 
 
@@ -47,11 +46,11 @@ def check_stand(
         if heading_rad is None:
             heading_rad = math.atan2(target.north_m - north_m, target.east_m - east_m)
         pose = PoseValue(east_m, north_m, heading_rad)
-        return weigh_stand(repo, session, target, Instrument(request.instrument), pose)
+        return weigh_stand(repo, session, target, request.instrument, pose)
 
 
 def weigh_stand(
-    repo: Repository, session: Session, target: TargetRow, instrument: Instrument, pose: PoseValue
+    repo: Repository, session: Session, target: TargetRow, instrument: str, pose: PoseValue
 ) -> StandCheck:
     """Return whether an instrument gets at a target from a pose, by the rules of base placement."""
     from rover_iface.errors import RoverError
@@ -62,14 +61,15 @@ def weigh_stand(
     mission = session.get_one(MissionRow, target.mission_id)
     keep_outs = session.scalars(select(KeepOutRow).where(KeepOutRow.mission_id == mission.id))
     try:
+        profile = load_profile(mission.rover_profile)
         found = check_observation_point(
             mission_terrain(repo, session, mission.id),
-            load_profile(mission.rover_profile),
+            profile,
             Pose(pose.east_m, pose.north_m, 0.0, pose.heading_rad),
             (target.east_m, target.north_m, target.up_m),
             target.normal,
             target=target.name,
-            instrument=INSTRUMENTS[instrument.value],
+            instrument=profile.instrument_key(instrument),
             keep_out=[kept_clear(k.polygon_m, k.sigma_m) for k in keep_outs],
         )
     except RoverError as err:

@@ -8,16 +8,18 @@ from dataclasses import asdict
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from ground.day.rovers import instrument_name, profile_of
 from ground.errors import InvalidInputError
 from ground.gdr.geometry import Pose
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
+from ground.resources.missions.row import MissionRow
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST, show_requests
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.observation_requests.value import Instrument, ObservationRequest, RequestState
+from ground.resources.observation_requests.value import ObservationRequest, RequestState
 from ground.resources.targets.row import TargetRow
 
 
@@ -27,7 +29,7 @@ def create_request(
     mission_id: str,
     *,
     target_id: str,
-    instrument: Instrument,
+    instrument: str,
     value: float,
     tracked: bool | None = None,
     window_s: Sequence[float] | None = None,
@@ -39,8 +41,8 @@ def create_request(
 ) -> ObservationRequest:
     """Return a new request with its observation point.
 
-    A contact instrument needs its target tracked, so `tracked` left open means that. A point that cannot be
-    reached does not stop the request: it says so, and plans leave it out.
+    Where `tracked` is left open, the instrument decides. A point that cannot be reached does not stop the
+    request: it says so, and plans leave it out.
     """
     actor.require(Action.EDIT_SCIENCE, mission_id)
     require_window(window_s)
@@ -50,6 +52,8 @@ def create_request(
             raise InvalidInputError(
                 f"there is no target {target_id} in mission {mission_id}", pointer="/target_id"
             )
+        profile = profile_of(session.get_one(MissionRow, mission_id).rover_profile)
+        instrument = instrument_name(profile, instrument)
         point = place_rover(repo, session, target, instrument, observation_pose)
     with repo.database.write() as session:
         require_after(session, mission_id, None, after)
@@ -58,9 +62,9 @@ def create_request(
             author=actor.name,
             mission_id=mission_id,
             target_id=target_id,
-            instrument=instrument.value,
+            instrument=instrument,
             value=value,
-            tracked=tracked if tracked is not None else instrument is Instrument.MICROSCOPIC_IMAGER,
+            tracked=tracked if tracked is not None else profile.instrument(instrument).tracks,
             window_s=None if window_s is None else list(window_s),
             after=list(after),
             must_do=must_do,

@@ -11,7 +11,7 @@ from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
 from ground.resources.observation_requests.row import ObservationRequestRow, observation_point_of
-from ground.resources.observation_requests.value import Instrument, ObservationRequest, RequestState
+from ground.resources.observation_requests.value import ObservationRequest, RequestState
 from ground.resources.targets.row import TargetRow
 
 
@@ -26,7 +26,6 @@ def show_requests(session: Session, rows: Sequence[ObservationRequestRow]) -> li
             ObservationRequest,
             r,
             target_name=names.get(r.target_id, ""),
-            instrument=Instrument(r.instrument),
             observation_point=observation_point_of(r.observation_point),
             state=RequestState(r.state),
         )

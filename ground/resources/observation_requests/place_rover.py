@@ -6,7 +6,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.day.prepare import stand_for
-from ground.day.worksite import INSTRUMENTS
 from ground.errors import InvalidInputError, UnreachableError
 from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository
@@ -14,7 +13,7 @@ from ground.resources.keep_outs.row import KeepOutRow, day_keep_out
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain, terrain_row
 from ground.resources.observation_requests.check_stand import weigh_stand
-from ground.resources.observation_requests.value import Instrument, ObservationPoint
+from ground.resources.observation_requests.value import ObservationPoint
 from ground.resources.sols.row import SolRow
 from ground.resources.targets.row import TargetRow, day_target
 from mission import Pose as DayPose
@@ -24,7 +23,7 @@ def place_rover(
     repo: Repository,
     session: Session,
     target: TargetRow,
-    instrument: Instrument,
+    instrument: str,
     manual: Pose | None = None,
 ) -> ObservationPoint:
     """Return the observation point of a target for an instrument, or why there is none.
@@ -61,7 +60,7 @@ def place_rover(
             profile,
             DayPose(**start),
             day_target(target),
-            INSTRUMENTS[instrument.value],
+            profile.instrument_key(instrument),
             keep_outs=[day_keep_out(k) for k in keep_outs],
             count=1,
         )

@@ -13,7 +13,6 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.day.worksite import INSTRUMENTS
 from ground.gdr.base import Row, mission_column
 from ground.gdr.geometry import pose_of
 from ground.resources.observation_requests.value import ObservationPoint
@@ -64,7 +63,7 @@ def day_request(row: ObservationRequestRow, among: Collection[str]) -> Request:
     return Request(
         id=row.id,
         target_id=row.target_id,
-        instrument=INSTRUMENTS.get(row.instrument, row.instrument),
+        instrument=row.instrument,
         value=row.value,
         constraints=tuple(constraints),
         dwell_s=row.dwell_s,

@@ -9,11 +9,6 @@ from enum import StrEnum
 from ground.gdr.geometry import Pose
 
 
-class Instrument(StrEnum):
-    MICROSCOPIC_IMAGER = "microscopic_imager"
-    SCIENCE_CAMERA = "science_camera"
-
-
 class RequestState(StrEnum):
     """Life of an observation request."""
 
@@ -43,7 +38,7 @@ class ObservationRequest:
     mission_id: str
     target_id: str
     target_name: str
-    instrument: Instrument
+    instrument: str
     value: float
     tracked: bool
     window_s: list[float] | None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from ground.day.rovers import profile_of
 from ground.errors import StateError
 from ground.gdr.history import Change, record
 from ground.gdr.ids import new_id
@@ -14,7 +15,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import update
 from ground.records.get_resource import find_row
-from ground.resources.approvals.approve_plan import dictionary_digest, models_digest, require_fresh
+from ground.resources.approvals.approve_plan import models_digest, require_fresh
 from ground.resources.approvals.row import ApprovalRow
 from ground.resources.missions.row import MissionRow
 from ground.resources.packages.row import PackageRow
@@ -50,8 +51,6 @@ def package_plan(repo: Repository, actor: Actor, plan_id: str) -> MadePackage:
         If there is no signing key.
     """
     from executive.crl import canonical_text, parse
-    from rover_iface.commands import COMMANDS
-    from rover_iface.profile import load_profile
 
     with repo.database.write() as session:
         plan: PlanRow = find_row(session, PLAN, plan_id, lock=True)
@@ -74,7 +73,7 @@ def package_plan(repo: Repository, actor: Actor, plan_id: str) -> MadePackage:
             )
             + 1
         )
-        profile = load_profile(plan.rover_profile)
+        profile = profile_of(plan.rover_profile)
         sol = session.get_one(SolRow, plan.sol_id)
         targets = session.scalars(
             select(TargetRow).where(TargetRow.mission_id == plan.mission_id).order_by(TargetRow.id)
@@ -89,8 +88,8 @@ def package_plan(repo: Repository, actor: Actor, plan_id: str) -> MadePackage:
             "crl_sha256": plan.crl_sha256,
             "terrain_sha256": plan.terrain_sha256,
             "dictionary": {
-                "name": COMMANDS.name,
-                "version": COMMANDS.version,
+                "name": profile.language.name,
+                "version": profile.language.version,
                 "sha256": approval.dictionary_sha256,
             },
             "profile": {"name": profile.name, "version": profile.version, "sha256": profile.sha256},
@@ -148,7 +147,7 @@ def _valid_approval(session: Session, plan: PlanRow) -> ApprovalRow:
     present = {
         "CRL": (approval.crl_sha256, plan.crl_sha256),
         "terrain": (approval.terrain_sha256, plan.terrain_sha256),
-        "command dictionary": (approval.dictionary_sha256, dictionary_digest()),
+        "command dictionary": (approval.dictionary_sha256, profile_of(plan.rover_profile).language.sha256),
         "models": (approval.models_sha256, models_digest(plan.rover_profile)),
     }
     changed = [name for name, (then, now) in present.items() if then != now]

@@ -10,6 +10,7 @@ import orjson
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError, NotFoundError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
@@ -64,8 +65,6 @@ class PlanOrder:
 
 def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOrder) -> Job:
     """Return the job whose subject is the new plan, a draft until it is computed."""
-    from rover_iface.commands import COMMANDS
-
     actor.require(Action.PLAN, mission_id)
     with repo.database.write() as session:
         mission = session.get(MissionRow, mission_id)
@@ -79,6 +78,7 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
                 )
             if order.what_if is not None and order.max_overrun_probability is None:
                 order = replace(order, max_overrun_probability=_allowed(session, parent))
+        language = profile_of(mission.rover_profile).language
         sol = choose_sol(session, mission_id, order.sol_id)
         day = mission_day(session, mission, sol, order.request_ids)
         limits = replace(day.limits, max_overrun_probability=order.max_overrun_probability)
@@ -106,7 +106,7 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOr
             job_id=job_id,
             inputs_sha256=inputs,
             terrain_sha256=terrain_row(session, mission_id).sha256,
-            dictionary=f"{COMMANDS.name} {COMMANDS.version}",
+            dictionary=f"{language.name} {language.version}",
             rover_profile=mission.rover_profile,
             findings=[],
             request_ids=list(order.request_ids),

@@ -14,6 +14,7 @@ from ground.resources.plans.order import PlanWork
 from planner.changes import changed_problem
 
 if TYPE_CHECKING:
+    from executive.crl.dictionary import Dictionary
     from planner.problem import Problem
     from planner.solve import PlanResult
 
@@ -36,6 +37,7 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> di
     from planner.plan_tree import plan_tree_to_dict, planned_observations
     from planner.problem import problem_to_dict
     from planner.solve import PlanStatus, Progress, solve
+    from rover_iface.profile import load_profile
 
     day = order.site.prepare(order.day, lambda share, what: report(0.3 * share, what))
     search = order.search
@@ -94,7 +96,9 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> di
         "crl_text": text,
         "crl_sha256": digest(crl),
         "canonical": canonical,
-        "findings": findings_of(text, battery_j=problem.budget.energy_j),
+        "findings": findings_of(
+            text, load_profile(order.site.rover_profile).language, battery_j=problem.budget.energy_j
+        ),
         "planned_request_ids": sorted(done),
         "left_out": left_out,
         "expected_utility": result.expected_utility,
@@ -143,16 +147,19 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-def findings_of(text: str, *, battery_j: float) -> list[dict[str, Any]]:
-    """Return everything the validator has against a text, by the rover's dictionaries, in its places there.
+def findings_of(text: str, language: Dictionary, *, battery_j: float) -> list[dict[str, Any]]:
+    """Return everything the validator has against a text, by the rover's dictionary, in its places there.
 
     `battery_j` is the charge at the start, from which the resource envelope is drawn.
     """
     from executive.crl import check
-    from rover_iface.commands import COMMANDS
-    from rover_iface.telemetry import TELEMETRY
 
-    report = check(text, commands=COMMANDS, telemetry=TELEMETRY, levels={"battery-energy": battery_j})
+    report = check(
+        text,
+        commands=language.commands,
+        telemetry=language.telemetry,
+        levels={"battery-energy": battery_j},
+    )
     return [
         {
             "code": f.code,

@@ -262,7 +262,7 @@ def _requests(case: _Case, begun: Mapping[str, float]) -> list[tuple[str, ...]]:
         if request is None:
             rows.append((request_id, "", "", "-", reason))
         else:
-            rows.append((request.target_name, request.instrument.value, f"{request.value:g}", "-", reason))
+            rows.append((request.target_name, request.instrument, f"{request.value:g}", "-", reason))
     return sorted(rows, key=lambda row: row[3] == "-")
 
 

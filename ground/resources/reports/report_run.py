@@ -149,7 +149,7 @@ def _rows(
         inside = (
             "yes" if request.id in plan.planned_request_ids else plan.left_out.get(request.id, "not asked")
         )
-        what = (request.target_name, request.instrument.value, f"{request.value:g}")
+        what = (request.target_name, request.instrument, f"{request.value:g}")
         rows.append((*what, inside, ", ".join(files) or "nothing"))
     orphans = [p.file_name for p in products if p.request_id is None]
     if orphans:

@@ -113,6 +113,7 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
             crl_text=plan.crl_text,
             problem=problem.document,
             rover=order.rover,
+            rover_profile=plan.rover_profile,
             seed=order.seed,
             faults=tuple(faults),
             pace=order.pace,

@@ -28,6 +28,8 @@ class RunWork:
         Each a `fault/1`.
     pace
         Plan seconds a second; 0 is as fast as it goes.
+    rover_profile
+        Name of the rover profile, or the path of one; orders before it was kept were K9's.
     link
         Light time and passes; None where ground hears all at once.
     """
@@ -44,6 +46,7 @@ class RunWork:
     pace: NotNegative = 0.0
     link: Document | None = None
     commands: tuple[SentCommand, ...] = ()
+    rover_profile: str = "k9"
 
 
 ORDERS = Codec(RunWork, "run-order/1", "order for a run", upgrades={"": ("run-order/1", dict)})

@@ -173,7 +173,12 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> dic
     reach = heard(link, [Sent(Operation(c.operation), c.sent_s) for c in order.commands])
     try:
         rover = find_rover(order.rover)(
-            order.problem,
+            {
+                "format": "world/1",
+                "name": str(order.problem.get("name", "")),
+                "profile": order.rover_profile,
+                "problem": order.problem,
+            },
             out=folder,
             seed=order.seed,
             faults=load_faults(order.faults),

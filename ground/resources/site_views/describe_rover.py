@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from ground.day.prepare import rover_parameters
+from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError, OutsideTerrainError
 from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository
@@ -26,11 +27,10 @@ def describe_rover(repo: Repository, actor: Actor, mission_id: str) -> RoverShap
     """Return the shape of a mission's rover."""
     from mission.soltime import SunClock
     from rover_iface.cameras.rig import rig_of
-    from rover_iface.profile import load_profile
     from rover_iface.simulator.world import Sun
 
     mission: Mission = get_resource(repo, actor, MISSION, mission_id)
-    profile = load_profile(mission.rover_profile)
+    profile = profile_of(mission.rover_profile)
     rig = rig_of(profile)
     sun = Sun()
     midnight = SunClock.at(sun.ls_deg, sun.latitude_deg, 0.0)
@@ -111,12 +111,11 @@ def view_from(
     from rover_iface.errors import CameraError
     from rover_iface.errors import OutsideTerrainError as Outside
     from rover_iface.mobility import settled_pose
-    from rover_iface.profile import load_profile
 
     actor.require(Action.READ, mission_id)
     get_resource(repo, actor, MISSION, mission_id)
     with repo.database.read() as session:
-        profile = load_profile(session.get_one(MissionRow, mission_id).rover_profile)
+        profile = profile_of(session.get_one(MissionRow, mission_id).rover_profile)
         terrain = mission_terrain(repo, session, mission_id)
     stands = settled_pose(terrain, profile, pose.east_m, pose.north_m, pose.heading_rad)
     if math.isnan(stands.z):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import select
 
+from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError, NotFoundError, OutsideTerrainError
 from ground.gdr.geometry import Pose as PoseValue
 from ground.gdr.repository import Repository
@@ -167,12 +168,11 @@ def point_in_panorama(
 def _place(repo: Repository, actor: Actor, mission_id: str) -> _Place:
     from rover_iface.cameras.rig import rig_of
     from rover_iface.mobility import settled_pose
-    from rover_iface.profile import load_profile
 
     actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
         ground = terrain_row(session, mission_id)
-        profile = load_profile(session.get_one(MissionRow, mission_id).rover_profile)
+        profile = profile_of(session.get_one(MissionRow, mission_id).rover_profile)
         sol = session.scalars(
             select(SolRow).where(SolRow.mission_id == mission_id).order_by(SolRow.number.desc()).limit(1)
         ).first()

@@ -30,7 +30,6 @@ from ground.resources.observation_requests.change_request import set_by_hand
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.observation_requests.value import Instrument
 from ground.resources.site_maps.kind import SITE_MAP
 from ground.resources.site_maps.row import SiteMapRow
 from ground.resources.solutions.kind import SOLUTION, show_solutions
@@ -279,7 +278,7 @@ def _points(
     moved = TargetRow(id=target.id, mission_id=target.mission_id, name=target.name, **columns)
     requests = ObservationRequestRow
     return {
-        request.id: asdict(place_rover(repo, session, moved, Instrument(request.instrument)))
+        request.id: asdict(place_rover(repo, session, moved, request.instrument))
         for request in session.scalars(select(requests).where(requests.target_id == target.id))
         if not set_by_hand(request)
     }

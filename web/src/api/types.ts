@@ -10,7 +10,6 @@ export type Comment = Schemas["Comment"];
 export type Event = Schemas["Event"];
 export type Finding = Schemas["Finding"];
 export type FlightRuleResult = Schemas["FlightRuleResult"];
-export type Instrument = Schemas["Instrument"];
 export type Job = Schemas["Job"];
 export type KeepOut = Schemas["KeepOut"];
 export type Lineage = Schemas["Lineage"];

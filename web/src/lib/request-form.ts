@@ -1,10 +1,10 @@
 /** The observation request form: what stands in its fields, what is wrong with it, what is sent. */
 
-import type { Instrument, ObservationRequest, ObservationRequestChange } from "../api/types";
+import type { ObservationRequest, ObservationRequestChange } from "../api/types";
 import { planSeconds, solarTime } from "./format";
 
 export interface RequestFields {
-  instrument: Instrument;
+  instrument: string;
   value: number | null;
   tracked: boolean;
   mustDo: boolean;
@@ -17,13 +17,13 @@ export interface RequestFields {
 
 export type FieldProblems = Partial<Record<keyof RequestFields, string>>;
 
-export const DEFAULTS: Record<Instrument, { value: number; tracked: boolean }> = {
-  microscopic_imager: { value: 10, tracked: true },
-  science_camera: { value: 4, tracked: false },
-};
+/** What a new request of an instrument begins with. */
+export function defaultsOf(instrument: string): { value: number; tracked: boolean } {
+  return instrument === "science_camera" ? { value: 4, tracked: false } : { value: 10, tracked: true };
+}
 
-export function freshFields(instrument: Instrument = "microscopic_imager"): RequestFields {
-  return { instrument, ...DEFAULTS[instrument], mustDo: false, from: "", until: "", dwell: null, after: [], notes: "" };
+export function freshFields(instrument = "microscopic_imager"): RequestFields {
+  return { instrument, ...defaultsOf(instrument), mustDo: false, from: "", until: "", dwell: null, after: [], notes: "" };
 }
 
 export function fieldsOf(request: ObservationRequest, startHour: number): RequestFields {

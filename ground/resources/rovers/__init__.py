@@ -1,0 +1,1 @@
+"""Rovers by name, as their profiles and dictionaries say."""
