@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mission.soltime import SunClock
 from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose, Transform
@@ -73,7 +72,7 @@ class Body:
             raise WorldError(
                 f"the rover cannot stand at its start ({world.start.x:.2f}, {world.start.y:.2f})"
             )
-        self.sun_clock = SunClock.at(world.sun.ls_deg, world.sun.latitude_deg, world.sun.start_lmst_h)
+        self.sun_clock = world.sun.clock()
 
     @property
     def pose(self) -> Pose:

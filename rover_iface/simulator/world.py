@@ -28,6 +28,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mission import MissionError, Sky
 from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose
@@ -64,15 +65,6 @@ class MapError:
     softer: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Sun:
-    """Season, latitude and local mean solar time at the start of the plan."""
-
-    ls_deg: float = 120.0
-    latitude_deg: float = -4.6
-    start_lmst_h: float = 10.0
-
-
 @dataclass(frozen=True, eq=False)
 class World:
     """A simulated rover's world, read and checked."""
@@ -89,7 +81,7 @@ class World:
     battery_j: float | None = None
     soil: Soil = field(default_factory=Soil)
     map_error: MapError = field(default_factory=MapError)
-    sun: Sun = field(default_factory=Sun)
+    sun: Sky = field(default_factory=Sky)
     faults: tuple[Fault, ...] = ()
     progress_s: float = 0.0
     tracker: str = ""
@@ -181,7 +173,7 @@ def load_world(source: World | Mapping[str, Any] | Path | str) -> World:
         battery_j=None if source.get("battery_j") is None else _number(source, "battery_j", 0.0, minimum=0.0),
         soil=_values(Soil, source.get("soil"), "soil"),
         map_error=_values(MapError, source.get("map_error"), "map_error"),
-        sun=_values(Sun, source.get("sun"), "sun"),
+        sun=_values(Sky, source.get("sun"), "sun"),
         faults=load_faults(folder / faults if isinstance(faults, str) else faults),
         progress_s=_number(source, "progress_s", 0.0, minimum=0.0),
         tracker=str(source.get("tracker") or ""),
@@ -219,7 +211,10 @@ def _values(kind: type[Any], value: Any, what: str) -> Any:
     unknown = set(value) - set(kind.__dataclass_fields__)
     if unknown:
         raise WorldError(f'world: "{what}" has the unknown member "{sorted(unknown)[0]}"')
-    return kind(**{name: _number(value, name, 0.0, what=f'world: "{what}"') for name in value})
+    try:
+        return kind(**{name: _number(value, name, 0.0, what=f'world: "{what}"') for name in value})
+    except MissionError as err:
+        raise WorldError(f'world: "{what}": {err}') from err
 
 
 def _pose(value: Any, what: str) -> Pose | None:

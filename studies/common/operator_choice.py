@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from shapely import Point, Polygon
 
 from ground.day.prepare import stand_for
-from mission import Day, Target
+from mission import Day, Sky, Target
 from mission import Pose as Stand
 from mission.soltime import SunClock
 from rover_iface.cameras.rig import CameraRig, load_cameras
@@ -31,7 +31,6 @@ from rover_iface.placement.arm import Arm, Posture
 from rover_iface.profile import RoverProfile
 from rover_iface.simulator.own_shadow import OwnShadow
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
-from rover_iface.simulator.world import Sun
 from rover_iface.terrain import Terrain
 from rover_iface.terrain.rocks import Rock
 
@@ -140,7 +139,7 @@ class Operator:
                 *(SceneMesh(m.vertices, m.triangles, m.id, Material.ROCK) for m in rocks),
             ]
         )
-        light = Sun()
+        light = Sky()
         clock = SunClock.at(light.ls_deg, light.latitude_deg, light.start_lmst_h)
         self.suns = [np.array(clock.direction(3600.0 * h)) for h in np.linspace(0.0, DAY_H, 4)]
         mast = profile.mast

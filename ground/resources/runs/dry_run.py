@@ -36,6 +36,7 @@ from ground.resources.sols.row import SolRow
 from ground.resources.targets.row import TargetRow
 from ground.uplink.link import Link
 from ground.uplink.rehearsal import Sent
+from mission import Sky
 
 KIND = "dry_run"
 
@@ -76,7 +77,8 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
         )
     faults = _fault_documents(order.faults)
     with repo.database.write() as session:
-        if session.get(MissionRow, mission_id) is None:
+        mission = session.get(MissionRow, mission_id)
+        if mission is None:
             raise NotFoundError(f"there is no mission {mission_id}")
         plan = session.get(PlanRow, order.plan_id)
         if plan is None or plan.mission_id != mission_id:
@@ -86,7 +88,8 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
         if plan.crl_text is None or plan.crl_sha256 is None or plan.problem_id is None:
             raise StateError(f"plan {plan.number} is not computed ({plan.status or 'its job is not done'})")
         problem = session.get_one(ProblemRow, plan.problem_id)
-        link = _link(order.light_time_s, session.get_one(SolRow, plan.sol_id))
+        sol = session.get_one(SolRow, plan.sol_id)
+        link = _link(order.light_time_s, sol)
         run_id, job_id = new_id("run"), new_id("job")
         row = RunRow(
             id=run_id,
@@ -119,6 +122,7 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
             pace=order.pace,
             link=None if link is None else link.as_dict(),
             commands=tuple(SentCommand(c.operation.value, c.sent_s) for c in order.commands),
+            sky=Sky(start_lmst_h=sol.start_lmst_h),
         )
         job = enqueue(
             session,

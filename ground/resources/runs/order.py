@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mission import Sky
 from mission.codec import Codec, Document
 from mission.values import NotNegative, value
 
@@ -24,6 +25,8 @@ class RunWork:
         Folders of the run, of the file store and of the terrain.
     problem
         The planning problem (`problem/1`), from which a rover draws its world.
+    rover_profile, sky
+        What the rover is that is simulated, and where the sun stands at the start.
     faults
         Each a `fault/1`.
     pace
@@ -47,6 +50,7 @@ class RunWork:
     link: Document | None = None
     commands: tuple[SentCommand, ...] = ()
     rover_profile: str = "k9"
+    sky: Sky = Sky()
 
 
 ORDERS = Codec(RunWork, "run-order/1", "order for a run", upgrades={"": ("run-order/1", dict)})

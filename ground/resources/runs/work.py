@@ -178,6 +178,7 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> dic
                 "name": str(order.problem.get("name", "")),
                 "profile": order.rover_profile,
                 "problem": order.problem,
+                "sun": asdict(order.sky),
             },
             out=folder,
             seed=order.seed,

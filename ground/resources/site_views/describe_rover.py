@@ -25,14 +25,14 @@ SUN_STEP_H = 0.25
 
 def describe_rover(repo: Repository, actor: Actor, mission_id: str) -> RoverShape:
     """Return the shape of a mission's rover."""
+    from mission import Sky
     from mission.soltime import SunClock
     from rover_iface.cameras.rig import rig_of
-    from rover_iface.simulator.world import Sun
 
     mission: Mission = get_resource(repo, actor, MISSION, mission_id)
     profile = profile_of(mission.rover_profile)
     rig = rig_of(profile)
-    sun = Sun()
+    sun = Sky()
     midnight = SunClock.at(sun.ls_deg, sun.latitude_deg, 0.0)
     hour_s = 88775.244 / 24.0
     places = [round(k * SUN_STEP_H, 2) for k in range(int(24 / SUN_STEP_H) + 1)]

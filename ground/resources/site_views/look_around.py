@@ -232,13 +232,11 @@ def _render(place: _Place, index: int) -> None:
     import numpy as np
     from PIL import Image
 
-    from mission.soltime import SunClock
+    from mission import Sky
     from rover_iface.errors import RoverError
     from rover_iface.simulator.render.renderer import Sun
-    from rover_iface.simulator.world import Sun as Season
 
-    season = Season()
-    clock = SunClock.at(season.ls_deg, season.latitude_deg, place.lmst_h)
+    clock = Sky(start_lmst_h=place.lmst_h).clock()
     model = place.model(index)
     try:
         frame = _eye(place).render(
