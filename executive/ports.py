@@ -5,10 +5,10 @@ Times are integers, milliseconds on the plan clock (0 = start of the plan), the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 Value = float | str | bool
 """What the database of the executive holds under a key."""
@@ -47,6 +47,7 @@ class Update:
 
     t_ms: int
     values: Mapping[str, Value]
+    number: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,7 @@ class Result:
     reason: str = ""
     values: Mapping[str, Value] = field(default_factory=dict)
     updates: Mapping[str, Value] = field(default_factory=dict)
+    number: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,7 @@ class Acknowledgement:
     t_ms: int
     command: CommandId
     updates: Mapping[str, Value] = field(default_factory=dict)
+    number: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +83,7 @@ class Product:
     path: str
     sha256: str
     label: Mapping[str, Value] = field(default_factory=dict)
+    number: int = 0
 
 
 class Operation(StrEnum):
@@ -143,6 +147,23 @@ class Rover(CommandPort, EventSource, Protocol):
     """Both ways. The first events are updates at t = 0 that hold the initial state."""
 
 
+@runtime_checkable
+class Receipts(Protocol):
+    """A rover that numbers what it says, from 1, and keeps it until it is told that it is durable.
+
+    Events of its stream carry their number and come in its order (0 = not of the stream).
+    """
+
+    def commit(self, number: int) -> None:
+        """Everything up to this number is durable with the executive and need not be kept."""
+
+    def since(self, number: int) -> Sequence[Event]:
+        """Return what was said after this number, in order, with the times at which it was said."""
+
+    def present_state(self) -> Mapping[str, Value]:
+        """Return all state values as they are now."""
+
+
 class Clock(Protocol):
     def now_ms(self) -> int: ...
 
@@ -163,4 +184,4 @@ class TraceListener(Protocol):
 class UtilitySource(Protocol):
     """Utility of an option from the present state, or None: then the table in the plan holds."""
 
-    def __call__(self, option: str, t_ms: int, database: Mapping[str, Value]) -> float | None: ...
+    def __call__(self, option: str, t_ms: int, database: Mapping[str, Value], /) -> float | None: ...

@@ -59,7 +59,7 @@ def compile_plan(
         ContingencySpec(
             id=c.id,
             node=compile_node(c.node, identity),
-            trigger=compile_guard(c.trigger_conditions) or Guard(lambda database: True, ()),
+            trigger=compile_guard(c.trigger_conditions) or Guard(lambda _: True, ()),
             utility=c.utility,
             interrupt=c.mode is values.Mode.INTERRUPT,
             scope=c.scope if c.scope is not None else root.id,
@@ -81,6 +81,7 @@ def compile_plan(
     return PlanSpec(
         id=plan.id or "",
         root=root,
+        epoch=plan.epoch,
         resources=resources,
         contingencies=contingencies,
         alternates=alternates,

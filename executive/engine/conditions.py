@@ -77,7 +77,7 @@ def comparison(key: str, operator: str, wanted: Value) -> Test:
         return same
 
     if isinstance(wanted, bool) or not isinstance(wanted, int | float):
-        return lambda database: None
+        return lambda _: None
     limit = float(wanted)
     holds: Callable[[float], bool]
     if operator == "<":

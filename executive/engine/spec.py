@@ -134,6 +134,8 @@ class ResourceSpec:
 class PlanSpec:
     id: str
     root: NodeSpec
+    epoch: str | None = None
+    """UTC instant of plan time 0 (ISO 8601)."""
     resources: dict[str, ResourceSpec] = field(default_factory=dict)
     contingencies: tuple[ContingencySpec, ...] = ()
     alternates: tuple[AlternateSpec, ...] = ()

@@ -35,7 +35,7 @@ class SteadyClock:
         *,
         tolerance_ms: int = 1000,
         reference_ms: Callable[[], float] = lambda: time.monotonic() * 1000,
-        report: Callable[[str], None] = lambda text: None,
+        report: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.source = source
         self.tolerance_ms = tolerance_ms
@@ -61,12 +61,24 @@ class SteadyClock:
         return self._last
 
 
-def plan_start_ms(epoch: str | None, now: datetime | None = None) -> int:
+def utc_now() -> datetime:
+    """Return the wall clock."""
+    return datetime.now(UTC)
+
+
+def instant_of(text: str) -> datetime:
+    """Return an instant in ISO 8601; without a zone it is UTC."""
+    instant = datetime.fromisoformat(text.replace("Z", "+00:00"))
+    return instant if instant.tzinfo is not None else instant.replace(tzinfo=UTC)
+
+
+def plan_now_ms(instant: datetime, now: datetime, rate: float = 1.0) -> int:
+    """Return the plan time at a wall-clock instant: rate x (now - instant of plan time 0)."""
+    return round((now - instant).total_seconds() * 1000 * rate)
+
+
+def plan_start_ms(epoch: str | None, now: datetime | None = None, rate: float = 1.0) -> int:
     """Return where the plan clock starts: now - epoch if the plan has an epoch in the past, else 0."""
     if epoch is None:
         return 0
-    instant = datetime.fromisoformat(epoch.replace("Z", "+00:00"))
-    if instant.tzinfo is None:
-        instant = instant.replace(tzinfo=UTC)
-    present = now if now is not None else datetime.now(UTC)
-    return max(0, round((present - instant).total_seconds() * 1000))
+    return max(0, plan_now_ms(instant_of(epoch), now if now is not None else utc_now(), rate))

@@ -24,6 +24,11 @@ Json = dict[str, Any]
 
 def event_to_json(event: Event) -> Json:
     """Return an event as a JSON object; `event_from_json` gives it back."""
+    number = 0 if isinstance(event, Operator) else event.number
+    return _members(event) | ({"number": number} if number else {})
+
+
+def _members(event: Event) -> Json:
     match event:
         case Update():
             return {"e": "update", "t": event.t_ms, "values": dict(event.values)}
@@ -66,9 +71,10 @@ def event_to_json(event: Event) -> Json:
 def event_from_json(document: Mapping[str, Any]) -> Event:
     """Return the event that `event_to_json` wrote."""
     t_ms = document["t"]
+    number = document.get("number", 0)
     match document["e"]:
         case "update":
-            return Update(t_ms, document["values"])
+            return Update(t_ms, document["values"], number)
         case "result":
             return Result(
                 t_ms,
@@ -77,9 +83,12 @@ def event_from_json(document: Mapping[str, Any]) -> Event:
                 document["reason"],
                 document["values"],
                 document["updates"],
+                number,
             )
         case "acknowledgement":
-            return Acknowledgement(t_ms, command_id_from_json(document["command"]), document["updates"])
+            return Acknowledgement(
+                t_ms, command_id_from_json(document["command"]), document["updates"], number
+            )
         case "product":
             return Product(
                 t_ms,
@@ -88,6 +97,7 @@ def event_from_json(document: Mapping[str, Any]) -> Event:
                 document["path"],
                 document["sha256"],
                 document["label"],
+                number,
             )
         case "operator":
             return Operator(t_ms, Operation(document["operation"]), document["plan"])

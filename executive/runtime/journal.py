@@ -8,7 +8,8 @@ number, so that a torn tail, a gap and a foreign line are told apart:
 =========== ========================================================================================
 kind `k`    members
 =========== ========================================================================================
-header      `format` "journal/1", `run`, `plan` (text), `plan_digest`, `start` (first step, ms), `risks`
+header      `format` "journal/1", `run`, `plan` (text), `plan_digest`, `start` (first step, ms), `risks`,
+            `clock` (source), `rate`, `instant` (UTC of plan time 0, null on a virtual clock without epoch)
 step        `t`, `events`: a macro step and its input
 deadline    `t`: the first node with an expired upper bound took its transition
 restart     `t`: the executive came back
@@ -30,6 +31,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -75,10 +77,14 @@ class MemoryJournal:
 
     def __init__(self, records: Sequence[Json] = ()) -> None:
         self.records: list[Json] = list(records)
+        self.durable = len(self.records)
+        """How many records were said to be safe."""
 
     def append(self, records: Sequence[Json], *, durable: bool) -> None:
         start = len(self.records)
         self.records.extend({"n": start + i, **record} for i, record in enumerate(records))
+        if durable:
+            self.durable = len(self.records)
 
     def close(self) -> None:
         pass
@@ -109,20 +115,14 @@ class FileJournal:
 
     @classmethod
     def create(cls, path: Path, *, sync: bool = True) -> FileJournal:
-        """Begin a new journal; an existing file is never overwritten."""
+        """Begin a new journal; one of a run that has begun is never overwritten."""
+        if path.exists() and not never_began(path):
+            raise JournalError(f"journal {path} exists already; recover it or choose another name")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise JournalError(f"journal {path} cannot be created: {error.strerror}") from error
-        try:
-            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))
-            directory = os.open(path.parent, os.O_RDONLY)
-            try:
-                os.fsync(directory)
-            finally:
-                os.close(directory)
-        except FileExistsError as error:
-            raise JournalError(f"journal {path} exists already; recover it or choose another name") from error
+            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644))
+            for folder in (path.parent, path.parent.parent):
+                _sync_folder(folder)
         except OSError as error:
             raise JournalError(f"journal {path} cannot be created: {error.strerror}") from error
         return cls(path, sync=sync)
@@ -168,6 +168,32 @@ class FileJournal:
                 self._fsync()
             os.close(self._file)
             self._file = -1
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the entries of a folder durable."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+HEADER_BEGINS = b'{"n":0,"k":"header",'
+
+
+def never_began(path: Path) -> bool:
+    """Tell whether a journal holds nothing but the torn beginning of its header: its run may begin anew.
+
+    The header is durable before anything of a run leaves the executive (CRL.md 10).
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return True
+    except OSError as error:
+        raise JournalError(f"journal {path} cannot be read: {error.strerror}") from error
+    return b"\n" not in data and data[: len(HEADER_BEGINS)] == HEADER_BEGINS[: len(data)]
 
 
 class JournalFile:
@@ -222,8 +248,9 @@ class JournalFile:
 
     def _check_header(self) -> None:
         if not self.records:
-            what = "its header is torn: nothing of this run was ever sent" if self.torn else "it is empty"
-            raise JournalError(f"journal {self.path} has no header: {what}")
+            what = "its header is torn" if self.torn else "it is empty"
+            anew = "; the run never began and may begin anew" if never_began(self.path) else ""
+            raise JournalError(f"journal {self.path} has no header: {what}{anew}")
         header = self.records[0]
         if header.get("k") != "header" or header.get("format") != FORMAT:
             raise JournalError(
@@ -273,7 +300,40 @@ def macro_steps(records: Sequence[Json]) -> Iterator[tuple[Json, list[Json]]]:
         yield current, effects
 
 
-def header_record(*, run_id: str, plan_text: str, plan_digest: str, start_ms: int, risks: bool) -> Json:
+@dataclass(frozen=True, slots=True)
+class PlanTime:
+    """What the plan clock is: its source, its rate, and the wall-clock instant of plan time 0 (ISO 8601)."""
+
+    source: str = "virtual"
+    rate: float = 1.0
+    instant: str | None = None
+
+
+def plan_time(header: Json) -> PlanTime:
+    """Return what a header says of the plan clock; journals of before said nothing."""
+    instant = header.get("instant")
+    return PlanTime(
+        str(header.get("clock", "virtual")),
+        float(header.get("rate", 1.0)),
+        instant if isinstance(instant, str) else None,
+    )
+
+
+def last_time(records: Sequence[Json]) -> int:
+    """Return the plan time of the last input of a journal, milliseconds."""
+    return max((r["t"] for r in records if r["k"] in INPUTS), default=int(records[0]["start"]))
+
+
+def last_number(records: Sequence[Json]) -> int:
+    """Return the highest number of the rover's stream in a journal, 0 if there is none."""
+    steps = (r["events"] for r in records if r["k"] == "step")
+    return max((e.get("number", 0) for events in steps for e in events), default=0)
+
+
+def header_record(
+    *, run_id: str, plan_text: str, plan_digest: str, start_ms: int, risks: bool, time: PlanTime
+) -> Json:
+    """Return the first record of a journal."""
     return {
         "k": "header",
         "format": FORMAT,
@@ -281,6 +341,9 @@ def header_record(*, run_id: str, plan_text: str, plan_digest: str, start_ms: in
         "plan_digest": plan_digest,
         "start": start_ms,
         "risks": risks,
+        "clock": time.source,
+        "rate": time.rate,
+        "instant": time.instant,
         "plan": plan_text,
     }
 

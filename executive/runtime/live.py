@@ -20,8 +20,10 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Protocol, cast, runtime_checkable
 
@@ -41,12 +43,25 @@ from executive.ports import (
     EventSource,
     Operation,
     Operator,
+    Receipts,
     Result,
     TraceListener,
+    Update,
     UtilitySource,
+    Value,
 )
-from executive.runtime.clocks import MonotonicClock
-from executive.runtime.journal import FileJournal, JournalFile, Sink
+from executive.runtime.clocks import MonotonicClock, instant_of, plan_now_ms, plan_start_ms, utc_now
+from executive.runtime.journal import (
+    FileJournal,
+    JournalFile,
+    PlanTime,
+    Sink,
+    last_number,
+    last_time,
+    never_began,
+    plan_time,
+)
+from executive.runtime.loading import load_plan
 from executive.runtime.mailbox import Mailbox
 from executive.runtime.recovery import resume_session
 from executive.runtime.session import RunOutcome, Session
@@ -72,6 +87,8 @@ class LiveSettings:
     grace_ms: int = 10_000
     heartbeat_ms: int | None = 5_000
     monitor_ms: int | None = 10_000
+    rate: float = 1.0
+    """Plan seconds in a second of the wall clock, where no clock is given."""
     watch_s: float = 1.0
     mailbox_limit: int = 10_000
     resend_limit: int = 3
@@ -82,21 +99,45 @@ class Inbox:
 
     def __init__(self, port: CommandPort, complain: Callable[[str, str], None]) -> None:
         self.port = port
-        self.events: list[Event] = []
+        self.events: deque[Event] = deque()
         self.complain = complain
         self.sent: dict[CommandId, Command] = {}
 
     def next_event(self, until_ms: int | None) -> Event | None:
         if self.events and (until_ms is None or self.events[0].t_ms <= until_ms):
-            return self.events.pop(0)
+            return self.events.popleft()
         return None
 
     def send(self, command: Command) -> None:
         self.sent[command.id] = command
-        self._try("send", command.id, lambda: self.port.send(command))
+        self._try(f"send of {command.id}", lambda: self.port.send(command))
 
     def abort(self, command: CommandId) -> None:
-        self._try("abort", command, lambda: self.port.abort(command))
+        self._try(f"abort of {command}", lambda: self.port.abort(command))
+
+    def commit(self, number: int) -> None:
+        if isinstance(self.port, Receipts):
+            port = self.port
+            self._try(f"receipt up to {number}", lambda: port.commit(number))
+
+    def since(self, number: int) -> Sequence[Event]:
+        """Return what the rover has said after a number of its stream, and how things stand now."""
+        if not isinstance(self.port, Receipts):
+            return ()
+        try:
+            return self.port.since(number)
+        except Exception as error:
+            self.complain("port", f"what was said after {number} cannot be had: {error}")
+            return ()
+
+    def present_state(self) -> Mapping[str, Value]:
+        if not isinstance(self.port, Receipts):
+            return {}
+        try:
+            return self.port.present_state()
+        except Exception as error:
+            self.complain("port", f"the present state cannot be had: {error}")
+            return {}
 
     def status(self, command: CommandId) -> CommandStatus:
         try:
@@ -105,13 +146,13 @@ class Inbox:
             self.complain("port", f"status of {command} cannot be had: {error}")
             return CommandStatus(CommandState.RUNNING)
 
-    def _try(self, what: str, command: CommandId, act: Callable[[], None]) -> None:
+    def _try(self, what: str, act: Callable[[], None]) -> None:
         """A port that breaks must not break the executive: the action monitor asks again."""
         try:
             act()
         except Exception as error:
-            logger.warning("command port failed", extra={"command": str(command), "what": what})
-            self.complain("port", f"{what} of {command} failed: {error}")
+            logger.warning("command port failed", extra={"what": what})
+            self.complain("port", f"{what} failed: {error}")
 
 
 class LiveRuntime:
@@ -124,7 +165,10 @@ class LiveRuntime:
     port
         The way to the rover; it may also be an `EventSource`, which a thread then reads, and a `Heartbeat`.
     journal
-        Path of the journal; with `resume` an existing one is continued (CRL.md 10).
+        Path of the journal; with `resume` an existing one is continued (CRL.md 10), at the plan time that
+        the wall clock gives it; one that holds no whole header begins anew.
+    clock
+        The plan clock, where it is not the wall clock; `wall` is the wall clock, for tests.
     plan_folder
         Folder in which new plans (`*.crl`) appear; each replaces the running one.
     """
@@ -138,34 +182,34 @@ class LiveRuntime:
         journal: Path | Sink | None = None,
         resume: bool = False,
         clock: Clock | None = None,
+        wall: Callable[[], datetime] = utc_now,
         settings: LiveSettings | None = None,
         plan_folder: Path | None = None,
         listeners: Sequence[TraceListener] = (),
         utility_source: UtilitySource | None = None,
     ) -> None:
         self.settings = settings if settings is not None else LiveSettings()
-        self.clock = clock if clock is not None else MonotonicClock()
         self.mailbox = Mailbox(self.settings.mailbox_limit)
         self.port = port
         self.plan_folder = plan_folder
         self.run_id = run_id
+        self._now = 0
         self._complaints: list[Note] = []
         self._inbox = Inbox(port, self.complain)
-        self._sink: Sink | None = None
         self._own_sink = isinstance(journal, Path)
-        self._now = self.clock.now_ms()
-        self._heard = self._now
-        self._beat = self._now
         self._safing_since: int | None = None
         self._threads: list[threading.Thread] = []
         self._stopping = threading.Event()
-        self._running: tuple[CommandId, ...] = ()
+        self._owner = threading.RLock()
         self._asked_again: dict[CommandId, int] = {}
-        self._picture: Snapshot = {}
-        if isinstance(journal, Path) and resume and journal.exists():
+        self._sink: Sink | None
+        if isinstance(journal, Path) and resume and not never_began(journal):
             file = JournalFile(journal)
             file.check_identity(run_id=run_id)
             file.cut_torn_tail()
+            self.clock = clock if clock is not None else self._clock_again(file, wall())
+            self._now = max(self.clock.now_ms(), last_time(file.records))
+            self._ask_for_missed(last_number(file.records))
             self._sink = FileJournal(journal, number=len(file.records))
             self.session = resume_session(
                 file.records,
@@ -176,18 +220,58 @@ class LiveRuntime:
                 utility_source=utility_source,
             )
         else:
+            compiled = load_plan(plan)
+            rate = self.settings.rate
+            time = PlanTime("given")
+            if clock is None:
+                present = wall()
+                start_ms = plan_start_ms(compiled.epoch, present, rate)
+                clock = MonotonicClock(start_ms, speed=rate)
+                instant = present - timedelta(milliseconds=start_ms / rate)
+                time = PlanTime("wall", rate, instant.isoformat())
+            self.clock = clock
+            self._now = clock.now_ms()
             self._sink = FileJournal.create(journal) if isinstance(journal, Path) else journal
             self.session = Session(
-                plan,
+                compiled,
                 self._inbox,
                 run_id=run_id,
                 journal=self._sink,
                 listeners=listeners,
                 utility_source=utility_source,
                 start_ms=self._now,
+                time=time,
             )
-        text = self.session.plan_text or (plan if isinstance(plan, str) else canonical_text(plan))
-        self._safe_plan = safe_plan(text)
+            self.session.plan_text = plan if isinstance(plan, str) else compiled.text
+            self.session.open_journal()
+        self._heard = self._beat = self._now
+        self._safe_plan = safe_plan(self.session.plan_text)
+
+    def _clock_again(self, file: JournalFile, present: datetime) -> Clock:
+        """Return the plan clock of a run that comes back: it has gone on while the process was away."""
+        time = plan_time(file.header)
+        last = last_time(file.records)
+        if time.instant is None:
+            self.complain(
+                "risk", "the journal holds no instant of plan time 0: the clock goes on from its end"
+            )
+            return MonotonicClock(last, speed=time.rate)
+        now = plan_now_ms(instant_of(time.instant), present, time.rate)
+        if now < last:
+            self.complain(
+                "risk",
+                f"the wall clock gives plan time {now / 1000:g} s, the journal ends at {last / 1000:g} s: "
+                "the plan clock goes on from there",
+            )
+        return MonotonicClock(max(now, last), speed=time.rate)
+
+    def _ask_for_missed(self, number: int) -> None:
+        """Take what the rover said while nobody listened, and then its present state."""
+        self._inbox.commit(number)
+        self._inbox.events += (replace(e, t_ms=min(e.t_ms, self._now)) for e in self._inbox.since(number))
+        state = self._inbox.present_state()
+        if state:
+            self._inbox.events.append(Update(self._now, state))
 
     # --- for any thread ------------------------------------------------------------
 
@@ -219,13 +303,21 @@ class LiveRuntime:
 
     @property
     def picture(self) -> Snapshot:
-        """The state of the run after the last round of the owner; may be read by any thread."""
-        return self._picture
+        """The state of the run after the last round of the owner; any thread may ask.
+
+        A picture is made when it is asked for, so a round costs nothing for nodes to which nothing happens.
+        """
+        with self._owner:
+            return self.session.snapshot()
 
     # --- the owner -------------------------------------------------------------------
 
     def turn(self) -> None:
         """Do one round: let what was posted and everything that is due happen, look after the rover."""
+        with self._owner:
+            self._turn()
+
+    def _turn(self) -> None:
         session = self.session
         now = max(self._now, self.clock.now_ms())
         self._now = now
@@ -237,8 +329,6 @@ class LiveRuntime:
         session.step(now)
         if not session.over:
             self._watch_over(now)
-        self._running = tuple(session.engine.run.commands)
-        self._picture = session.snapshot()
 
     def run(self) -> RunOutcome:
         """Be the owner until the plan is over; starts and ends the threads."""
@@ -363,10 +453,12 @@ class LiveRuntime:
 
     def check_actions(self) -> None:
         """Ask the rover about each running command: post a lost result, repeat a lost command."""
-        for command in self._running:
+        with self._owner:
+            running = tuple(self.session.engine.run.commands)
+        for command in running:
             status = self._inbox.status(command)
             if status.state is CommandState.DONE and status.result is not None:
-                self.mailbox.post(status.result)
+                self.mailbox.post(replace(status.result, number=0))
             elif status.state is CommandState.UNKNOWN:
                 tries = self._asked_again.get(command, 0)
                 self._asked_again[command] = tries + 1
@@ -416,7 +508,7 @@ def stop_on_signals(runtime: LiveRuntime, *numbers: int) -> None:
     """Let signals (SIGINT, SIGTERM, ...) stop the plan; a second one ends the process as usual."""
     import signal
 
-    def handle(number: int, frame: object) -> None:
+    def handle(number: int, _frame: object) -> None:
         signal.signal(number, signal.SIG_DFL)
         runtime.stop()
 

@@ -44,12 +44,13 @@ class Mailbox:
     def _post_update(self, event: Update) -> None:
         if self._updates >= self.limit and self._flood is not None:
             self._flood.update(event.values)
+            self._events[-1] = Update(event.t_ms, self._flood, event.number)
             self.merged += 1
             return
         if self._updates >= self.limit:
             values = dict(event.values)
             self._flood = dict(values)
-            self._events.append(Update(event.t_ms, self._flood))
+            self._events.append(Update(event.t_ms, self._flood, event.number))
         else:
             self._flood = None
             self._events.append(event)

@@ -18,7 +18,15 @@ from executive.ports import (
     Value,
 )
 from executive.runtime.codec import Json, event_from_json
-from executive.runtime.journal import FileJournal, JournalFile, MemoryJournal, Sink, macro_steps, require
+from executive.runtime.journal import (
+    FileJournal,
+    JournalFile,
+    MemoryJournal,
+    Sink,
+    last_number,
+    macro_steps,
+    require,
+)
 from executive.runtime.loading import load_plan, load_replacement
 from executive.runtime.session import Session
 
@@ -34,7 +42,7 @@ class RecordedUtilities:
         for values in self._values.values():
             values.reverse()
 
-    def __call__(self, option: str, t_ms: int, database: Mapping[str, Value]) -> float | None:
+    def __call__(self, option: str, t_ms: int, _database: Mapping[str, Value]) -> float | None:
         values = self._values.get((option, t_ms))
         return values.pop() if values else None
 
@@ -143,6 +151,7 @@ def resume_session(
         listeners=listeners,
         trace=recorded_trace(records),
         plan_text=records[0]["plan"],
+        received=last_number(records),
     )
     session.come_back(max(now_ms, engine.t), unwritten)
     return session

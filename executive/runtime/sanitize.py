@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from executive.engine.instance import Note
@@ -33,14 +34,14 @@ def _event(event: Any, t_ms: int, notes: list[Note]) -> Event | None:
         return None
     if isinstance(event, Update):
         values = _values(event.values, t_ms, notes)
-        return event if values is event.values else Update(event.t_ms, values)
+        return event if values is event.values else replace(event, values=values)
     command: object = event.command
     if not isinstance(command, CommandId):
         notes.append(Note(t_ms, "garbage", f"{type(event).__name__} without a command: {command!r}"))
-        return Update(event.t_ms, _values(event.updates, t_ms, notes))
+        return Update(event.t_ms, _values(event.updates, t_ms, notes), event.number)
     updates = _values(event.updates, t_ms, notes)
     if isinstance(event, Acknowledgement):
-        return event if updates is event.updates else Acknowledgement(event.t_ms, event.command, updates)
+        return event if updates is event.updates else replace(event, updates=updates)
     values = _values(event.values, t_ms, notes)
     success: object = event.success
     if not isinstance(success, bool):
@@ -55,7 +56,7 @@ def _event(event: Any, t_ms: int, notes: list[Note]) -> Event | None:
         success = False
     if updates is event.updates and values is event.values and success is event.success:
         return event
-    return Result(event.t_ms, event.command, success, str(event.reason), values, updates)
+    return replace(event, success=success, reason=str(event.reason), values=values, updates=updates)
 
 
 def _values(values: Any, t_ms: int, notes: list[Note]) -> Mapping[str, Value]:

@@ -22,13 +22,14 @@ from executive.ports import (
     Operation,
     Operator,
     Product,
+    Receipts,
     Rover,
     TraceListener,
     TraceRecord,
     UtilitySource,
 )
 from executive.runtime.codec import Json, effect_to_json, event_to_json
-from executive.runtime.journal import MemoryJournal, Sink, header_record
+from executive.runtime.journal import MemoryJournal, PlanTime, Sink, header_record
 from executive.runtime.loading import load_plan, load_replacement
 from executive.runtime.sanitize import sanitized
 
@@ -105,6 +106,7 @@ class Session:
         operator_events: Iterable[Operator] = (),
         start_ms: int = 0,
         risks: bool | None = None,
+        time: PlanTime | None = None,
     ) -> None:
         compiled = plan if isinstance(plan, PlanSpec) else load_plan(plan)
         self.risks = journal is not None if risks is None else risks
@@ -115,8 +117,11 @@ class Session:
         self.rover = rover
         self.run_id = run_id
         self.start_ms = start_ms
+        self.time = time if time is not None else PlanTime(instant=compiled.epoch)
         self.journal = journal
         self.listeners = list(listeners)
+        self.received = 0
+        """Highest number of the rover's stream that was taken."""
         self.trace: list[TraceRecord] = []
         self.notes: list[Note] = []
         self.products: list[Product] = []
@@ -141,12 +146,14 @@ class Session:
         listeners: Sequence[TraceListener] = (),
         trace: Sequence[TraceRecord] = (),
         plan_text: str = "",
+        received: int = 0,
     ) -> Session:
         """Return the session of a run that is under way: its engine was rebuilt from a journal."""
         session = cls(engine.run.plan, rover, run_id=engine.run.run_id, journal=journal, listeners=listeners)
         session.engine = engine
         session.plan_text = plan_text
         session.trace = list(trace)
+        session.received = received
         session._started = True
         session._ended = engine.over
         return session
@@ -187,9 +194,10 @@ class Session:
                         plan_digest=self.engine.run.plan.digest,
                         start_ms=self.start_ms,
                         risks=self.risks,
+                        time=self.time,
                     )
                 ],
-                durable=False,
+                durable=True,
             )
 
     def run(self) -> RunOutcome:
@@ -298,7 +306,7 @@ class Session:
             if status.state is CommandState.UNKNOWN:
                 unknown.append(command)
             elif status.state is CommandState.DONE and status.result is not None:
-                self.inject(replace(status.result, t_ms=now_ms))
+                self.inject(replace(status.result, t_ms=now_ms, number=0))
         effects = engine.restart(now_ms)
         aborted = {effect.command for effect in effects if isinstance(effect, Abort)}
         open_aborts = [c for c, node in engine.run.commands.items() if node.abort_asked and c not in aborted]
@@ -363,7 +371,7 @@ class Session:
         return events
 
     def _macro_step(self, t_ms: int, events: Sequence[Event]) -> None:
-        clean, complaints = sanitized(events, self.engine.t)
+        clean, complaints = sanitized(self._unseen(events), self.engine.t)
         effects = self.engine.step(t_ms, clean)
         self.macro_steps += 1
         for event in clean:
@@ -372,7 +380,16 @@ class Session:
         record: Json = {}
         if self.journal is not None:
             record = {"k": "step", "t": self.engine.t, "events": [event_to_json(e) for e in clean]}
+        before = self.received
+        self.received = max([before, *(e.number for e in clean if not isinstance(e, Operator))])
         self._handle(record, [*complaints, *effects], bool(events))
+        if self.received > before and isinstance(self.rover, Receipts):
+            self.rover.commit(self.received)
+
+    def _unseen(self, events: Sequence[Event]) -> list[Event]:
+        """Leave out what the rover has said before (CRL.md 10)."""
+        numbers = ((getattr(event, "number", 0), event) for event in events)
+        return [event for number, event in numbers if not number or number > self.received]
 
     def _handle(self, record: Json, effects: Sequence[Effect], durable: bool = False) -> None:
         """Make records durable, then let the effects out."""
