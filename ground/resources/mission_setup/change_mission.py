@@ -9,9 +9,10 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.gdr.repository import Repository
-from ground.records.kind import Changed, Prepared, plain
+from ground.records.kind import Changed, Kind, Prepared, plain
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.rules import require_calibration, require_drive_rules, require_profile
+from ground.resources.observation_requests.change_rover import told_requests
 from ground.resources.solutions.require_anchor import require_anchor
 from ground.resources.targets.row import TargetRow
 
@@ -27,8 +28,10 @@ def change_mission(
         If rover, calibration, drive rules or anchor cannot be those.
     """
     columns = {name: plain(value) for name, value in members.items()}
+    followers: list[tuple[Kind, Any, Mapping[str, Any]]] = []
     if "rover_profile" in members:
         require_profile(members["rover_profile"])
+        followers = told_requests(session, row.id, members["rover_profile"])
     if members.get("calibration") is not None:
         columns["calibration"] = require_calibration(members["calibration"])
     if members.get("drive_rules"):
@@ -36,4 +39,4 @@ def change_mission(
         require_drive_rules(columns["drive_rules"], set(targets))
     if "anchor_frame_id" in members and members["anchor_frame_id"] != row.anchor_frame_id:
         require_anchor(session, row.id, members["anchor_frame_id"])
-    return Changed(columns)
+    return Changed(columns, followers)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -19,6 +19,15 @@ InstrumentName = Annotated[
 ]
 
 
+ConstraintDocument = Annotated[
+    dict[str, Any],
+    Field(
+        description="a constraint with its `kind`; `GET /rovers/{name}` lists the kinds and their members",
+        examples=[{"kind": "sun_elevation", "at_least_rad": 0.349}],
+    ),
+]
+
+
 class ObservationRequestCreate(Body):
     """What is asked of a target. `observation_pose` sets the observation point by hand."""
 
@@ -30,6 +39,7 @@ class ObservationRequestCreate(Body):
     after: Annotated[list[Id], Field(max_length=100)] = []
     must_do: Flag = False
     dwell_s: Seconds | None = None
+    constraints: Annotated[list[ConstraintDocument], Field(max_length=20)] = []
     notes: Text = ""
     observation_pose: PoseBody | None = None
 
@@ -44,6 +54,7 @@ class ObservationRequestChange(Body):
     after: Annotated[list[Id], Field(max_length=100)] = Field(default_factory=unset)
     must_do: Flag = Field(default_factory=unset)
     dwell_s: Seconds | None = None
+    constraints: Annotated[list[ConstraintDocument], Field(max_length=20)] = Field(default_factory=unset)
     notes: Text = Field(default_factory=unset)
     observation_pose: PoseBody | None = None
     state: Literal["open", "carried"] = Field(default_factory=unset)

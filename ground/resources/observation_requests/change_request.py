@@ -17,6 +17,7 @@ from ground.records.actor import Actor
 from ground.records.edit import update
 from ground.records.kind import Changed, Prepared, plain
 from ground.resources.missions.row import MissionRow
+from ground.resources.observation_requests.constraints import written_constraints
 from ground.resources.observation_requests.create_request import require_after, require_window
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
@@ -55,7 +56,7 @@ def change_request(
     Raises
     ------
     InvalidInputError
-        If window, order or state cannot be those.
+        If window, order, constraints or state cannot be those.
     """
     if "window_s" in members:
         require_window(members["window_s"])
@@ -67,6 +68,8 @@ def change_request(
             pointer="/state",
         )
     columns = {name: plain(value) for name, value in members.items() if name != "observation_pose"}
+    if "constraints" in members:
+        columns["constraints"] = written_constraints(members["constraints"]) or None
     columns |= dict(prepared.columns)
     if prepared.points:
         instrument = columns.get("instrument", row.instrument)

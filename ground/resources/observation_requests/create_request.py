@@ -16,6 +16,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
 from ground.resources.missions.row import MissionRow
+from ground.resources.observation_requests.constraints import written_constraints
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST, show_requests
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
@@ -36,6 +37,7 @@ def create_request(
     after: Sequence[str] = (),
     must_do: bool = False,
     dwell_s: float | None = None,
+    constraints: Sequence[object] = (),
     notes: str = "",
     observation_pose: Pose | None = None,
 ) -> ObservationRequest:
@@ -46,6 +48,7 @@ def create_request(
     """
     actor.require(Action.EDIT_SCIENCE, mission_id)
     require_window(window_s)
+    carried = written_constraints(constraints)
     with repo.database.read() as session:
         target = session.get(TargetRow, target_id)
         if target is None or target.mission_id != mission_id:
@@ -69,6 +72,7 @@ def create_request(
             after=list(after),
             must_do=must_do,
             dwell_s=dwell_s,
+            constraints=carried or None,
             notes=notes,
             observation_point=None if point is None else asdict(point),
             state=RequestState.OPEN.value,

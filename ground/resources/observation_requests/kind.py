@@ -26,6 +26,7 @@ def show_requests(session: Session, rows: Sequence[ObservationRequestRow]) -> li
             ObservationRequest,
             r,
             target_name=names.get(r.target_id, ""),
+            constraints=r.constraints or [],
             observation_point=observation_point_of(r.observation_point),
             state=RequestState(r.state),
         )
@@ -50,6 +51,7 @@ OBSERVATION_REQUEST = Kind(
             "after",
             "must_do",
             "dwell_s",
+            "constraints",
             "notes",
             "observation_pose",
             "state",

@@ -52,6 +52,7 @@ async def create_observation_request(ask: Asked, mission_id: Id, body: Observati
         after=body.after,
         must_do=body.must_do,
         dwell_s=body.dwell_s,
+        constraints=body.constraints,
         notes=body.notes,
         observation_pose=body.observation_pose.value() if body.observation_pose else None,
     )

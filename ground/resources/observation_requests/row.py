@@ -15,6 +15,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from ground.gdr.base import Row, mission_column
 from ground.gdr.geometry import pose_of
+from ground.resources.observation_requests.constraints import read_constraints
 from ground.resources.observation_requests.value import ObservationPoint
 from mission import After, Constraint, MustDo, Pose, Request, Tracked, Window
 
@@ -31,6 +32,7 @@ class ObservationRequestRow(Row):
     after: Mapped[list[Any]]
     must_do: Mapped[bool] = mapped_column(default=False)
     dwell_s: Mapped[float | None]
+    constraints: Mapped[list[Any] | None] = mapped_column(JSON(none_as_null=True))
     notes: Mapped[str] = mapped_column(Text, default="")
     observation_point: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     state: Mapped[str] = mapped_column(String(20), index=True)
@@ -59,6 +61,7 @@ def day_request(row: ObservationRequestRow, among: Collection[str]) -> Request:
         constraints.append(MustDo())
     if row.window_s is not None:
         constraints.append(Window(*row.window_s))
+    constraints.extend(read_constraints(row.constraints or ()))
     point = row.observation_point
     return Request(
         id=row.id,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
+from typing import Any
 
 from ground.gdr.geometry import Pose
 
@@ -45,6 +46,7 @@ class ObservationRequest:
     after: list[str]
     must_do: bool
     dwell_s: float | None
+    constraints: list[dict[str, Any]]
     notes: str
     observation_point: ObservationPoint | None
     state: RequestState

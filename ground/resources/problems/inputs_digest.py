@@ -92,6 +92,13 @@ def _take(session: Session, mission_id: str) -> str:
     rules = session.scalar(select(MissionRow.drive_rules).where(MissionRow.id == mission_id))
     if rules:  # likewise
         parts.append([(rules,)])
+    carried = session.execute(
+        select(o.id, o.constraints)
+        .where(o.mission_id == mission_id, o.constraints.is_not(None))
+        .order_by(o.id)
+    ).all()
+    if carried:  # likewise
+        parts.append(carried)
     content = [[[_counting(value) for value in row] for row in part] for part in parts]
     return hashlib.sha256(orjson.dumps(content, option=orjson.OPT_SORT_KEYS)).hexdigest()
 

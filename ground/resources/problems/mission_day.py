@@ -13,6 +13,7 @@ from ground.gdr.repository import Repository
 from ground.resources.keep_outs.row import KeepOutRow, day_keep_out
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import terrain_row
+from ground.resources.observation_requests.change_rover import require_instruments
 from ground.resources.observation_requests.row import ObservationRequestRow, day_request
 from ground.resources.sols.row import SolRow
 from ground.resources.targets.row import TargetRow, day_target
@@ -62,8 +63,11 @@ def mission_day(session: Session, mission: MissionRow, sol: SolRow, request_ids:
     ------
     InvalidInputError
         If a request asked for is not in the mission.
+    StateError
+        If the mission's rover lacks an instrument that a request asks for.
     """
     rows = _requests(session, mission, request_ids)
+    require_instruments(mission.rover_profile, rows)
     chosen = {row.id for row in rows}
     wanted = {row.target_id for row in rows}
     targets = session.scalars(
