@@ -358,7 +358,7 @@ class _Emitter:
         }
         return Task(
             id=task_id,
-            action="ipplaceinstrument" if placed else "image",
+            action=what.action or ("ipplaceinstrument" if placed else "image"),
             parameters=parameters,
             continue_on_failure=True,
             reward=_number(reward),

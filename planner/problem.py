@@ -63,7 +63,8 @@ class Observation:
     `utility` is earned with `p_success` when the observation ends within the budgets; it may start only at
     times in `window_s` (inclusive). Where `must_do`, a plan without it is no plan. `data_mbit` counts
     against the budget of downlink volume. An image with `tracked` needs its target tracked like a placement.
-    `refs` travels untouched into the plan's metadata (request id and the like).
+    `action` is the rover's that makes it, empty for the usual one of its kind. `refs` travels untouched into
+    the plan's metadata (request id and the like).
     """
 
     id: ObservationId
@@ -78,6 +79,7 @@ class Observation:
     must_do: bool = False
     data_mbit: float = 0.0
     tracked: bool = False
+    action: str = ""
     refs: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -305,7 +307,7 @@ def _window(reader: _Reader) -> tuple[float, float] | None:
 
 
 _OBSERVATION = (
-    "id", "instrument", "kind", "tracked", "utility", "p_success", "observe", "window_s", "must_do",
+    "id", "instrument", "action", "kind", "tracked", "utility", "p_success", "observe", "window_s", "must_do",
     "data_mbit", "refs",
 )  # fmt: skip
 
@@ -324,6 +326,7 @@ def _observation(reader: _Reader, target: str, oid: str, legacy: bool) -> Observ
         energy_j=observe.amount("energy_j", zero=True),
         p_success=reader.number("p_success", None if legacy else 1.0, above=0.0, at_most=1.0),
         instrument="" if legacy else reader.text("instrument", ""),
+        action="" if legacy else reader.text("action", ""),
         window_s=_window(reader),
         must_do=False if legacy else reader.truth("must_do"),
         data_mbit=0.0 if legacy else reader.number("data_mbit", 0.0, at_least=0.0),
@@ -596,6 +599,8 @@ def _observation_dict(o: Observation, legacy: bool) -> dict[str, Any]:
     d: dict[str, Any] = {} if legacy else {"id": o.id}
     if o.instrument and not legacy:
         d["instrument"] = o.instrument
+    if o.action and not legacy:
+        d["action"] = o.action
     d |= {
         "kind": o.kind.value,
         "utility": o.utility,

@@ -364,6 +364,8 @@ def _observation(
         "tracked": request.tracked and not instrument.contact,
         "refs": {"request": request.id},
     }
+    if instrument.action:
+        document["action"] = instrument.action
     if windows:
         # `problem/1` holds one window; of several the longest is planned with.
         opens_s, closes_s = max(windows, key=lambda w: w[1] - w[0])

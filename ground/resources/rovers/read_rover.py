@@ -55,6 +55,8 @@ def describe(name: str) -> Rover:
         If its profile cannot be used.
     """
     from rover_iface.profile import profile_names
+    from rover_iface.vision.handoffs import HANDOFFS
+    from rover_iface.vision.trackers import TRACKERS
 
     if name not in profile_names():
         raise NotFoundError(f"there is no rover {name!r}; there are {', '.join(profile_names())}")
@@ -75,6 +77,8 @@ def describe(name: str) -> Rover:
             for key, spec in language.telemetry.keys.items()
         ],
         constraints=_constraints(),
+        trackers=TRACKERS.names(),
+        handoffs=HANDOFFS.names(),
     )
 
 

@@ -108,3 +108,5 @@ class Rover:
     actions: list[RoverAction]
     telemetry: list[RoverTelemetry]
     constraints: list[ConstraintKind]
+    trackers: list[str]
+    handoffs: list[str]
