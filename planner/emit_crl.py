@@ -324,16 +324,10 @@ class _Emitter:
         options = []
         names = []
         for count in range(len(before) + 1):
-            ways = []
-            for chosen in combinations(before, count):
-                ways.append(
-                    _both(
-                        *(
-                            _any_carried_out(t) if t in chosen else negated(_any_carried_out(t))
-                            for t in before
-                        )
-                    )
-                )
+            ways = [
+                _both(*(_any_carried_out(t) if t in chosen else negated(_any_carried_out(t)) for t in before))
+                for chosen in combinations(before, count)
+            ]
             name = task_id if count == 0 else self.name(task_id, f"after-{count}")
             names.append(name)
             options.append(

@@ -249,7 +249,7 @@ class _Reader:
             )
         return Amount(mean, sd)
 
-    def refs(self, *extra: str) -> dict[str, str]:
+    def refs(self) -> dict[str, str]:
         found: dict[str, str] = {}
         if self.has("refs"):
             inner = self.value["refs"]

@@ -126,7 +126,7 @@ class Inbox:
             return ()
         try:
             return self.port.since(number)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
             self.complain("port", f"what was said after {number} cannot be had: {error}")
             return ()
 
@@ -135,14 +135,14 @@ class Inbox:
             return {}
         try:
             return self.port.present_state()
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
             self.complain("port", f"the present state cannot be had: {error}")
             return {}
 
     def status(self, command: CommandId) -> CommandStatus:
         try:
             return self.port.status(command)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
             self.complain("port", f"status of {command} cannot be had: {error}")
             return CommandStatus(CommandState.RUNNING)
 
@@ -150,7 +150,7 @@ class Inbox:
         """A port that breaks must not break the executive: the action monitor asks again."""
         try:
             act()
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
             logger.warning("command port failed", extra={"what": what})
             self.complain("port", f"{what} failed: {error}")
 
@@ -380,7 +380,7 @@ class LiveRuntime:
             if isinstance(self.port, Heartbeat):
                 try:
                     self.port.heartbeat(now)
-                except Exception as error:
+                except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
                     self.complain("port", f"heartbeat failed: {error}")
         if self._safing_since is not None:
             self._finish_safing(now, self._safing_since)
@@ -437,7 +437,7 @@ class LiveRuntime:
         while not self._stopping.is_set():
             try:
                 event = source.next_event(self.clock.now_ms())
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
                 self.complain("port", f"telemetry cannot be read: {error}")
                 event = None
             if event is None:

@@ -311,15 +311,16 @@ def _compare_events(found: Sequence[Sequence[Any]], wanted: Sequence[Sequence[An
 
     found_at, wanted_at = by_time(found), by_time(wanted)
     for t_ms in sorted({*found_at, *wanted_at}):
-        for event in (found_at[t_ms] - wanted_at[t_ms]).elements():
-            differences.append(f"at {seconds(t_ms)}: unexpected {list(event)}")
-        for event in (wanted_at[t_ms] - found_at[t_ms]).elements():
-            differences.append(f"at {seconds(t_ms)}: missing {list(event)}")
+        unexpected, missing = found_at[t_ms] - wanted_at[t_ms], wanted_at[t_ms] - found_at[t_ms]
+        differences += (f"at {seconds(t_ms)}: unexpected {list(event)}" for event in unexpected.elements())
+        differences += (f"at {seconds(t_ms)}: missing {list(event)}" for event in missing.elements())
     if not differences:
         found_of, wanted_of = by_id(found), by_id(wanted)
-        for name in sorted({*found_of, *wanted_of}):
-            if found_of[name] != wanted_of[name]:
-                differences.append(f"events of {name or 'the plan'} come in another order")
+        differences += (
+            f"events of {name or 'the plan'} come in another order"
+            for name in sorted({*found_of, *wanted_of})
+            if found_of[name] != wanted_of[name]
+        )
     return differences
 
 

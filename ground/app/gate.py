@@ -150,7 +150,8 @@ class Gate:
 
     def _check_host(self, headers: Headers) -> None:
         """Refuse names under which we do not serve: what a page gets by rebinding its own name to
-        loopback."""
+        loopback.
+        """
         host = headers.get("host", "")
         name = _host_name(host)
         if not self._any_host and name not in self._hosts and name != self.repo.settings.host:

@@ -11,7 +11,7 @@ from ground.cli.crl import dictionary_of
 from ground.cli.failure import fail
 
 
-def register(app: typer.Typer) -> None:
+def register(_app: typer.Typer) -> None:
     """Add the command to the group `crl`."""
     from ground.cli.crl import crl_app
 

@@ -152,7 +152,7 @@ class _Interrupt:
 
         self._before = signal.getsignal(signal.SIGINT)
 
-        def handler(number: int, frame: Any) -> None:
+        def handler(_number: int, _frame: object) -> None:
             if self._wanted:
                 raise KeyboardInterrupt
             self._wanted = True

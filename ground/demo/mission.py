@@ -42,7 +42,7 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
         If the terrain has no place for the rover to start, or fewer than ten targets that the arm reaches.
     """
     rng = np.random.default_rng([seed, 1])
-    start = _start(terrain, profile, rng)
+    start = _start(terrain, rng)
     keep_outs = _keep_outs(terrain, start, rng)
     targets: list[Target] = []
     for east, north in _candidates(terrain, start, rng):
@@ -80,7 +80,7 @@ def target_at(terrain: Terrain, identifier: str, name: str, east_m: float, north
     )
 
 
-def _start(terrain: Terrain, profile: RoverProfile, rng: np.random.Generator) -> Pose:
+def _start(terrain: Terrain, rng: np.random.Generator) -> Pose:
     """Return a pose near the middle of the terrain on ground flat enough to stand on."""
     west, south, east, north = terrain.bounds
     middle = ((west + east) / 2, (south + north) / 2) if not _inside(terrain, 0.0, 0.0) else (0.0, 0.0)

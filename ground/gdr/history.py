@@ -147,9 +147,11 @@ def verify_chains(session: Session) -> tuple[int, list[ChainFault]]:
                     chain.id, chain.seq, f"the head is at event {chain.seq}, the last one here is {seq}"
                 )
             )
-    for stray in session.scalars(select(EventRow.chain_id).distinct()):
-        if stray not in known:
-            faults.append(ChainFault(stray, 0, "events without a chain head"))
+    faults += (
+        ChainFault(stray, 0, "events without a chain head")
+        for stray in session.scalars(select(EventRow.chain_id).distinct())
+        if stray not in known
+    )
     return count, faults
 
 

@@ -65,7 +65,7 @@ class InlineExecutor(Executor):
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
-        except Exception as err:
+        except Exception as err:  # noqa: BLE001 - the future tells it to whoever asks
             future.set_exception(err)
         return future
 

@@ -19,7 +19,8 @@ from ground.gdr.base import Row
 
 class JobRow(Row):
     """Long work: who leases it, how far it is, what came of it. `token` fences a worker that lost its
-    lease."""
+    lease.
+    """
 
     __tablename__ = "jobs"
     __table_args__ = (Index("ix_jobs_claim", "state", "lease_until_utc"),)

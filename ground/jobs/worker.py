@@ -223,7 +223,7 @@ class Worker:
             give_up(self.repo, kind, claim, "failed", err.message, problem_of(err))
         except SQLAlchemyError:
             raise
-        except Exception as err:
+        except Exception as err:  # noqa: BLE001 - one job's result must not end the worker
             logger.exception("the result of a job cannot be written", extra={"job_id": claim.job_id})
             give_up(self.repo, kind, claim, "failed", problem_of(err)["detail"], problem_of(err))
         finally:

@@ -76,8 +76,7 @@ def draw_day(
 
     start = problem.get("start", {"east_m": 0.0, "north_m": 0.0})
     corners = [(start["east_m"], start["north_m"])]
-    for target in problem["targets"]:
-        corners.append((target["point_m"][0], target["point_m"][1]))
+    corners += ((target["point_m"][0], target["point_m"][1]) for target in problem["targets"])
     for leg in problem["legs"]:
         corners.extend((x, y) for x, y in leg.get("route", ()))
     corners.extend(corner for ring in keep_outs for corner in ring)

@@ -105,9 +105,7 @@ def _span_conditions(
     return tuple(found)
 
 
-def _on_resources(
-    bins: Bins, gains: Any, masses: Any, two_sided: bool, within: Choice | None = None
-) -> Choice:
+def _on_resources(bins: Bins, gains: Any, masses: Any, two_sided: bool) -> Choice:
     """Return the best condition on time or energy for gains summed over states."""
     whole = float(gains.sum())
     best = Choice(whole, ()) if whole > 0.0 else Choice(0.0, ())

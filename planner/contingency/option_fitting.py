@@ -171,9 +171,11 @@ class OptionFitter:
         """Return a sequence and its beginnings that need fewer tracks, which makes every drive shorter."""
         model = self.model
         found = [order]
-        for length in range(len(order) - 1, 0, -1):
-            if any(model.is_place[m] for m in order[length:]):
-                found.append(order[:length])
+        found += (
+            order[:length]
+            for length in range(len(order) - 1, 0, -1)
+            if any(model.is_place[m] for m in order[length:])
+        )
         return found[:3]
 
     def values_of(self, steps: Plan, masses: Masses) -> dict[State, Any]:

@@ -144,9 +144,11 @@ def best_sequences(
         offers: list[tuple[float, int, int]] = []
         for k, node in enumerate(layer):
             bounds = node.earned + _promises(policy, node.masses)
-            for m in range(model.m):
-                if bounds[m] > floor and m not in node.order and _fits(model, before, node.order, m):
-                    offers.append((float(bounds[m]), k, m))
+            offers += (
+                (float(bounds[m]), k, m)
+                for m in range(model.m)
+                if bounds[m] > floor and m not in node.order and _fits(model, before, node.order, m)
+            )
         offers.sort(key=lambda offer: (-offer[0], offer[1], offer[2]))
         following: list[_Node] = []
         for bound, k, m in offers:

@@ -71,11 +71,9 @@ def solve_cp_sat(
             return 0, 0
         return int(p.travel_time[site[i], site[j]]), int(p.travel_energy[site[i], site[j]])
 
-    arcs = []
+    arcs = [(i, i, visit[i].Not()) for i in range(count)]
     travel_terms = []
     energy_terms = []
-    for i in range(count):
-        arcs.append((i, i, visit[i].Not()))
     empty = model.new_bool_var("empty")
     arcs.append((depot, depot, empty))
     near = _nearest(p, site, neighbours)

@@ -222,7 +222,6 @@ class ExactSolver:
             if worth > best:
                 best, route = worth, tuple(rank.tolist())
         left, _ = self._relaxed.completion(root)
-        floor = best
         upper = best
         proven = left <= NEVER // 2
         if not proven:
@@ -248,7 +247,7 @@ class ExactSolver:
                 if time.perf_counter() > deadline or self.iterations >= budget:
                     break
         wall = time.perf_counter() - started
-        solution = self._answer(p, best, route, upper, proven, seed, wall, floor)
+        solution = self._answer(p, best, route, upper, proven, seed, wall)
         return checked(p, replace(solution, iterations=self.iterations - made_before))
 
     def _answer(
@@ -260,7 +259,6 @@ class ExactSolver:
         proven: bool,
         seed: int,
         wall: float,
-        floor: int,
     ) -> RoutingSolution:
         lay = self._layout
         done = np.zeros(len(lay.order), dtype=bool)

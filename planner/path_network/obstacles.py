@@ -308,8 +308,10 @@ def outlines(geometry: BaseGeometry) -> tuple[tuple[tuple[float, float], ...], .
     rings: list[tuple[tuple[float, float], ...]] = []
     for part in shapely.get_parts(geometry).tolist():
         if isinstance(part, Polygon) and not part.is_empty:
-            for ring in (part.exterior, *part.interiors):
-                rings.append(tuple((float(e), float(n)) for e, n in np.asarray(ring.coords)))
+            rings += (
+                tuple((float(e), float(n)) for e, n in np.asarray(ring.coords))
+                for ring in (part.exterior, *part.interiors)
+            )
     return tuple(rings)
 
 

@@ -278,7 +278,7 @@ def match_rocks(
     top = distinct[0]
     share = 1.0 / sum(math.exp(mode.weight - top.weight) for mode in distinct)
     # the rest of the raster, where nothing stands out, weighs too
-    share = min(share, _raster_share(table, best[0], options))
+    share = min(share, _raster_share(table, best[0]))
     return _result(top, share, a, b, prior, options, overlap)
 
 
@@ -316,7 +316,7 @@ def _modes(table: Array, count: int) -> list[tuple[int, int, int]]:
     return [(int(k), int(i), int(j)) for k, i, j in places]
 
 
-def _raster_share(table: Array, best: tuple[int, int, int], options: MatchingOptions) -> float:
+def _raster_share(table: Array, best: tuple[int, int, int]) -> float:
     """Return the share of the raster's weight within three steps of its best cell."""
     weight = np.exp(table - table[best])
     near = tuple(slice(max(0, v - r), v + r + 1) for v, r in zip(best, (3, 4, 4), strict=True))

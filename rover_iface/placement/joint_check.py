@@ -57,7 +57,8 @@ class JointCheck:
 
     def candidates(self, at: Array, *, coarse: float = 2.5) -> list[Array]:
         """Return the points to be tried: the surface at the designated one, then one for each cell of the
-        rock in any cloud, by distance."""
+        rock in any cloud, by distance.
+        """
         from scipy.spatial import cKDTree
 
         found = np.array(self.checks[0].candidates(at, coarse=coarse)[1:]).reshape(-1, 3)

@@ -249,7 +249,8 @@ class PatchCheck:
         self, points: Array, at: Array, normal: Array, radius: float, pixel: float
     ) -> tuple[float, float]:
         """Return the share of the disc of `radius` that lies within a pixel of a point (n, 3), and the
-        diameter of the largest hole."""
+        diameter of the largest hole.
+        """
         if not len(points):
             return 0.0, 2.0 * radius
         share, hole = kernels.disc_gaps(points, at, normal, radius, pixel)
@@ -265,7 +266,8 @@ class PatchCheck:
 
     def _relief(self, m: PatchMeasures) -> float:
         """Return the largest share of its limit that protrusion, depth or roughness takes, to somewhat beyond
-        the tool."""
+        the tool.
+        """
         limits, sure = self.limits, self._sure(m)
         return max(
             (m.wide_depth_m + sure) / limits.most_depth_m,
@@ -275,7 +277,8 @@ class PatchCheck:
 
     def sound_relief(self, m: PatchMeasures) -> float:
         """Return the larger share of its limit that protrusion or depth takes, points beside steps left
-        out."""
+        out.
+        """
         limits, sure = self.limits, self._sure(m)
         return max(
             (m.sound_depth_m + sure) / limits.most_depth_m,

@@ -43,7 +43,8 @@ def in_ball(points: Floats, at: Floats, radius: float) -> Ints:
 @numba.njit(cache=True, nogil=True)
 def fit_plane(points: Floats, weight: Floats, outward: Floats) -> tuple[Floats, Floats]:
     """Return a point and the outward unit normal of the plane through points (n, 3), wrong matches left
-    out."""
+    out.
+    """
     n = len(points)
     use = np.ones(n, np.bool_)
     middle, normal = np.zeros(3), outward.copy()

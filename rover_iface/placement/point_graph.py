@@ -12,7 +12,8 @@ Index = npt.NDArray[np.int64]
 
 def neighbours(cloud: SurfaceCloud) -> Index:
     """Return pairs (m, 2) of neighbouring points: to the right and below on a raster, the eight nearest
-    else."""
+    else.
+    """
     if cloud.pixels is None:
         if len(cloud) < 2:
             return np.empty((0, 2), np.int64)

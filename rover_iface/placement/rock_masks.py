@@ -256,7 +256,8 @@ class _Cut:
 
     def _whole(self, mask: Mask, tall: Array) -> Mask:
         """Return the part of what the cloud gave that stands up most (heights summed), holes filled; what
-        hangs on it by a neck is left out."""
+        hangs on it by a neck is left out.
+        """
         from scipy.ndimage import binary_dilation, binary_erosion, label
 
         neck = max(1, int(self.options.neck * math.sqrt(mask.sum())))
@@ -277,7 +278,8 @@ class _Cut:
 
 def _slopes(known: Mask, local: Array, apart: Mask, over_px: int) -> Array:
     """Return (h, w) the slope of the surface, NaN where too little of it is known; points (n, 3) of the known
-    pixels, their third coordinate the height. Pixels of `apart` are left out."""
+    pixels, their third coordinate the height. Pixels of `apart` are left out.
+    """
     import cv2
 
     use = known & ~apart
@@ -302,7 +304,8 @@ def _slopes(known: Mask, local: Array, apart: Mask, over_px: int) -> Array:
 
 def _behind(known: Mask, far: Array) -> Index:
     """Return for each pixel (h, w) without a match the known one, by number, that ends its gap along the row
-    farther away; -1 where the gap has no end, and for known pixels."""
+    farther away; -1 where the gap has no end, and for known pixels.
+    """
     number = np.full(known.shape, -1, np.int64)
     number[known] = np.arange(int(known.sum()))
     ends = np.stack((_carried(number), _carried(number[:, ::-1])[:, ::-1]))

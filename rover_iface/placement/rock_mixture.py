@@ -168,7 +168,8 @@ class Mixture:
 
     def _appearance(self, label: Index) -> Array:
         """Return log-odds (n,) of the brightness of points near a rock, by histograms of it and of the ground
-        round it; zero elsewhere and for clouds without brightness."""
+        round it; zero elsewhere and for clouds without brightness.
+        """
         n = len(label)
         out = np.zeros(n)
         count = int(label.max(initial=-1)) + 1

@@ -203,7 +203,8 @@ class _Search:
 
     def reached(self, judged: Judged) -> Posture | Motion | None:
         """Return the arm's answer for a safe point; None when it does not reach or would tilt the tool, or
-        the point is not on the rock of the designated one."""
+        the point is not on the rock of the designated one.
+        """
         if self.asked == MOST_ASKED:
             return None
         self.asked += 1
@@ -324,7 +325,8 @@ def safety_map(
     second: SurfaceCloud | None = None,
 ) -> list[Judged]:
     """Return one judgement for each cell of `grid_m` of a rock, within `search_m` of `near` (its centroid);
-    `second` as in `plan_placement`."""
+    `second` as in `plan_placement`.
+    """
     limits = limits or SafetyLimits()
     if not 0 <= label < len(segmentation.rocks):
         raise PlacementError(f"rock {label} of {len(segmentation.rocks)} is asked for")

@@ -110,9 +110,9 @@ def _future(world: World, seed: int | None, draws: Any) -> Future | None:
 
 
 class AbstractRover(RoutineRover):
-    """A rover that lives in a planning problem. For thousands of days build the model once:
+    """A rover that lives in a planning problem.
 
-    ``AbstractRover(model, Future.from_arrays(row, model))``.
+    For thousands of days build the model once: ``AbstractRover(model, Future.from_arrays(row, model))``.
     """
 
     def __init__(

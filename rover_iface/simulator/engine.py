@@ -222,7 +222,7 @@ class SimulatedRover:
         """Carry out an action; an error in it ends it as failed and nothing else."""
         try:
             return (yield from self.act(command))
-        except Exception as err:  # whatever a behaviour raises, the plan goes on by its branches
+        except Exception as err:  # noqa: BLE001 - whatever a behaviour raises, the plan goes on by its branches
             self._log_error(command, err)
             return Outcome(False, INTERNAL_ERROR)
 

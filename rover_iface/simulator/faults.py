@@ -1,4 +1,6 @@
-"""Faults on demand, the format `fault/1`::
+"""Faults on demand, the format `fault/1`.
+
+::
 
     {"format": "fault/1", "faults": [
       {"kind": "lose-target", "target": "T2", "at_s": 900},

@@ -1,4 +1,6 @@
-"""What a simulated rover needs, the format `world/1`::
+"""What a simulated rover needs, the format `world/1`.
+
+::
 
     {"format": "world/1", "name": "site-1",
      "terrain": "terrain",                  folder beside this file, or absent

@@ -260,7 +260,8 @@ def _along(
     position: Array, covariance: Array, direction: Array, gap: float, noise: float
 ) -> tuple[Array, Array, float]:
     """Return position and covariance once a place `gap` further along a unit vector (3,) has been measured
-    with the variance `noise`, and that gap in standard deviations."""
+    with the variance `noise`, and that gap in standard deviations.
+    """
     spread = float(direction @ covariance @ direction) + noise
     gain = covariance @ direction / spread
     rest = np.eye(3) - np.outer(gain, direction)

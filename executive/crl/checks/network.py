@@ -335,8 +335,8 @@ def _combinations(network: PlanNetwork, branches: list[int], name: str) -> None:
         while pending and all(map(harmless, option_children(index, pending[0]))):
             pending = pending[1:]
         if pending:
-            for child in reversed(option_children(index, pending[0])):
-                todo.append(("enter", pending[0], child, pending[1:]))
+            children = reversed(option_children(index, pending[0]))
+            todo.extend(("enter", pending[0], child, pending[1:]) for child in children)
 
     visit(tuple(branches))
     chosen: list[str] = []

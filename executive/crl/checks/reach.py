@@ -32,7 +32,8 @@ def check_reach(index: Index) -> None:
 
 def _unfinished(index: Index, entry: Entry, conditions: Conditions) -> list[str]:
     """Return keys about nodes that cannot be finished before this one starts: itself, those around it, and
-    those that follow it, or something around it, in a block."""
+    those that follow it, or something around it, in a block.
+    """
     absent = []
     for condition in conditions:
         for leaf in leaves(condition):

@@ -164,9 +164,11 @@ def _deadlocks(index: Index, declared: dict[str, Resource]) -> None:
             if len(partial) == len(edges):
                 chain = partial
                 break
-            for pair in edges[len(partial)]:
-                if all(_concurrent(index, pair[0], other[0]) for other in partial):
-                    stack.append([*partial, pair])
+            stack += [
+                [*partial, pair]
+                for pair in edges[len(partial)]
+                if all(_concurrent(index, pair[0], other[0]) for other in partial)
+            ]
         if chain and frozenset(cycle) not in reported:
             reported.add(frozenset(cycle))
             parts = [

@@ -9,7 +9,8 @@ from datetime import datetime
 @dataclass(frozen=True, slots=True)
 class FlightRuleResult:
     """One flight rule held against a plan; `waived_by` where somebody with the right accepted the
-    violation."""
+    violation.
+    """
 
     rule: str
     title: str

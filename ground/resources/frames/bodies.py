@@ -14,7 +14,8 @@ SiteNumber = Annotated[int | None, Query(ge=0, le=2**31 - 1, description="frames
 
 class FrameCreate(Body):
     """A frame by its name and motion counter (site, drive, ...): a site has one index, a rover frame two to
-    five."""
+    five.
+    """
 
     name: Literal["SITE_FRAME", "ROVER_FRAME"]
     counter: Annotated[list[Index], Field(min_length=1, max_length=5)]

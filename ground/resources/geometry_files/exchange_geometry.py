@@ -81,7 +81,7 @@ def _row(
             source_image=shape.source_image,
             **target_columns(repo, session, mission_id, east_m, north_m),
         )
-    require_polygon(repo, session, mission_id, shape.corners_m)
+    require_polygon(session, mission_id, shape.corners_m)
     return KeepOutRow(
         id=new_id("kpo"),
         author=actor.name,

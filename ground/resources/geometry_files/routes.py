@@ -38,7 +38,8 @@ async def export_geometry(
 )
 async def import_geometry(ask: Asked, mission_id: Id, body: GeometryImport) -> Response:
     """Take in targets and keep-outs from an uploaded GeoJSON or CSV file: all of them, or none with the rows
-    that are wrong."""
+    that are wrong.
+    """
     from ground.resources.geometry_files.exchange_geometry import import_geometry
 
     return answer(await ask.do(import_geometry, mission_id, body.upload_id), 201)

@@ -15,7 +15,7 @@ from ground.resources.keep_outs.tie_keep_out import tied_keep_out
 
 
 def change_keep_out(
-    repo: Repository, session: Session, row: KeepOutRow, members: Mapping[str, Any], _prepared: Prepared
+    _repo: Repository, session: Session, row: KeepOutRow, members: Mapping[str, Any], _prepared: Prepared
 ) -> Changed:
     """Return the columns of a keep-out that a change sets.
 
@@ -26,5 +26,5 @@ def change_keep_out(
     """
     columns = {name: plain(value) for name, value in members.items()}
     if "polygon_m" in members:
-        require_polygon(repo, session, row.mission_id, members["polygon_m"])
+        require_polygon(session, row.mission_id, members["polygon_m"])
     return Changed(columns | tied_keep_out(session, row, columns))

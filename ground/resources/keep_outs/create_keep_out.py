@@ -38,7 +38,7 @@ def create_keep_out(
     """
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
-        require_polygon(repo, session, mission_id, polygon_m)
+        require_polygon(session, mission_id, polygon_m)
         count = session.scalar(select(func.count()).where(KeepOutRow.mission_id == mission_id)) or 0
         row = KeepOutRow(
             id=new_id("kpo"),
@@ -56,9 +56,7 @@ def create_keep_out(
         return show_keep_outs(session, [row])[0]
 
 
-def require_polygon(
-    repo: Repository, session: Session, mission_id: str, polygon_m: Sequence[Sequence[float]]
-) -> None:
+def require_polygon(session: Session, mission_id: str, polygon_m: Sequence[Sequence[float]]) -> None:
     """Raise unless the corners make a simple polygon with an area, on the terrain."""
     from shapely.geometry import Polygon
 

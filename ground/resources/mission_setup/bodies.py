@@ -26,7 +26,8 @@ class GeneratedTerrain(Body):
 
 class UploadedTerrain(Body):
     """A terrain from uploads: a zip of a terrain folder, a GeoTIFF (with an ortho image of its own), a
-    mesh."""
+    mesh.
+    """
 
     source: Literal["uploaded"]
     upload_id: Id

@@ -35,7 +35,8 @@ class GeneratedTerrain:
 @dataclass(frozen=True, slots=True)
 class UploadedTerrain:
     """A terrain from files that were uploaded: a zip of a folder, a GeoTIFF, a mesh; an ortho image
-    beside it."""
+    beside it.
+    """
 
     upload_id: str
     ortho_upload_id: str | None = None

@@ -51,7 +51,8 @@ def load_demo(
     repo: Repository, actor: Actor, *, name: str = NAME, terrain: Path | None = None, seed: int = SEED
 ) -> tuple[Mission, bool]:
     """Return the demo mission and whether it was made just now; one of the name that is there is left
-    alone."""
+    alone.
+    """
     with repo.database.read() as session:
         found = session.scalars(select(MissionRow.id).where(MissionRow.name == name).limit(1)).first()
     if found is not None:

@@ -82,7 +82,8 @@ def read_ortho(
     repo: Repository, actor: Actor, mission_id: str, layer_name: str, max_px: int
 ) -> tuple[Path, str, str]:
     """Return file, media type and ETag of a layer's ortho image, scaled down once if it is larger than
-    wanted."""
+    wanted.
+    """
     from PIL import Image
 
     folder = _folder(repo, actor, mission_id)

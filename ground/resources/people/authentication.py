@@ -102,7 +102,7 @@ def session_value(repo: Repository, request: Request) -> dict[str, Any]:
     }
 
 
-async def log_in(repo: Repository, request: Request, name: str, password: str) -> Response:
+async def log_in(repo: Repository, name: str, password: str) -> Response:
     """Answer a login with the cookie of a new session."""
     person, secret = await call(people.log_in, repo, name, password)
     content = {"person": person, "csrf_token": people.csrf_token(secret), "auth": repo.settings.auth.value}

@@ -70,11 +70,11 @@ async def get_session(repo: Repo, request: Request) -> Response:
 
 
 @router.post("/session", response_model=SessionValue, status_code=201, responses=responses(400, 422, 429))
-async def create_session(repo: Repo, request: Request, body: SessionCreate) -> Response:
+async def create_session(repo: Repo, body: SessionCreate) -> Response:
     """Log in, or change to another profile; sets the session cookie."""
     from ground.resources.people.authentication import log_in
 
-    return await log_in(repo, request, body.name, body.password)
+    return await log_in(repo, body.name, body.password)
 
 
 @router.delete("/session", status_code=204)

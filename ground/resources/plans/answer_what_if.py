@@ -66,7 +66,7 @@ def answer_what_if(
     with repo.database.read() as session:
         row = computed_plan(session, actor, plan_id)
         key = f"{row.id} {row.crl_sha256}"
-        seed, branches, name = row.seed, row.max_branches, row.name
+        seed, branches = row.seed, row.max_branches
         problem_row = session.get_one(ProblemRow, row.problem_id)
         document, tree = problem_row.document, row.tree
     known = _known(key, document, tree)
@@ -87,7 +87,7 @@ def answer_what_if(
         raise InvalidInputError(str(err), pointer=f"/changes/{err.member}") from err
     except PlannerError as err:
         raise InvalidInputError(str(err), pointer="/changes") from err
-    return _value(plan_id, name, known, changed, changes, outcome, time.monotonic() - began)
+    return _value(plan_id, known, changed, changes, outcome, time.monotonic() - began)
 
 
 def _known(key: str, document: Any, tree: Any) -> _Known:
@@ -169,7 +169,6 @@ def _inside(x: float, y: float, polygon: tuple[tuple[float, float], ...]) -> boo
 
 def _value(
     plan_id: str,
-    name: str,
     known: _Known,
     changed: Problem,
     changes: Changes,

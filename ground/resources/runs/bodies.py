@@ -44,7 +44,8 @@ class SentBody(Body):
 class RunCreate(Body):
     """Run a plan's CRL on a simulated rover. With `pace` > 0 so many seconds of the plan pass in one
     real second. With `light_time_s`, one way, it is a rehearsal in the passes of the plan's sol: `commands`
-    come late, and the report of the run says when the ground knows what."""
+    come late, and the report of the run says when the ground knows what.
+    """
 
     plan_id: Id
     rover: Name = "abstract"

@@ -44,7 +44,8 @@ KIND = "dry_run"
 @dataclass(frozen=True, slots=True)
 class RunOrder:
     """What is to be run, on which rover, with which faults; `pace` plan seconds pass in a second, 0 =
-    all at once."""
+    all at once.
+    """
 
     plan_id: str
     rover: str = "abstract"
@@ -161,15 +162,14 @@ def _fault_documents(faults: tuple[FaultValue, ...]) -> list[dict[str, Any]]:
 
     documents = []
     for index, fault in enumerate(faults):
-        document: dict[str, Any] = {"kind": fault.kind}
-        for name, value in (
-            ("at_s", fault.at_s),
-            ("task", fault.task),
-            ("target", fault.target_id),
-            ("amount", fault.amount),
-        ):
-            if value is not None:
-                document[name] = value
+        members = {
+            "kind": fault.kind,
+            "at_s": fault.at_s,
+            "task": fault.task,
+            "target": fault.target_id,
+            "amount": fault.amount,
+        }
+        document = {name: value for name, value in members.items() if value is not None}
         try:
             Fault.from_dict(document)
         except RoverError as err:

@@ -114,7 +114,7 @@ def _record(repo: Repository, actor: Actor, folder: Path, result: dict[str, Any]
         )
         insert(session, actor, RUN, run)
         products = record_run(session, run, result)
-        _settle_requests(session, actor, plan, document, {p.request_id for p in products})
+        _settle_requests(session, plan, document, {p.request_id for p in products})
         update(session, actor, PLAN, plan, {"state": PlanState.EXECUTED.value}, action="execute")
         session.flush()
         value: Run = show_runs(session, [run])[0]
@@ -133,7 +133,7 @@ def _keep_folder(source: Path, target: Path) -> None:
 
 
 def _settle_requests(
-    session: Session, actor: Actor, plan: PlanRow, document: Mapping[str, Any], answered: set[str | None]
+    session: Session, plan: PlanRow, document: Mapping[str, Any], answered: set[str | None]
 ) -> None:
     """Write what became of each request: satisfied by a product, failed with its task, or not come to."""
     outcomes: Mapping[str, Any] = document.get("outcomes") or {}

@@ -43,7 +43,8 @@ async def get_camera_view(
     """Give a camera model in the site frame for a rover standing at a pose, as it settles on the ground.
 
     With `at_east_m` and `at_north_m` the mast looks at the ground there, else it stands at `pan_rad` and
-    `tilt_rad`."""
+    `tilt_rad`.
+    """
     from ground.resources.site_views.describe_rover import view_from
 
     at = None if at_east_m is None or at_north_m is None else (at_east_m, at_north_m)

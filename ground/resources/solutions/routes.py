@@ -35,7 +35,8 @@ async def choose_solution(
 ) -> Response:
     """Put a solution of a frame in use, and carry along the targets, keep-outs and maps that it moves.
 
-    With `preview` nothing is changed and the answer says what would be; no If-Match is needed then."""
+    With `preview` nothing is changed and the answer says what would be; no If-Match is needed then.
+    """
     from ground.resources.solutions.choose_solution import choose_solution
 
     revision = None if body.preview else revision_wanted(if_match)
@@ -108,7 +109,8 @@ async def list_frame_files(ask: Asked, mission_id: Id, limit: Limit = 100, curso
 async def import_frames(ask: Asked, mission_id: Id, body: FrameFileImport) -> Response:
     """Take in an uploaded frame file (.svf, .rvf): all its frames and solutions, or none.
 
-    What is here already is not taken in twice, and no frame that has a solution in use gets another."""
+    What is here already is not taken in twice, and no frame that has a solution in use gets another.
+    """
     from ground.resources.solutions.frame_files import import_frames
 
     return answer(await ask.do(import_frames, mission_id, body.upload_id), 201)

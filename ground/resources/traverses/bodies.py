@@ -11,7 +11,8 @@ from ground.api.forms import Body, Id, LongName, Text, unset
 
 class StopBody(Body):
     """A stop: the frame it stands for, and one of a run with a stereo panorama, or an upload (a zip of a
-    `panorama/1` folder, or a point file .npz, .ply, .csv)."""
+    `panorama/1` folder, or a point file .npz, .ply, .csv).
+    """
 
     frame_id: Id
     run_id: Id | None = None

@@ -39,7 +39,8 @@ async def create_traverse(
     """Match rocks between stops and adjust them: a job, whose subject is the traverse.
 
     Each stop but the first gets a new solution, `adjusted`, in the frame of the first; none is in use before
-    somebody chooses it."""
+    somebody chooses it.
+    """
     from ground.resources.traverses.adjust_traverse import Stop, TraverseOrder, adjust_traverse
 
     given = body.model_dump()

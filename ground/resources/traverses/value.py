@@ -21,7 +21,8 @@ class TraverseStop:
 @dataclass(frozen=True, slots=True)
 class Traverse:
     """Stops adjusted together. `document` is `localization/1`, null while the job goes on; `solution_ids` are
-    the solutions that came of it."""
+    the solutions that came of it.
+    """
 
     id: str
     mission_id: str
