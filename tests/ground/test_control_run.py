@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ground.resources.runs.work import LIVE, live_lines_of
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem
@@ -46,6 +47,8 @@ def test_a_run_is_held_stepped_let_go_and_aborted(sqlite_api: Api, terrain_folde
     worker.start()
     try:
         _until(lambda: len(api.get(f"/runs/{first}/telemetry")["t_s"]) > 1)
+        told = live_lines_of(api.repo.run_dir(first) / LIVE, "control")
+        assert [(wish["t_s"], wish["pace"], wish["paused"]) for wish in told] == [(0.0, 20.0, False)]
         held = api.post(f"/runs/{first}/control", {"paused": True}, status=200)
         assert (held["paused"], held["pace"]) == (True, 20.0)
         stood = _still(api, first)

@@ -252,6 +252,33 @@ def test_a_plan_is_compared_explained_and_made_again() -> None:
         why_not(problem, result.tree.plan, "X")
 
 
+def _wider(problem: Problem, time: float, energy: float) -> Problem:
+    budget = problem.budget
+    wider = dataclasses.replace(budget, time_s=time * budget.time_s, energy_j=energy * budget.energy_j)
+    return dataclasses.replace(problem, budget=wider)
+
+
+def test_what_takes_more_of_both_budgets_is_not_said_to_be_out_of_reach() -> None:
+    problem = example(places=[(4.0, 1.0)], time_s=900.0, energy_j=60_000.0, spread=0.05)
+    found = why_not(problem, (), "O1", futures=1000)
+    assert found.relaxation is not None
+    assert found.relaxation.what == "time and energy budgets"
+    assert f"with {found.relaxation.factor:g} times the time and energy budgets" in found.reason
+
+    def held(time: float, energy: float) -> bool:
+        return "O1" in planned_observations(solve(_wider(problem, time, energy), **QUICK).tree.plan)
+
+    assert held(found.relaxation.factor, found.relaxation.factor)
+    assert not held(3.0, 1.0)
+    assert not held(1.0, 3.0)
+
+
+def test_what_no_budget_lets_in_is_told_with_what_was_tried() -> None:
+    found = why_not(example(places=[(4.0, 1.0)], time_s=90.0), (), "O1", futures=1000)
+    assert found.relaxation is None
+    assert "tried up to three times the time, the energy, and both: none lets it in" in found.reason
+
+
 # ------------------------------------------------------------------------------------- the command
 
 

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { byOrder, byTime, hasTimes, visible } from "../src/plan/layout";
-import { conditionText, legsOf, linesOf, MAIN, type PlanTree, reachOf, rowsOf } from "../src/lib/plan-tree";
+import { conditionText, legsOf, linesOf, MAIN, noBranchTaken, type PlanTree, reachOf, rowsOf } from "../src/lib/plan-tree";
 
 const quantiles = (...times: number[]) => ({ p: [0.1, 0.5, 0.9], time_s: times, energy_j: times.map((t) => 10 * t) });
 
@@ -180,6 +180,14 @@ describe("an option that is taken because a track is lost", () => {
     expect(lines[1]?.steps.map((step) => [step.target, step.idle])).toEqual([["B", true], ["B", true], ["C", false], ["C", false]]);
     expect(legsOf(lines).filter((leg) => leg.line === "lost").map((leg) => [leg.from, leg.to])).toEqual([["A", "C"]]);
     expect(reachOf(lines).get("b1")).toBeCloseTo(0.9);
+  });
+
+  it("is said not to be taken as far as that is known: odds are the plan's of a day that came to its end", () => {
+    expect(noBranchTaken("", lines)).toBe("None so far.");
+    expect(noBranchTaken("SUCCEEDED", lines)).toBe("None: the mainline to its end, as was to be expected with 90 %.");
+    expect(noBranchTaken("SUCCEEDED", lines.slice(0, 1))).toBe("None: the mainline to its end.");
+    expect(noBranchTaken("ABORTED", lines)).toBe("None before the run ended: aborted.");
+    expect(noBranchTaken("FAILED", lines)).toBe("None before the run ended: failed.");
   });
 
   it("has no bars for what it skips", () => {

@@ -139,7 +139,7 @@ async def get_run_snapshot(
 )
 async def stream_run(ask: Asked, run_id: Id, last_event_id: LastEventId = None) -> Response:
     """Stream a run: events `telemetry` (one sample), `trace` (one record), `product` (a data product as the
-    rover made it), `control` (what an operator asked), and at last `end` (the run).
+    rover made it), `control` (how it goes: at the start, and when an operator asks), and at last `end`.
     """
     from ground.resources.runs.stream import run_stream
 

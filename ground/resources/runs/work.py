@@ -62,8 +62,8 @@ class Wish:
 
 class _Live:
     """Writes each sample and each record as a line, `["telemetry", {...}]` or `["trace", {...}]`, at its
-    pace; does what the file of `control_run` asks, and writes `["control", {...}]` then. Each
-    product is put into the store as the rover makes it, and a line `["product", {...}]` says so.
+    pace; does what the file of `control_run` asks, and writes `["control", {...}]` at the start and then.
+    Each product is put into the store as the rover makes it, and a line `["product", {...}]` says so.
     """
 
     def __init__(
@@ -83,6 +83,7 @@ class _Live:
         self._wish = Wish(pace=pace)
         self._steps = 0
         self._anchor = (0.0, time.monotonic())
+        self._line("control", {"t_s": 0.0, **self._wish.as_dict()})
 
     def stopped(self) -> bool:
         """Return whether the run is to end: an operator's abort, or the job is given up."""

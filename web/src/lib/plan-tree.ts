@@ -1,5 +1,7 @@
 /** Contingent plans as the page shows them: lines (mainline and options) of steps, read from `plan-tree/1` and `/2`. */
 
+import { percent, words } from "./format";
+
 export interface Condition {
   var: "time_s" | "energy_j" | "tracked" | "done";
   ge?: number;
@@ -247,4 +249,16 @@ export function conditionText(
     case "done":
       return `${name(condition.observation ?? condition.target ?? "?")} ${condition.is ? "done" : "not done"}`;
   }
+}
+
+/**
+ * What is said of a run in which no branch was taken; `outcome` is empty while it goes on. Only a run that succeeded
+ * came to the mainline's end, and only of that the plan gave odds.
+ */
+export function noBranchTaken(outcome: string, lines: readonly Line[]): string {
+  if (outcome === "") return "None so far.";
+  if (outcome.toUpperCase() !== "SUCCEEDED") return `None before the run ended: ${words(outcome).toLowerCase()}.`;
+  const branches = lines.filter((line) => line.depth === 1);
+  const odds = 1 - Math.min(1, branches.reduce((sum, line) => sum + line.p, 0));
+  return `None: the mainline to its end${branches.length === 0 ? "" : `, as was to be expected with ${percent(odds)}`}.`;
 }
