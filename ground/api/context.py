@@ -17,13 +17,13 @@ from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, Response
 
-from ground.api.forms import set_members
 from ground.api.problems import responses
 from ground.errors import InvalidInputError, PreconditionRequiredError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.change_resource import change_resource
 from ground.records.delete_resource import delete_resource
+from ground.records.forms import set_members
 from ground.records.get_resource import get_resource
 from ground.records.kind import Kind
 from ground.records.list_resources import list_resources
@@ -39,6 +39,7 @@ Cursor = Annotated[
     Query(max_length=200, pattern=r"^[A-Za-z0-9_-]+$", description="`next_cursor` of the page before"),
 ]
 IfMatch = Annotated[str | None, Header(description="ETag of the revision that was seen, or `*`")]
+SiteNumber = Annotated[int | None, Query(ge=0, le=2**31 - 1, description="frames of this site alone")]
 FilterId = Annotated[str | None, Query(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
 
 

@@ -13,14 +13,24 @@ from ground.errors import (
 )
 from ground.gdr.base import Row, utc_now
 from ground.gdr.history import SYSTEM, Change, dump_row, record
+from ground.gdr.ids import new_id
 from ground.records.actor import Actor
+from ground.records.forms import Body
 from ground.records.get_resource import find_row, mission_of
-from ground.records.kind import Kind
+from ground.records.kind import Kind, plain
 
 
 def chain_of(row: Row) -> str:
     """Return the chain of events a row's changes are written to."""
     return mission_of(row) or SYSTEM
+
+
+def new_row(kind: Kind, actor: Actor, mission_id: str, given: Body, **columns: object) -> Any:
+    """Return a row of a mission from what a person gave, and from columns that take its place."""
+    names = set(kind.row.__table__.c.keys())
+    members = {n: plain(getattr(given, n)) for n in type(given).model_fields if n in names}
+    head = {"id": new_id(kind.prefix), "author": actor.name, "mission_id": mission_id}
+    return kind.row(**{**head, **members, **columns})
 
 
 def insert(

@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, is_dataclass
 from typing import Any
 
+from pydantic import BaseModel
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from ground.gdr.base import Row
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
+from ground.records.forms import Body
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,8 @@ def _as_given(
 
 def plain(value: Any) -> Any:
     """Return a value as a JSON column keeps it."""
+    if isinstance(value, BaseModel):
+        return value.model_dump()
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
     if isinstance(value, list | tuple):
@@ -76,8 +80,10 @@ class Kind:
     row: type[Row]
     show: Callable[[Any, Sequence[Any]], list[Any]]
     edit: Action
-    fields: frozenset[str] = frozenset()
-    """What a person may set; everything else is computed."""
+    make: type[Body] | None = None
+    """What a person gives to make one."""
+    change: type[Body] | None = None
+    """What a person may set of one; everything else is computed."""
     undoable: bool = False
     related: bool = False
     """Whether `show` reads other rows too, and so needs a session that sees one state of the database."""
@@ -89,6 +95,11 @@ class Kind:
     prepare: Prepare = _nothing_to_prepare
     apply: Apply = _as_given
     forget: tuple[Forget, ...] = ()
+
+    @property
+    def fields(self) -> frozenset[str]:
+        """Return the members that a person may set."""
+        return frozenset(() if self.change is None else self.change.model_fields)
 
     def shown(self) -> Select[Any]:
         """Return the query for the columns that `show` needs, without conditions."""

@@ -25,9 +25,12 @@ from ground.app.api import build_api
 from ground.app.service import build_app
 from ground.cli.openapi import document_text
 from ground.gdr.repository import open_repository
+from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.create_keep_out import create_keep_out
+from ground.resources.observation_requests.bodies import ObservationRequestCreate
 from ground.resources.observation_requests.create_request import create_request
 from ground.resources.people.accounts import ensure_profiles
+from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import create_target
 from rover_iface import terrain
 from tests.ground.conftest import PLANNER, PostgresServer, settings_for, yard
@@ -52,11 +55,14 @@ def schema(
     repo = open_repository(settings_for(folder, address))
     ensure_profiles(repo)
     mission = yard(repo, terrain_folder)
-    target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
+    target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
     asked = create_request(
-        repo, PLANNER, mission.id, target_id=target.id, instrument="science_camera", value=3.0
+        repo,
+        PLANNER,
+        mission.id,
+        ObservationRequestCreate(target_id=target.id, instrument="science_camera", value=3.0),
     )
-    keep_out = create_keep_out(repo, PLANNER, mission.id, polygon_m=[(1, 1), (2, 1), (2, 2)])
+    keep_out = create_keep_out(repo, PLANNER, mission.id, KeepOutCreate(polygon_m=[(1, 1), (2, 1), (2, 2)]))
     known = {
         "mission_id": mission.id,
         "target_id": target.id,

@@ -18,9 +18,11 @@ from ground.resources.calibrations.calibrate_mission import calibrate_mission
 from ground.resources.calibrations.work import work
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
+from ground.resources.observation_requests.bodies import ObservationRequestCreate
 from ground.resources.observation_requests.create_request import create_request
 from ground.resources.problems.inputs_digest import inputs_digest
 from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
+from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import create_target
 from tests.ground.conftest import PLANNER, Api
 
@@ -83,15 +85,14 @@ def _p_lose(repo: Repository, mission_id: str) -> float:
 def test_a_mission_plans_with_what_its_runs_taught(
     repo: Repository, mission: Mission, folders: list[Path]
 ) -> None:
-    target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
+    target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
     create_request(
         repo,
         PLANNER,
         mission.id,
-        target_id=target.id,
-        instrument="microscopic_imager",
-        value=5.0,
-        tracked=True,
+        ObservationRequestCreate(
+            target_id=target.id, instrument="microscopic_imager", value=5.0, tracked=True
+        ),
     )
     with repo.database.read() as session:
         before = inputs_digest(session, mission.id)

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from ground.errors import InvalidInputError
 from ground.reports.plan_drawing import boxes, lay_out, to_dot, to_svg
 from ground.resources.geometry_files.site_geometry import read_shapes
+from ground.resources.targets.bodies import TargetCreate
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem, upload
@@ -95,7 +96,9 @@ def test_members_that_are_not_ours_are_kept_in_the_notes() -> None:
         "geometry": {"type": "Point", "coordinates": [1, 2, 3]},
     }
     (shape,) = read_shapes(json.dumps({"type": "FeatureCollection", "features": [feature]}).encode())
-    assert (shape.notes, shape.corners_m) == ("see image\nlithology: basalt", ((1.0, 2.0),))
+    assert shape.given == TargetCreate(
+        name="R1", east_m=1.0, north_m=2.0, notes="see image\nlithology: basalt"
+    )
 
 
 def test_degrees_are_not_taken_for_metres() -> None:
@@ -107,7 +110,7 @@ def test_degrees_are_not_taken_for_metres() -> None:
 @given(st.binary(max_size=200) | st.text(max_size=200).map(lambda t: b"kind,name,east_m\n" + t.encode()))
 def test_any_bytes_are_read_or_refused_in_words(content: bytes) -> None:
     with contextlib.suppress(InvalidInputError):
-        assert all(shape.corners_m for shape in read_shapes(content))
+        assert all(shape.given for shape in read_shapes(content))
 
 
 def test_keep_outs_from_a_file_need_the_right_to_draw_them(world: tuple[Api, str]) -> None:

@@ -29,6 +29,7 @@ from ground.jobs.worker import Worker
 from ground.resources.backups.check_files import check_files
 from ground.resources.comments.row import CommentRow
 from ground.resources.missions.value import Mission
+from ground.resources.observation_requests.bodies import ObservationRequestCreate
 from ground.resources.observation_requests.create_request import create_request
 from ground.resources.packages.row import PackageRow
 from ground.resources.plans.row import PlanRow
@@ -36,6 +37,7 @@ from ground.resources.products.row import ProductRow
 from ground.resources.runs.ingest_run import ingest_run
 from ground.resources.runs.row import RunRow
 from ground.resources.sols.row import SolRow
+from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import create_target
 from ground.resources.uploads.row import UploadRow
 from tests.ground.conftest import PLANNER
@@ -47,9 +49,12 @@ KILLS = int(os.environ.get("OUTCROP_KILLS", "25"))
 
 def uplinked_plan(repo: Repository, mission: Mission) -> str:
     """File a plan with one task for one request, as it stands after its uplink; return its id."""
-    target = create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
+    target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
     request = create_request(
-        repo, PLANNER, mission.id, target_id=target.id, instrument="science_camera", value=1.0
+        repo,
+        PLANNER,
+        mission.id,
+        ObservationRequestCreate(target_id=target.id, instrument="science_camera", value=1.0),
     )
     text = f'(plan :id p :node (task :id {TASK} :action image :metadata (request = "{request.id}")))'
     with repo.database.write() as session:

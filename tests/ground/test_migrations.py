@@ -13,11 +13,13 @@ from ground.gdr.database import Database
 from ground.gdr.history import verify_chains
 from ground.gdr.migrate import current_revision, migrate, migrations_dir, newest_revision
 from ground.gdr.repository import Repository
+from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.create_keep_out import create_keep_out
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
 from ground.resources.tables import METADATA
+from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import create_target
 from ground.resources.targets.row import TargetRow
 from tests.ground.conftest import PLANNER
@@ -40,8 +42,8 @@ def test_migrations_go_down_with_rows_and_up_again(repo: Repository, mission: Mi
 
 
 def test_a_step_back_and_forth_keeps_what_was_there_before(repo: Repository, mission: Mission) -> None:
-    create_target(repo, PLANNER, mission.id, east_m=4.0, north_m=1.0)
-    create_keep_out(repo, PLANNER, mission.id, polygon_m=[(1, 1), (2, 1), (2, 2)])
+    create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
+    create_keep_out(repo, PLANNER, mission.id, KeepOutCreate(polygon_m=[(1, 1), (2, 1), (2, 2)]))
     migrate(repo.database, "0001", down=True)
     assert "frames" not in inspect(repo.database.engine).get_table_names()
     migrate(repo.database)

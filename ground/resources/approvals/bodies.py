@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from ground.api.forms import Body, Name, Text
+from ground.records.forms import Body, Name, Text
 
 
 class ApprovalCreate(Body):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from starlette.responses import Response
 
 from ground.api.context import Asked, Cursor, Id, Limit, answer, api_router, created
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.approvals.bodies import ApprovalCreate, WaiverCreate
 from ground.resources.approvals.value import Approval, FlightRuleResult
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ground.api.forms import Body, Id
+from ground.records.forms import Body, Id
 
 
 class MissionCalibrate(Body):

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ground.api.forms import Body, Id, Text, unset
+from ground.records.forms import Body, Id, Text, unset
 
 
 class CommentCreate(Body):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.comments.bodies import CommentChange, CommentCreate
 from ground.resources.comments.row import CommentRow
 from ground.resources.comments.value import Comment
 
@@ -23,5 +24,6 @@ COMMENT = Kind(
     CommentRow,
     show_comments,
     Action.COMMENT,
-    frozenset({"text"}),
+    make=CommentCreate,
+    change=CommentChange,
 )

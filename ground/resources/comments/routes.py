@@ -5,8 +5,8 @@ from __future__ import annotations
 from starlette.responses import Response
 
 from ground.api.context import Asked, Cursor, FilterId, Id, IfMatch, Limit, api_router, created
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.comments.bodies import CommentChange, CommentCreate
 from ground.resources.comments.create_comment import create_comment as remark
 from ground.resources.comments.value import Comment

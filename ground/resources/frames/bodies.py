@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from fastapi import Query
 from pydantic import Field
 
-from ground.api.forms import Body, Index, Text, unset
-
-SiteNumber = Annotated[int | None, Query(ge=0, le=2**31 - 1, description="frames of this site alone")]
+from ground.records.forms import Body, Index, Text, unset
 
 
 class FrameCreate(Body):

@@ -11,6 +11,7 @@ from ground.errors import StateError
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.frames.bodies import FrameChange, FrameCreate
 from ground.resources.frames.row import FrameFileRow, FrameRow, SolutionRow
 from ground.resources.frames.value import Frame, Level
 
@@ -58,7 +59,8 @@ FRAME = Kind(
     FrameRow,
     show_frames,
     Action.EDIT_MISSION,
-    frozenset({"notes"}),
+    make=FrameCreate,
+    change=FrameChange,
     undoable=True,
     related=True,
 )

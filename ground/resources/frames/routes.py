@@ -10,12 +10,13 @@ from ground.api.context import (
     Id,
     IfMatch,
     Limit,
+    SiteNumber,
     api_router,
     created,
 )
-from ground.api.forms import Page
 from ground.api.problems import responses
-from ground.resources.frames.bodies import FrameChange, FrameCreate, SiteNumber
+from ground.records.forms import Page
+from ground.resources.frames.bodies import FrameChange, FrameCreate
 from ground.resources.frames.value import Frame, Level
 
 router = api_router("frames")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ground.api.forms import Body, Id
+from ground.records.forms import Body, Id
 
 
 class GeometryImport(Body):

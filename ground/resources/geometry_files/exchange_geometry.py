@@ -5,27 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import GroundError, NotFoundError, TooLargeError
+from ground.errors import GroundError, TooLargeError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
+from ground.records.forms import references
+from ground.records.get_resource import mission_of, require_mission
 from ground.records.kind import Kind
-from ground.resources.geometry_files.site_geometry import Shape, read_shapes, refuse, to_csv, to_geojson
+from ground.resources.frames.kind import FRAME
+from ground.resources.geometry_files.site_geometry import read_shapes, refuse, to_csv, to_geojson
 from ground.resources.geometry_files.value import ImportedGeometry
-from ground.resources.keep_outs.create_keep_out import require_polygon
+from ground.resources.keep_outs.bodies import KeepOutCreate
+from ground.resources.keep_outs.create_keep_out import keep_out_row
 from ground.resources.keep_outs.kind import KEEP_OUT, show_keep_outs
 from ground.resources.keep_outs.row import KeepOutRow
-from ground.resources.missions.row import MissionRow
-from ground.resources.targets.create_target import free_name, target_columns
+from ground.resources.targets.bodies import TargetCreate
+from ground.resources.targets.create_target import target_columns, target_row
 from ground.resources.targets.kind import TARGET, show_targets
 from ground.resources.targets.row import TargetRow
 from ground.resources.uploads.store_upload import uploaded_file
 
-EXCHANGED: Mapping[str, Kind] = {kind.name: kind for kind in (TARGET, KEEP_OUT)}
+KINDS: Mapping[str, Kind] = {kind.name: kind for kind in (TARGET, KEEP_OUT)}
+Given = TargetCreate | KeepOutCreate
+REFERRED: Mapping[str, Kind] = {FRAME.name: FRAME}
 MAX_BYTES = 16 * 2**20
 
 
@@ -45,20 +51,17 @@ def import_geometry(repo: Repository, actor: Actor, mission_id: str, upload_id: 
     if any(shape.kind == "keep_out" for shape in shapes):
         actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
-        if session.get(MissionRow, mission_id) is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
+        require_mission(session, mission_id)
         group = new_id("imp")
-        counted = select(func.count()).where(KeepOutRow.mission_id == mission_id)
-        drawn = session.scalar(counted) or 0
         made: dict[str, list[Any]] = {"target": [], "keep_out": []}
         wrong = []
         for shape in shapes:
             try:
-                row = _row(repo, session, actor, mission_id, shape, drawn + len(made["keep_out"]))
+                row = _row(repo, session, actor, mission_id, shape.given)
             except GroundError as err:
                 wrong.append((shape.row, err.message))
                 continue
-            insert(session, actor, EXCHANGED[shape.kind], row, reason="import", group=group)
+            insert(session, actor, KINDS[shape.kind], row, reason="import", group=group)
             made[shape.kind].append(row)
         if wrong:
             raise refuse(wrong, len(shapes))
@@ -68,39 +71,37 @@ def import_geometry(repo: Repository, actor: Actor, mission_id: str, upload_id: 
 
 
 def _row(
-    repo: Repository, session: Session, actor: Actor, mission_id: str, shape: Shape, before: int
+    repo: Repository, session: Session, actor: Actor, mission_id: str, given: Given
 ) -> TargetRow | KeepOutRow:
-    if shape.kind == "target":
-        east_m, north_m = shape.corners_m[0]
-        return TargetRow(
-            id=new_id("tgt"),
-            author=actor.name,
-            mission_id=mission_id,
-            name=free_name(session, mission_id, shape.name),
-            notes=shape.notes,
-            source_image=shape.source_image,
-            **target_columns(repo, session, mission_id, east_m, north_m),
-        )
-    require_polygon(session, mission_id, shape.corners_m)
-    return KeepOutRow(
-        id=new_id("kpo"),
-        author=actor.name,
-        mission_id=mission_id,
-        name=shape.name or f"Keep-out {before + 1}",
-        notes=shape.notes,
-        polygon_m=[list(corner) for corner in shape.corners_m],
-        sigma_m=0.0,
-    )
+    given = _without_strangers(session, mission_id, given)
+    if isinstance(given, KeepOutCreate):
+        return keep_out_row(session, actor, mission_id, given)
+    columns = target_columns(repo, session, mission_id, given.east_m, given.north_m)
+    return target_row(session, actor, mission_id, given, columns)
+
+
+def _without_strangers(session: Session, mission_id: str, given: Given) -> Given:
+    """Return what was given, with names of things of another mission as lines of the notes."""
+    changes: dict[str, object] = {}
+    lines = [given.notes] if given.notes else []
+    for name, kind in references(type(given)).items():
+        identifier = getattr(given, name)
+        if identifier is None:
+            continue
+        row = session.get(REFERRED[kind].row, identifier)
+        if row is None or mission_of(row) != mission_id:
+            changes[name] = None
+            lines.append(f"{name}: {identifier}")
+    return given.model_copy(update={**changes, "notes": "\n".join(lines)}) if changes else given
 
 
 def export_geometry(repo: Repository, actor: Actor, mission_id: str, *, form: str) -> bytes:
     """Return all targets and keep-outs of a mission as `geojson` or `csv`."""
     actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
-        if session.get(MissionRow, mission_id) is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
-        t, k = TargetRow, KeepOutRow
-        targets = session.scalars(select(t).where(t.mission_id == mission_id).order_by(t.id))
-        keep_outs = session.scalars(select(k).where(k.mission_id == mission_id).order_by(k.id))
-        found = show_targets(session, list(targets)), show_keep_outs(session, list(keep_outs))
-    return to_csv(*found) if form == "csv" else to_geojson(*found)
+        require_mission(session, mission_id)
+        found = {}
+        for name, kind in KINDS.items():
+            rows = select(kind.row).where(kind.row.__table__.c.mission_id == mission_id).order_by(kind.row.id)
+            found[name] = kind.show(session, list(session.scalars(rows)))
+    return to_csv(found) if form == "csv" else to_geojson(found)

@@ -1,8 +1,9 @@
 """Targets and keep-outs as files: site GeoJSON and CSV, read and written. Pure: no repository.
 
 Coordinates are site metres, east and north (and up, which is written and not read: heights come from the
-terrain). A GeoJSON file says so with `"frame": "site"`; a `crs` member is refused, since longitudes would be
-taken for metres. CSV has one line for each thing; `polygon_m` holds corners as `east north; east north; ...`.
+terrain). What else a person may give of a target or keep-out goes along by its name. A GeoJSON file says so
+with `"frame": "site"`; a `crs` member is refused, since longitudes would be taken for metres. CSV has one
+line for each thing; `polygon_m` holds corners as `east north; east north; ...`.
 """
 
 from __future__ import annotations
@@ -13,44 +14,66 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
-from ground.errors import InvalidInputError
-from ground.resources.keep_outs.value import KeepOut
-from ground.resources.targets.value import Target
+from pydantic import ValidationError
 
-COLUMNS = ("kind", "name", "east_m", "north_m", "up_m", "polygon_m", "notes", "source_image", "id")
-OWN = frozenset(COLUMNS) | {"author"}
+from ground.errors import InvalidInputError
+from ground.records.forms import Body
+from ground.resources.keep_outs.bodies import KeepOutCreate
+from ground.resources.targets.bodies import TargetCreate
+
 MAX_ROWS = 5000
-MAX_CORNERS = 500
-MAX_NAME = 80
 LIMIT_M = 100_000.0
+OWN = frozenset({"kind", "id", "author", "up_m", "geometry"})
+"""Members of a file that say nothing that a person gives."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exchanged:
+    """A kind that goes into files: what a person gives to make one, and which of it is the geometry."""
+
+    make: type[TargetCreate] | type[KeepOutCreate]
+    place: tuple[str, ...]
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Return the members that are no geometry, in the order in which they are declared."""
+        return tuple(name for name in self.make.model_fields if name not in self.place)
+
+
+EXCHANGED: Mapping[str, Exchanged] = {
+    "target": Exchanged(TargetCreate, ("east_m", "north_m")),
+    "keep_out": Exchanged(KeepOutCreate, ("polygon_m",)),
+}
+"""A member that is declared there goes out and comes in without a word more."""
+
+Values = Mapping[str, Sequence[Any]]
+"""Values to write, by the name of their kind."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One target (a single corner) or keep-out of a file; `row` is its line or feature, from 1."""
+    """One target or keep-out of a file; `row` is its line or feature, from 1."""
 
     row: int
     kind: str
-    name: str | None
-    notes: str
-    source_image: str
-    corners_m: tuple[tuple[float, float], ...]
+    given: TargetCreate | KeepOutCreate
 
 
 def refuse(wrong: Sequence[tuple[int, str]], total: int) -> InvalidInputError:
     """Return the error that names every row that cannot be used."""
-    told = [(row, f"row {row}: {why}") for row, why in sorted(wrong)]
-    lines = [line for _, line in told]
+    named = [(row, f"row {row}: {why}") for row, why in sorted(wrong)]
+    lines = [line for _, line in named]
     more = f"; and {len(lines) - 5} more" if len(lines) > 5 else ""
     return InvalidInputError(
         f"nothing was taken in: {len(lines)} of {total} rows cannot be used: {'; '.join(lines[:5])}{more}",
-        wrong=[{"detail": line, "pointer": f"/rows/{row}"} for row, line in told],
+        wrong=[{"detail": line, "pointer": f"/rows/{row}"} for row, line in named],
     )
 
 
-def read_shapes(content: bytes) -> list[Shape]:
+def read_shapes(content: bytes, exchanged: Mapping[str, Exchanged] = EXCHANGED) -> list[Shape]:
     """Return what a GeoJSON or CSV file holds, all of it.
 
     Members that are not ours are kept as lines of the notes.
@@ -70,7 +93,7 @@ def read_shapes(content: bytes) -> list[Shape]:
     shapes, wrong = [], []
     for row, members in rows:
         try:
-            shapes.append(_shape(row, members))
+            shapes.append(_shape(row, members, exchanged))
         except ValueError as err:
             wrong.append((row, str(err)))
     if wrong:
@@ -105,32 +128,49 @@ def _lines(text: str) -> Iterator[tuple[int, dict[str, Any]]]:
         raise InvalidInputError(f"the CSV is damaged at line {reader.line_num}: {err}") from err
 
 
-def _shape(row: int, members: Mapping[Any, Any]) -> Shape:
+def _shape(row: int, members: Mapping[Any, Any], exchanged: Mapping[str, Exchanged]) -> Shape:
     """Return the shape of one row; a ValueError says what is wrong with it."""
     if None in members:
         raise ValueError("it has more cells than the first line has columns")
-    kind, corners = _geometry(members["geometry"]) if "geometry" in members else _cells(members)
+    from_feature = "geometry" in members
+    kind, corners = _geometry(members["geometry"]) if from_feature else _cells(members)
     named = members.get("kind", kind)
     if named != kind:
         raise ValueError(f"kind is {str(named)[:40]!r}, but the geometry is that of a {kind}")
     for east, north in corners:
         if not (math.isfinite(east) and math.isfinite(north) and max(abs(east), abs(north)) <= LIMIT_M):
             raise ValueError(f"({east:g}, {north:g}) is not within {LIMIT_M:g} m of the site")
-    if len(corners) > MAX_CORNERS:
-        raise ValueError(f"a keep-out has at most {MAX_CORNERS} corners, this one {len(corners)}")
-    name = members.get("name")
-    if name is not None and (not isinstance(name, str) or not name.strip() or len(name) > MAX_NAME):
-        raise ValueError(f"a name is a text of 1 to {MAX_NAME} characters, not {str(name)[:40]!r}")
-    if name is not None and any(ord(c) < 32 for c in name):
-        raise ValueError("a name is one line without control characters")
-    others = [f"{key}: {value}" for key, value in members.items() if key not in OWN and key != "geometry"]
-    notes = "\n".join([*([str(members["notes"])] if members.get("notes") else []), *others])
-    if len(notes) > 20_000 or any(ord(c) < 32 and c not in "\t\n\r" for c in notes):
-        raise ValueError("the notes are longer than 20000 characters or hold control characters")
-    image = str(members.get("source_image") or "")
-    if len(image) > 200 or any(ord(c) < 32 for c in image):
-        raise ValueError("source_image is one line of at most 200 characters")
-    return Shape(row, kind, name, notes, image, corners)
+    form = exchanged[kind]
+    given = {name: members[name] for name in form.others if members.get(name) is not None}
+    if not from_feature:
+        given = {name: _content(form.make, name, cell) for name, cell in given.items()}
+    places = {name for other in exchanged.values() for name in other.place}
+    strange = {k: v for k, v in members.items() if k not in {*OWN, *places, *form.others} and v is not None}
+    notes = [str(given["notes"])] if given.get("notes") else []
+    given["notes"] = "\n".join([*notes, *(f"{key}: {content}" for key, content in strange.items())])
+    place = corners[0] if len(form.place) == 2 else ([list(corner) for corner in corners],)
+    try:
+        return Shape(row, kind, form.make(**given, **dict(zip(form.place, place, strict=True))))
+    except ValidationError as err:
+        first = err.errors()[0]
+        content = str(first["input"])[:40]
+        raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}, not {content!r}") from None
+
+
+def _content(make: type[Body], name: str, cell: str) -> Any:
+    """Return what a cell of a table holds: a text as it stands, anything else as JSON."""
+    if _is_text(make, name):
+        return cell
+    try:
+        return json.loads(cell)
+    except (ValueError, RecursionError):
+        return cell
+
+
+@lru_cache(maxsize=256)
+def _is_text(make: type[Body], name: str) -> bool:
+    schema = make.model_json_schema()["properties"][name]
+    return "string" in {option.get("type") for option in (schema, *schema.get("anyOf", ()))}
 
 
 def _number(value: Any, what: str) -> float:
@@ -182,39 +222,52 @@ def _opened(ring: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
     return tuple(corners)
 
 
-def to_geojson(targets: Sequence[Target], keep_outs: Sequence[KeepOut]) -> bytes:
+def to_geojson(values: Values, exchanged: Mapping[str, Exchanged] = EXCHANGED) -> bytes:
     """Return a FeatureCollection in the site frame."""
     features: list[dict[str, Any]] = []
-    for t in targets:
-        point = [t.position.east_m, t.position.north_m, t.position.up_m]
-        about = {"kind": "target", "name": t.name, "notes": t.notes, "source_image": t.source_image}
-        features.append(_feature(t.id, {"type": "Point", "coordinates": point}, about, t.author))
-    for k in keep_outs:
-        ring = [list(corner) for corner in k.polygon_m]
-        about = {"kind": "keep_out", "name": k.name, "notes": k.notes}
-        shape = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
-        features.append(_feature(k.id, shape, about, k.author))
+    for kind, form in exchanged.items():
+        for value in values.get(kind, ()):
+            about = {"kind": kind, **{name: getattr(value, name) for name in form.others}}
+            features.append(
+                {
+                    "type": "Feature",
+                    "id": value.id,
+                    "properties": {**about, "author": value.author},
+                    "geometry": _drawn(value),
+                }
+            )
     document = {"type": "FeatureCollection", "frame": "site", "features": features}
     return json.dumps(document, indent=1, ensure_ascii=False).encode()
 
 
-def _feature(identifier: str, geometry: Any, about: Mapping[str, str], author: str) -> dict[str, Any]:
-    properties = {**about, "author": author}
-    return {"type": "Feature", "id": identifier, "properties": properties, "geometry": geometry}
+def _drawn(value: Any) -> dict[str, Any]:
+    if hasattr(value, "position"):
+        place = value.position
+        return {"type": "Point", "coordinates": [place.east_m, place.north_m, place.up_m]}
+    ring = [list(corner) for corner in value.polygon_m]
+    return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
 
 
-def to_csv(targets: Sequence[Target], keep_outs: Sequence[KeepOut]) -> bytes:
+def to_csv(values: Values, exchanged: Mapping[str, Exchanged] = EXCHANGED) -> bytes:
     """Return a table with one line for each target and keep-out; numbers as short as they stay exact."""
     out = io.StringIO(newline="")
-    writer = csv.DictWriter(out, COLUMNS, restval="")
+    members = dict.fromkeys(name for form in exchanged.values() for name in (*form.place, *form.others))
+    writer = csv.DictWriter(out, ("kind", *members, "up_m", "id"), restval="")
     writer.writeheader()
-    for t in targets:
-        p = t.position
-        place = {"east_m": repr(p.east_m), "north_m": repr(p.north_m), "up_m": repr(p.up_m)}
-        about = {"kind": "target", "name": t.name, "notes": t.notes, "source_image": t.source_image}
-        writer.writerow({**about, **place, "id": t.id})
-    for k in keep_outs:
-        corners = "; ".join(f"{east!r} {north!r}" for east, north in k.polygon_m)
-        about = {"kind": "keep_out", "name": k.name, "notes": k.notes}
-        writer.writerow({**about, "polygon_m": corners, "id": k.id})
+    for kind, form in exchanged.items():
+        for value in values.get(kind, ()):
+            cells = {name: _cell(form.make, name, getattr(value, name)) for name in form.others}
+            writer.writerow({"kind": kind, **cells, **_place_cells(value), "id": value.id})
     return out.getvalue().encode()
+
+
+def _cell(make: type[Body], name: str, content: Any) -> str:
+    if content is None:
+        return ""
+    return str(content) if _is_text(make, name) else json.dumps(content)
+
+
+def _place_cells(value: Any) -> dict[str, str]:
+    if hasattr(value, "position"):
+        return {name: repr(getattr(value.position, name)) for name in ("east_m", "north_m", "up_m")}
+    return {"polygon_m": "; ".join(f"{east!r} {north!r}" for east, north in value.polygon_m)}

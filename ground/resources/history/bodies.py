@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ground.api.forms import Body, Flag
+from ground.records.forms import Body, Flag
 
 
 class UndoBody(Body):

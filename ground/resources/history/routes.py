@@ -8,8 +8,8 @@ from fastapi import Query
 from starlette.responses import Response
 
 from ground.api.context import Asked, Id, Limit, answer, api_router
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.records.list_history import Event
 from ground.resources.history.bodies import UndoBody
 

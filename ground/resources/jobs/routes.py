@@ -5,10 +5,10 @@ from __future__ import annotations
 from starlette.responses import Response, StreamingResponse
 
 from ground.api.context import Asked, Cursor, FilterId, Id, Limit, answer, api_router
-from ground.api.forms import Page
 from ground.api.problems import responses
 from ground.api.streams import EVENT_STREAM, LastEventId
 from ground.jobs.value import Job, JobState
+from ground.records.forms import Page
 
 router = api_router("jobs")
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ground.api.forms import Body, Corner, Id, Name, Text, unset
+from ground.records.forms import Body, Corner, FrameId, Name, Text, unset
 
 
 class KeepOutCreate(Body):
@@ -15,11 +15,11 @@ class KeepOutCreate(Body):
     name: Name | None = None
     notes: Text = ""
     polygon_m: Annotated[list[Corner], Field(min_length=3, max_length=500)]
-    frame_id: Id | None = None
+    frame_id: FrameId | None = None
 
 
 class KeepOutChange(Body):
     name: Name = Field(default_factory=unset)
     notes: Text = Field(default_factory=unset)
     polygon_m: Annotated[list[Corner], Field(min_length=3, max_length=500)] = Field(default_factory=unset)
-    frame_id: Id | None = None
+    frame_id: FrameId | None = None

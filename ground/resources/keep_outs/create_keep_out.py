@@ -8,10 +8,10 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError, OutsideTerrainError
-from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.records.edit import insert
+from ground.records.edit import insert, new_row
+from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.kind import KEEP_OUT, show_keep_outs
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.keep_outs.tie_keep_out import tied_keep_out
@@ -19,16 +19,7 @@ from ground.resources.keep_outs.value import KeepOut
 from ground.resources.missions.terrain import terrain_row
 
 
-def create_keep_out(
-    repo: Repository,
-    actor: Actor,
-    mission_id: str,
-    *,
-    polygon_m: Sequence[Sequence[float]],
-    name: str | None = None,
-    notes: str = "",
-    frame_id: str | None = None,
-) -> KeepOut:
+def create_keep_out(repo: Repository, actor: Actor, mission_id: str, given: KeepOutCreate) -> KeepOut:
     """Return a new keep-out; with `frame_id` it is tied to that frame and moves with it.
 
     Raises
@@ -38,22 +29,26 @@ def create_keep_out(
     """
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
-        require_polygon(session, mission_id, polygon_m)
-        count = session.scalar(select(func.count()).where(KeepOutRow.mission_id == mission_id)) or 0
-        row = KeepOutRow(
-            id=new_id("kpo"),
-            author=actor.name,
-            mission_id=mission_id,
-            name=name or f"Keep-out {count + 1}",
-            notes=notes,
-            polygon_m=[[float(e), float(n)] for e, n in polygon_m],
-            sigma_m=0.0,
-        )
-        if frame_id is not None:
-            for column, value in tied_keep_out(session, row, {"frame_id": frame_id}).items():
-                setattr(row, column, value)
+        row = keep_out_row(session, actor, mission_id, given)
         insert(session, actor, KEEP_OUT, row)
         return show_keep_outs(session, [row])[0]
+
+
+def keep_out_row(session: Session, actor: Actor, mission_id: str, given: KeepOutCreate) -> KeepOutRow:
+    """Return the row of a keep-out from what a person gave.
+
+    Raises
+    ------
+    InvalidInputError
+        If the outline is none on this terrain, or the mission has no such frame.
+    """
+    require_polygon(session, mission_id, given.polygon_m)
+    count = session.scalar(select(func.count()).where(KeepOutRow.mission_id == mission_id)) or 0
+    name = given.name or f"Keep-out {count + 1}"
+    row: KeepOutRow = new_row(KEEP_OUT, actor, mission_id, given, name=name, sigma_m=0.0)
+    for column, value in tied_keep_out(session, row, {"polygon_m": row.polygon_m}).items():
+        setattr(row, column, value)
+    return row
 
 
 def require_polygon(session: Session, mission_id: str, polygon_m: Sequence[Sequence[float]]) -> None:

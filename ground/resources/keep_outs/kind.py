@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.keep_outs.bodies import KeepOutChange, KeepOutCreate
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.keep_outs.value import KeepOut
 
@@ -23,6 +24,7 @@ KEEP_OUT = Kind(
     KeepOutRow,
     show_keep_outs,
     Action.EDIT_MISSION,
-    frozenset({"name", "notes", "polygon_m", "frame_id"}),
+    make=KeepOutCreate,
+    change=KeepOutChange,
     undoable=True,
 )

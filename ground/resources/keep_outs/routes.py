@@ -5,8 +5,8 @@ from __future__ import annotations
 from starlette.responses import Response
 
 from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, api_router, created
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.keep_outs.bodies import KeepOutChange, KeepOutCreate
 from ground.resources.keep_outs.create_keep_out import create_keep_out as draw_keep_out
 from ground.resources.keep_outs.value import KeepOut
@@ -28,14 +28,7 @@ async def list_keep_outs(ask: Asked, mission_id: Id, limit: Limit = 100, cursor:
 )
 async def create_keep_out(ask: Asked, mission_id: Id, body: KeepOutCreate) -> Response:
     """Draw a keep-out."""
-    value = await ask.do(
-        draw_keep_out,
-        mission_id,
-        polygon_m=body.polygon_m,
-        name=body.name,
-        notes=body.notes,
-        frame_id=body.frame_id,
-    )
+    value = await ask.do(draw_keep_out, mission_id, body)
     return created(value, f"/api/v1/keep-outs/{value.id}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ground.api.forms import Body, Id, LongName, Text
+from ground.records.forms import Body, Id, LongName, Text
 
 
 class MissionCopy(Body):

@@ -30,30 +30,8 @@ from ground.resources.tables import METADATA
 from ground.resources.terrains.row import TerrainRow
 
 FORMAT = "mission/1"
-TABLES = (
-    "frames",
-    "solutions",
-    "frame_files",
-    "site_maps",
-    "traverses",
-    "sols",
-    "targets",
-    "observation_requests",
-    "keep_outs",
-    "path_networks",
-    "problems",
-    "plans",
-    "runs",
-    "products",
-    "comments",
-    "approvals",
-    "waivers",
-    "packages",
-)
+TABLES = tuple(t.name for t in METADATA.sorted_tables if "mission_id" in t.c and t.name != "jobs")
 """Tables with a mission's rows, in the order in which they refer to each other; jobs are not kept."""
-
-SINCE_0002 = ("frames", "solutions", "frame_files", "site_maps", "traverses")
-"""Tables that archives made before them do not have."""
 
 
 def _record(row: Any) -> dict[str, Any]:
@@ -182,7 +160,7 @@ def _checked(folder: Path) -> dict[str, list[dict[str, Any]]]:
                 f"the archive is damaged: {name} is not what the manifest says (SHA-256 differs)"
             )
     rows: dict[str, list[dict[str, Any]]] = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
-    rows |= {name: [] for name in SINCE_0002 if name not in rows}
+    rows |= {name: [] for name in TABLES if name not in rows}  # tables of a newer version
     wanted = {"terrains", "missions", *TABLES, "event_chains", "events"}
     mission = rows.get("missions", [{}])[0].get("id")
     if set(rows) != wanted or any(r.get("mission_id") != mission for t in TABLES for r in rows[t]):

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from ground.api.forms import Body, Flag, Id, LongName, Name, Seed, Text
+from ground.records.forms import Body, Flag, Id, LongName, Name, Seed, Text
 
 
 class DemoTerrain(Body):

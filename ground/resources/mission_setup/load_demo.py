@@ -15,6 +15,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.edit import insert
+from ground.records.forms import PoseBody
 from ground.records.get_resource import get_resource
 from ground.resources.keep_outs.kind import KEEP_OUT
 from ground.resources.keep_outs.row import KeepOutRow
@@ -32,6 +33,7 @@ from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.observation_requests.value import RequestState
+from ground.resources.sols.bodies import SolCreate
 from ground.resources.sols.create_sol import create_sol
 from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
@@ -81,16 +83,14 @@ def fill_with_demo(repo: Repository, actor: Actor, mission_id: str, *, seed: int
     except ValueError as err:
         raise TerrainFileError(str(err), pointer="/terrain") from err
     start = Pose(day.start.east_m, day.start.north_m, day.start.heading_rad)
-    create_sol(
-        repo,
-        actor,
-        mission_id,
+    sol = SolCreate(
         number=1,
-        start_pose=start,
+        start_pose=PoseBody(east_m=start.east_m, north_m=start.north_m, heading_rad=start.heading_rad),
         time_budget_s=day.limits.time_s,
         energy_budget_j=day.limits.energy_j,
         overrun_penalty=day.limits.overrun_penalty,
     )
+    create_sol(repo, actor, mission_id, sol)
     with repo.database.write() as session:
         ids: dict[str, str] = {}
         rows: dict[str, TargetRow] = {}

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from ground.api.forms import Body, Corner, Id, LongName, Name, Text, unset
+from ground.records.forms import Body, Corner, Id, LongName, Name, Text, unset
 
 
 class DriveRuleBody(Body):

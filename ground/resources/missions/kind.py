@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.missions.bodies import MissionChange
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Counts, DriveRule, Mission
 from ground.resources.terrains.row import TerrainRow
@@ -56,7 +57,7 @@ MISSION = Kind(
     MissionRow,
     show_missions,
     Action.EDIT_MISSION,
-    frozenset({"name", "notes", "rover_profile", "anchor_frame_id", "calibration", "drive_rules"}),
+    change=MissionChange,
     undoable=True,
     delete=Action.ADMINISTER,
     related=True,

@@ -8,8 +8,8 @@ from fastapi import Query
 from starlette.responses import FileResponse, Response
 
 from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, answer, api_router
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.missions.bodies import MissionChange
 from ground.resources.missions.value import Mission
 from ground.resources.terrains.value import Terrain, TerrainPoint

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from ground.api.forms import Body, Flag, Id, PoseBody, Seconds, Text, Utility, Window, unset
+from ground.records.forms import Body, Flag, Id, PoseBody, Seconds, Text, Utility, Window, unset
 
 InstrumentName = Annotated[
     str,

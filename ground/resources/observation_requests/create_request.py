@@ -10,12 +10,11 @@ from sqlalchemy.orm import Session
 
 from ground.day.rovers import instrument_name, profile_of
 from ground.errors import InvalidInputError
-from ground.gdr.geometry import Pose
-from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.records.edit import insert
+from ground.records.edit import insert, new_row
 from ground.resources.missions.row import MissionRow
+from ground.resources.observation_requests.bodies import ObservationRequestCreate
 from ground.resources.observation_requests.constraints import written_constraints
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST, show_requests
 from ground.resources.observation_requests.place_rover import place_rover
@@ -25,21 +24,7 @@ from ground.resources.targets.row import TargetRow
 
 
 def create_request(
-    repo: Repository,
-    actor: Actor,
-    mission_id: str,
-    *,
-    target_id: str,
-    instrument: str,
-    value: float,
-    tracked: bool | None = None,
-    window_s: Sequence[float] | None = None,
-    after: Sequence[str] = (),
-    must_do: bool = False,
-    dwell_s: float | None = None,
-    constraints: Sequence[object] = (),
-    notes: str = "",
-    observation_pose: Pose | None = None,
+    repo: Repository, actor: Actor, mission_id: str, given: ObservationRequestCreate
 ) -> ObservationRequest:
     """Return a new request with its observation point.
 
@@ -47,33 +32,28 @@ def create_request(
     request: it says so, and plans leave it out.
     """
     actor.require(Action.EDIT_SCIENCE, mission_id)
-    require_window(window_s)
-    carried = written_constraints(constraints)
+    require_window(given.window_s)
+    carried = written_constraints(given.constraints)
     with repo.database.read() as session:
-        target = session.get(TargetRow, target_id)
+        target = session.get(TargetRow, given.target_id)
         if target is None or target.mission_id != mission_id:
             raise InvalidInputError(
-                f"there is no target {target_id} in mission {mission_id}", pointer="/target_id"
+                f"there is no target {given.target_id} in mission {mission_id}", pointer="/target_id"
             )
         profile = profile_of(session.get_one(MissionRow, mission_id).rover_profile)
-        instrument = instrument_name(profile, instrument)
-        point = place_rover(repo, session, target, instrument, observation_pose)
+        instrument = instrument_name(profile, given.instrument)
+        manual = None if given.observation_pose is None else given.observation_pose.value()
+        point = place_rover(repo, session, target, instrument, manual)
     with repo.database.write() as session:
-        require_after(session, mission_id, None, after)
-        row = ObservationRequestRow(
-            id=new_id("req"),
-            author=actor.name,
-            mission_id=mission_id,
-            target_id=target_id,
+        require_after(session, mission_id, None, given.after)
+        row = new_row(
+            OBSERVATION_REQUEST,
+            actor,
+            mission_id,
+            given,
             instrument=instrument,
-            value=value,
-            tracked=tracked if tracked is not None else profile.instrument(instrument).tracks,
-            window_s=None if window_s is None else list(window_s),
-            after=list(after),
-            must_do=must_do,
-            dwell_s=dwell_s,
+            tracked=profile.instrument(instrument).tracks if given.tracked is None else given.tracked,
             constraints=carried or None,
-            notes=notes,
             observation_point=None if point is None else asdict(point),
             state=RequestState.OPEN.value,
             state_reason="",

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.observation_requests.bodies import ObservationRequestChange, ObservationRequestCreate
 from ground.resources.observation_requests.row import ObservationRequestRow, observation_point_of
 from ground.resources.observation_requests.value import ObservationRequest, RequestState
 from ground.resources.targets.row import TargetRow
@@ -42,21 +43,8 @@ OBSERVATION_REQUEST = Kind(
     ObservationRequestRow,
     show_requests,
     Action.EDIT_SCIENCE,
-    frozenset(
-        {
-            "instrument",
-            "value",
-            "tracked",
-            "window_s",
-            "after",
-            "must_do",
-            "dwell_s",
-            "constraints",
-            "notes",
-            "observation_pose",
-            "state",
-        }
-    ),
+    make=ObservationRequestCreate,
+    change=ObservationRequestChange,
     undoable=True,
     related=True,
 )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from starlette.responses import Response
 
 from ground.api.context import Asked, Cursor, FilterId, Id, IfMatch, Limit, api_router, created
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.observation_requests.bodies import ObservationRequestChange, ObservationRequestCreate
 from ground.resources.observation_requests.create_request import create_request
 from ground.resources.observation_requests.value import ObservationRequest, RequestState
@@ -41,21 +41,7 @@ async def list_observation_requests(
 )
 async def create_observation_request(ask: Asked, mission_id: Id, body: ObservationRequestCreate) -> Response:
     """File an observation request; the observation point is found by base placement."""
-    value = await ask.do(
-        create_request,
-        mission_id,
-        target_id=body.target_id,
-        instrument=body.instrument,
-        value=body.value,
-        tracked=body.tracked,
-        window_s=body.window_s,
-        after=body.after,
-        must_do=body.must_do,
-        dwell_s=body.dwell_s,
-        constraints=body.constraints,
-        notes=body.notes,
-        observation_pose=body.observation_pose.value() if body.observation_pose else None,
-    )
+    value = await ask.do(create_request, mission_id, body)
     return created(value, f"/api/v1/observation-requests/{value.id}")
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from starlette.responses import Response
 
 from ground.api.context import Asked, Cursor, Id, Limit, api_router
-from ground.api.forms import Page
 from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
 from ground.jobs.value import Job
+from ground.records.forms import Page
 from ground.resources.path_networks.bodies import PathNetworkCreate
 from ground.resources.path_networks.value import PathNetwork
 

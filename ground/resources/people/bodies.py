@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field, StringConstraints
 
-from ground.api.forms import Body, Flag, Id, Name, unset
 from ground.records.actor import Role
+from ground.records.forms import Body, Flag, Id, Name, unset
 from ground.resources.people.value import Person
 
 

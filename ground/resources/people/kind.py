@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from ground.records.actor import Action, Role
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.people.bodies import PersonChange, PersonCreate
 from ground.resources.people.row import PersonRow
 from ground.resources.people.value import Person
 
@@ -23,6 +24,7 @@ PERSON = Kind(
     PersonRow,
     show_people,
     Action.ADMINISTER,
-    frozenset({"role", "mission_roles", "active"}),
+    make=PersonCreate,
+    change=PersonChange,
     unseen=frozenset({"password_hash"}),
 )

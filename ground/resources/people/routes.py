@@ -18,8 +18,8 @@ from ground.api.context import (
     created,
     no_content,
 )
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.people.bodies import (
     ApiKeyCreate,
     ApiKeyValue,

@@ -6,7 +6,19 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ground.api.forms import Body, Chance, Corner, Id, Joules, LongName, Seconds, Seed, Text, Utility, unset
+from ground.records.forms import (
+    Body,
+    Chance,
+    Corner,
+    Id,
+    Joules,
+    LongName,
+    Seconds,
+    Seed,
+    Text,
+    Utility,
+    unset,
+)
 from planner.changes import Changes, changes_of
 
 

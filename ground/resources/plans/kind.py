@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.plans.bodies import PlanChange, PlanCreate
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import Plan, PlanState
 from ground.resources.problems.inputs_digest import inputs_digest
@@ -29,7 +30,8 @@ PLAN = Kind(
     PlanRow,
     show_plans,
     Action.PLAN,
-    frozenset({"name", "notes"}),
+    make=PlanCreate,
+    change=PlanChange,
     related=True,
     unseen=frozenset({"tree", "summary", "crl_text", "findings"}),
 )

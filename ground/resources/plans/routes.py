@@ -5,10 +5,10 @@ from __future__ import annotations
 from starlette.responses import Response
 
 from ground.api.context import Asked, Cursor, FilterId, Id, IfMatch, Limit, answer, api_router
-from ground.api.forms import Page
 from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
 from ground.jobs.value import Job
+from ground.records.forms import Page
 from ground.resources.plans.bodies import PlanChange, PlanCreate, SummaryDocument, TreeDocument, WhatIf
 from ground.resources.plans.study_value import PlanComparison, WhatIfAnswer, WhyNot
 from ground.resources.plans.value import Finding, Plan, PlanState

@@ -5,8 +5,8 @@ from __future__ import annotations
 from starlette.responses import FileResponse, Response
 
 from ground.api.context import PRODUCT_FILE, Asked, Cursor, FilterId, Id, Limit, api_router, product_file
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.products.value import Product
 
 router = api_router("runs")

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from ground.api.forms import ONE_LINE, Body, Flag, Id, Name, Seconds, Seed, Text, unset
+from ground.records.forms import ONE_LINE, Body, Flag, Id, Name, Seconds, Seed, Text, unset
 from ground.resources.runs.value import Fault
 
 

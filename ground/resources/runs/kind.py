@@ -8,6 +8,7 @@ from ground.jobs.value import JobState
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.runs.bodies import RunChange, RunCreate
 from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Fault, Run, RunKind
 
@@ -25,4 +26,4 @@ def show_runs(_session: object, rows: Sequence[RunRow]) -> list[Run]:
     ]
 
 
-RUN = Kind("run", "run", "run", "runs", RunRow, show_runs, Action.PLAN, frozenset({"notes"}))
+RUN = Kind("run", "run", "run", "runs", RunRow, show_runs, Action.PLAN, make=RunCreate, change=RunChange)

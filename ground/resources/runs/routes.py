@@ -19,11 +19,11 @@ from ground.api.context import (
     api_router,
     product_file,
 )
-from ground.api.forms import Page
 from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
 from ground.api.streams import EVENT_STREAM, LastEventId
 from ground.jobs.value import Job
+from ground.records.forms import Page
 from ground.resources.runs.bodies import RunChange, RunControlBody, RunCreate
 from ground.resources.runs.trace_value import RunSnapshot, Telemetry, Trace
 from ground.resources.runs.value import Run, RunControl

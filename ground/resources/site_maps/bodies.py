@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from ground.api.forms import Body, Id, Name, Text, unset
+from ground.records.forms import Body, Id, Name, Text, unset
 
 
 class SiteMapCreate(Body):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.site_maps.bodies import SiteMapChange, SiteMapCreate
 from ground.resources.site_maps.row import SiteMapRow
 from ground.resources.site_maps.value import SiteMap
 
@@ -23,6 +24,7 @@ SITE_MAP = Kind(
     SiteMapRow,
     show_site_maps,
     Action.EDIT_MISSION,
-    frozenset({"name", "notes"}),
+    make=SiteMapCreate,
+    change=SiteMapChange,
     undoable=True,
 )

@@ -14,8 +14,8 @@ from ground.api.context import (
     api_router,
     created,
 )
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.site_maps.bodies import SiteMapChange, SiteMapCreate
 from ground.resources.site_maps.value import SiteMap
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ground.api.forms import Body, Joules, Moment, Name, PoseBody, Seconds, Text, Utility, unset
+from ground.records.forms import Body, Joules, Moment, Name, PoseBody, Seconds, Text, Utility, unset
 
 
 class PassBody(Body):
@@ -24,6 +24,8 @@ _Number = Annotated[int, Field(strict=True, ge=0, le=100_000)]
 
 class SolCreate(Body):
     """A new sol; what is left out has the default of the K9 rover."""
+
+    # six hours on its battery, of which a reserve stays
 
     number: _Number | None = None
     notes: Text = ""

@@ -8,6 +8,7 @@ from ground.gdr.geometry import pose_of
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.sols.bodies import SolChange, SolCreate
 from ground.resources.sols.row import SolRow
 from ground.resources.sols.value import CommunicationPass, Sol
 
@@ -27,21 +28,7 @@ SOL = Kind(
     SolRow,
     show_sols,
     Action.EDIT_MISSION,
-    frozenset(
-        {
-            "number",
-            "notes",
-            "start_pose",
-            "start_utc",
-            "start_lmst_h",
-            "battery_j",
-            "energy_floor_j",
-            "time_budget_s",
-            "energy_budget_j",
-            "overrun_penalty",
-            "passes",
-            "uplink_deadline_utc",
-        }
-    ),
+    make=SolCreate,
+    change=SolChange,
     undoable=True,
 )

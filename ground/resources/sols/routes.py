@@ -5,11 +5,11 @@ from __future__ import annotations
 from starlette.responses import Response
 
 from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, api_router, created
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.sols.bodies import SolChange, SolCreate
 from ground.resources.sols.create_sol import create_sol as open_sol
-from ground.resources.sols.value import CommunicationPass, Sol
+from ground.resources.sols.value import Sol
 
 router = api_router("sols")
 
@@ -28,22 +28,7 @@ async def list_sols(ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Curs
 )
 async def create_sol(ask: Asked, mission_id: Id, body: SolCreate) -> Response:
     """Open a sol; what is left out has a default."""
-    value = await ask.do(
-        open_sol,
-        mission_id,
-        number=body.number,
-        notes=body.notes,
-        start_pose=body.start_pose.value() if body.start_pose else None,
-        start_utc=body.start_utc,
-        start_lmst_h=body.start_lmst_h,
-        battery_j=body.battery_j,
-        energy_floor_j=body.energy_floor_j,
-        time_budget_s=body.time_budget_s,
-        energy_budget_j=body.energy_budget_j,
-        overrun_penalty=body.overrun_penalty,
-        passes=[CommunicationPass(p.name, p.start_s, p.end_s, p.data_mbit) for p in body.passes],
-        uplink_deadline_utc=body.uplink_deadline_utc,
-    )
+    value = await ask.do(open_sol, mission_id, body)
     return created(value, f"/api/v1/sols/{value.id}")
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from ground.api.forms import Body, Flag, Id, Metres, Name, Text, Unit, Variance, unset
+from ground.records.forms import Body, Flag, Id, Metres, Name, Text, Unit, Variance, unset
 
 
 class SolutionCreate(Body):

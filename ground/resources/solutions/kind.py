@@ -11,6 +11,7 @@ from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
 from ground.resources.frames.row import FrameFileRow, FrameRow, SolutionRow
+from ground.resources.solutions.bodies import SolutionChange, SolutionCreate
 from ground.resources.solutions.value import FrameFile, Solution
 
 
@@ -33,7 +34,8 @@ SOLUTION = Kind(
     SolutionRow,
     show_solutions,
     Action.EDIT_MISSION,
-    frozenset({"notes"}),
+    make=SolutionCreate,
+    change=SolutionChange,
     undoable=True,
     related=True,
 )

@@ -11,14 +11,14 @@ from ground.api.context import (
     Id,
     IfMatch,
     Limit,
+    SiteNumber,
     answer,
     api_router,
     created,
     revision_wanted,
 )
-from ground.api.forms import Page
 from ground.api.problems import responses
-from ground.resources.frames.bodies import SiteNumber
+from ground.records.forms import Page
 from ground.resources.solutions.bodies import FrameFileImport, SolutionChange, SolutionChoice, SolutionCreate
 from ground.resources.solutions.value import Carried, FrameFile, Solution
 

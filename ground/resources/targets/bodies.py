@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import ConfigDict, Field
 
-from ground.api.forms import Body, Id, Line, Metres, Name, Text, unset
+from ground.records.forms import Body, FrameId, Line, Metres, Name, Text, unset
 
 
 class TargetCreate(Body):
@@ -15,7 +15,7 @@ class TargetCreate(Body):
     north_m: Metres
     notes: Text = ""
     source_image: Line = ""
-    frame_id: Id | None = None
+    frame_id: FrameId | None = None
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [{"name": "Rock1", "east_m": 4.2, "north_m": -1.5}]}
@@ -28,4 +28,4 @@ class TargetChange(Body):
     north_m: Metres = Field(default_factory=unset)
     notes: Text = Field(default_factory=unset)
     source_image: Line = Field(default_factory=unset)
-    frame_id: Id | None = None
+    frame_id: FrameId | None = None

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import NameTakenError, UnobservedGroundError
 from ground.gdr.geometry import Pose
-from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.records.edit import insert
+from ground.records.edit import insert, new_row
+from ground.resources.frames.site_chain import Columns
 from ground.resources.missions.terrain import mission_terrain, terrain_row
+from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.kind import TARGET, show_targets
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.tie_target import tied_target
@@ -21,18 +20,7 @@ from ground.resources.targets.value import Target
 from ground.resources.terrains.terrain import ground_at
 
 
-def create_target(
-    repo: Repository,
-    actor: Actor,
-    mission_id: str,
-    *,
-    east_m: float,
-    north_m: float,
-    name: str | None = None,
-    notes: str = "",
-    source_image: str = "",
-    frame_id: str | None = None,
-) -> Target:
+def create_target(repo: Repository, actor: Actor, mission_id: str, given: TargetCreate) -> Target:
     """Return a new target; height, normal and covariance come from the full-resolution terrain.
 
     With `frame_id` it is tied to the frame it was seen from, and moves with it.
@@ -46,28 +34,33 @@ def create_target(
     """
     actor.require(Action.EDIT_SCIENCE, mission_id)
     with repo.database.read() as session:
-        columns = target_columns(repo, session, mission_id, east_m, north_m)
+        columns = target_columns(repo, session, mission_id, given.east_m, given.north_m)
     with repo.database.write() as session:
-        row = TargetRow(
-            id=new_id("tgt"),
-            author=actor.name,
-            mission_id=mission_id,
-            name=free_name(session, mission_id, name),
-            notes=notes,
-            source_image=source_image,
-            **columns,
-        )
-        if frame_id is not None:
-            tied = tied_target(session, row, {**columns, "frame_id": frame_id})
-            for column, value in tied.items():
-                setattr(row, column, value)
+        row = target_row(session, actor, mission_id, given, columns)
         insert(session, actor, TARGET, row)
         return show_targets(session, [row])[0]
 
 
+def target_row(
+    session: Session, actor: Actor, mission_id: str, given: TargetCreate, columns: Columns
+) -> TargetRow:
+    """Return the row of a target from what a person gave and what the terrain says of its point.
+
+    Raises
+    ------
+    NameTakenError, InvalidInputError
+        If another target has the name, or the mission has no such frame.
+    """
+    name = free_name(session, mission_id, given.name)
+    row: TargetRow = new_row(TARGET, actor, mission_id, given, **{**columns, "name": name})
+    for column, value in tied_target(session, row, columns).items():
+        setattr(row, column, value)
+    return row
+
+
 def target_columns(
     repo: Repository, session: Session, mission_id: str, east_m: float, north_m: float
-) -> dict[str, Any]:
+) -> Columns:
     """Return what the terrain says of a target's point.
 
     Raises

@@ -8,6 +8,7 @@ from ground.gdr.geometry import Point
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.targets.bodies import TargetChange, TargetCreate
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.value import Target
 
@@ -24,6 +25,7 @@ TARGET = Kind(
     TargetRow,
     show_targets,
     Action.EDIT_SCIENCE,
-    frozenset({"name", "notes", "east_m", "north_m", "source_image", "frame_id"}),
+    make=TargetCreate,
+    change=TargetChange,
     undoable=True,
 )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from starlette.responses import Response
 
 from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, api_router, created
-from ground.api.forms import Page
 from ground.api.problems import responses
+from ground.records.forms import Page
 from ground.resources.targets.bodies import TargetChange, TargetCreate
 from ground.resources.targets.create_target import create_target as pick_target
 from ground.resources.targets.value import Target
@@ -28,16 +28,7 @@ async def list_targets(ask: Asked, mission_id: Id, limit: Limit = 100, cursor: C
 )
 async def create_target(ask: Asked, mission_id: Id, body: TargetCreate) -> Response:
     """Pick a target; height, normal and covariance come from the full-resolution terrain."""
-    value = await ask.do(
-        pick_target,
-        mission_id,
-        east_m=body.east_m,
-        north_m=body.north_m,
-        name=body.name,
-        notes=body.notes,
-        source_image=body.source_image,
-        frame_id=body.frame_id,
-    )
+    value = await ask.do(pick_target, mission_id, body)
     return created(value, f"/api/v1/targets/{value.id}")
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints, model_validator
 
-from ground.api.forms import Body, Id, LongName, Text, unset
+from ground.records.forms import Body, Id, LongName, Text, unset
 
 
 class StopBody(Body):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.records.show import value_of
+from ground.resources.traverses.bodies import TraverseChange, TraverseCreate
 from ground.resources.traverses.row import TraverseRow
 from ground.resources.traverses.value import Traverse, TraverseStop
 
@@ -23,5 +24,6 @@ TRAVERSE = Kind(
     TraverseRow,
     show_traverses,
     Action.PLAN,
-    frozenset({"name", "notes"}),
+    make=TraverseCreate,
+    change=TraverseChange,
 )

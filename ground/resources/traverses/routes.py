@@ -8,10 +8,10 @@ from fastapi import Path
 from starlette.responses import FileResponse, Response
 
 from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, api_router
-from ground.api.forms import Page
 from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
 from ground.jobs.value import Job
+from ground.records.forms import Page
 from ground.resources.traverses.bodies import TraverseChange, TraverseCreate
 from ground.resources.traverses.value import Traverse
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar, get_args, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
@@ -21,6 +22,13 @@ class Page(BaseModel, Generic[T]):
 
 class Body(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Marks a member that names another resource of the same mission, of this kind."""
+
+    kind: str
 
 
 def unset() -> Any:
@@ -59,6 +67,7 @@ Text = Annotated[str, StringConstraints(max_length=20_000, pattern=PRINTABLE)]
 Id = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
 
 
+FrameId = Annotated[Id, Reference("frame")]
 Flag = Annotated[bool, Field(strict=True)]
 
 
@@ -121,3 +130,14 @@ def set_members(body: BaseModel) -> dict[str, Any]:
             value = [item.model_dump() if isinstance(item, BaseModel) else item for item in value]
         out[name] = value
     return out
+
+
+def references(form: type[Body]) -> dict[str, str]:
+    """Return the members of a form that name another resource of the mission, each with its kind."""
+    found = {}
+    for name, hint in get_type_hints(form, include_extras=True).items():
+        for part in (hint, *get_args(hint)):
+            for mark in getattr(part, "__metadata__", ()):
+                if isinstance(mark, Reference):
+                    found[name] = mark.kind
+    return found
