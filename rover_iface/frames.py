@@ -202,9 +202,6 @@ NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 """Body convention of the rovers: forward, right, down. Its own inverse."""
 
-OPTICAL_FROM_FLU = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-"""Camera convention: right, down, forward."""
-
 
 def ned_from_enu(points: ArrayLike) -> Array:
     """Return points [..., 3] given east-north-up as north-east-nadir; the same function leads back."""

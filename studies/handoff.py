@@ -26,9 +26,10 @@ import numpy.typing as npt
 from rover_iface.cameras.model import CameraModel
 from rover_iface.frames import Transform
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
-from rover_iface.vision.handoff_cascade import cascade, mast_error
+from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import Image, StereoView
+from studies.common.mast_error import mast_error
 from studies.common.pages import table, write_sections
 from studies.common.perception_worlds import TRAINING, Sequence, approach
 from studies.common.tracking_worlds import PIVOT, Array

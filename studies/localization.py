@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from rover_iface.localization.leg import LegResult, localise_leg
-from rover_iface.localization.published_matching import PublishedOptions, match_as_published
 from studies.common.localization_drive import (
     feature_steps,
     kilometre,
@@ -31,6 +30,7 @@ from studies.common.localization_drive import (
 from studies.common.localization_legs import LegRecord, leg_record, wheel_prior
 from studies.common.localization_plots import draw_kilometre, draw_leg, draw_trials
 from studies.common.pages import write_section
+from studies.common.published_matching import PublishedOptions, match_as_published
 from studies.common.rock_solids import table_one, whole_solids
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -80,8 +80,9 @@ def kept_entry(seed: int, cache: Path, *, modelled: bool, turned: bool) -> dict[
     `modelled` fits its rocks as solids, `turned` runs the published scheme with headings too.
     """
     folder = ROOT / "rover_iface" / "localization"
-    names = ("rock_matching", "matching_kernels", "published_matching", "leg")
-    digest = hashlib.sha256(b"".join((folder / f"{name}.py").read_bytes() for name in names)).hexdigest()[:12]
+    files = [folder / f"{name}.py" for name in ("rock_matching", "matching_kernels", "leg")]
+    files.insert(2, ROOT / "studies" / "common" / "published_matching.py")
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
     path = cache / f"entry_{seed}_{digest}.json"
     if path.exists():
         kept: dict[str, Any] = json.loads(path.read_text())

@@ -26,9 +26,9 @@ from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.stereo import Cloud, dense_stereo
 from rover_iface.placement.cloud import DISPARITY_RAD, SurfaceCloud, cloud_of_stereo
 from rover_iface.placement.ground_plane import GroundOptions
-from rover_iface.placement.rock_masks import MaskOptions, rock_masks
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions, segment
 from studies.common.placement_worlds import VIEWS_PER_WORLD, StereoView, views
+from studies.common.rock_masks import MaskOptions, rock_masks
 
 Array = npt.NDArray[np.float64]
 Labels = npt.NDArray[np.int64]

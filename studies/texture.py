@@ -24,10 +24,10 @@ from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.frames import Pose
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
-from rover_iface.simulator.render.statistics import RANGES, TextureStatistics, measure, stretch
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.rocks import Rock
 from studies.common.pages import table, write_section
+from studies.common.texture_statistics import RANGES, TextureStatistics, measure, stretch
 
 Grey = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]

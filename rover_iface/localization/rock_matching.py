@@ -6,7 +6,8 @@ the first (stereo's own covariance, sizes alike) or has no counterpart. All pose
 raster, the best are refined, and what each of them weighs, its likelihood times its volume, says how
 probable it is that the best is the wrong one. Pairs are one to one and kept when they are probably right.
 
-This replaces the published scheme (`published_matching`), which counts equal shifts and compares sizes.
+This replaces the published scheme, which counts equal shifts and compares sizes and stands in
+`studies.common.published_matching`.
 """
 
 from __future__ import annotations

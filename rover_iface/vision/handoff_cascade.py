@@ -6,7 +6,7 @@ patches round the target: the navcam's picture, draped over the surface that the
 the hazcam image, and the pose that most of them agree on says where the target must be, without having looked
 at it. The target's own patch says the same, or the hand-off is refused. The navcam pair may range wrongly:
 its left picture finds the pose, and what its disparities are off is told by the patches before its stereo is
-believed. They also tell what the mast is off (`mast_error`).
+believed. They also tell what the mast is off (`studies.common.mast_error`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from rover_iface.frames import Transform
 from rover_iface.vision.drape import SIGMA_PX, Draped, DrapeOptions, find_draped, on_plane, range_pixel
 from rover_iface.vision.handoff import Handoff, Side
 from rover_iface.vision.shape_draped import lay, ranged_by, surface_under
-from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import StereoView
 
 RANGE_PX = 0.15
@@ -108,60 +107,6 @@ def cascade(given: Handoff, which: str, options: CascadeOptions | None = None) -
             why = "missing stereo: the hazcams do not range the surface where the target should be"
         return _refused(Transform.identity(), why)
     return _tested(side, given.hazcam, pixel, best, options)
-
-
-@dataclass(frozen=True, slots=True)
-class MastError:
-    """What the mast and its pair were believed wrongly.
-
-    Attributes
-    ----------
-    tilt_rad, pan_rad
-        Turns about the tilt axis and about the vertical that lead from belief to truth.
-    disparity_px
-        What all disparities of the pair are off.
-    """
-
-    tilt_rad: float
-    pan_rad: float
-    disparity_px: float
-
-
-def mast_error(
-    side: Side, hazcam: Side, answer: Answer, pivot: npt.ArrayLike, axis: npt.ArrayLike, up: npt.ArrayLike
-) -> MastError | None:
-    """Return tilt, pan and disparity error of the near navcams that the patches of a hand-off tell.
-
-    Turns about `axis` and `up` (3,) through `pivot` (3,), frame of the cameras. Tilt and pan are fitted to
-    where the left picture shows what the hazcams range; the right one then tells the disparities. None
-    without ten patches.
-    """
-    if len(answer.seen) < 10:
-        return None
-    centre, about = np.asarray(pivot, dtype=np.float64), (np.asarray(axis), np.asarray(up))
-    navcam, view = side.view, hazcam.view
-    points = triangulate(view.left_camera, view.right_camera, answer.seen[:, :2], answer.seen[:, 2:])[0]
-
-    def shown(p: Array, camera: CameraModel) -> Array:
-        turn = small_rotation(p[0] * about[0] + p[1] * about[1])
-        return np.asarray(camera.project((points - centre) @ turn + centre))
-
-    p, size = np.zeros(2), 1e-4
-    for _ in range(12):
-        r = (answer.left_px - shown(p, navcam.left_camera)).ravel()
-        steps = [(shown(p + e, navcam.left_camera) - answer.left_px).ravel() for e in size * np.eye(2)]
-        j = np.column_stack([(step + r) / size for step in steps])
-        good = np.isfinite(r) & np.isfinite(j).all(axis=1)
-        if good.sum() < 12:
-            return None
-        scale = 1.5 * max(0.2, float(np.median(np.abs(r[good]))))
-        jw = j[good] / np.maximum(1.0, np.abs(r[good]) / scale)[:, None]
-        step = np.linalg.solve(jw.T @ j[good], jw.T @ r[good])
-        p = p + step
-        if np.abs(step).max() < 1e-6:
-            break
-    disparity = float(np.nanmedian((answer.right_px - shown(p, navcam.right_camera))[:, 0]))
-    return MastError(float(p[0]), float(p[1]), disparity)
 
 
 def _refused(motion: Transform, *reasons: str) -> Answer:

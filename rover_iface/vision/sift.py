@@ -3,7 +3,7 @@
 Pedersen, Deans, Lees and others 2006, Deans, Kunz, Sargent and others 2005 (K9): features of both images of a
 pair are matched to 3-D points, those to the points of the last valid stop, a rigid motion is found by RANSAC
 (100 draws of three points, Horn's method, inliers within 3 cm) and refitted until the consensus is stable;
-each target moves with it. `SiftOptions.as_published()` is that tracker.
+each target moves with it. `SiftOptions(method="published", sigma_px=0.5)` is that tracker.
 
 What ships differs where that gained (docs/results/tracking.md): the motion is found and weighted in
 the images (`sift_motion`), each target is looked at (`sift_anchor`), an unmatched stop widens the covariance
@@ -105,11 +105,6 @@ class SiftOptions:
                 f"feature tracker with sigma {self.sigma_px} px, inliers {self.inlier_px} px, error "
                 f"{self.error_m} m, {self.lost_updates} lost updates; the first three must be positive"
             )
-
-    @classmethod
-    def as_published(cls) -> SiftOptions:
-        """Return the tracker of Deans and others 2005."""
-        return cls(method="published", sigma_px=0.5)
 
 
 @dataclass(slots=True)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from rover_iface.errors import LocalizationError
-from rover_iface.localization.published_matching import (
+from rover_iface.localization.rock_matching import LegPrior, match_rocks, overlapping
+from studies.common.published_matching import (
     PublishedOptions,
     match_as_published,
     size_difference,
 )
-from rover_iface.localization.rock_matching import LegPrior, match_rocks, overlapping
 from tests.rover_iface.localization.rocks_for_tests import prior_of, seen_rock, two_ends
 
 

@@ -19,7 +19,7 @@ from rover_iface.frames import Pose
 from rover_iface.simulator.render.picture import AutoExposure
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
-from rover_iface.simulator.render.statistics import RANGES, measure
+from studies.common.texture_statistics import RANGES, measure
 from studies.texture import outside, rendered_pictures
 from tests.rover_iface.render.scenes import LOOK, SUN, picture, rig, rock_renderer
 from tests.shared import shared

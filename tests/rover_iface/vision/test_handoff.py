@@ -13,11 +13,12 @@ from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
-from rover_iface.vision.handoff_cascade import cascade, mast_error
+from rover_iface.vision.handoff_cascade import cascade
 from rover_iface.vision.resection import resect
 from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import StereoView
+from studies.common.mast_error import mast_error
 from tests.rover_iface.render.scenes import PIVOT, SUN, picture, rig, rock_renderer
 
 POSE = Pose(-1.75, 0.0, 0.0)

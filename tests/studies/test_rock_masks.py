@@ -10,8 +10,8 @@ import pytest
 
 from rover_iface.errors import PlacementError
 from rover_iface.placement import SurfaceCloud, cloud_of_points
-from rover_iface.placement.rock_masks import MaskOptions, rock_masks
 from rover_iface.placement.segmentation import Segmentation, segment
+from studies.common.rock_masks import MaskOptions, rock_masks
 from tests.rover_iface.test_placement_safety import EYE, ROCKS, raster
 
 Array = npt.NDArray[np.float64]
