@@ -11,6 +11,7 @@ from executive.ports import Command, Value
 from rover_iface.behaviour.action import Action, Outcome, Step, number
 from rover_iface.behaviour.following import TargetFollower
 from rover_iface.behaviour.hardware import Hardware
+from rover_iface.behaviour.motion_watch import MotionWatch
 from rover_iface.behaviour.products import png
 from rover_iface.behaviour.sight import Sight
 from rover_iface.frames import Pose, wrap_angle
@@ -40,6 +41,7 @@ class Driving:
         self.sight = sight
         self.follower = follower
         self._navigator: Navigator | None = None
+        self._watch = MotionWatch()
         self._retreats = 0
 
     def turn(self, command: Command) -> Action:
@@ -100,6 +102,7 @@ class Driving:
         begin_j, begin_m = self.hardware.drawn_j, self.hardware.travelled_m
         goal, heading = self._goal(command, name)
         self._navigator = None
+        self._watch = MotionWatch()
         far = math.hypot(goal[0] - self.hardware.believed.x, goal[1] - self.hardware.believed.y)
         progress, looks = Progress(NEAR_M, far_patience=LOOKS + round(LOOKS_PER_M * far)), 0
         self._retreats = 0
@@ -189,6 +192,9 @@ class Driving:
         first = navigator.map.updates == 0
         looks = self.sight.cost(around=first)
         navigator.look(self.sight.look(around=first), self.sight.eye, here)
+        view = self.sight.ahead()
+        if view is not None:
+            self._watch.see(view, here)
         navigator.step_m = self._step_limit()
         if name:
             x, y = self.follower.position(name)[:2]
@@ -231,7 +237,7 @@ class Driving:
         return (stand.x, stand.y), stand.heading if wanted is None else wanted
 
     def _write_products(self, command: Command, goal: tuple[float, float]) -> None:
-        """Write the hazard map, the odometry and the tracking history of a drive."""
+        """Write the hazard map, the odometry, the tracking history and the visual odometry of a drive."""
         if not self.hardware.keeps_products:
             return
         here = self.hardware.believed
@@ -241,3 +247,6 @@ class Driving:
             self.hardware.write_product(command, "hazardmap", png(picture), ".png", label)
         for kind in ("odometry", "tracking"):
             self.hardware.write_log(command, kind)
+        if self._watch.rows:
+            label = {"frame": "rover", "rows": len(self._watch.rows), "slipped": self._watch.slipped}
+            self.hardware.write_product(command, "visualodometry", self._watch.table(), ".json", label)

@@ -17,6 +17,9 @@ from rover_iface.vision.tracker import StereoView
 SCALE = 0.3125
 """Of the navcam's resolution; 320 x 240 for K9's. Stereo is off by 2 to 3 cm (95 %) within 3 m."""
 
+AHEAD = 2
+"""Which of the navigator's pointings visual odometry uses: the one of least pan to the left."""
+
 STEP = 3
 NEAREST_M = 0.9
 FARTHEST_M = 6.0
@@ -40,6 +43,9 @@ class Sight(Protocol):
     def look(self, *, around: bool) -> list[Cloud]:
         """Return a cloud (n, 3) per stereo pair, rover frame; `around`: to all sides and near the wheels."""
 
+    def ahead(self) -> StereoView | None:
+        """Return the pair of the last look that shows the way ahead, cameras in the rover frame, if any."""
+
 
 class ScannedSight:
     """A `Sight`: the ranges that the platform's own sensor gives."""
@@ -61,6 +67,10 @@ class ScannedSight:
         """See `Sight`."""
         return self.hardware.scan(around=around)
 
+    def ahead(self) -> StereoView | None:
+        """See `Sight`: ranges are no picture."""
+        return None
+
 
 class StereoSight(ScannedSight):
     """A `Sight`: at each stop pairs are taken at set pan and tilt, and matched densely.
@@ -71,19 +81,27 @@ class StereoSight(ScannedSight):
     def __init__(self, hardware: Hardware, cameras: MastCameras) -> None:
         super().__init__(hardware)
         self.cameras = cameras
+        self._ahead: StereoView | None = None
+
+    def ahead(self) -> StereoView | None:
+        """See `Sight`."""
+        return self._ahead
 
     def look(self, *, around: bool) -> list[Cloud]:
         """See `Sight`. A pair that cannot be taken or matched gives no cloud.
 
         One pair is matched while the next is taken.
         """
+        self._ahead = None
         with ThreadPoolExecutor(1) as hands:
             matched = []
-            for pan, tilt in self._angles.pointings(around=around):
+            for number, (pan, tilt) in enumerate(self._angles.pointings(around=around)):
                 try:
                     pair = self.cameras.pair(pan, tilt, scale=SCALE)
                 except (CameraError, RenderError):
                     continue
+                if number == AHEAD:
+                    self._ahead = pair
                 matched.append(hands.submit(self._cloud, pair))
             clouds = [one.result() for one in matched]
         return [cloud for cloud in clouds if cloud is not None]

@@ -365,7 +365,10 @@ def _m2020(path: Path, data: bytes) -> ImageProduct:
             f"{path.name} holds no camera model: no camera_model_component_list with a type"
         )
     fields = [f.strip().strip("()") for f in text.split(";")]
-    values: list[Any] = [[float(v) for v in f.split(",")] if "," in f else _scalar(f) for f in fields]
+    try:
+        values: list[Any] = [[float(v) for v in f.split(",")] if "," in f else _scalar(f) for f in fields]
+    except ValueError as err:
+        raise CameraLabelError(f"{path.name}: camera_model_component_list: {err}") from err
     parts = dict(zip("CAHVORETP", values, strict=False))
     size = re.findall(r"\d+", str(label.get("dimension", "")))
     if len(size) != 2:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +106,18 @@ def test_the_track_is_settled_by_shape_on_arrival(story: Story) -> None:
     assert all(r.state == "tracked" for r in history)
     assert history[-1].error_m < 0.02
     assert {r.confidence for r in history if r.range_m < 1.2} == {0.9}
+
+
+def test_visual_odometry_goes_along_on_the_drive(story: Story) -> None:
+    product = next(p for p in story.products if p.kind == "visualodometry")
+    steps = json.loads((story.out / product.path).read_text(encoding="utf-8"))
+    seen = [step for step in steps if step["state"] == "good"]
+    assert len(seen) >= 0.7 * len(steps) > 0
+    moves = list(pairwise([(t, true) for t, true, _ in story.rover.truth.odometry]))
+    for step in seen:
+        shift = float(np.linalg.norm(step["pictures_m"]))
+        true = [math.hypot(b.x - a.x, b.y - a.y) for (_, a), (t, b) in moves if t <= step["t_s"]][-1]
+        assert shift == pytest.approx(true, abs=0.04)
 
 
 def test_the_cascade_says_how_sure_it_is(story: Story) -> None:

@@ -135,3 +135,15 @@ def test_vicar_values_keep_their_types() -> None:
     label = parse_vicar(b"LBLSIZE=120  NL=4 PROPERTY='P' A='it''s' B=(1,2.5,'x') C=-3.5E-2   TASK='T' NL=9")
     assert label["NL"] == 4
     assert label["P"] == {"A": "it's", "B": [1, 2.5, "x"], "C": -0.035}
+
+
+def test_a_damaged_number_of_a_mars_2020_label_is_named(tmp_path: Path) -> None:
+    document = {
+        "camera_model_component_list": "(1.0,2.0,x);(1.0,0.0,0.0)",
+        "camera_model_type": "CAHV",
+        "dimension": "(100,100)",
+    }
+    file = tmp_path / "NLF-metadata.json"
+    file.write_text(json.dumps(document))
+    with pytest.raises(CameraLabelError, match="camera_model_component_list"):
+        read_product(file)
