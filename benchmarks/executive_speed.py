@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.ports import Update
-from executive.runtime import run_plan
+from executive.runtime import LiveRuntime, LiveSettings, run_plan
 from executive.runtime.journal import MemoryJournal
 from executive.runtime.loading import load_plan
 from executive.runtime.recovery import replay
@@ -290,6 +290,97 @@ def windows(repeat: int, quick: bool) -> Rows:
     return rows
 
 
+class HandClock:
+    """A plan clock that is set by hand."""
+
+    t_ms = 0
+
+    def now_ms(self) -> int:
+        """Return what the hand has set."""
+        return self.t_ms
+
+
+def live(_repeat: int, quick: bool) -> Rows:
+    """From an event to its command through the live runtime with a journal in memory, processor time."""
+    rows: Rows = []
+    quiet = LiveSettings(silence_ms=None, monitor_ms=None, heartbeat_ms=None)
+    for waiting in (1_000,) if quick else (1_000, 10_000):
+        nodes = " ".join(
+            f"(task :id t{n} :action noop :wait-for-conditions ((database (:k{n} = 1))))"
+            for n in range(waiting)
+        )
+        port, clock = ScriptedRover(actions={"*": (Behaviour(None),)}), HandClock()
+        text = f"(concurrent-block :id root :node-list ({nodes}))"
+        run = LiveRuntime(text, port, run_id="live", clock=clock, journal=MemoryJournal(), settings=quiet)
+        run.turn()
+        delays = []
+        for n in range(1_000):
+            clock.t_ms += 1
+            run.post(Update(0, {f"k{n}": 1}))
+            begin = time.process_time()
+            run.turn()
+            delays.append(1000 * (time.process_time() - begin))
+            assert port.sent[-1].id.task == f"t{n}"
+        delays.sort()
+        rows.append({"what": "live round", "nodes": waiting, "p50_ms": delays[500], "p99_ms": delays[990]})
+    return rows
+
+
+def many(repeat: int, quick: bool) -> Rows:
+    """Many that wait for one thing: a capacity, the next option, a contingency, a key."""
+    share = 10 if quick else 1
+    power = "(plan :id p :resources ((power :capacity 10)) :node (concurrent-block :id r :node-list ({})))"
+    one = {"*": (Behaviour(1_000),)}
+    failing = {"*": (Behaviour(1_000, success=False),)}
+    cases = {}
+    for name, step in (("one amount", 0), ("400 amounts", 1)):
+        waiters = " ".join(
+            f"(task :id t{n} :action noop :uses ((power {3 + step * (n * 7919 % 400) / 100})))"
+            for n in range(10_000 // share)
+        )
+        cases[f"capacity waiters, {name}"] = (power.format(waiters), one, ())
+    options = " ".join(
+        f"(option :id o{n} :utility {n % 7} :node (task :id t{n} :action noop :continue-on-failure nil))"
+        for n in range(3_000 // share)
+    )
+    last = {f"t{3_000 // share - 1 - (3_000 // share - 1) % 7}": (Behaviour(1_000),)}
+    cases["options with :next"] = (
+        f"(branch :id b :on-option-failure :next :options ({options}))",
+        failing | last,
+        (),
+    )
+    floating = " ".join(
+        f"(floating-contingency :id f{n} :trigger-conditions ((database (:go = 1))) :utility {n % 5} "
+        f":node (task :id c{n} :action noop))"
+        for n in range(1_000 // share)
+    )
+    block = f"(block :id r :node-list ({tasks(['a', 'z'])}))"
+    cases["contingencies that trigger"] = (
+        f"(plan :id p :floating ({floating}) :node {block})",
+        one,
+        (Update(500, {"go": 1}),),
+    )
+    watching = " ".join(
+        f"(task :id t{n} :action noop :wait-for-conditions ((database (:k > {1_000 + n}))))"
+        for n in range(10_000 // share)
+    )
+    changes = [Update(1_000 * n, {"k": n}) for n in range(500)]
+    cases["nodes on one key, 500 changes"] = (
+        f"(concurrent-block :id r :node-list ({watching}))",
+        one,
+        (*changes, Update(500_000, {"k": 1e9})),
+    )
+    rows: Rows = []
+    for name, (text, actions, script) in cases.items():
+        plan = load_plan(text, trusted=True)
+
+        def work(plan: Any = plan, actions: Any = actions, script: Any = script) -> None:
+            assert run_plan(plan, ScriptedRover({}, actions, script)).outcome == "SUCCEEDED"
+
+        rows.append({"what": name, **measure(work, min(repeat, 3))})
+    return rows
+
+
 STUDIES: dict[str, Callable[[int, bool], Rows]] = {
     "throughput": throughput,
     "loading": loading,
@@ -297,6 +388,8 @@ STUDIES: dict[str, Callable[[int, bool], Rows]] = {
     "replay": replaying,
     "days": days,
     "windows": windows,
+    "live": live,
+    "many": many,
 }
 
 

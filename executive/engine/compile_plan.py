@@ -59,7 +59,7 @@ def compile_plan(
         ContingencySpec(
             id=c.id,
             node=compile_node(c.node, identity),
-            trigger=compile_guard(c.trigger_conditions) or Guard(lambda _: True, ()),
+            trigger=compile_guard(c.trigger_conditions) or Guard(lambda _: True, {}),
             utility=c.utility,
             interrupt=c.mode is values.Mode.INTERRUPT,
             scope=c.scope if c.scope is not None else root.id,
@@ -115,6 +115,9 @@ def compile_node(top: crl.Node, identity: Callable[[crl.Node], str]) -> NodeSpec
             case crl.Branch():
                 spec.kind = Kind.BRANCH
                 spec.if_none = node.if_none
+                spec.constant_utilities = not any(
+                    isinstance(option.utility, values.UtilityTable) for option in node.options
+                )
                 spec.next_on_failure = node.on_option_failure is values.OnOptionFailure.NEXT
                 spec.options = tuple(
                     OptionSpec(
@@ -190,7 +193,7 @@ def compile_guard(conditions: values.Conditions) -> Guard | None:
     """Return the conjunction of conditions, or None where there is nothing to ask."""
     if not conditions:
         return None
-    keys: dict[str, None] = {}
+    limits: dict[str, tuple[float, ...] | None] = {}
     thresholds: list[float] = []
     top = values.And(conditions)
     order: list[values.Condition] = []
@@ -211,13 +214,17 @@ def compile_guard(conditions: values.Conditions) -> Guard | None:
                 if key == TIME_KEY:
                     if is_number(condition.value):
                         thresholds.append(float(condition.value))
+                elif is_number(condition.value):
+                    known_limits = limits.get(key, ())
+                    if known_limits is not None:
+                        limits[key] = (*known_limits, float(condition.value))
                 else:
-                    keys[key] = None
+                    limits[key] = None
                 made[id(condition)] = comparison(key, condition.operator.value, condition.value)
             case values.Known():
                 key = database_key(condition.key, condition.arguments)
                 if key != TIME_KEY:
-                    keys[key] = None
+                    limits.setdefault(key, ())
                 made[id(condition)] = known(key)
             case values.And():
                 made[id(condition)] = all_of(tuple(made[id(part)] for part in condition.parts))
@@ -225,4 +232,4 @@ def compile_guard(conditions: values.Conditions) -> Guard | None:
                 made[id(condition)] = any_of(tuple(made[id(part)] for part in condition.parts))
             case values.Not():
                 made[id(condition)] = negation(made[id(condition.part)])
-    return Guard(made[id(top)], tuple(keys), tuple(thresholds))
+    return Guard(made[id(top)], limits, tuple(thresholds))

@@ -22,10 +22,14 @@ TIME_KEY = "time"
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """A conjunction of conditions: `ask(database)`, the keys it reads, its `:time` thresholds (seconds)."""
+    """A conjunction of conditions: `ask(database)`, the keys it reads, its `:time` thresholds (seconds).
+
+    While a key goes from one number to another, the answer can change only where one of the key's `limits`
+    is passed or touched; None = wherever the key says something new.
+    """
 
     ask: Test
-    keys: tuple[str, ...]
+    limits: Mapping[str, tuple[float, ...] | None]
     thresholds_s: tuple[float, ...] = ()
 
     def instants_ms(self) -> list[int]:

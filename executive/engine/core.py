@@ -279,8 +279,7 @@ class Engine:
                     taken = lifecycle.try_start(run, node)
             if node.woken_by:
                 name, node.woken_by = node.woken_by, ""
-                if run.ledger.resources[name].capacity == 1.0 and run.ledger.free(name) > 0:
-                    run.ask_waiters(name)
+                run.ask_waiters(name)
             if taken:
                 return True
         return False

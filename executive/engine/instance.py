@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
-from executive.engine.spec import INFINITY, ContingencySpec, Kind, NodeSpec
+from executive.engine.spec import INFINITY, ContingencySpec, Kind, NodeSpec, OptionSpec
 from executive.ports import Command, CommandId, TraceRecord, Value
 
 
@@ -27,6 +27,9 @@ class Outcome(StrEnum):
     ABORTED = "ABORTED"
     SKIPPED = "SKIPPED"
 
+
+Watch = tuple[str, int, tuple[float, ...] | None]
+"""A watched key, a serial number, and the limits at which it matters (None = wherever it changes)."""
 
 ACTIVE = (State.EXECUTING, State.ENDING, State.SUSPENDING, State.SUSPENDED)
 """States of a node that has started and is not yet ending badly."""
@@ -77,6 +80,7 @@ class Instance:
         "start_lo",
         "state",
         "tried",
+        "untried",
         "void",
         "watching",
         "woken_by",
@@ -112,7 +116,7 @@ class Instance:
         self.woken_by = ""
         self.blocked_on = ""
         """Resource in whose queue the node stands."""
-        self.watching: tuple[str, ...] = ()
+        self.watching: tuple[Watch, ...] = ()
         self.held: tuple[tuple[str, float], ...] = ()
         """Unit and capacity resources taken."""
         self.remaining = 0
@@ -126,6 +130,8 @@ class Instance:
         self.final_reason = ""
         self.chosen: int | None = None
         self.tried: set[str] = set()
+        self.untried: list[tuple[int, OptionSpec]] | None = None
+        """Options of a branch not yet tried, with their numbers; made at the first choice."""
         self.command: CommandId | None = None
         """The command that is with the rover; None when the action is over."""
         self.abort_asked = False

@@ -65,6 +65,7 @@ def start(run: Run, node: Instance) -> None:
     """Row 2: WAITING -> EXECUTING."""
     spec = node.spec
     node.state = State.EXECUTING
+    node.blocked_on = ""
     node.start = run.t
     run.waiting.pop(node, None)
     run.record("start", node.id)
@@ -99,6 +100,7 @@ def resume(run: Run, node: Instance) -> None:
         fail(run, node, Outcome.FAILED, "maintain-violated")
         return
     node.state = State.EXECUTING
+    node.blocked_on = ""
     run.record("resume", node.id)
     if spec.uses or spec.requires:
         run.ledger.take(node)
@@ -259,24 +261,14 @@ def suspended(run: Run, node: Instance) -> None:
 
 def choose(run: Run, node: Instance) -> bool:
     """Choose the eligible untried option of highest utility, if there is one (CRL.md 5)."""
-    best: OptionSpec | None = None
-    best_index, best_utility = 0, -math.inf
-    for index, option in enumerate(node.spec.options):
-        if option.id in node.tried:
-            continue
-        if option.eligible is not None and option.eligible.ask(run.database) is not True:
-            continue
-        if option.requires and not run.ledger.met(option.requires, node, run.database):
-            continue
-        utility = option_utility(run, option)
-        if best is None or utility > best_utility:
-            best, best_index, best_utility = option, index, utility
+    best = best_option(run, node)
     if best is None:
         return False
+    best_index, chosen = best
     node.chosen = best_index
-    node.tried.add(best.id)
+    node.tried.add(chosen.id)
     run.undecided.pop(node, None)
-    run.record("choose", node.id, best.id)
+    run.record("choose", node.id, chosen.id)
     run.board.watch(node, node.spec.maintain)
     if not node.spec.next_on_failure:
         for index, other in enumerate(node.below):
@@ -285,6 +277,27 @@ def choose(run: Run, node: Instance) -> bool:
     run.network.planted(node.below[best_index])
     activate(run, node.below[best_index])
     return True
+
+
+def best_option(run: Run, node: Instance) -> tuple[int, OptionSpec] | None:
+    """Return number and value of the option that wins now, None if no untried one is eligible."""
+    if node.untried is None:
+        ranked = node.spec.ranked_options()
+        node.untried = [n for n in ranked if n[1].id not in node.tried]
+    constant = run.utilities is None and node.spec.constant_utilities
+    best, best_utility = -1, -math.inf
+    for place, (_, option) in enumerate(node.untried):
+        if option.eligible is not None and option.eligible.ask(run.database) is not True:
+            continue
+        if option.requires and not run.ledger.met(option.requires, node, run.database):
+            continue
+        if constant:  # the first eligible one of the ranking
+            best = place
+            break
+        utility = option_utility(run, option)
+        if best < 0 or utility > best_utility:
+            best, best_utility = place, utility
+    return node.untried.pop(best) if best >= 0 else None
 
 
 def option_utility(run: Run, option: OptionSpec) -> float:
@@ -336,6 +349,7 @@ def finish(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
 def close(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
     """What every entry to FINISHED does."""
     node.state = State.FINISHED
+    node.blocked_on = ""
     node.outcome = outcome
     node.reason = reason
     run.waiting.pop(node, None)

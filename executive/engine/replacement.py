@@ -161,6 +161,7 @@ def adopt(run: Run, node: Instance, spec: NodeSpec, parent: Instance | None, ind
     chosen = node.spec.options[node.chosen].id if node.chosen is not None else None
     run.ledger.unreserve(node)
     node.spec = spec
+    node.untried = None
     node.parent = parent
     node.index = index
     if node.start is not None and node.state in RUNNING:

@@ -15,6 +15,10 @@ TOLERANCE = 1e-9
 """Rounding allowed in a sum of fractional amounts."""
 
 
+Waiting = tuple[float, int, int, Instance]
+"""Priority, activation, place in the text, node."""
+
+
 class Ledger:
     """Holders of unit and capacity resources, those who wait for them, and reservations of consumables."""
 
@@ -23,7 +27,8 @@ class Ledger:
         self.holders: dict[str, dict[Instance, float]] = {}
         self.reserved: dict[str, dict[Instance, float]] = {}
         self.taken: dict[str, float] = {}
-        self.waiters: dict[str, list[tuple[float, int, int, Instance]]] = {}
+        self.waiters: dict[str, dict[float, list[Waiting]]] = {}
+        """By resource and amount, the most urgent first."""
 
     def redeclare(self, resources: Mapping[str, ResourceSpec]) -> None:
         """Take over the declarations of a replacing plan; what is held stays held."""
@@ -81,28 +86,38 @@ class Ledger:
         if node.blocked_on == name:
             return
         node.blocked_on = name
+        amount = next(amount for used, amount in node.spec.uses if used == name)
         entry = (node.spec.priority, node.activation, node.order, node)
-        heapq.heappush(self.waiters.setdefault(name, []), entry)
+        heapq.heappush(self.waiters.setdefault(name, {}).setdefault(amount, []), entry)
 
-    def next_waiters(self, name: str) -> list[Instance]:
-        """Return whom to ask again now that some of a resource is free.
+    def next_waiter(self, name: str) -> Instance | None:
+        """Return the most urgent of those that wait for a resource and fit into what is free of it.
 
-        Of a unit resource that is the most urgent waiter alone (the next one is asked after it); several
-        may fit into a capacity, so all of them are asked.
+        The next one is asked after it: so a release costs as much as the number of different amounts that
+        are waited for, whatever the number of those who wait.
         """
-        waiters = self.waiters.get(name)
-        if not waiters:
-            return []
-        resource = self.resources.get(name)
-        if resource is not None and resource.capacity == 1.0:
-            woken = [heapq.heappop(waiters)[3]]
-        else:
-            woken = [entry[3] for entry in waiters]
-            self.waiters[name] = []
-        for node in woken:
-            if node.blocked_on == name:
-                node.blocked_on = ""
-        return woken
+        queues = self.waiters.get(name)
+        if not queues:
+            return None
+        room = self.free(name) + TOLERANCE
+        best: list[Waiting] | None = None
+        emptied: list[float] = []
+        for amount, queue in queues.items():
+            if amount > room:
+                continue
+            while queue and queue[0][3].blocked_on != name:
+                heapq.heappop(queue)
+            if not queue:
+                emptied.append(amount)
+            elif best is None or queue[0] < best[0]:
+                best = queue
+        for amount in emptied:
+            del queues[amount]
+        if best is None:
+            return None
+        node = heapq.heappop(best)[3]
+        node.blocked_on = ""
+        return node
 
     def met(
         self,

@@ -133,8 +133,9 @@ class Run:
     # --- waking ---------------------------------------------------------------------
 
     def ask_waiters(self, name: str) -> None:
-        """Some of a resource is free: ask those who wait for it."""
-        for node in self.ledger.next_waiters(name):
+        """Some of a resource is free: ask the first of those who wait for it and fit."""
+        node = self.ledger.next_waiter(name)
+        if node is not None:
             node.woken_by = name
             self.agenda.consider(node)
 

@@ -34,7 +34,7 @@ def snapshot(run: Run, *, pending_events: Sequence[dict[str, Any]] = (), sequenc
         "digest": run.plan.digest,
         "next_wakeup": None if run.over else run.agenda.next_time(),
         "nodes": nodes,
-        "watched": {key: [node.id for node in nodes_] for key, nodes_ in sorted(run.board.watchers.items())},
+        "watched": {key: [node.id for node in w.nodes()] for key, w in sorted(run.board.watchers.items())},
         "contingencies": [
             {
                 "id": f.spec.id,

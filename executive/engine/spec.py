@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from executive.crl.values import IfNone, OnResume, Utility
+from executive.crl.values import IfNone, OnResume, Utility, utility_at
 from executive.engine.conditions import Guard
 from executive.ports import Value
 
@@ -81,8 +81,17 @@ class NodeSpec:
     options: tuple[OptionSpec, ...] = ()
     if_none: IfNone = IfNone.FAIL
     next_on_failure: bool = False
+    constant_utilities: bool = True
+    """Whether no option's utility changes with time."""
     identity: Callable[[], str] = str
     """Canonical text of a task, made when a running plan is replaced."""
+
+    def ranked_options(self) -> list[tuple[int, OptionSpec]]:
+        """Return the options with their numbers; the most useful first if no utility changes with time."""
+        numbered = list(enumerate(self.options))
+        if self.constant_utilities:
+            numbered.sort(key=lambda entry: (-utility_at(entry[1].utility, 0), entry[0]))
+        return numbered
 
     def below(self) -> tuple[NodeSpec, ...]:
         """Return the nodes one level down, in text order; a branch gives those of its options."""

@@ -237,3 +237,17 @@ def test_a_reference_that_occurs_too_late_is_a_risk() -> None:
     assert [n.text for n in outcome.notes if n.kind == "risk"] == [
         "start of a at 0 s lies outside its window on the start of b at 20 s"
     ]
+
+
+def test_a_node_that_asks_twice_at_one_limit_hears_of_it() -> None:
+    text = "(task :id a :action x :wait-for-conditions ((or (database (:k < 5)) (database (:k > 5)))))"
+    session = Session(text, ScriptedRover({"k": 5}, {}, [Update(1000, {"k": 9})]))
+    assert session.run().end_s == 2
+
+
+def test_a_node_that_waits_for_a_key_to_be_known_hears_of_its_coming() -> None:
+    session = Session(
+        "(task :id a :action x :wait-for-conditions ((known (:k))))",
+        ScriptedRover({}, {}, [Update(1000, {"k": 9})]),
+    )
+    assert session.run().end_s == 2
