@@ -82,7 +82,7 @@ def with_plan(
             expected_utility=expected,
             check=check,
             lower=min(lower, expected),
-            upper=max(upper, expected),
+            upper=upper,
             optimum_estimate=known,
             curve=tuple(choice.values),
             evaluator=evaluator,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.contingency.policy import Policy
-from planner.contingency.reduction import live_sets_of, only, reachable_targets, several
+from planner.contingency.reduction import live_sets_of, moves_of, only, reachable_targets
 from planner.contingency.sequences import Masses, best_sequences, sequence_steps
 from planner.errors import PlannerError
 from planner.evaluate.grid import Grid, Rounding
@@ -102,7 +102,7 @@ def _best_unbranched(model: Model) -> tuple[float, Plan]:
     """Return the best unbranched plan found, by the beam search over the sets of targets to track."""
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0:
         return 0.0, ()
-    policy = Policy(Grid(model, *GRID, Rounding.MID, np.float32), one_stay=several(model))
+    policy = Policy(Grid(model, *GRID, Rounding.MID, np.float32), moves=moves_of(model))
     best: tuple[float, Plan] = (0.0, ())
     untracked: Masses = {State(0, 0, 0): np.zeros(())}
     for tracked, bound in sorted(policy.start_values().items(), key=lambda item: (-item[1], item[0]))[:24]:

@@ -13,7 +13,7 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from planner.contingency.flow_bound import flow_bound
-from planner.contingency.policy import LiveSets, Policy, TooLargeError
+from planner.contingency.policy import LiveSets, Moves, Policy, TooLargeError
 from planner.evaluate.grid import Grid, Rounding, probability_below
 from planner.evaluate.model import Model
 
@@ -56,7 +56,7 @@ def upper_bound(
     """Return the best bound that the time allows: a table with consumption rounded down on a fine grid.
 
     `time_limit_s` are processor seconds; the linear programs keep to `wall_limit_s` by the clock as well.
-    It bounds every policy that does not come back to a target that it has left. Where no table fits, the
+    It bounds every policy, also one that goes through places or comes back. Where no table fits, the
     better of two linear programs is taken: `relaxed_bound` over start times, which knows windows, and
     `flow_bound` over expected drives, which knows where targets lie. With `deterministic` the grid depends on
     the problem alone.
@@ -77,20 +77,15 @@ def upper_bound(
     if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:
         return relaxed()
     sets = LiveSets(model, (1 << model.m) - 1)
-    one_stay = any(int(bits).bit_count() > 1 for bits in model.target_bits)
     start = [sets.initial(sum(1 << p for p in range(1, model.n + 1) if model.trackable[p]))]
     try:
-        if one_stay:
-            every, during = sets.once_from(start)
-        else:
-            every, during = sets.all_from(start), {}
+        every = sets.all_from(start)
     except TooLargeError:
         return relaxed()
     drives = 0
     for live in every:
-        if live not in during:
-            here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
-            drives += here * (model.n + 1 - here)
+        here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
+        drives += (4 * here + model.n) * model.n // 4  # those that win nothing are looked at once
     allowed = min(time_limit_s, FIXED_S) if deterministic else time_limit_s
     chosen: tuple[int, int] | None = None
     for nt, ng in GRIDS:
@@ -100,9 +95,7 @@ def upper_bound(
             chosen = nt, ng
     if chosen is None:
         return relaxed()
-    policy = Policy(
-        Grid(model, *chosen, Rounding.DOWN, np.float32), one_stay=one_stay, should_stop=should_stop
-    )
+    policy = Policy(Grid(model, *chosen, Rounding.DOWN, np.float32), moves=Moves.ALL, should_stop=should_stop)
     if not policy.complete:
         return relaxed()
     value = policy.best() * (1.0 + MARGIN) + 1e-9

@@ -10,13 +10,14 @@ is an estimate good to about 0.1 %.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
-from planner.evaluate.grid import Grid
+from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import State
 
@@ -25,6 +26,24 @@ BATCHED_NODES = 80
 
 MAX_STATES = 40_000
 """Largest number of live sets for which a table is made."""
+
+
+MOST_ROUNDS = 60
+"""Drives in a row without an observation that a table of `Moves.ALL` follows; each takes time, so values that
+still rise after so many are a table given up. By hand: three to five rounds are usual."""
+
+
+class Moves(StrEnum):
+    """Which policies a table is made of.
+
+    `TO_WORK` drives only from where nothing is left to do, and only to where something is. `ONE_STAY` also
+    makes all it wants of a target in one stay. `ALL` leaves nothing out: it goes through places, waits for
+    the light elsewhere and comes back.
+    """
+
+    TO_WORK = "to work"
+    ONE_STAY = "one stay"
+    ALL = "all"
 
 
 class TooLargeError(Exception):
@@ -212,17 +231,16 @@ class Policy:
         grid: Grid,
         *,
         candidates: int | None = None,
-        one_stay: bool = False,
+        moves: Moves = Moves.TO_WORK,
         should_stop: Callable[[], bool] = lambda: False,
     ):
         """Make the table.
 
-        `candidates` are the observations to be considered (bits, default all). With `one_stay` only policies
-        that make all they want of a target in one stay are considered, which is no bound any more but takes a
-        third of the time where targets have several observations. A stop leaves `complete` False.
+        `candidates` are the observations to be considered (bits, default all). Only a table of `Moves.ALL`
+        bounds every policy; the others are filled in a part of the time. A stop leaves `complete` False.
         """
         model = grid.model
-        self.grid, self.model = grid, model
+        self.grid, self.model, self.moves = grid, model, moves
         self.sets = LiveSets(model, (1 << model.m) - 1 if candidates is None else candidates)
         trackable = [
             place for place in range(1, model.n + 1) if int(model.place_bits[place]) & self.sets.candidates
@@ -236,7 +254,7 @@ class Policy:
         starts = {tracked: self.sets.initial(tracked) for tracked in self.trackings}
         ordered = sorted(set(starts.values()), key=lambda s: (s.bits, s.memory))
         self.during: dict[Live, set[int]] = {}
-        if one_stay:
+        if moves is Moves.ONE_STAY:
             self.lives, self.during = self.sets.once_from(ordered)
         else:
             self.lives = self.sets.all_from(ordered)
@@ -302,9 +320,12 @@ class Policy:
             here = [p for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits]
             for place in here:
                 self._observe_here(s, live, place)
-            away = [p for p in range(1, model.n + 1) if p not in here]
-            if s in start_sets:
-                away = [0, *away]
+            start = [0] if s in start_sets else []
+            if self.moves is Moves.ALL:
+                if not self._drive_anywhere(s, live, tracked, here, [*start, *range(1, model.n + 1)]):
+                    return False
+                continue
+            away = [*start, *(p for p in range(1, model.n + 1) if p not in here)]
             if here and away:
                 self._drive(s, live, tracked, here, away)
         return True
@@ -338,34 +359,61 @@ class Policy:
 
     def _drive(self, s: int, live: Live, tracked: list[int], here: list[int], away: list[int]) -> None:
         """Let the drives from places where nothing is live to those where something is compete."""
-        grid, model, table = self.grid, self.model, self.table
-        penalty = grid.dtype.type(model.penalty)
-        rows = self.outcomes(live, tracked)
-        count = len(tracked)
-        key_tracked = tuple(tracked)
+        table, rows = self.table, self.outcomes(live, tracked)
         for place in here:
-            origins = tuple(a for a in away if model.has_leg[a, place])
-            if not origins:
-                continue
-            key = (place, origins, key_tracked)
-            chances = self._chances.get(key)
-            if chances is None:
-                chances = self._chances[key] = self.chances(list(origins), place, tracked)
-            arrival = table[place][rows].reshape(len(rows), -1)
-            mixed = (chances @ arrival).reshape(-1, *grid.shape)
-            mixed += penalty
-            mixed *= grid.alive
-            if grid.nt <= BATCHED_NODES:
-                times, energies = self._kernels(place, count)
-                chosen = list(origins)
-                values = times[chosen] @ mixed @ energies[chosen]
-                values -= penalty
+            origins = [a for a in away if self.model.has_leg[a, place]]
+            for chosen, values in self._departures(place, origins, rows, tracked):
                 table[chosen, s] = np.maximum(table[chosen, s], values)
-                continue
-            for k, origin in enumerate(origins):
-                value = grid.leg_t(origin, place, count) @ mixed[k] @ grid.leg_g(origin, place).T
-                value -= penalty
-                np.maximum(table[origin, s], value, out=table[origin, s])
+
+    def _drive_anywhere(
+        self, s: int, live: Live, tracked: list[int], here: list[int], origins: list[int]
+    ) -> bool:
+        """Let all drives compete, several in a row, until none wins any more; return whether that came.
+
+        The first drive goes to where something is live: what a place is worth else, smaller sets are worth
+        there, and the drives to it stand in their values already.
+        """
+        table, rows = self.table, self.outcomes(live, tracked)
+        risen = set(here)
+        for _ in range(MOST_ROUNDS):
+            if not risen:
+                return True
+            following: set[int] = set()
+            for place in sorted(risen):
+                others = [a for a in origins if a != place and self.model.has_leg[a, place]]
+                for chosen, values in self._departures(place, others, rows, tracked):
+                    better = np.any(values > table[chosen, s], axis=(1, 2))
+                    table[chosen, s] = np.maximum(table[chosen, s], values)
+                    following.update(a for a, rose in zip(chosen, better, strict=True) if rose and a)
+            risen = following
+        return self.grid.how is not Rounding.DOWN  # only a bound needs the last digit
+
+    def _departures(
+        self, place: int, origins: list[int], rows: list[int], tracked: list[int]
+    ) -> Iterator[tuple[list[int], Any]]:
+        """Yield origins, and the values of driving to a place from each of them, (origins, nt, ng)."""
+        if not origins:
+            return
+        grid, count = self.grid, len(tracked)
+        penalty = grid.dtype.type(self.model.penalty)
+        key = (place, tuple(origins), tuple(tracked))
+        chances = self._chances.get(key)
+        if chances is None:
+            chances = self._chances[key] = self.chances(origins, place, tracked)
+        arrival = self.table[place][rows].reshape(len(rows), -1)
+        mixed = (chances @ arrival).reshape(-1, *grid.shape)
+        mixed += penalty
+        mixed *= grid.alive
+        if grid.nt <= BATCHED_NODES:
+            times, energies = self._kernels(place, count)
+            values = times[origins] @ mixed @ energies[origins]
+            values -= penalty
+            yield origins, values
+            return
+        for k, origin in enumerate(origins):
+            value = grid.leg_t(origin, place, count) @ mixed[k] @ grid.leg_g(origin, place).T
+            value -= penalty
+            yield [origin], value[None]
 
     def _kernels(self, place: int, count: int) -> tuple[Any, Any]:
         """Return the kernels of the drives to a place, stacked by origin; zero where there is no way."""
@@ -410,8 +458,8 @@ class Policy:
                     if not self.sets.open(live, m) or self.sets.after(live, m) not in self.index:
                         continue
                     values.append(self.observation_value(place, s, m))
-                elif self.model.has_leg[place, to]:
-                    values.append(self.drive_value(place, s, to))
+                elif hops := self.model.hops(place, to):
+                    values.append(self.drive_value(place, s, hops[0]))
                 else:
                     continue
                 names.append(m)

@@ -9,14 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.contingency.policy import LiveSets, TooLargeError
+from planner.contingency.policy import LiveSets, Moves, TooLargeError
 from planner.evaluate.model import Model
 from planner.problem import ObservationId, Problem, TargetId
 
 if TYPE_CHECKING:
     from planner.orienteering import RoutingProblem
+    from planner.orienteering.problem import IntArray
 
 MAX_LIVE_SETS = 13_000
+MAX_RETURNING_SETS = 3_000
+"""Live sets up to which a search may come back to places: their drives are three times as many. By hand."""
+
 MAX_TRACKED = 11
 KEPT_TARGETS = 9
 KEPT_OBSERVATIONS = 10
@@ -73,13 +77,29 @@ def live_sets_of(problem: Problem) -> int | None:
     tracked = [p for p in range(1, model.n + 1) if model.trackable[p]]
     if len(tracked) > MAX_TRACKED:
         return None
+    count = _live_sets(model, once=False)
+    if several(model) and (count is None or count > MAX_RETURNING_SETS):
+        count = _live_sets(model, once=True)
+    return count if count is not None and count <= MAX_LIVE_SETS else None
+
+
+def _live_sets(model: Model, *, once: bool) -> int | None:
     sets = LiveSets(model, (1 << model.m) - 1)
-    start = [sets.initial(sum(1 << p for p in tracked))]
+    start = [sets.initial(sum(1 << p for p in range(1, model.n + 1) if model.trackable[p]))]
     try:
-        count = len(sets.once_from(start)[0] if several(model) else sets.all_from(start))
+        return len(sets.once_from(start)[0] if once else sets.all_from(start))
     except TooLargeError:
         return None
-    return count if count <= MAX_LIVE_SETS else None
+
+
+def moves_of(model: Model) -> Moves:
+    """Return which policies a table for the search is made of: all, where coming back or going round pays."""
+    if model.leads_everywhere and not several(model):
+        return Moves.TO_WORK
+    count = _live_sets(model, once=False)
+    if count is not None and count <= MAX_RETURNING_SETS:
+        return Moves.ALL
+    return Moves.ONE_STAY if several(model) else Moves.TO_WORK
 
 
 def several(model: Model) -> bool:
@@ -175,6 +195,7 @@ def mean_routing(problem: Problem, share: float = 1.0) -> RoutingProblem:
         energy[a, b] = math.ceil(leg.energy_j.mean + hotel * seconds)
         if leg.origin == "start":
             kept[leg.to] = 1.0 - leg.p_lose.get(leg.to, 0.0)
+    _go_round(time_s, energy)
     experiments = []
     observations = problem.observations
     for o in observations:
@@ -206,6 +227,17 @@ def mean_routing(problem: Problem, share: float = 1.0) -> RoutingProblem:
         precedence=tuple((number[a], number[b]) for a, b in problem.precedence),
         limits=limits,
     )
+
+
+def _go_round(time_s: IntArray, energy: IntArray) -> None:
+    """Fill in drives through other places where no leg leads (time -1)."""
+    missing = time_s < 0
+    for via in range(1, len(time_s)):
+        known = (time_s[:, via, None] >= 0) & (time_s[None, via, :] >= 0)
+        total = time_s[:, via, None] + time_s[None, via, :]
+        better = missing & known & ((time_s < 0) | (total < time_s))
+        energy[better] = (energy[:, via, None] + energy[None, via, :])[better]
+        time_s[better] = total[better]
 
 
 def reachable_targets(problem: Problem) -> set[TargetId]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -91,11 +92,12 @@ def _best_route(
                     if count is not None and fresh and len(placed) >= count:
                         continue
                     t, g = label.t_s, label.g_j
-                    if target != place:
-                        if not model.has_leg[place, target]:
-                            continue
-                        t += model.leg[place, target, 0] + carried * model.track_leg_s
-                        g += model.leg[place, target, 2]
+                    hops = model.hops(place, target)
+                    if target != place and not hops:
+                        continue
+                    for a, b in pairwise((place, *hops)):
+                        t += model.leg[a, b, 0] + carried * model.track_leg_s
+                        g += model.leg[a, b, 2]
                     if t > model.window[m, 1]:
                         continue
                     t = max(t, float(model.window[m, 0])) + model.obs[m, 0]
@@ -132,10 +134,17 @@ def route_steps(model: Model, order: tuple[int, ...], place: int, on_fail: OnFai
         if target != place:
             later = [x for x in order[k:] if int(model.obs_place[x]) == target]
             tracked = all(model.is_place[x] for x in later)
+            steps += round_about(model, place, target)
             steps.append(Navigate(tid, tracked, on_fail))
             place = target
         steps.append(Observe(model.observation_ids[m], tid, on_fail))
     return tuple(steps)
+
+
+def round_about(model: Model, place: int, target: int) -> list[Step]:
+    """Return the drives through other places that lead to a target where no leg does."""
+    hops = model.hops(place, target) if place != target else ()
+    return [Navigate(model.target_ids[p - 1], False, OnFail.SKIP) for p in hops[:-1]]
 
 
 def track_steps(model: Model, observations: set[int]) -> Plan:

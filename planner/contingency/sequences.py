@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from planner.contingency.policy import Policy
+from planner.contingency.seeding import round_about
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import State, after_done, can_observe, loss_outcomes
 from planner.plan_tree import Navigate, Observe, OnFail, Plan, Step, TrackStop
@@ -70,14 +71,21 @@ def advance(policy: Policy, masses: Masses, m: int) -> tuple[Masses, float]:
         elif (
             (state.done >> m) & 1
             or (model.is_place[m] and not (state.tracked >> target) & 1)
-            or not model.has_leg[state.place, target]
+            or not model.hops(state.place, target)
         ):
             _add(after, state, mass)
         else:
-            arrived = grid.after_leg(state.place, target, state.tracked.bit_count(), mass)
-            earned -= model.penalty * float(mass.sum() - arrived.sum())
-            for p, tracked in loss_outcomes(model, state.place, target, state.tracked):
-                _add(ready, State(target, state.done, tracked), p * arrived)
+            going: Masses = {state: mass}
+            for hop in model.hops(state.place, target):
+                coming: Masses = {}
+                for on_way, part in going.items():
+                    arrived = grid.after_leg(on_way.place, hop, on_way.tracked.bit_count(), part)
+                    earned -= model.penalty * float(part.sum() - arrived.sum())
+                    for p, tracked in loss_outcomes(model, on_way.place, hop, on_way.tracked):
+                        _add(coming, State(hop, on_way.done, tracked), p * arrived)
+                going = coming
+            for there, part in going.items():
+                _add(ready, there, part)
     for state, mass in ready.items():
         if not can_observe(model, state, m):
             _add(after, state, mass)
@@ -212,6 +220,7 @@ def sequence_steps(policy: Policy, order: tuple[int, ...], masses: Masses) -> Pl
         if (tracked >> p) & 1 and p not in used and order
     ]
     places = {state.place for state in masses}
+    nominal = max(masses, key=lambda state: (float(np.sum(masses[state])), state)).place
     for k, m in enumerate(order):
         target = int(model.obs_place[m])
         tid = model.target_ids[target - 1]
@@ -221,7 +230,9 @@ def sequence_steps(policy: Policy, order: tuple[int, ...], masses: Masses) -> Pl
                 if int(model.obs_place[x]) != target:
                     break
                 here.append(x)
+            steps += round_about(model, nominal, target)
             steps.append(Navigate(tid, all(bool(model.is_place[x]) for x in here), OnFail.SKIP))
             places = {target} if not all(bool(model.is_place[x]) for x in here) else places | {target}
         steps.append(Observe(model.observation_ids[m], tid, OnFail.SKIP))
+        nominal = target
     return tuple(steps)

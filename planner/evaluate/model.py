@@ -148,6 +148,42 @@ class Model:
     def number_of(self) -> dict[str, int]:
         return {o: k for k, o in enumerate(self.observation_ids)}
 
+    @cached_property
+    def _routes(self) -> tuple[Floats, Ints]:
+        """Mean time of the quickest drives between places, through others where no leg leads there, and the
+        first place on the way (-1 where there is none).
+        """
+        cost = np.where(self.has_leg, self.leg[:, :, 0], math.inf)
+        first = np.where(self.has_leg, np.arange(self.n + 1)[None, :], -1)
+        for via in range(1, self.n + 1):
+            round_about = cost[:, via, None] + cost[None, via, :]
+            better = (round_about < cost) & ~self.has_leg
+            cost = np.where(better, round_about, cost)
+            first = np.where(better, first[:, via, None], first)
+        return cost, first
+
+    def hops(self, origin: int, to: int) -> tuple[int, ...]:
+        """Return the places to drive to one after the other to come to a place; empty where nothing leads.
+
+        That is the place itself where there is a leg, else the quickest way through others in the mean.
+        """
+        _, first = self._routes
+        way: list[int] = []
+        here = origin
+        while here != to:
+            here = int(first[here, to])
+            if here < 0:
+                return ()
+            way.append(here)
+        return tuple(way)
+
+    @cached_property
+    def leads_everywhere(self) -> bool:
+        """Whether a leg leads from every place to every target."""
+        others = ~np.eye(self.n + 1, dtype=bool)
+        others[:, 0] = False
+        return bool(np.all(self.has_leg[others]))
+
     def volume_of(self, observations: int) -> float:
         """Return the downlink volume of observations (bits), Mbit."""
         return float(sum(self.data_mbit[m] for m in range(self.m) if (observations >> m) & 1))

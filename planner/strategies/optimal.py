@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.contingency.branching import SearchLimits, plan_optimal
 from planner.contingency.policy import Policy
-from planner.contingency.reduction import several
+from planner.contingency.reduction import moves_of
 from planner.contingency.seeding import mean_seed, route_steps, track_steps
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.program import compile_plan
@@ -27,7 +27,7 @@ def search(task: Task) -> Found:
     early = routes_cut_short(task)
     policy = Policy(
         Grid(model, task.grid.nt, task.grid.ng, Rounding.MID, np.float32),
-        one_stay=several(model),
+        moves=moves_of(model),
         should_stop=lambda: watch.stop(0.6),
     )
     limits = SearchLimits(

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from planner.contingency.bounds import relaxed_bound, trivial_bound, upper_bound
 from planner.contingency.branching import SearchLimits, plan_optimal
 from planner.contingency.conditions import Bins, best_condition
-from planner.contingency.policy import LiveSets, Policy
+from planner.contingency.policy import LiveSets, Moves, Policy
 from planner.contingency.reduction import reduce_problem
 from planner.contingency.seeding import mean_route, mean_seed
 from planner.evaluate.grid import Grid, Rounding
@@ -81,7 +81,7 @@ def test_one_stay_tables_agree_where_nothing_calls_a_rover_back() -> None:
     ]
     model = Model.of(example(places=[(4.0, 1.0), (6.0, -2.0)], observations=rows))
     grid = Grid(model, 41, 25)
-    assert Policy(grid, one_stay=True).best() == pytest.approx(Policy(grid).best(), abs=1e-9)
+    assert Policy(grid, moves=Moves.ONE_STAY).best() == pytest.approx(Policy(grid).best(), abs=1e-9)
 
 
 def test_giving_up_an_observation_gives_up_what_depends_on_it() -> None:

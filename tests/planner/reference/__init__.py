@@ -1,0 +1,1 @@
+"""Independent truth about small problems, written from their definition in docs/planner.md alone."""
