@@ -24,8 +24,8 @@ def why_impossible(model: Model) -> tuple[str, ...]:
         return ()
     return (
         f"observation {', '.join(names)} must be done, but no route on mean values makes every such "
-        f"observation within {model.t_max_s:g} s and {model.e_max_j:g} J, in its window and in order"
-        + ("" if model.data_limit_mbit == math.inf else f", within {model.data_limit_mbit:g} Mbit"),
+        f"observation within {model.problem.budget.time_s:g} s and {model.e_max_j:g} J, in its window and in "
+        "order" + ("" if model.data_limit_mbit == math.inf else f", within {model.data_limit_mbit:g} Mbit"),
     )
 
 

@@ -28,6 +28,17 @@ def log_normal(amount: Amount) -> tuple[float, float]:
     return math.log(amount.mean) - variance / 2.0, math.sqrt(variance)
 
 
+def _longest_s(problem: Problem) -> float:
+    """Return the time budget, or the time after which the hotel load alone has used all energy.
+
+    The day ends at the earlier of the two; an axis of time that went on would be too coarse before it.
+    """
+    budget = problem.budget
+    if problem.hotel_w <= 0.0:
+        return budget.time_s
+    return min(budget.time_s, budget.usable_energy_j / problem.hotel_w)
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """Array view of a problem with n targets and m observations.
@@ -110,7 +121,7 @@ class Model:
             problem=problem,
             n=n,
             m=m,
-            t_max_s=problem.budget.time_s,
+            t_max_s=_longest_s(problem),
             e_max_j=problem.budget.usable_energy_j,
             hotel_w=problem.hotel_w,
             penalty=problem.overrun_penalty,

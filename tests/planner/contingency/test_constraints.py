@@ -190,3 +190,20 @@ def test_the_price_of_an_overrun_is_closed_in_on() -> None:
     assert prices[0] == 0.0
     assert prices[1] < 7.0 <= prices[2] < 7.2
     assert all(keeps(plan) for plan in plans)
+
+
+@pytest.mark.parametrize("name", ["resource-4", "windows-4"])
+def test_a_time_budget_that_energy_never_lets_one_use_makes_no_plan_worse(name: str) -> None:
+    problem = load_problem(shared(f"contingency/instances/dev-{name}.json"))
+
+    def planned(times: float) -> float:
+        budget = dataclasses.replace(problem.budget, time_s=times * problem.budget.time_s)
+        wider = dataclasses.replace(problem, budget=budget)
+        result = solve(wider, max_branches=2, iterations=40)
+        assert result.check is not None
+        assert result.expected_utility == pytest.approx(result.check.mean, rel=3e-3)
+        return result.expected_utility
+
+    values = [planned(times) for times in (1.0, 4.0, 30.0, 1e9)]
+    assert all(after >= 0.9995 * before for before, after in itertools.pairwise(values))
+    assert values[2] == values[3]
