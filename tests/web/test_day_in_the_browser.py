@@ -162,7 +162,7 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         expect(answer).to_have_attribute("data-ms", re.compile(r"\d+"))
         page.get_by_role("slider", name="Time budget").fill("1.5")
         expect(answer).to_contain_text("on the same futures")
-        wish = page.get_by_role("group", name=f"Wish for {names[0]} · MI")
+        wish = page.get_by_role("group", name=f"Wish for {names[0]} · microscopic imager")
         wish.get_by_role("button", name="out").click()
         expect(answer.locator(".chip.bad").filter(has_text=names[0])).to_have_count(1)
         expect(answer).to_have_attribute("aria-busy", "false")

@@ -1,7 +1,9 @@
 import { describe, expect, it } from "vitest";
+import type { RoverInstrument } from "../src/api/types";
 import { nodesOf, tokenize } from "../src/lib/crl";
 import { parseRows, parseTargets } from "../src/lib/csv";
 import * as format from "../src/lib/format";
+import { instrumentTitle, useOf } from "../src/lib/instruments";
 import { KEYS, keyList, keyName } from "../src/lib/keys";
 import { appended, blendAngle, type Columns, indexAt, momentAt, nodeStates, stepTimes } from "../src/lib/replay";
 import { bodyOf, freshFields, problemsOf } from "../src/lib/request-form";
@@ -83,17 +85,18 @@ describe("pasted targets", () => {
       "name;x;y;instrument;value\n\nRock 1;4.2;-1.5;Science Camera;3\n",
       'north\teast\ttarget\tvalue\tinstrument\n-1.5\t4.2\t"Rock 1"\t3\tscience_camera',
     ]) {
-      expect(parseTargets(text)[0]).toMatchObject(wanted);
+      expect(parseTargets(text, ["science_camera"])[0]).toMatchObject(wanted);
     }
   });
 
   it("name the line and the cell that cannot be read", () => {
-    const rows = parseTargets("name,east,north,value\nA,x,1\nB,1,2,-4\n,1,2\nC,1,2");
+    const rows = parseTargets("name,east,north,value,instrument\nA,x,1\nB,1,2,-4\n,1,2\nC,1,2\nD,1,2,3,Laser", ["core_drill", "scoop"]);
     expect(rows.map((row) => [row.line, row.problem])).toEqual([
       [2, "east is “x”, not a number of metres"],
       [3, "value is “-4”, not a number of at least 0"],
       [4, "no name"],
       [5, null],
+      [6, "the rover has no “Laser”; it has core drill, scoop"],
     ]);
   });
 
@@ -188,16 +191,27 @@ describe("a replay", () => {
   });
 });
 
+const INSTRUMENT = { profile_name: "", doc: "", action: "", energy_j: { mean: 0, sd: 0 }, data_mbit: 0, p_success: 1, standoff_m: 0, field_of_view_rad: 0, camera: "" };
+const DRILL: RoverInstrument = { ...INSTRUMENT, name: "core_drill", use: "contact", tracked: true, time_s: { mean: 2400, sd: 0 } };
+const SPECTROMETER: RoverInstrument = { ...INSTRUMENT, name: "mast_spectrometer", use: "remote", tracked: false, time_s: { mean: 300, sd: 0 } };
+
 describe("the request form", () => {
   it("sends a window in plan seconds", () => {
-    const fields = { ...freshFields(), from: "11:00", until: "12:00" };
+    const fields = { ...freshFields(DRILL), from: "11:00", until: "12:00" };
     expect(problemsOf(fields, 10, 14400)).toEqual({});
-    expect(bodyOf(fields, 10)).toMatchObject({ window_s: [3699, 7398], value: 10, tracked: true });
-    expect(bodyOf(freshFields("science_camera"), 10)).toMatchObject({ window_s: null, tracked: false, value: 4 });
+    expect(bodyOf(fields, 10)).toMatchObject({ instrument: "core_drill", window_s: [3699, 7398], value: 10, tracked: true });
+    expect(bodyOf(freshFields(SPECTROMETER), 10)).toMatchObject({ window_s: null, tracked: false, value: 4 });
+  });
+
+  it("takes instruments from the rover and none of its own", () => {
+    expect(problemsOf(freshFields(undefined), 10, 14400)).toMatchObject({ instrument: "an instrument is needed" });
+    expect(instrumentTitle(DRILL.name)).toBe("Core drill");
+    expect(useOf(DRILL)).toBe("by the arm, on contact, 0:40:00");
+    expect(useOf(SPECTROMETER)).toBe("from afar, 0:05:00");
   });
 
   it("says what is wrong before the server does", () => {
-    const check = (changes: object) => Object.keys(problemsOf({ ...freshFields(), ...changes }, 10, 14400));
+    const check = (changes: object) => Object.keys(problemsOf({ ...freshFields(DRILL), ...changes }, 10, 14400));
     expect(check({ value: null })).toEqual(["value"]);
     expect(check({ value: -1 })).toEqual(["value"]);
     expect(check({ dwell: -1 })).toEqual(["dwell"]);

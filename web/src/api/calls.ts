@@ -27,6 +27,7 @@ import type {
   PlanCreate,
   Pose,
   Product,
+  Rover,
   RoverShape,
   Run,
   RunControl,
@@ -147,6 +148,9 @@ export async function coverage(id: string, layer: string, posts: number): Promis
 }
 
 // ----------------------------------------------------------------------------------- rover and panorama
+
+/** What a rover carries and may be asked, by the name of its profile. */
+export const roverProfile = (name: string): Promise<Rover> => body(api.GET("/api/v1/rovers/{name}", { params: { path: { name } } }));
 
 export const rover = (id: string): Promise<RoverShape> =>
   body(api.GET("/api/v1/missions/{mission_id}/rover", { params: inMission(id) }));

@@ -1,5 +1,7 @@
 /** Rows pasted from a spreadsheet: comma, semicolon or tab separated, quoted where needed. */
 
+import { words } from "./format";
+
 export function parseRows(text: string): string[][] {
   const head = text.split("\n", 1)[0] ?? "";
   const separator = ["\t", ";", ","].find((mark) => head.includes(mark)) ?? ",";
@@ -55,8 +57,11 @@ const ALIASES: Record<string, string> = {
   utility: "value",
 };
 
-/** Read targets: columns name, east, north and, where wanted, instrument and value; a heading is optional. */
-export function parseTargets(text: string): PastedTarget[] {
+/**
+ * Read targets: columns name, east, north and, where wanted, instrument and value; a heading is optional. An
+ * instrument has to be one of `known`.
+ */
+export function parseTargets(text: string, known: readonly string[]): PastedTarget[] {
   const rows = parseRows(text);
   const first = (rows[0] ?? []).map((cell) => cell.toLowerCase());
   const headed = first.some((cell) => (ALIASES[cell] ?? cell) === "east");
@@ -68,17 +73,19 @@ export function parseTargets(text: string): PastedTarget[] {
     const east = Number.parseFloat(get("east"));
     const north = Number.parseFloat(get("north"));
     const value = get("value") === "" ? null : Number(get("value"));
+    const instrument = get("instrument").toLowerCase().replaceAll(" ", "_");
     let problem: string | null = null;
     if (get("name") === "") problem = "no name";
     else if (!Number.isFinite(east)) problem = `east is “${get("east")}”, not a number of metres`;
     else if (!Number.isFinite(north)) problem = `north is “${get("north")}”, not a number of metres`;
     else if (value !== null && !(value >= 0)) problem = `value is “${get("value")}”, not a number of at least 0`;
+    else if (instrument !== "" && !known.includes(instrument)) problem = `the rover has no “${get("instrument")}”; it has ${known.map(words).join(", ")}`;
     return {
       line: index + (headed ? 2 : 1),
       name: get("name"),
       east_m: east,
       north_m: north,
-      instrument: get("instrument") === "" ? null : get("instrument").toLowerCase().replaceAll(" ", "_"),
+      instrument: instrument === "" ? null : instrument,
       value,
       problem,
     };

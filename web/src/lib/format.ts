@@ -85,7 +85,7 @@ export function bytes(count: number): string {
   return `${(count / 1024 / 1024).toFixed(1)} MiB`;
 }
 
-/** A word of the API as people read it: `microscopic_imager` becomes `microscopic imager`. */
+/** A word of the API as people read it: `carried_over` becomes `carried over`. */
 export function words(text: string): string {
   return text.replaceAll("_", " ").replaceAll("-", " ");
 }

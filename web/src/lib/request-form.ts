@@ -1,7 +1,8 @@
 /** The observation request form: what stands in its fields, what is wrong with it, what is sent. */
 
-import type { ObservationRequest, ObservationRequestChange } from "../api/types";
+import type { ObservationRequest, ObservationRequestChange, RoverInstrument } from "../api/types";
 import { planSeconds, solarTime } from "./format";
+import { usualValue } from "./instruments";
 
 export interface RequestFields {
   instrument: string;
@@ -17,13 +18,14 @@ export interface RequestFields {
 
 export type FieldProblems = Partial<Record<keyof RequestFields, string>>;
 
-/** What a new request of an instrument begins with. */
-export function defaultsOf(instrument: string): { value: number; tracked: boolean } {
-  return instrument === "science_camera" ? { value: 4, tracked: false } : { value: 10, tracked: true };
+/** What an instrument gives a form that nobody has filled in. */
+export function usual(instrument: RoverInstrument | undefined): Pick<RequestFields, "instrument" | "value" | "tracked"> {
+  if (instrument === undefined) return { instrument: "", value: null, tracked: false };
+  return { instrument: instrument.name, value: usualValue(instrument), tracked: instrument.tracked };
 }
 
-export function freshFields(instrument = "microscopic_imager"): RequestFields {
-  return { instrument, ...defaultsOf(instrument), mustDo: false, from: "", until: "", dwell: null, after: [], notes: "" };
+export function freshFields(instrument: RoverInstrument | undefined): RequestFields {
+  return { ...usual(instrument), mustDo: false, from: "", until: "", dwell: null, after: [], notes: "" };
 }
 
 export function fieldsOf(request: ObservationRequest, startHour: number): RequestFields {
@@ -44,6 +46,7 @@ export function fieldsOf(request: ObservationRequest, startHour: number): Reques
 /** Say what the server would refuse, in the words of the form. */
 export function problemsOf(fields: RequestFields, startHour: number, dayLength_s: number | null): FieldProblems {
   const problems: FieldProblems = {};
+  if (fields.instrument === "") problems.instrument = "an instrument is needed";
   if (fields.value === null || !Number.isFinite(fields.value)) problems.value = "a number is needed";
   else if (fields.value < 0 || fields.value > 1e6) problems.value = "from 0 to 1 000 000";
   if (fields.dwell !== null && !(fields.dwell >= 0)) problems.dwell = "seconds, at least 0";

@@ -30,6 +30,8 @@ export function lineColor(depth: number): string {
 export interface TargetLook {
   target: Target;
   requests: ObservationRequest[];
+  /** Whether all of them are made from afar. */
+  remote: boolean;
   /** Chance that the plan carries out something on it; null without a plan. */
   reach: number | null;
   products: number;
@@ -86,9 +88,8 @@ export function ribbonStyle(ribbon: Ribbon, resolution: number, dimmed: boolean,
 }
 
 export function targetStyle(look: TargetLook): Style[] {
-  const { requests } = look;
+  const { requests, remote } = look;
   const states = new Set(requests.map((request) => request.state));
-  const contact = requests.some((request) => request.instrument === "microscopic_imager");
   const fill = look.problem
     ? "#ff8a80"
     : states.has("satisfied")
@@ -98,7 +99,7 @@ export function targetStyle(look: TargetLook): Style[] {
         : requests.length === 0
           ? "#9aa4ab"
           : "#e9d9b8";
-  const radius = (contact ? 6.5 : 5.5) + (look.selected ? 1.5 : 0);
+  const radius = (remote ? 5.5 : 6.5) + (look.selected ? 1.5 : 0);
   const ring = look.tracker === "tracked" ? "#6ff0a0" : look.tracker === null ? "#10161a" : "#ff6258";
   const base = {
     radius,
@@ -106,7 +107,7 @@ export function targetStyle(look: TargetLook): Style[] {
     stroke: new Stroke({ color: ring, width: look.tracker === null ? 1.6 : 3 }),
   };
   // Contact measurements are discs, remote images are squares.
-  const mark = contact || requests.length === 0 ? new CircleStyle(base) : new RegularShape({ ...base, points: 4, angle: Math.PI / 4, radius: radius + 1 });
+  const mark = remote ? new RegularShape({ ...base, points: 4, angle: Math.PI / 4, radius: radius + 1 }) : new CircleStyle(base);
   const styles: Style[] = [];
   if (look.selected) {
     styles.push(

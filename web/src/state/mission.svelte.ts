@@ -14,6 +14,8 @@ import type {
   Plan,
   PlanCreate,
   Product,
+  Rover,
+  RoverInstrument,
   RoverShape,
   Run,
   RunCreate,
@@ -24,7 +26,7 @@ import type {
 } from "../api/types";
 import { type CrlNode, nodesOf } from "../lib/crl";
 import { withRule } from "../lib/drives";
-import { inUnits } from "../lib/format";
+import { inUnits, words } from "../lib/format";
 import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
 import type { Selection } from "../lib/route";
 import { app } from "./app.svelte";
@@ -59,6 +61,8 @@ export class MissionState {
   terrain = $state.raw<Terrain | null>(null);
   /** Shape, cameras and light; null until the server has told them. */
   rover = $state.raw<RoverShape | null>(null);
+  /** What it carries and what requests may ask of it; null until the server has told that. */
+  profile = $state.raw<Rover | null>(null);
   sols = $state.raw<Sol[]>([]);
   targets = $state.raw<Target[]>([]);
   requests = $state.raw<ObservationRequest[]>([]);
@@ -96,6 +100,7 @@ export class MissionState {
   /** The what-if that is being tried; what is dragged on the map then is tried and not saved. */
   tried = $state.raw<WhatIfState | null>(null);
 
+  readonly instruments = $derived<readonly RoverInstrument[]>(this.profile?.instruments ?? []);
   readonly sol = $derived(this.sols[this.sols.length - 1] ?? null);
   readonly startHour = $derived(this.sol?.start_lmst_h ?? 10);
   readonly network = $derived(this.networks[this.networks.length - 1] ?? null);
@@ -172,6 +177,7 @@ export class MissionState {
     void app.attempt("Reading the rover", async () => {
       this.rover = await calls.rover(this.id);
     });
+    void app.attempt("Reading what the rover carries", () => this.loadProfile());
     await Promise.all(
       ["sol", "target", "observation_request", "keep_out", "path_network", "plan", "run", "product", "job", "comment"].map(
         (kind) => this.reload(kind),
@@ -227,6 +233,7 @@ export class MissionState {
     switch (kind) {
       case "mission":
         this.mission = await calls.mission(this.id);
+        await this.loadProfile();
         break;
       case "sol":
         this.sols = await calls.sols(this.id);
@@ -265,6 +272,21 @@ export class MissionState {
         this.comments = await calls.comments(this.id);
         break;
     }
+  }
+
+  private async loadProfile(): Promise<void> {
+    const name = this.mission?.rover_profile;
+    if (name !== undefined && name !== this.profile?.name) this.profile = await calls.roverProfile(name);
+  }
+
+  /** An instrument of the mission's rover; a request may name one that this rover lacks. */
+  instrument(name: string): RoverInstrument | undefined {
+    return this.instruments.find((known) => known.name === name);
+  }
+
+  /** Whether all of these requests are made from afar. */
+  allRemote(requests: readonly ObservationRequest[]): boolean {
+    return requests.length > 0 && requests.every((request) => this.instrument(request.instrument)?.use === "remote");
   }
 
   /** Take in a product of a run that goes on. */
@@ -417,7 +439,7 @@ export class MissionState {
   requestName(id: string | null): string {
     const request = id === null ? undefined : this.requestById.get(id);
     if (request === undefined) return id ?? "";
-    return `${request.target_name} · ${request.instrument === "microscopic_imager" ? "MI" : "image"}`;
+    return `${request.target_name} · ${words(request.instrument)}`;
   }
 
   /** Why a job failed, for people. */
