@@ -6,6 +6,7 @@ export type Schemas = components["schemas"];
 
 export type Approval = Schemas["Approval"];
 export type CameraView = Schemas["CameraView"];
+export type ConstraintKind = Schemas["ConstraintKind"];
 export type Comment = Schemas["Comment"];
 export type Event = Schemas["Event"];
 export type Finding = Schemas["Finding"];

@@ -1,6 +1,7 @@
 /** The observation request form: what stands in its fields, what is wrong with it, what is sent. */
 
-import type { ObservationRequest, ObservationRequestChange, RoverInstrument } from "../api/types";
+import type { ConstraintKind, ObservationRequest, ObservationRequestChange, RoverInstrument } from "../api/types";
+import { addable, type ConstraintDocument, type ConstraintFields, documentOf, fieldsOfDocument, partsOf, problemOf } from "./constraints";
 import { planSeconds, solarTime } from "./format";
 import { usualValue } from "./instruments";
 
@@ -14,6 +15,9 @@ export interface RequestFields {
   dwell: number | null;
   after: string[];
   notes: string;
+  /** Conditions of other kinds: those with fields, and as they are those that the page has no fields for. */
+  constraints: ConstraintFields[];
+  others: ConstraintDocument[];
 }
 
 export type FieldProblems = Partial<Record<keyof RequestFields, string>>;
@@ -25,10 +29,12 @@ export function usual(instrument: RoverInstrument | undefined): Pick<RequestFiel
 }
 
 export function freshFields(instrument: RoverInstrument | undefined): RequestFields {
-  return { ...usual(instrument), mustDo: false, from: "", until: "", dwell: null, after: [], notes: "" };
+  return { ...usual(instrument), mustDo: false, from: "", until: "", dwell: null, after: [], notes: "", constraints: [], others: [] };
 }
 
-export function fieldsOf(request: ObservationRequest, startHour: number): RequestFields {
+export function fieldsOf(request: ObservationRequest, startHour: number, kinds: readonly ConstraintKind[]): RequestFields {
+  const known = new Map(addable(kinds).map((kind) => [kind.kind, partsOf(kind) ?? []]));
+  const documents = request.constraints as ConstraintDocument[];
   const [from, until] = request.window_s ?? [];
   return {
     instrument: request.instrument,
@@ -40,15 +46,24 @@ export function fieldsOf(request: ObservationRequest, startHour: number): Reques
     dwell: request.dwell_s ?? null,
     after: [...request.after],
     notes: request.notes,
+    constraints: documents.flatMap((one) => (known.has(one.kind) ? [fieldsOfDocument(one, known.get(one.kind) ?? [])] : [])),
+    others: documents.filter((one) => !known.has(one.kind)),
   };
 }
 
 /** Say what the server would refuse, in the words of the form. */
-export function problemsOf(fields: RequestFields, startHour: number, dayLength_s: number | null): FieldProblems {
+export function problemsOf(
+  fields: RequestFields,
+  startHour: number,
+  dayLength_s: number | null,
+  kinds: readonly ConstraintKind[] = [],
+): FieldProblems {
   const problems: FieldProblems = {};
   if (fields.instrument === "") problems.instrument = "an instrument is needed";
   if (fields.value === null || !Number.isFinite(fields.value)) problems.value = "a number is needed";
   else if (fields.value < 0 || fields.value > 1e6) problems.value = "from 0 to 1 000 000";
+  const wrong = fields.constraints.map((one) => problemOf(one, partsIn(kinds, one.kind))).find((text) => text !== null);
+  if (wrong != null) problems.constraints = wrong;
   if (fields.dwell !== null && !(fields.dwell >= 0)) problems.dwell = "seconds, at least 0";
   const [from, until] = windowEnds(fields, startHour);
   if (fields.from !== "" && from === null) problems.from = "a time such as 11:30";
@@ -73,8 +88,13 @@ function windowEnds(fields: RequestFields, startHour: number): [number | null, n
   ];
 }
 
-export function bodyOf(fields: RequestFields, startHour: number): Required<
-  Pick<ObservationRequestChange, "instrument" | "tracked" | "must_do" | "after" | "notes">
+function partsIn(kinds: readonly ConstraintKind[], name: string): ReturnType<typeof partsOf> & object {
+  const kind = kinds.find((known) => known.kind === name);
+  return (kind === undefined ? null : partsOf(kind)) ?? [];
+}
+
+export function bodyOf(fields: RequestFields, startHour: number, kinds: readonly ConstraintKind[] = []): Required<
+  Pick<ObservationRequestChange, "instrument" | "tracked" | "must_do" | "after" | "notes" | "constraints">
 > & { value: number; window_s: number[] | null; dwell_s: number | null } {
   const [from, until] = windowEnds(fields, startHour);
   return {
@@ -86,5 +106,6 @@ export function bodyOf(fields: RequestFields, startHour: number): Required<
     dwell_s: fields.dwell,
     after: fields.after,
     notes: fields.notes,
+    constraints: [...fields.constraints.map((one) => documentOf(one, partsIn(kinds, one.kind))), ...fields.others],
   };
 }

@@ -101,6 +101,8 @@ export class MissionState {
   tried = $state.raw<WhatIfState | null>(null);
 
   readonly instruments = $derived<readonly RoverInstrument[]>(this.profile?.instruments ?? []);
+  /** Kinds of condition that a request may have. */
+  readonly kinds = $derived(this.profile?.constraints ?? []);
   readonly sol = $derived(this.sols[this.sols.length - 1] ?? null);
   readonly startHour = $derived(this.sol?.start_lmst_h ?? 10);
   readonly network = $derived(this.networks[this.networks.length - 1] ?? null);
