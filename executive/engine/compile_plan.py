@@ -194,7 +194,6 @@ def compile_guard(conditions: values.Conditions) -> Guard | None:
     if not conditions:
         return None
     limits: dict[str, tuple[float, ...] | None] = {}
-    thresholds: list[float] = []
     top = values.And(conditions)
     order: list[values.Condition] = []
     stack: list[values.Condition] = [top]
@@ -211,20 +210,11 @@ def compile_guard(conditions: values.Conditions) -> Guard | None:
         match condition:
             case values.Comparison():
                 key = database_key(condition.key, condition.arguments)
-                if key == TIME_KEY:
-                    if is_number(condition.value):
-                        thresholds.append(float(condition.value))
-                elif is_number(condition.value):
-                    known_limits = limits.get(key, ())
-                    if known_limits is not None:
-                        limits[key] = (*known_limits, float(condition.value))
-                else:
-                    limits[key] = None
+                _add_limit(limits, key, condition.value)
                 made[id(condition)] = comparison(key, condition.operator.value, condition.value)
             case values.Known():
                 key = database_key(condition.key, condition.arguments)
-                if key != TIME_KEY:
-                    limits.setdefault(key, ())
+                limits.setdefault(key, ())
                 made[id(condition)] = known(key)
             case values.And():
                 made[id(condition)] = all_of(tuple(made[id(part)] for part in condition.parts))
@@ -232,4 +222,13 @@ def compile_guard(conditions: values.Conditions) -> Guard | None:
                 made[id(condition)] = any_of(tuple(made[id(part)] for part in condition.parts))
             case values.Not():
                 made[id(condition)] = negation(made[id(condition.part)])
-    return Guard(made[id(top)], limits, tuple(thresholds))
+    instants = limits.pop(TIME_KEY, ())
+    return Guard(made[id(top)], limits, instants or ())
+
+
+def _add_limit(limits: dict[str, tuple[float, ...] | None], key: str, value: values.Value) -> None:
+    """Add what a key is compared with; what is no number makes every change of the key matter."""
+    before = limits.get(key, ())
+    if key == TIME_KEY and not is_number(value):
+        return
+    limits[key] = (*before, float(value)) if is_number(value) and before is not None else None

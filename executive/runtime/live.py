@@ -24,8 +24,9 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from functools import partial
 from pathlib import Path
-from typing import Protocol, cast, runtime_checkable
+from typing import Protocol, TypeVar, cast, runtime_checkable
 
 from executive.crl import Plan, canonical_text, parse
 from executive.engine.instance import Note
@@ -67,6 +68,8 @@ from executive.runtime.recovery import resume_session
 from executive.runtime.session import RunOutcome, Session
 
 logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 SAFE_ALTERNATE = "safe"
 SAFEMODE = "safemode"
@@ -110,49 +113,37 @@ class Inbox:
 
     def send(self, command: Command) -> None:
         self.sent[command.id] = command
-        self._try(f"send of {command.id}", lambda: self.port.send(command))
+        self.ask(f"send of {command.id}", lambda: self.port.send(command), None)
 
     def abort(self, command: CommandId) -> None:
-        self._try(f"abort of {command}", lambda: self.port.abort(command))
+        self.ask(f"abort of {command}", lambda: self.port.abort(command), None)
+
+    def status(self, command: CommandId) -> CommandStatus:
+        unheard = CommandStatus(CommandState.RUNNING)
+        return self.ask(f"status of {command}", lambda: self.port.status(command), unheard)
 
     def commit(self, number: int) -> None:
         if isinstance(self.port, Receipts):
-            port = self.port
-            self._try(f"receipt up to {number}", lambda: port.commit(number))
+            self.ask(f"receipt up to {number}", partial(self.port.commit, number), None)
 
     def since(self, number: int) -> Sequence[Event]:
-        """Return what the rover has said after a number of its stream, and how things stand now."""
         if not isinstance(self.port, Receipts):
             return ()
-        try:
-            return self.port.since(number)
-        except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
-            self.complain("port", f"what was said after {number} cannot be had: {error}")
-            return ()
+        return self.ask(f"what was said after {number}", partial(self.port.since, number), ())
 
     def present_state(self) -> Mapping[str, Value]:
         if not isinstance(self.port, Receipts):
             return {}
-        try:
-            return self.port.present_state()
-        except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
-            self.complain("port", f"the present state cannot be had: {error}")
-            return {}
+        return self.ask("present state", self.port.present_state, {})
 
-    def status(self, command: CommandId) -> CommandStatus:
+    def ask(self, what: str, act: Callable[[], T], otherwise: T) -> T:
+        """Let the port act; one that breaks must not break the executive (the action monitor asks again)."""
         try:
-            return self.port.status(command)
-        except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
-            self.complain("port", f"status of {command} cannot be had: {error}")
-            return CommandStatus(CommandState.RUNNING)
-
-    def _try(self, what: str, act: Callable[[], None]) -> None:
-        """A port that breaks must not break the executive: the action monitor asks again."""
-        try:
-            act()
-        except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
-            logger.warning("command port failed", extra={"what": what})
+            return act()
+        except Exception as error:  # noqa: BLE001 - a port is foreign code and may raise anything
+            logger.warning("port failed", extra={"what": what})
             self.complain("port", f"{what} failed: {error}")
+            return otherwise
 
 
 class LiveRuntime:
@@ -378,10 +369,7 @@ class LiveRuntime:
         if settings.heartbeat_ms is not None and now - self._beat >= settings.heartbeat_ms:
             self._beat = now
             if isinstance(self.port, Heartbeat):
-                try:
-                    self.port.heartbeat(now)
-                except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
-                    self.complain("port", f"heartbeat failed: {error}")
+                self._inbox.ask("heartbeat", partial(self.port.heartbeat, now), None)
         if self._safing_since is not None:
             self._finish_safing(now, self._safing_since)
         elif settings.silence_ms is not None and now - self._heard >= settings.silence_ms:
@@ -435,11 +423,7 @@ class LiveRuntime:
         """Telemetry thread: post what the rover says."""
         source = cast("EventSource", self.port)
         while not self._stopping.is_set():
-            try:
-                event = source.next_event(self.clock.now_ms())
-            except Exception as error:  # noqa: BLE001 - a port that breaks must not break the executive
-                self.complain("port", f"telemetry cannot be read: {error}")
-                event = None
+            event = self._inbox.ask("telemetry", partial(source.next_event, self.clock.now_ms()), None)
             if event is None:
                 self._stopping.wait(0.002)
             else:

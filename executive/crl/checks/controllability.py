@@ -91,12 +91,16 @@ class _Network:
             stack.append((needed, self._search(needed)))
         return True
 
-    def _search(self, source: int) -> Generator[int, None, bool]:
+    def _negative_groups(self, source: int) -> dict[int, list[tuple[int, int]]]:
+        """Return the negative edges into a point, by the contingent duration that they bound from above."""
         groups: dict[int, list[tuple[int, int]]] = {}
         for u, w, kind, end in self.enter[source]:
             if w < 0:
                 groups.setdefault(end if kind == UPPER else -1, []).append((w, u))
-        for owner, begins in groups.items():
+        return groups
+
+    def _search(self, source: int) -> Generator[int, None, bool]:
+        for owner, begins in self._negative_groups(source).items():
             distance: dict[int, int] = {}
             heap: list[tuple[int, int]] = []
             for w, u in begins:

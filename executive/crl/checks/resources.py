@@ -129,12 +129,11 @@ def _held_at_insertion(index: Index, root: Entry) -> dict[str, int]:
 # --- W086 -----------------------------------------------------------------------
 
 
-def _deadlocks(index: Index, declared: dict[str, Resource]) -> None:
-    """Look for nodes that may run at the same time, each holding a unit that something in the other needs."""
+def _wants(index: Index, declared: dict[str, Resource]) -> dict[tuple[str, str], list[tuple[int, int]]]:
+    """Return, by (held, wanted) unit, the holders and the nodes below them that want."""
     units = {name for name, r in declared.items() if isinstance(r, UnitResource)}
     entries = index.entries
     wants: dict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
-    """(held, wanted) -> (holder, node below that wants)."""
     for entry in entries:
         wanted = [a.resource for a in entry.node.uses if a.resource in units]
         if not wanted:
@@ -145,6 +144,13 @@ def _deadlocks(index: Index, declared: dict[str, Resource]) -> None:
                     for resource in wanted:
                         if resource != amount.resource:
                             wants[amount.resource, resource].append((above, entry.number))
+    return wants
+
+
+def _deadlocks(index: Index, declared: dict[str, Resource]) -> None:
+    """Look for nodes that may run at the same time, each holding a unit that something in the other needs."""
+    entries = index.entries
+    wants = _wants(index, declared)
     budget = MAX_PAIRS
     reported: set[frozenset[str]] = set()
     after: dict[str, set[str]] = defaultdict(set)
