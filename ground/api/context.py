@@ -13,7 +13,6 @@ from typing import Annotated, Any, Concatenate, ParamSpec, Protocol, TypeVar
 import orjson
 from fastapi import APIRouter, Depends, Header, Path, Query, Request
 from fastapi.routing import APIRoute
-from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, Response
 
@@ -23,7 +22,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.change_resource import change_resource
 from ground.records.delete_resource import delete_resource
-from ground.records.forms import set_members
+from ground.records.forms import Body
 from ground.records.get_resource import get_resource
 from ground.records.kind import Kind
 from ground.records.list_resources import list_resources
@@ -149,12 +148,10 @@ class Ask:
             )
         )
 
-    async def change(self, kind: str, identifier: str, body: BaseModel, if_match: str | None) -> Response:
+    async def change(self, kind: str, identifier: str, body: Body, if_match: str | None) -> Response:
         """Set the members that the body names, if the resource is still the one that was seen."""
         return answer(
-            await self.do(
-                change_resource, self.kinds[kind], identifier, set_members(body), revision_wanted(if_match)
-            )
+            await self.do(change_resource, self.kinds[kind], identifier, body, revision_wanted(if_match))
         )
 
     async def delete(self, kind: str, identifier: str, if_match: str | None) -> Response:

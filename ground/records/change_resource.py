@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-from ground.errors import InvalidInputError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.edit import open_for_change, update
+from ground.records.forms import Body
 from ground.records.get_resource import find_row, mission_of
 from ground.records.kind import Kind
 
@@ -18,12 +17,12 @@ def change_resource(
     actor: Actor,
     kind: Kind,
     resource_id: str,
-    changes: Mapping[str, Any],
+    given: Body,
     revision: int | None,
     *,
     reason: str = "",
 ) -> Any:
-    """Return the resource after the change.
+    """Return the resource after the members that the form names are set.
 
     `revision` is the one the person saw; None changes whatever stands there (the command line's `--force`).
 
@@ -32,19 +31,16 @@ def change_resource(
     StaleRevisionError
         If somebody else changed it in between.
     """
-    wrong = set(changes) - kind.fields
     while True:
         with repo.database.read() as session:
             row = find_row(session, kind, resource_id)
             actor.require(kind.edit, mission_of(row))
-            prepared = kind.prepare(repo, session, row, {} if wrong else changes)
+            prepared = kind.prepare(repo, session, row, given)
         with repo.database.write() as session:
             row = open_for_change(session, actor, kind, resource_id, revision)
-            if wrong:
-                raise InvalidInputError(f"{kind.title} has nothing to set called {sorted(wrong)[0]!r}")
             if row.revision != prepared.revision:
                 continue  # somebody was faster: what was prepared is of another state
-            changed = kind.apply(repo, session, row, changes, prepared)
+            changed = kind.apply(repo, session, row, given, prepared)
             if changed is None:
                 continue
             update(session, actor, kind, row, changed.columns, reason=reason)

@@ -119,19 +119,6 @@ class PoseBody(Body):
         return Pose(self.east_m, self.north_m, self.heading_rad)
 
 
-def set_members(body: BaseModel) -> dict[str, Any]:
-    """Return the members a PATCH body names, values of our own kind unpacked."""
-    out: dict[str, Any] = {}
-    for name in body.model_fields_set:
-        value = getattr(body, name)
-        if isinstance(value, PoseBody):
-            value = value.value()
-        elif isinstance(value, list):
-            value = [item.model_dump() if isinstance(item, BaseModel) else item for item in value]
-        out[name] = value
-    return out
-
-
 def references(form: type[Body]) -> dict[str, str]:
     """Return the members of a form that name another resource of the mission, each with its kind."""
     found = {}

@@ -36,9 +36,9 @@ class Changed:
     followers: Sequence[tuple[Kind, Any, Mapping[str, Any]]] = ()
 
 
-Prepare = Callable[[Repository, Session, Any, Mapping[str, Any]], Prepared]
-"""Work out for a row and the members to set what takes long, before the database is locked."""
-Apply = Callable[[Repository, Session, Any, Mapping[str, Any], Prepared], Changed | None]
+Prepare = Callable[[Repository, Session, Any, Any], Prepared]
+"""Work out for a row and the form with the members to set what takes long, before the database is locked."""
+Apply = Callable[[Repository, Session, Any, Any, Prepared], Changed | None]
 """Check the members to set and return what follows; None if the rows are others than was prepared for."""
 Forget = Callable[[Session, Actor, Any, str, str], None]
 """Take a row that is about to go out of what names it; with the act's group and the reason."""
@@ -48,10 +48,13 @@ def _nothing_to_prepare(_repo: Repository, _session: Session, row: Row, _members
     return Prepared(row.revision)
 
 
-def _as_given(
-    _repo: object, _session: object, _row: object, members: Mapping[str, Any], _prepared: object
-) -> Changed:
-    return Changed({name: plain(value) for name, value in members.items()})
+def _as_given(_repo: object, _session: object, _row: object, given: Body, _prepared: object) -> Changed:
+    return Changed(given_columns(given))
+
+
+def given_columns(given: Body) -> dict[str, object]:
+    """Return the members that a form names, as columns keep them."""
+    return {name: plain(getattr(given, name)) for name in given.model_fields_set}
 
 
 def plain(value: Any) -> Any:

@@ -9,7 +9,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.gdr.repository import Repository
-from ground.records.kind import Changed, Kind, Prepared, plain
+from ground.records.kind import Changed, Kind, Prepared, given_columns
+from ground.resources.missions.bodies import MissionChange
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.rules import require_calibration, require_drive_rules, require_profile
 from ground.resources.observation_requests.change_rover import told_requests
@@ -18,7 +19,7 @@ from ground.resources.targets.row import TargetRow
 
 
 def change_mission(
-    _repo: Repository, session: Session, row: MissionRow, members: Mapping[str, Any], _prepared: Prepared
+    _repo: Repository, session: Session, row: MissionRow, given: MissionChange, _prepared: Prepared
 ) -> Changed:
     """Return the columns of a mission that a change sets.
 
@@ -27,16 +28,16 @@ def change_mission(
     InvalidInputError, StateError
         If rover, calibration, drive rules or anchor cannot be those.
     """
-    columns = {name: plain(value) for name, value in members.items()}
+    columns = given_columns(given)
     followers: list[tuple[Kind, Any, Mapping[str, Any]]] = []
-    if "rover_profile" in members:
-        require_profile(members["rover_profile"])
-        followers = told_requests(session, row.id, members["rover_profile"])
-    if members.get("calibration") is not None:
-        columns["calibration"] = require_calibration(members["calibration"])
-    if members.get("drive_rules"):
+    if "rover_profile" in given.model_fields_set:
+        require_profile(given.rover_profile)
+        followers = told_requests(session, row.id, given.rover_profile)
+    if given.calibration is not None:
+        columns["calibration"] = require_calibration(given.calibration)
+    if given.drive_rules:
         targets = session.scalars(select(TargetRow.id).where(TargetRow.mission_id == row.id))
-        require_drive_rules(columns["drive_rules"], set(targets))
-    if "anchor_frame_id" in members and members["anchor_frame_id"] != row.anchor_frame_id:
-        require_anchor(session, row.id, members["anchor_frame_id"])
+        require_drive_rules(given.drive_rules, set(targets))
+    if "anchor_frame_id" in given.model_fields_set and given.anchor_frame_id != row.anchor_frame_id:
+        require_anchor(session, row.id, given.anchor_frame_id)
     return Changed(columns, followers)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError
+from ground.resources.missions.bodies import DriveRuleBody
 
 
 def require_profile(name: str) -> None:
@@ -19,12 +20,12 @@ def require_profile(name: str) -> None:
     profile_of(name)
 
 
-def require_drive_rules(rules: Sequence[Mapping[str, Any]], target_ids: Collection[str]) -> None:
+def require_drive_rules(rules: Sequence[DriveRuleBody], target_ids: Collection[str]) -> None:
     """Raise unless each rule is about two places of the mission that no other rule is about."""
     known = {None, *target_ids}
     seen: set[frozenset[str | None]] = set()
     for index, rule in enumerate(rules):
-        ends = rule["from_target_id"], rule["to_target_id"]
+        ends = rule.from_target_id, rule.to_target_id
         for end in ends:
             if end not in known:
                 raise InvalidInputError(

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.day.rovers import instrument_name, profile_of
-from ground.errors import InvalidInputError
-from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.edit import update
-from ground.records.kind import Changed, Prepared, plain
+from ground.records.kind import Changed, Prepared, given_columns
 from ground.resources.missions.row import MissionRow
+from ground.resources.observation_requests.bodies import ObservationRequestChange
 from ground.resources.observation_requests.constraints import written_constraints
 from ground.resources.observation_requests.create_request import require_after, require_window
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
@@ -26,21 +23,21 @@ from ground.resources.targets.row import TargetRow
 
 
 def prepare_request(
-    repo: Repository, session: Session, row: ObservationRequestRow, members: Mapping[str, Any]
+    repo: Repository, session: Session, row: ObservationRequestRow, given: ObservationRequestChange
 ) -> Prepared:
     """Return the observation point that follows from another instrument or pose."""
-    if not {"observation_pose", "instrument"} & set(members):
+    if not {"observation_pose", "instrument"} & given.model_fields_set:
         return Prepared(row.revision)
-    instrument = members.get("instrument", row.instrument)
-    if "instrument" in members:
+    instrument = given.instrument if "instrument" in given.model_fields_set else row.instrument
+    if "instrument" in given.model_fields_set:
         profile = profile_of(session.get_one(MissionRow, row.mission_id).rover_profile)
         instrument = instrument_name(profile, instrument)
     old = observation_point_of(row.observation_point)
-    manual: Pose | None = members.get("observation_pose")
-    if "observation_pose" not in members and old is not None and old.manual:
+    manual = None if given.observation_pose is None else given.observation_pose.value()
+    if "observation_pose" not in given.model_fields_set and old is not None and old.manual:
         manual = old.pose
     point = place_rover(repo, session, session.get_one(TargetRow, row.target_id), instrument, manual)
-    named = {"instrument": instrument} if "instrument" in members else {}
+    named = {"instrument": instrument} if "instrument" in given.model_fields_set else {}
     return Prepared(row.revision, named, {(row.id, instrument): asdict(point)})
 
 
@@ -48,7 +45,7 @@ def change_request(
     _repo: Repository,
     session: Session,
     row: ObservationRequestRow,
-    members: Mapping[str, Any],
+    given: ObservationRequestChange,
     prepared: Prepared,
 ) -> Changed:
     """Return the columns of a request that a change sets.
@@ -56,23 +53,19 @@ def change_request(
     Raises
     ------
     InvalidInputError
-        If window, order, constraints or state cannot be those.
+        If window, order or constraints cannot be those.
     """
-    if "window_s" in members:
-        require_window(members["window_s"])
-    if "after" in members:
-        require_after(session, row.mission_id, row.id, members["after"])
-    if "state" in members and members["state"] not in {"open", "carried"}:
-        raise InvalidInputError(
-            f"the state {members['state']!r} comes from plans and runs; a person may set open or carried",
-            pointer="/state",
-        )
-    columns = {name: plain(value) for name, value in members.items() if name != "observation_pose"}
-    if "constraints" in members:
-        columns["constraints"] = written_constraints(members["constraints"]) or None
+    if "window_s" in given.model_fields_set:
+        require_window(given.window_s)
+    if "after" in given.model_fields_set:
+        require_after(session, row.mission_id, row.id, given.after)
+    columns = given_columns(given)
+    columns.pop("observation_pose", None)
+    if "constraints" in given.model_fields_set:
+        columns["constraints"] = written_constraints(given.constraints) or None
     columns |= dict(prepared.columns)
     if prepared.points:
-        instrument = columns.get("instrument", row.instrument)
+        instrument = str(columns.get("instrument", row.instrument))
         columns["observation_point"] = prepared.points[(row.id, instrument)]
     return Changed(columns)
 

@@ -12,23 +12,23 @@ from sqlalchemy.orm import Session
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.edit import remove
-from ground.records.kind import Changed, Prepared, plain
+from ground.records.kind import Changed, Prepared, given_columns
 from ground.resources.observation_requests.change_request import forget_precedence, set_by_hand
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
+from ground.resources.targets.bodies import TargetChange
 from ground.resources.targets.create_target import free_name, target_columns
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.tie_target import tied_target
 
 
-def prepare_target(
-    repo: Repository, session: Session, row: TargetRow, members: Mapping[str, Any]
-) -> Prepared:
+def prepare_target(repo: Repository, session: Session, row: TargetRow, given: TargetChange) -> Prepared:
     """Return height, normal and covariance of the new place, and the observation points of its requests."""
-    if not {"east_m", "north_m"} & set(members):
+    if not {"east_m", "north_m"} & given.model_fields_set:
         return Prepared(row.revision)
-    east, north = members.get("east_m", row.east_m), members.get("north_m", row.north_m)
+    east = given.east_m if "east_m" in given.model_fields_set else row.east_m
+    north = given.north_m if "north_m" in given.model_fields_set else row.north_m
     columns = target_columns(repo, session, row.mission_id, east, north)
     moved = TargetRow(id=row.id, mission_id=row.mission_id, name=row.name, **columns)
     points: dict[tuple[str, str], Mapping[str, Any] | None] = {}
@@ -40,7 +40,7 @@ def prepare_target(
 
 
 def change_target(
-    _repo: Repository, session: Session, row: TargetRow, members: Mapping[str, Any], prepared: Prepared
+    _repo: Repository, session: Session, row: TargetRow, given: TargetChange, prepared: Prepared
 ) -> Changed | None:
     """Return the columns of a target that a change sets, and those of the requests that move with it.
 
@@ -59,9 +59,9 @@ def change_target(
         requests = [r for r in found if not set_by_hand(r)]
     if any((r.id, r.instrument) not in prepared.points for r in requests):
         return None
-    if "name" in members and members["name"] != row.name:
-        free_name(session, row.mission_id, members["name"])
-    columns = {name: plain(value) for name, value in members.items()} | dict(prepared.columns)
+    if "name" in given.model_fields_set and given.name != row.name:
+        free_name(session, row.mission_id, given.name)
+    columns = given_columns(given) | dict(prepared.columns)
     return Changed(
         columns | tied_target(session, row, columns),
         [
