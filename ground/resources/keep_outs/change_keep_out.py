@@ -7,9 +7,10 @@ from sqlalchemy.orm import Session
 from ground.gdr.repository import Repository
 from ground.records.kind import Changed, Prepared, given_columns
 from ground.resources.keep_outs.bodies import KeepOutChange
-from ground.resources.keep_outs.create_keep_out import require_polygon
 from ground.resources.keep_outs.row import KeepOutRow
+from ground.resources.keep_outs.rules import require_outline
 from ground.resources.keep_outs.tie_keep_out import tied_keep_out
+from ground.resources.missions.terrain import terrain_bounds
 
 
 def change_keep_out(
@@ -24,5 +25,5 @@ def change_keep_out(
     """
     columns = given_columns(given)
     if "polygon_m" in given.model_fields_set:
-        require_polygon(session, row.mission_id, given.polygon_m)
+        require_outline(given.polygon_m, terrain_bounds(session, row.mission_id))
     return Changed(columns | tied_keep_out(session, row, columns))

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from ground.errors import InvalidInputError, OutsideTerrainError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, new_row
 from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.kind import KEEP_OUT, show_keep_outs
 from ground.resources.keep_outs.row import KeepOutRow
+from ground.resources.keep_outs.rules import require_outline
 from ground.resources.keep_outs.tie_keep_out import tied_keep_out
 from ground.resources.keep_outs.value import KeepOut
-from ground.resources.missions.terrain import terrain_row
+from ground.resources.missions.terrain import terrain_bounds
 
 
 def create_keep_out(repo: Repository, actor: Actor, mission_id: str, given: KeepOutCreate) -> KeepOut:
@@ -42,43 +40,10 @@ def keep_out_row(session: Session, actor: Actor, mission_id: str, given: KeepOut
     InvalidInputError
         If the outline is none on this terrain, or the mission has no such frame.
     """
-    require_polygon(session, mission_id, given.polygon_m)
+    require_outline(given.polygon_m, terrain_bounds(session, mission_id))
     count = session.scalar(select(func.count()).where(KeepOutRow.mission_id == mission_id)) or 0
     name = given.name or f"Keep-out {count + 1}"
     row: KeepOutRow = new_row(KEEP_OUT, actor, mission_id, given, name=name, sigma_m=0.0)
     for column, value in tied_keep_out(session, row, {"polygon_m": row.polygon_m}).items():
         setattr(row, column, value)
     return row
-
-
-def require_polygon(session: Session, mission_id: str, polygon_m: Sequence[Sequence[float]]) -> None:
-    """Raise unless the corners make a simple polygon with an area, on the terrain."""
-    from shapely.geometry import Polygon
-
-    corners = [tuple(c) for c in polygon_m]
-    if len(corners) > 1 and corners[0] == corners[-1]:
-        corners = corners[:-1]
-    if len(set(corners)) < 3:
-        raise InvalidInputError(
-            f"a keep-out needs 3 corners, this one has {len(set(corners))}", pointer="/polygon_m"
-        )
-    shape = Polygon(corners)
-    if not shape.is_valid or shape.area < 1e-4:
-        raise InvalidInputError(
-            "the outline of the keep-out crosses itself or has no area", pointer="/polygon_m"
-        )
-    bounds = terrain_row(session, mission_id).description["bounds_m"]
-    west, south, east, north = shape.bounds
-    margin = 10.0
-    if (
-        west < bounds["east_min_m"] - margin
-        or east > bounds["east_max_m"] + margin
-        or south < bounds["north_min_m"] - margin
-        or north > bounds["north_max_m"] + margin
-    ):
-        raise OutsideTerrainError(
-            f"the keep-out reaches from ({west:.1f}, {south:.1f}) to ({east:.1f}, {north:.1f}) m, "
-            f"more than {margin:g} m "
-            f"off the terrain",
-            pointer="/polygon_m",
-        )

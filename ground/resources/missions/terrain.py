@@ -8,6 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import NotFoundError
+from ground.gdr.geometry import Bounds
 from ground.gdr.repository import Repository
 from ground.resources.missions.row import MissionRow
 from ground.resources.terrains.row import TerrainRow
@@ -32,3 +33,8 @@ def terrain_row(session: Session, mission_id: str) -> TerrainRow:
 def mission_terrain(repo: Repository, session: Session, mission_id: str) -> Terrain:
     """Return the full-resolution terrain of a mission."""
     return load_cached(repo.terrain_dir(terrain_row(session, mission_id).id))
+
+
+def terrain_bounds(session: Session, mission_id: str) -> Bounds:
+    """Return the rectangle of a mission's terrain."""
+    return Bounds(**terrain_row(session, mission_id).description["bounds_m"])

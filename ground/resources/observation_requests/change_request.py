@@ -15,10 +15,11 @@ from ground.records.kind import Changed, Prepared, given_columns
 from ground.resources.missions.row import MissionRow
 from ground.resources.observation_requests.bodies import ObservationRequestChange
 from ground.resources.observation_requests.constraints import written_constraints
-from ground.resources.observation_requests.create_request import require_after, require_window
+from ground.resources.observation_requests.create_request import order_of
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow, observation_point_of
+from ground.resources.observation_requests.rules import require_order, require_window
 from ground.resources.targets.row import TargetRow
 
 
@@ -58,7 +59,7 @@ def change_request(
     if "window_s" in given.model_fields_set:
         require_window(given.window_s)
     if "after" in given.model_fields_set:
-        require_after(session, row.mission_id, row.id, given.after)
+        require_order(order_of(session, row.mission_id), row.id, given.after)
     columns = given_columns(given)
     columns.pop("observation_pose", None)
     if "constraints" in given.model_fields_set:

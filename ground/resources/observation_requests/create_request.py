@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 
 from sqlalchemy import select
@@ -19,6 +18,7 @@ from ground.resources.observation_requests.constraints import written_constraint
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST, show_requests
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
+from ground.resources.observation_requests.rules import require_order, require_window
 from ground.resources.observation_requests.value import ObservationRequest, RequestState
 from ground.resources.targets.row import TargetRow
 
@@ -45,7 +45,7 @@ def create_request(
         manual = None if given.observation_pose is None else given.observation_pose.value()
         point = place_rover(repo, session, target, instrument, manual)
     with repo.database.write() as session:
-        require_after(session, mission_id, None, given.after)
+        require_order(order_of(session, mission_id), None, given.after)
         row = new_row(
             OBSERVATION_REQUEST,
             actor,
@@ -62,36 +62,9 @@ def create_request(
         return show_requests(session, [row])[0]
 
 
-def require_window(window_s: Sequence[float] | None) -> None:
-    """Raise unless a time window ends after it begins."""
-    if window_s is not None and not window_s[0] < window_s[1]:
-        raise InvalidInputError(
-            f"the window ends at {window_s[1]:g} s and begins at {window_s[0]:g} s", pointer="/window_s"
-        )
-
-
-def require_after(session: Session, mission_id: str, request_id: str | None, after: Sequence[str]) -> None:
-    """Raise unless the requests to be done before exist in the mission and make no circle."""
-    rows = session.execute(
-        select(ObservationRequestRow.id, ObservationRequestRow.after).where(
-            ObservationRequestRow.mission_id == mission_id
-        )
-    ).all()
-    before: dict[str, list[str]] = {row.id: list(row.after) for row in rows}
-    for index, other in enumerate(after):
-        if other not in before or other == request_id:
-            raise InvalidInputError(
-                f"there is no other observation request {other} in the mission", pointer=f"/after/{index}"
-            )
-    if request_id is None:
-        return
-    before[request_id] = list(after)
-    seen: set[str] = set()
-    stack = list(after)
-    while stack:
-        current = stack.pop()
-        if current == request_id:
-            raise InvalidInputError(f"{request_id} would have to come before itself", pointer="/after")
-        if current not in seen:
-            seen.add(current)
-            stack.extend(before.get(current, ()))
+def order_of(session: Session, mission_id: str) -> dict[str, list[str]]:
+    """Return for each request of a mission those to be done before it."""
+    rows = select(ObservationRequestRow.id, ObservationRequestRow.after).where(
+        ObservationRequestRow.mission_id == mission_id
+    )
+    return {row.id: list(row.after) for row in session.execute(rows)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import NameTakenError, UnobservedGroundError
+from ground.errors import UnobservedGroundError
 from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
@@ -15,6 +15,7 @@ from ground.resources.missions.terrain import mission_terrain, terrain_row
 from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.kind import TARGET, show_targets
 from ground.resources.targets.row import TargetRow
+from ground.resources.targets.rules import free_name
 from ground.resources.targets.tie_target import tied_target
 from ground.resources.targets.value import Target
 from ground.resources.terrains.terrain import ground_at
@@ -51,7 +52,7 @@ def target_row(
     NameTakenError, InvalidInputError
         If another target has the name, or the mission has no such frame.
     """
-    name = free_name(session, mission_id, given.name)
+    name = free_name(names_of(session, mission_id), given.name)
     row: TargetRow = new_row(TARGET, actor, mission_id, given, **{**columns, "name": name})
     for column, value in tied_target(session, row, columns).items():
         setattr(row, column, value)
@@ -89,21 +90,6 @@ def target_columns(
     }
 
 
-def free_name(session: Session, mission_id: str, wanted: str | None) -> str:
-    """Return a target's name: the one wanted, or the next of T1, T2, ...
-
-    Raises
-    ------
-    NameTakenError
-        If another target of the mission has it.
-    """
-    query = select(TargetRow.name).where(TargetRow.mission_id == mission_id)
-    taken = set(session.scalars(query))
-    if wanted is None:
-        number = len(taken) + 1
-        while f"T{number}" in taken:
-            number += 1
-        return f"T{number}"
-    if wanted in taken:
-        raise NameTakenError(f"there is a target {wanted!r} already", pointer="/name")
-    return wanted
+def names_of(session: Session, mission_id: str) -> set[str]:
+    """Return the names that a mission's targets have."""
+    return set(session.scalars(select(TargetRow.name).where(TargetRow.mission_id == mission_id)))
