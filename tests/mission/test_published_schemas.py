@@ -11,11 +11,12 @@ import pytest
 
 from mission.codec import Codec
 from mission.day import DAYS
+from rover_iface.profile import PROFILES
 
 FORMATS = Path(__file__).parents[2] / "docs/formats"
 
 
-@pytest.mark.parametrize("codec", [DAYS], ids=lambda codec: str(codec.format))
+@pytest.mark.parametrize("codec", [DAYS, PROFILES], ids=lambda codec: str(codec.format))
 def test_a_published_schema_is_that_of_its_codec(codec: Codec[Any]) -> None:
     path = FORMATS / f"{codec.format.replace('/', '-')}.schema.json"
     text = json.dumps(codec.schema(), indent=2) + "\n"

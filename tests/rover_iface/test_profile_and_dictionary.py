@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from executive.crl.dictionary import ValueType
+from mission.plugins import Registry
+from rover_iface import profile as profile_module
+from rover_iface import profiles
 from rover_iface.errors import ProfileError
 from rover_iface.profile import load_profile, profile_names, standard_dictionary
 from rover_iface.telemetry import TrackState, key
+from rover_iface.vision.handoffs import HANDOFFS
 
 COMMANDS, TELEMETRY = standard_dictionary().commands, standard_dictionary().telemetry
 NAMES = [
@@ -147,3 +151,85 @@ def test_an_unknown_instrument_lists_the_known_ones() -> None:
         match='rover "k9" has no instrument "drill"; it carries microscopic_imager, science_camera',
     ):
         load_profile("k9").instrument("drill")
+
+
+@pytest.mark.parametrize(
+    ("profile", "dictionary", "words"),
+    [
+        (("", ""), ('activity = "stow"', 'activity = "fold"'), 'from the activity "fold", which the profile'),
+        (("", ""), ('needs = ["arm"]', 'needs = ["tail"]'), 'needs "tail"; a rover has mobility, mast, arm'),
+        (
+            ('use = "contact"', 'use = "contact"\naction = "drill"'),
+            ("", ""),
+            'instrument "mi" is used by the action "drill", which the dictionary lacks; it has navigate,',
+        ),
+        (
+            ('use = "contact"', 'use = "contact"\naction = "stow"'),
+            ("", ""),
+            'used by the action "stow", which has no parameter "target"; it has none',
+        ),
+        (
+            ("", ""),
+            (
+                'instrument = { type = "string", doc = "name of the contact',
+                'instrument = { type = "string", choices = ["apxs"], doc = "name of the contact',
+            ),
+            'lets its instrument be "apxs", which the profile lacks; it carries mi, scicam',
+        ),
+    ],
+)
+def test_a_dictionary_that_contradicts_its_profile_is_one_clear_error(
+    tmp_path: Path, profile: tuple[str, str], dictionary: tuple[str, str], words: str
+) -> None:
+    folder = profiles.FOLDER.parent
+    text = (folder / "dictionaries" / "outcrop-rover.toml").read_text()
+    assert dictionary[0] in text
+    (tmp_path / "words.toml").write_text(text.replace(*dictionary, 1) if dictionary[0] else text)
+    whole = (folder / "profiles" / "k9.toml").read_text().replace('"outcrop-rover"', '"words.toml"')
+    assert profile[0] in whole
+    (tmp_path / "rover.toml").write_text(whole.replace(*profile, 1) if profile[0] else whole)
+    with pytest.raises(ProfileError) as caught:
+        load_profile(tmp_path / "rover.toml")
+    assert words in str(caught.value)
+    assert "dictionary outcrop-rover 1" in str(caught.value)
+
+
+def test_a_profile_that_names_an_unknown_dictionary_lists_the_known_ones(tmp_path: Path) -> None:
+    text = (profiles.FOLDER / "k9.toml").read_text().replace('"outcrop-rover"', '"klingon"')
+    (tmp_path / "rover.toml").write_text(text)
+    with pytest.raises(ProfileError, match='unknown dictionary "klingon"; known are outcrop-rover'):
+        load_profile(tmp_path / "rover.toml")
+
+
+def test_a_profile_of_version_1_still_opens_and_means_the_same(tmp_path: Path) -> None:
+    """As the program wrote them before instruments, camera sets and leg models were the profile's."""
+    now = load_profile("k9")
+    text = (profiles.FOLDER / "k9.toml").read_text()
+    for new, old in (
+        ('"profile/2"', '"profile/1"'),
+        ('dictionary = "outcrop-rover"\n', ""),
+        ('set = "k9"\n', ""),
+        ('use = "contact"\ncamera = "mi"\nalias = "microscopic_imager"', 'kind = "contact"'),
+        ('use = "remote"\nalias = "science_camera"', 'kind = "remote"'),
+    ):
+        assert new in text
+        text = text.replace(new, old)
+    head, rest = text.split("[leg_model]")
+    text = head + rest[rest.index("[instruments.mi]") :]
+    (tmp_path / "old.toml").write_text(text)
+    assert load_profile(tmp_path / "old.toml") == now
+
+
+def test_hand_off_methods_of_the_dictionary_are_those_that_are_registered() -> None:
+    method = COMMANDS.actions["handoff"].parameter("method")
+    assert method is not None
+    assert sorted(method.choices) == sorted(HANDOFFS.names())
+
+
+def test_a_profile_whose_package_cannot_be_imported_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    broken = Registry("rover profile", "outcrop.profiles", {"ghost": "no_such_package:PROFILE"})
+    monkeypatch.setattr(profile_module, "_NAMED", broken)
+    with pytest.raises(ProfileError, match=r'rover profile "ghost" .*cannot be loaded: ModuleNotFoundError'):
+        load_profile("ghost")
