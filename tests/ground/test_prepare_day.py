@@ -152,7 +152,7 @@ def test_target_under_an_overhang_of_its_own_normal_is_refused_with_figures() ->
     [
         (
             Request("R9", "T1", "laser", 1.0, (Tracked(),)),
-            'R9: rover k9 has no instrument "laser"; it has mi, scicam',
+            'R9: rover "k9" has no instrument "laser"; it carries microscopic_imager, science_camera',
         ),
         (Request("R9", "T1", "mi", 1.0), "R9: mi is placed by the arm, so its target must be tracked"),
     ],
