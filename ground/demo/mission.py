@@ -15,7 +15,7 @@ import numpy as np
 
 from ground.day.prepare import stand_for
 from ground.errors import InvalidInputError
-from mission import After, Day, KeepOut, Limits, Pose, Request, Target, Tracked, Window
+from mission import After, Day, KeepOut, Limits, Pose, Request, Target, Tracked, Use, Window
 from rover_iface.errors import PlacementError
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
         start=start,
         limits=Limits(time_s=3.5 * 3600.0, energy_j=1_050_000.0, overrun_penalty=60.0),
         targets=tuple(targets),
-        requests=_requests(targets, rng),
+        requests=_requests(targets, profile, rng),
         keep_outs=keep_outs,
         refs={"terrain": terrain.name},
     )
@@ -178,13 +178,15 @@ def _reachable(
 ) -> bool:
     """Return whether the arm reaches the target from somewhere."""
     try:
-        return bool(stand_for(terrain, profile, start, target, "mi", keep_outs=keep_outs, count=1))
+        contact = profile.usual_instrument(Use.CONTACT)
+        return bool(stand_for(terrain, profile, start, target, contact, keep_outs=keep_outs, count=1))
     except PlacementError:
         return False
 
 
-def _requests(targets: list[Target], rng: np.random.Generator) -> tuple[Request, ...]:
+def _requests(targets: list[Target], profile: RoverProfile, rng: np.random.Generator) -> tuple[Request, ...]:
     """Return 14 requests: seven placements, seven remote images; one window, one precedence."""
+    arm, eye = profile.usual_instrument(Use.CONTACT), profile.usual_instrument(Use.REMOTE)
     order = [int(k) for k in rng.permutation(len(targets))]
     contact = order[: CONTACT_ONLY + BOTH]
     remote = order[CONTACT_ONLY:]
@@ -194,13 +196,13 @@ def _requests(targets: list[Target], rng: np.random.Generator) -> tuple[Request,
         if k in remote:
             value = float(rng.integers(2, 7))
             # One image wants the low sun of the first two hours.
-            first = all(r.instrument != "scicam" for r in requests)
+            first = all(r.instrument != eye for r in requests)
             window = (Window(0.0, 7200.0),) if first else ()
-            requests.append(Request(f"R{len(requests) + 1}", target, "scicam", value, window))
+            requests.append(Request(f"R{len(requests) + 1}", target, eye, value, window))
         if k in contact:
             value = float(rng.integers(8, 25))
             # Only one placement must follow its image.
             follows = k in remote and not any(r.after for r in requests)
             after = (After(requests[-1].id),) if follows else ()
-            requests.append(Request(f"R{len(requests) + 1}", target, "mi", value, (*after, Tracked())))
+            requests.append(Request(f"R{len(requests) + 1}", target, arm, value, (*after, Tracked())))
     return tuple(requests)
