@@ -1,0 +1,1 @@
+"""Packages outside the product."""
