@@ -14,7 +14,7 @@ anything beside it, and the arm is asked.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -147,52 +147,63 @@ def _search(
     tool; without one, the safe one of least strain. Where none is safe, the search is done again in finer
     steps, and then the one is taken that bears a close look best.
     """
-    search = _Search(check, at, ask)
-    close: list[Judged] = []
+    search = _Search(check, at, ask, rock)
     for coarse in (2.5, 1.0):
-        safe: list[Judged] = []
-        tilted: list[tuple[Judged, Posture | Motion]] = []
-        for point in check.candidates(at, coarse=coarse):
-            if search.asked == MOST_ASKED:
-                break
-            judged = search.judge(point)
-            if judged.normal is None:
-                continue
-            if judged.findings or (judged.restless is not None and judged.strain > check.limits.most_strain):
-                if judged.close_strain <= 1.0:
-                    close.append(judged)
-            elif judged.restless is not None:
-                safe.append(judged)
-            elif (posture := search.reached(judged)) is not None:
-                slope = search.slope(judged, posture)
-                if slope <= check.limits.calm_slope_rad:
-                    return search.taken(judged, posture, rock)
-                search.leave(judged, Finding(Reason.SLOPE, slope, check.limits.calm_slope_rad, "rad"))
-                tilted.append((judged, posture))
-        if tilted:
-            return search.taken(*tilted[0], rock)
-        for judged in sorted(safe, key=lambda one: one.strain):
-            if (posture := search.reached(judged)) is not None:
-                return search.taken(judged, posture, rock)
+        verdict = search.sweep(coarse)
+        if verdict is not None:
+            return verdict
         if search.asked:
             break
-    for judged in sorted(close, key=lambda one: one.close_strain):
-        if (posture := search.reached(judged)) is not None:
-            return search.taken(judged, posture, rock)
-    return search.not_placed(rock, profile, terrain)
+    close = sorted(search.close, key=lambda one: one.close_strain)
+    return search.first_reached(close) or search.not_placed(profile, terrain)
 
 
 class _Search:
     """What was tried for one designated point (3,)."""
 
-    def __init__(self, check: JointCheck, at: Array, ask: ArmCheck) -> None:
-        self.check, self.at, self.ask = check, at, ask
+    def __init__(self, check: JointCheck, at: Array, ask: ArmCheck, rock: RockSegment | None) -> None:
+        self.check, self.at, self.ask, self.rock = check, at, ask, rock
         self.first: Judged | None = None
         self.out_of_reach: Judged | None = None
         self.crease: Finding | None = None
         self.left: Finding | None = None
         """Why the designated point was left though nothing is wrong with the surface there."""
+        self.close: list[Judged] = []
+        """Points that only a close look would take."""
         self.tried = self.asked = 0
+
+    def sweep(self, coarse: float) -> PlacementVerdict | None:
+        """Judge the points of a grid, the nearest first; None if none can be taken."""
+        limits = self.check.limits
+        safe: list[Judged] = []
+        tilted: list[tuple[Judged, Posture | Motion]] = []
+        for point in self.check.candidates(self.at, coarse=coarse):
+            if self.asked == MOST_ASKED:
+                break
+            judged = self.judge(point)
+            if judged.normal is None:
+                continue
+            if judged.findings or (judged.restless is not None and judged.strain > limits.most_strain):
+                if judged.close_strain <= 1.0:
+                    self.close.append(judged)
+            elif judged.restless is not None:
+                safe.append(judged)
+            elif (posture := self.reached(judged)) is not None:
+                slope = self.slope(judged, posture)
+                if slope <= limits.calm_slope_rad:
+                    return self.taken(judged, posture)
+                self.leave(judged, Finding(Reason.SLOPE, slope, limits.calm_slope_rad, "rad"))
+                tilted.append((judged, posture))
+        if tilted:
+            return self.taken(*tilted[0])
+        return self.first_reached(sorted(safe, key=lambda one: one.strain))
+
+    def first_reached(self, ordered: Sequence[Judged]) -> PlacementVerdict | None:
+        """Return the verdict for the first of some points that the arm reaches; None if it reaches none."""
+        for judged in ordered:
+            if (posture := self.reached(judged)) is not None:
+                return self.taken(judged, posture)
+        return None
 
     def judge(self, point: Array) -> Judged:
         """Judge one more point."""
@@ -240,7 +251,7 @@ class _Search:
         assert judged.measures is not None
         return posture.tool_tilt_rad + self.check.limits.sigmas * judged.measures.normal_sigma_rad
 
-    def taken(self, judged: Judged, posture: Posture | Motion, rock: RockSegment | None) -> PlacementVerdict:
+    def taken(self, judged: Judged, posture: Posture | Motion) -> PlacementVerdict:
         """Return the verdict for a safe point that the arm reaches."""
         assert self.first is not None
         designated = judged is self.first
@@ -251,7 +262,7 @@ class _Search:
             float(np.linalg.norm(judged.point - self.at)),
             judged.measures,
             () if designated else self.first.findings or self._why_left(self.first),
-            rock,
+            self.rock,
             self.tried,
             posture=posture,
         )
@@ -259,9 +270,7 @@ class _Search:
     def _why_left(self, first: Judged) -> tuple[Finding, ...]:
         return tuple(why for why in (first.restless, self.left) if why is not None)
 
-    def not_placed(
-        self, rock: RockSegment | None, profile: RoverProfile, terrain: Terrain | None
-    ) -> PlacementVerdict:
+    def not_placed(self, profile: RoverProfile, terrain: Terrain | None) -> PlacementVerdict:
         """Return the refusal, or the move that would bring a safe point into reach."""
         assert self.first is not None
         away = self.out_of_reach
@@ -270,7 +279,7 @@ class _Search:
                 Decision.REFUSE,
                 measures=self.first.measures,
                 findings=self.first.findings if self.crease is None else (*self.first.findings, self.crease),
-                rock=rock,
+                rock=self.rock,
                 tried=self.tried,
             )
         assert away.normal is not None
@@ -280,7 +289,7 @@ class _Search:
                 Decision.REFUSE,
                 measures=away.measures,
                 findings=(*away.findings, Finding(Reason.NO_BASE, math.nan, math.nan, "", move)),
-                rock=rock,
+                rock=self.rock,
                 tried=self.tried,
             )
         return PlacementVerdict(
@@ -290,7 +299,7 @@ class _Search:
             float(np.linalg.norm(away.point - self.at)),
             away.measures,
             away.findings,
-            rock,
+            self.rock,
             self.tried,
             base_move=move,
         )

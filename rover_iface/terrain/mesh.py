@@ -8,11 +8,10 @@ default is `x-zy`; OBJ and PLY are taken as they are, `xyz`. A left-handed mesh 
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import re
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_iface.errors import TerrainFormatError
+from rover_iface.terrain.gltf import Part, read_gltf
 from rover_iface.terrain.grid import HeightLayer
 from rover_iface.terrain.rocks import Mesh
 from rover_iface.terrain.terrain import Terrain
@@ -143,7 +143,7 @@ def read_mesh(path: Path, *, skip: Sequence[str] = ()) -> Mesh:
     suffix = path.suffix.lower()
     try:
         if suffix in (".glb", ".gltf"):
-            parts = list(_read_gltf(path, skip))
+            parts = list(read_gltf(path, skip))
         elif suffix == ".obj":
             parts = [_read_obj(path)]
         elif suffix == ".ply":
@@ -163,110 +163,6 @@ def read_mesh(path: Path, *, skip: Sequence[str] = ()) -> Mesh:
     if not np.isfinite(vertices).all():
         raise TerrainFormatError(f"mesh {path} has vertices that are no numbers")
     return Mesh(vertices, triangles, path.stem)
-
-
-Part = tuple[Array, NDArray[np.integer]]
-_COMPONENT = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-
-
-def _read_gltf(path: Path, skip: Sequence[str]) -> Iterator[Part]:
-    raw = path.read_bytes()
-    binary = b""
-    if path.suffix.lower() == ".glb":
-        magic, version, _ = struct.unpack_from("<4sII", raw, 0)
-        if magic != b"glTF" or version != 2:
-            raise TerrainFormatError(f"mesh {path} is no binary glTF 2")
-        position = 12
-        document: dict[str, Any] = {}
-        while position + 8 <= len(raw):
-            length, kind = struct.unpack_from("<I4s", raw, position)
-            chunk = raw[position + 8 : position + 8 + length]
-            if kind == b"JSON":
-                document = json.loads(chunk)
-            elif kind == b"BIN\0":
-                binary = chunk
-            position += 8 + length
-    else:
-        document = json.loads(raw)
-
-    def buffer(k: int) -> bytes:
-        uri = document["buffers"][k].get("uri")
-        if uri is None:
-            return binary
-        if uri.startswith("data:"):
-            import base64
-
-            return base64.b64decode(uri.split(",", 1)[1])
-        return (path.parent / uri).read_bytes()
-
-    def view(k: int) -> tuple[bytes, int]:
-        entry = document["bufferViews"][k]
-        start = entry.get("byteOffset", 0)
-        return buffer(entry["buffer"])[start : start + entry["byteLength"]], entry.get("byteStride", 0)
-
-    def accessor(k: int) -> Array:
-        entry = document["accessors"][k]
-        data, stride = view(entry["bufferView"])
-        kind = np.dtype(_COMPONENT[entry["componentType"]])
-        width = _WIDTH[entry["type"]]
-        step = stride or kind.itemsize * width
-        values: Array = np.ndarray(
-            (entry["count"], width),
-            dtype=kind,
-            buffer=data,
-            offset=entry.get("byteOffset", 0),
-            strides=(step, kind.itemsize),
-        )
-        return values
-
-    def primitive(entry: dict[str, Any]) -> Part | None:
-        if entry.get("mode", 4) != 4:
-            return None
-        packed = entry.get("extensions", {}).get("KHR_draco_mesh_compression")
-        if packed is not None:
-            import DracoPy
-
-            decoded = DracoPy.decode(view(packed["bufferView"])[0])
-            return np.asarray(decoded.points, dtype=float).reshape(-1, 3), np.asarray(decoded.faces).reshape(
-                -1, 3
-            )
-        points = np.asarray(accessor(entry["attributes"]["POSITION"]), dtype=float)
-        if "indices" in entry:
-            faces = np.asarray(accessor(entry["indices"]), dtype=np.int64).reshape(-1, 3)
-        else:
-            faces = np.arange(len(points) // 3 * 3).reshape(-1, 3)
-        return points, faces
-
-    def walk(index: int, parent: Array) -> Iterator[Part]:
-        node = document["nodes"][index]
-        if node.get("name", "") in skip:
-            return
-        here = parent @ _node_matrix(node)
-        if "mesh" in node and document["meshes"][node["mesh"]].get("name", "") not in skip:
-            for entry in document["meshes"][node["mesh"]]["primitives"]:
-                part = primitive(entry)
-                if part is not None:
-                    yield part[0] @ here[:3, :3].T + here[:3, 3], part[1]
-        for child in node.get("children", ()):
-            yield from walk(child, here)
-
-    scene = document.get("scenes", [{}])[document.get("scene", 0)]
-    for root in scene.get("nodes", range(len(document.get("nodes", ())))):
-        yield from walk(root, np.eye(4))
-
-
-def _node_matrix(node: dict[str, Any]) -> Array:
-    if "matrix" in node:
-        matrix: Array = np.array(node["matrix"], dtype=float).reshape(4, 4).T
-        return matrix
-    from rover_iface.frames import rotation_from_quaternion
-
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation_from_quaternion(w, x, y, z) * np.array(node.get("scale", (1.0, 1.0, 1.0)))
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return matrix
 
 
 def _read_obj(path: Path) -> Part:
