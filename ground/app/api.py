@@ -14,6 +14,7 @@ from ground.app import health
 from ground.resources.approvals.routes import router as approvals
 from ground.resources.calibrations.routes import router as calibrations
 from ground.resources.comments.routes import router as comments
+from ground.resources.downlinks.routes import router as ingest
 from ground.resources.frames.routes import router as frames
 from ground.resources.geometry_files.routes import router as geometry_files
 from ground.resources.history.routes import router as history
@@ -33,7 +34,6 @@ from ground.resources.products.routes import router as products
 from ground.resources.reports.routes import router as reports
 from ground.resources.rovers.routes import router as rovers
 from ground.resources.runs.export_routes import router as product_files
-from ground.resources.runs.ingest_routes import router as ingest
 from ground.resources.runs.routes import router as runs
 from ground.resources.site_maps.routes import router as site_maps
 from ground.resources.site_views.routes import router as site_views

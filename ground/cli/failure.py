@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import NoReturn
 
 import typer
@@ -13,3 +15,18 @@ def fail(message: str, code: int = BAD_INPUT) -> NoReturn:
     """Print `message` on stderr, headed by the program's name, and exit with `code`."""
     typer.echo(f"outcrop: {message}", err=True)
     raise typer.Exit(code)
+
+
+@contextlib.contextmanager
+def refusals() -> Iterator[None]:
+    """End with one line what the ground, a rover, the executive or the disk refuses."""
+    from executive.errors import ExecutiveError
+    from ground.errors import GroundError
+    from rover_iface.errors import RoverError
+
+    try:
+        yield
+    except (GroundError, RoverError, ExecutiveError) as err:
+        fail(str(err))
+    except OSError as err:
+        fail(f"{err.filename or 'a file'}: {err.strerror or err}")

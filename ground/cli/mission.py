@@ -94,7 +94,7 @@ def register(app: typer.Typer) -> None:
         from ground.cli.repository import open_or_fail
         from ground.errors import GroundError
         from ground.records.actor import SYSTEM_ACTOR
-        from ground.resources.mission_archives.mission_archive import import_mission
+        from ground.resources.mission_archives.import_mission import import_mission
 
         try:
             mission = import_mission(open_or_fail(), SYSTEM_ACTOR, source)

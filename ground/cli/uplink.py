@@ -1,4 +1,4 @@
-"""`outcrop keys`, `package`, `execute`, `ingest`: uplink and downlink."""
+"""`outcrop package`, `execute`, `ingest`: uplink and downlink."""
 
 from __future__ import annotations
 
@@ -6,29 +6,10 @@ from pathlib import Path
 
 import typer
 
-from ground.cli.failure import fail
+from ground.cli.failure import fail, refusals
 
 
 def register(app: typer.Typer) -> None:
-    keys = typer.Typer(help="Keys that sign uplink packages.", no_args_is_help=True)
-    app.add_typer(keys, name="keys")
-
-    @keys.command("new")
-    def new_keys(
-        out: Path | None = typer.Option(None, help="folder; default the data folder's keys"),
-        replace: bool = typer.Option(False, help="put a new pair in place of the present one"),
-    ) -> None:
-        """Make a pair of keys. Needs no server."""
-        from ground.cli.repository import settings_or_fail
-        from ground.errors import GroundError
-        from ground.uplink.keys import make_keys
-
-        try:
-            private, public, name = make_keys(out or settings_or_fail().data_dir / "keys", replace=replace)
-        except GroundError as err:
-            fail(err.message)
-        typer.echo(f"key {name}\nprivate {private}\npublic  {public}")
-
     @app.command("package")
     def package(
         plan: str = typer.Argument(..., help="id of an approved plan"),
@@ -54,7 +35,7 @@ def register(app: typer.Typer) -> None:
         package: Path = typer.Argument(..., help="an uplink package"),
         rover: str = typer.Option("abstract", help="name of an installed rover"),
         world: Path = typer.Option(..., help="folder of the rover's world"),
-        trust: Path = typer.Option(..., help="public key that packages must be signed with"),
+        trust: Path = typer.Option(..., help="trust file: whose signatures count"),
         out: Path = typer.Option(..., help="new folder for the run"),
         seed: int | None = typer.Option(None, min=0, help="seed of a simulated rover"),
         resume: bool = typer.Option(
@@ -72,14 +53,11 @@ def register(app: typer.Typer) -> None:
 
         Exit status 0: the plan succeeded, 1: it ended otherwise, 2: the package was refused.
         """
-        from executive.errors import ExecutiveError
-        from ground.errors import GroundError
         from ground.uplink.execute import Place, execute_package
         from ground.uplink.link import Link, read_passes
         from ground.uplink.rehearsal import Sent
-        from rover_iface.errors import RoverError
 
-        try:
+        with refusals():
             link = None
             if light_time is not None or passes is not None:
                 link = Link(light_time or 0.0, () if passes is None else read_passes(passes))
@@ -90,14 +68,11 @@ def register(app: typer.Typer) -> None:
                 resume=resume,
                 link=link,
                 commands=[Sent.parse(text) for text in command],
+                on_repair=lambda what: typer.echo(f"outcrop: {what}", err=True),
             )
-        except GroundError as err:
-            fail(err.message)
-        except (RoverError, ExecutiveError) as err:
-            fail(str(err))
         run = flight.outcome
         typer.echo(
-            f"package {checked.manifest['sequence']} of {checked.manifest['mission']}: "
+            f"package {checked.counter} of {checked.mission}: "
             f"{run.outcome or 'unfinished'} "
             f"after {run.end_s or 0.0:.0f} s, utility {run.utility:g}, {len(run.products)} products in {out}"
         )
@@ -113,8 +88,8 @@ def register(app: typer.Typer) -> None:
         from ground.cli.repository import actor_or_fail, open_or_fail
         from ground.errors import GroundError
         from ground.records.list_resources import list_resources
+        from ground.resources.downlinks.ingest_run import ingest_run
         from ground.resources.products.kind import PRODUCT
-        from ground.resources.runs.ingest_run import ingest_run
 
         repo = open_or_fail()
         who = actor_or_fail(repo, actor)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,7 +18,9 @@ from ground.uplink.flight import Flight, fly
 from mission import Day
 
 if TYPE_CHECKING:
+    from ground.uplink.verify import Package
     from planner.solve import PlanResult
+    from rover_iface.profile import RoverProfile
 
 PROFILE = "k9"
 BRANCHES = 6
@@ -130,6 +133,8 @@ def run_day(
             on_sample=lambda sample: tell(min(1.0, sample.t_s / asked.limits.time_s)),
             sync=False,
         )
+    with clock.stage("two people sign the package"):
+        sign_day(out, mission, crl_text, terrain.sha256, profile, flight)
     with clock.stage("data products to their requests"):
         products, orphans = tie_products(out, asked)
     day = DayRecord(out, asked, prepared, plan, tree, flight, fault, products, orphans, clock.seconds)
@@ -147,6 +152,47 @@ def run_day(
         )
     (out / "summary.txt").write_text("\n".join(summary_lines(day)) + "\n", encoding="utf-8")
     return day
+
+
+def sign_day(
+    out: Path, mission: DemoMission, crl_text: str, terrain_sha256: str, profile: RoverProfile, flight: Flight
+) -> Package:
+    """Return the package of a day, signed by two people with a key each under a trust file for training.
+
+    Keys and trust file stay in `out/keys`, the package in `out/package.zip`; it was checked as a rover does.
+    """
+    from datetime import UTC, datetime, timedelta
+    from importlib.metadata import version
+
+    from ground.uplink.package import json_text, manifest_text
+    from ground.uplink.training import PEOPLE, make_team, sign_package
+    from ground.uplink.verify import read_trust, verify_package
+
+    now, language = datetime.now(UTC), profile.language
+    trace = (flight.folder / "trace.jsonl").read_bytes()
+    about = {
+        "mission": "demo",
+        "plan": "demo",
+        "counter": 1,
+        "issued_utc": now.isoformat(timespec="seconds"),
+        "expires_utc": (now + timedelta(days=7)).isoformat(timespec="seconds"),
+        "terrain_sha256": terrain_sha256,
+        "dictionary": {"name": language.name, "version": language.version, "sha256": language.sha256},
+        "profile": {"name": profile.name, "version": profile.version, "sha256": profile.sha256},
+        "models_sha256": hashlib.sha256(f"{version('outcrop')} {profile.sha256}".encode()).hexdigest(),
+        "author": PEOPLE[0],
+        "verification": {
+            "run": "demo",
+            "outcome": flight.outcome.outcome,
+            "trace_sha256": hashlib.sha256(trace).hexdigest(),
+        },
+    }
+    team = make_team(out / "keys", rover="demo")
+    targets = [{"id": t.id, "name": t.name, "point_m": list(t.point_site)} for t in mission.targets]
+    landmarks = json_text({"format": "landmarks/1", "frame": "site", "targets": targets})
+    content = sign_package(team, manifest_text(about, crl_text, landmarks), crl_text, landmarks)
+    (out / "package.zip").write_bytes(content)
+    return verify_package(content, read_trust(team.trust.read_bytes()), now)
 
 
 class _Stages:

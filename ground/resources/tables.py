@@ -10,11 +10,11 @@ from ground.resources.approvals.row import ApprovalRow, WaiverRow
 from ground.resources.comments.row import CommentRow
 from ground.resources.frames.row import FrameFileRow, FrameRow, SolutionRow
 from ground.resources.keep_outs.row import KeepOutRow
-from ground.resources.missions.row import MissionRow
+from ground.resources.missions.row import ElsewhereRow, MissionRow
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.packages.row import PackageRow
+from ground.resources.packages.row import CounterRow, PackageRow, SignatureRow, StatementRow
 from ground.resources.path_networks.row import PathNetworkRow
-from ground.resources.people.row import CredentialRow, LoginFailureRow, PersonRow
+from ground.resources.people.row import CredentialRow, LoginFailureRow, PersonRow, SigningKeyRow
 from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow
 from ground.resources.products.row import ProductRow
@@ -50,10 +50,15 @@ ROWS = (
     CommentRow,
     ApprovalRow,
     WaiverRow,
+    CounterRow,
+    StatementRow,
+    SignatureRow,
     PackageRow,
+    ElsewhereRow,
     UploadRow,
     PersonRow,
     CredentialRow,
+    SigningKeyRow,
     LoginFailureRow,
 )
 METADATA = Base.metadata

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ground.errors import AlreadyExecutedError, ArchiveError, InvalidInputError
+from executive.ports import Command, CommandId, CommandStatus, Event, Rover
+from ground.errors import AlreadyExecutedError, ArchiveError, ForbiddenError, InvalidInputError
 from ground.uplink.flight import Flight, Sample, fly
-from ground.uplink.keys import load_public
+from ground.uplink.ledger import Entry, Ledger, begun, locked_ledger, pinned
 from ground.uplink.link import Link
-from ground.uplink.package import Package, read_package
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
+from ground.uplink.trust import checked as checked_trust
+from ground.uplink.trust import read_file, refusals
+from ground.uplink.verify import (
+    PACKAGE,
+    Package,
+    Trust,
+    read_package,
+    verify_package,
+)
 from rover_iface.registry import find_rover
-
-LEDGER = "executed.jsonl"
-"""In the rover's world: one line for each package it began, so that none is carried out twice."""
-
 
 INTERRUPTED = "interrupted"
 """In the folder of a run that was taken up again: what the process had written that died."""
@@ -27,7 +31,7 @@ INTERRUPTED = "interrupted"
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a package is executed: name of the rover, its world, the key it trusts, its seed if simulated."""
+    """Where a package is executed: name of the rover, its world, its trust file, its seed if simulated."""
 
     rover: str
     world: Path
@@ -44,116 +48,229 @@ def execute_package(
     link: Link | None = None,
     commands: Sequence[Sent] = (),
     on_sample: Callable[[Sample], None] | None = None,
+    on_repair: Callable[[str], None] = lambda _what: None,
+    clock: Callable[[], datetime] = lambda: datetime.now(UTC),
 ) -> tuple[Package, Flight]:
     """Return what came of a package; its folder `out` has the form `run/1`.
 
-    Everything is checked before the first command: signature, digests, dictionary, sequence number, CRL.
+    Everything is checked before the first command: the signatures of enough people by the trust file,
+    digests, expiry, dictionary, counter, CRL. The ledger of the rover is held by one execution at a time, and
+    is marked before the first command leaves: from then on the package is begun, for good.
 
     `resume` goes on with a run whose process died. A simulated rover died with it: it is made anew from its
     seed and led through the same commands; its journal has to repeat the interrupted one record by record.
 
     With a `link` the run is a rehearsal: `commands` reach the rover late and in passes, and `ground.json` in
     the folder says when each record and product is known on the ground. The executive does not notice.
+    `on_repair` is told in a sentence when the ledger was damaged and could be mended.
 
     Raises
     ------
     ArchiveError
-        If the package is damaged, foreign, or made for another dictionary.
+        If the package is damaged, foreign, expired, signed by too few, or made for another dictionary.
     AlreadyExecutedError
-        If the rover has begun this package, or one with a later number, before.
+        If the rover has begun this package, or one with a later counter, before, or is busy.
     InvalidInputError
-        If the output folder is in use, or there is nothing to resume.
+        If the output folder is in use, there is nothing to resume, or the journal of a run that was begun is
+        gone.
     StateError
         If the rover does not repeat what the interrupted journal holds.
     """
-    checked = _checked(package, place)
-    manifest = checked.manifest
-    begun = _begun(place.world / LEDGER, checked)
-    if begun is not None and not resume:
-        raise AlreadyExecutedError(
-            f"package {manifest['sequence']} of {manifest['mission']} was executed before"
-        )
-    run_id = f"execution-{manifest['sequence']}"
-    seed = place.seed
-    earlier: list[Any] = []
-    if resume:
-        if begun is None:
-            raise InvalidInputError(
-                f"package {manifest['sequence']} of {manifest['mission']} was not begun here: "
-                "there is nothing to resume"
-            )
-        seed = _same_rover(begun, place)
-        earlier = _set_aside(out, run_id, str(manifest["crl_sha256"]))
-    elif out.exists() and any(out.iterdir()):
-        raise InvalidInputError(f"the folder {out} is not empty; give a new one as --out")
+    content = read_file(package, "the package")
+    with refusals():
+        opened = read_package(content)
+    name = f"package {opened.counter} of {opened.mission}"
+    with locked_ledger(place.world, name) as ledger:
+        if ledger.repaired:
+            on_repair(ledger.repaired)
+        earlier = _begun(ledger, opened, name)
+        trust = _trust(ledger, place.trust)
+        now_utc = _now(clock(), ledger.entries)
+        if resume and earlier is not None:  # it was begun in time
+            now_utc = min(now_utc, _time(earlier) or now_utc)
+        with refusals():
+            checked = verify_package(content, trust, now_utc)
+        _check_plan(checked, place.world)
+        if pinned(ledger.entries) is None:
+            pin(ledger, trust)
+        if earlier is not None and not resume:
+            raise AlreadyExecutedError(f"{name} was executed before")
+        if resume and earlier is None:
+            raise InvalidInputError(f"{name} was not begun here: there is nothing to resume")
+        return checked, _run(checked, place, out, ledger, earlier, link, commands, on_sample, now_utc)
+
+
+def _run(
+    package: Package,
+    place: Place,
+    out: Path,
+    ledger: Ledger,
+    earlier: Entry | None,
+    link: Link | None,
+    commands: Sequence[Sent],
+    on_sample: Callable[[Sample], None] | None,
+    now_utc: datetime,
+) -> Flight:
+    run_id = f"execution-{package.counter}"
+    seed = place.seed if earlier is None else _same_rover(earlier, place)
+    records: list[Any] = []
+    if earlier is not None:
+        records = _set_aside(out, run_id, str(package.manifest["crl_sha256"]))
+    elif out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InvalidInputError(f"{out} is a file or a folder in use; give a new one as --out")
     out.mkdir(parents=True, exist_ok=True)
-    machine = find_rover(place.rover)(place.world, out=out, **({} if seed is None else {"seed": seed}))
-    if begun is None:
-        _note(place.world / LEDGER, checked, place)
+    rover = find_rover(place.rover)(place.world, out=out, **({} if seed is None else {"seed": seed}))
+    entry = {
+        "mission": package.mission,
+        "sequence": package.counter,
+        "sha256": package.sha256,
+        "rover": place.rover,
+        "seed": place.seed,
+        "begun_utc": now_utc.isoformat(timespec="seconds"),
+    }
+    marking = _Marking(rover, (lambda: ledger.append(entry)) if earlier is None else None)
     about = {
         "kind": "execution",
         "rover": place.rover,
         "seed": seed if seed is not None else 0,
         "faults": [],
-        "package_sha256": checked.sha256,
-        "mission": manifest["mission"],
-        "plan": manifest["plan"],
-        "sequence": manifest["sequence"],
+        "package_sha256": package.sha256,
+        "mission": package.mission,
+        "plan": package.manifest["plan"],
+        "sequence": package.counter,
+        "signers": {role: list(people) for role, people in package.signers.items()},
     }
-    if earlier:
-        about["resumed_after_records"] = len(earlier)
+    if records:
+        about["resumed_after_records"] = len(records)
     reach = heard(link, commands)
     flight = fly(
-        checked.crl_text,
-        machine,
+        package.crl_text,
+        marking,
         out,
         run_id=run_id,
         about=about,
         on_sample=on_sample,
-        repeats=earlier,
+        repeats=records,
         operator=[event for _, event in reach if event is not None],
     )
+    marking.mark()  # a plan without a command was executed, too
     if link is not None:
         write_ground_view(out, link, flight, reach)
-    return checked, flight
+    return flight
 
 
-def _checked(package: Path, place: Place) -> Package:
+class _Marking:
+    """A rover before whose first command the ledger is marked."""
+
+    def __init__(self, rover: Rover, mark: Callable[[], None] | None) -> None:
+        self._rover, self._mark = rover, mark
+
+    def mark(self) -> None:
+        if self._mark is not None:
+            self._mark()
+            self._mark = None
+
+    def send(self, command: Command) -> None:
+        self.mark()
+        self._rover.send(command)
+
+    def abort(self, command: CommandId) -> None:
+        self.mark()
+        self._rover.abort(command)
+
+    def status(self, command: CommandId) -> CommandStatus:
+        return self._rover.status(command)
+
+    def next_event(self, until_ms: int | None) -> Event | None:
+        return self._rover.next_event(until_ms)
+
+
+def commission(world: Path, trust_file: Path) -> Trust:
+    """Bind a rover to a trust file for good, one for training too; return what it says.
+
+    Raises
+    ------
+    ForbiddenError
+        If the rover is bound to another one.
+    ArchiveError
+        If the trust file does not hold together.
+    """
+    with locked_ledger(world, "commissioning") as ledger:
+        trust = checked_trust(read_file(trust_file, "the trust file"))
+        known = pinned(ledger.entries)
+        if known is not None and known["trust"] not in trust.chain:
+            raise ForbiddenError(f"the rover of {world} is bound to another trust file")
+        if known is None or known["trust"] != trust.chain[-1]:
+            pin(ledger, trust)
+        return trust
+
+
+def pin(ledger: Ledger, trust: Trust) -> None:
+    """Write into the ledger which version of the trust file is used from now on, and none before it."""
+    ledger.append({"trust": trust.chain[-1], "version": trust.version})
+
+
+def _trust(ledger: Ledger, path: Path) -> Trust:
+    """Return the trust file, bound to the one that was used before; a later version is bound to at once."""
+    known = pinned(ledger.entries)
+    last = None if known is None else str(known["trust"])
+    trust = checked_trust(read_file(path, "the trust file"), pinned=last)
+    if known is None and trust.training:
+        raise ArchiveError(
+            "the trust file is for training; only a rover that was commissioned with it accepts it "
+            "(`outcrop trust install`)"
+        )
+    if last is not None and last != trust.chain[-1]:
+        pin(ledger, trust)
+    return trust
+
+
+def _check_plan(package: Package, world: Path) -> None:
     from executive.crl import CrlError, digest, parse
     from rover_iface.simulator.world import load_world
 
-    checked = read_package(package, load_public(place.trust))
-    language = load_world(place.world).profile.language
-    manifest = checked.manifest
-    wanted = manifest.get("dictionary", {})
-    if (wanted.get("name"), wanted.get("version")) != (language.name, language.version):
+    language = load_world(world).profile.language
+    found = package.manifest.get("dictionary")
+    wanted = found if isinstance(found, dict) else {}
+    same = (wanted.get("name"), wanted.get("version")) == (language.name, language.version)
+    if not same or (package.format == PACKAGE and wanted.get("sha256") != language.sha256):
         raise ArchiveError(
-            f"the package is for the command dictionary {wanted.get('name')} {wanted.get('version')}; "
-            f"this rover has {language.name} {language.version}"
+            f"the package is for the command dictionary {wanted.get('name')!a} {wanted.get('version')!a}; "
+            f"this rover has {language.name} {language.version}" + (" of another text" if same else "")
         )
     try:
-        found = digest(parse(checked.crl_text))
-    except CrlError as err:
+        same = digest(parse(package.crl_text)) == package.manifest["crl_sha256"]
+    except (CrlError, RecursionError) as err:
         raise ArchiveError(f"the plan of the package is no CRL: {err}") from err
-    if found != manifest.get("crl_sha256"):
+    if not same:
         raise ArchiveError("the plan of the package is not the one that was approved (SHA-256 differs)")
-    return checked
 
 
-def _begun(path: Path, package: Package) -> dict[str, Any] | None:
+def _begun(ledger: Ledger, package: Package, name: str) -> Entry | None:
     """Return what the ledger says of a package that was begun here; refuse one that is older than another."""
-    mission, sequence = package.manifest["mission"], int(package.manifest["sequence"])
-    begun: dict[str, Any] | None = None
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-        entry = json.loads(line)
+    found: Entry | None = None
+    for entry in begun(ledger.entries):
         if entry["sha256"] == package.sha256:
-            begun = entry
-        elif entry["mission"] == mission and entry["sequence"] >= sequence:
+            found = entry
+        elif entry["mission"] == package.mission and int(str(entry["sequence"])) >= package.counter:
             raise AlreadyExecutedError(
-                f"package {sequence} of {mission} is older than package {entry['sequence']}, "
-                "which was executed before"
+                f"{name} is older than package {entry['sequence']}, which was executed before, or the same "
+                "in another file"
             )
-    return begun
+    return found
+
+
+def _time(entry: Entry) -> datetime | None:
+    try:
+        return datetime.fromisoformat(str(entry.get("begun_utc")))
+    except ValueError:
+        return None
+
+
+def _now(clock_utc: datetime, entries: Sequence[Entry]) -> datetime:
+    """Return the time, never before that of an execution in the ledger: a clock set back revives nothing."""
+    times = [t for t in map(_time, begun(entries)) if t is not None and t.tzinfo is not None]
+    return max([clock_utc, *times])
 
 
 def _same_rover(begun: Mapping[str, Any], place: Place) -> int | None:
@@ -168,40 +285,35 @@ def _same_rover(begun: Mapping[str, Any], place: Place) -> int | None:
 
 
 def _set_aside(out: Path, run_id: str, crl_sha256: str) -> list[Any]:
-    """Move what the dead process left out of the way; return the records of its journal."""
+    """Move what the dead process left out of the way; return the records of its journal.
+
+    The ledger was marked after the journal had its header, so a journal that is gone or empty is damage: what
+    the rover was told is not known, and the run is not begun anew.
+    """
     from executive.errors import JournalError
     from executive.runtime.journal import JournalFile
 
     if (out / "run.json").exists():
         raise InvalidInputError(f"the run in {out} came to its end; there is nothing to resume")
-    left = [path for path in out.iterdir() if path.name != INTERRUPTED] if out.is_dir() else []
-    journal = out / "journal.jsonl"
+    aside = sorted(
+        out.glob(f"{INTERRUPTED}/*/journal.jsonl")
+    )  # a resumed run may have died while it repeated
     records: list[Any] = []
-    if journal.exists():
+    complaint = (
+        f"the run in {out} cannot be resumed: its journal is gone, and what the rover was told with it"
+    )
+    for path in [out / "journal.jsonl", *aside]:
         try:
-            file = JournalFile(journal)
+            file = JournalFile(path)
             file.check_identity(run_id=run_id, plan_digest=crl_sha256)
-            records = file.records
+            records = max(records, file.records, key=len)
         except JournalError as err:
-            if journal.stat().st_size:  # an empty one, or a torn header: nothing was ever sent
-                raise InvalidInputError(f"the run in {out} cannot be resumed: {err}") from err
+            complaint = f"the run in {out} cannot be resumed: {err}" if path.exists() else complaint
+    if not records:
+        raise InvalidInputError(complaint)
     number = len(list((out / INTERRUPTED).iterdir())) if (out / INTERRUPTED).is_dir() else 0
-    for path in left:
-        aside = out / INTERRUPTED / str(number + 1)
-        aside.mkdir(parents=True, exist_ok=True)
-        path.rename(aside / path.name)
+    for path in [path for path in out.iterdir() if path.name != INTERRUPTED]:
+        target = out / INTERRUPTED / str(number + 1)
+        target.mkdir(parents=True, exist_ok=True)
+        path.rename(target / path.name)
     return records
-
-
-def _note(path: Path, package: Package, place: Place) -> None:
-    entry = {
-        "mission": package.manifest["mission"],
-        "sequence": int(package.manifest["sequence"]),
-        "sha256": package.sha256,
-        "rover": place.rover,
-        "seed": place.seed,
-    }
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(entry) + "\n")
-        file.flush()
-        os.fsync(file.fileno())

@@ -22,10 +22,10 @@ from ground.jobs.worker import Worker
 from ground.records.actor import Actor, Role
 from ground.resources.comments.create_comment import create_comment
 from ground.resources.comments.row import CommentRow
+from ground.resources.downlinks.ingest_run import ingest_run
 from ground.resources.missions.kind import MISSION
 from ground.resources.packages.row import PackageRow
 from ground.resources.plans.row import PlanRow
-from ground.resources.runs.ingest_run import ingest_run
 from ground.resources.uploads.store_upload import UploadDraft
 from ground.settings import load_settings
 from tests.ground import work_for_tests

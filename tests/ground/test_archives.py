@@ -17,7 +17,8 @@ from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR
 from ground.resources.backups.backup import backup, restore
 from ground.resources.backups.check_files import check_files
-from ground.resources.mission_archives.mission_archive import export_mission, import_mission
+from ground.resources.mission_archives.import_mission import import_mission
+from ground.resources.mission_archives.mission_archive import export_mission
 from ground.resources.missions.value import Mission
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.products.row import ProductRow

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from ground.errors import AlreadyExecutedError, ArchiveError
+from ground.errors import AlreadyExecutedError
 from ground.gdr.history import verify_chains
 from ground.resources.missions.value import Mission
 from ground.uplink.execute import Place, execute_package
-from ground.uplink.keys import PUBLIC, make_keys
+from tests.ground.approving import hand_in, signed_by_all, team_of
 from tests.ground.conftest import Api
 from tests.ground.test_missions_api import problem, upload
 
@@ -118,19 +118,22 @@ def test_a_day_goes_from_targets_to_products_and_back(api: Api, mission: Mission
     assert (part.status_code, part.content) == (206, file.content[:4])
     assert api.get(url)["state"] == "verified"
 
-    # Approval by a second person, bound to the digest
-    make_keys(api.repo.data_dir / "keys")
-    word = {"crl_sha256": plan["crl_sha256"]}
-    problem(api("POST", f"{url}/approval", word), 403, "forbidden")
-    wrong = {"crl_sha256": "0" * 64}
-    problem(api("POST", f"{url}/approval", wrong, who="Flight Director"), 422, "invalid-input")
+    # Approval by a second person's signature, bound to the text
+    team = team_of(tmp_path / "keys")
+    by = (api, plan["id"])
+    problem(hand_in(*by, "approver", "Planner", team.author), 403, "forbidden")
+    wrong = hand_in(*by, "approver", "Flight Director", team.approver, sha256="0" * 64)
+    problem(wrong, 422, "invalid-input")
     problem(api("POST", f"{url}/package", who="Operator"), 409, "wrong-state")
-    for rule in api.get(f"{url}/flight-rules"):
-        if not rule["holds"]:
-            reason = {"rule": rule["rule"], "reason": "accepted for this test"}
-            assert api("POST", f"{url}/waivers", reason, who="Flight Director").status_code == 201
-    approval = api.post(f"{url}/approval", word, who="Flight Director")
+    signed = signed_by_all(api, plan["id"], team)
+    assert [(s["role"], s["person"]) for s in signed["signatures"]] == [
+        ("author", "Planner"),
+        ("verifier", "Planner"),
+        ("approver", "Flight Director"),
+    ]
+    (approval,) = api.get(f"/missions/{mission.id}/approvals")["items"]
     assert (approval["approver"], approval["void"]) == ("Flight Director", False)
+    assert api.get(f"{url}/statement") == signed
 
     # Uplink: the same package however often it is asked for
     package = api("POST", f"{url}/package", who="Operator")
@@ -147,8 +150,7 @@ def test_a_day_goes_from_targets_to_products_and_back(api: Api, mission: Mission
     (world / "world.json").write_text(
         json.dumps({"format": "world/1", "name": "yard", "terrain": ground, "problem": document})
     )
-    trust = api.repo.data_dir / "keys" / PUBLIC
-    place = Place("abstract", world, trust, seed=4)
+    place = Place("abstract", world, team.trust, seed=4)
     _, flight = execute_package(tmp_path / "package.zip", place, tmp_path / "run")
     assert flight.outcome.utility == run["utility"]
     with pytest.raises(AlreadyExecutedError, match="was executed before"):
@@ -182,7 +184,7 @@ def test_a_day_goes_from_targets_to_products_and_back(api: Api, mission: Mission
         assert verify_chains(session)[1] == []
 
 
-def test_any_edit_voids_an_approval(sqlite_api: Api, terrain_folder: Path) -> None:
+def test_any_edit_voids_an_approval(sqlite_api: Api, terrain_folder: Path, tmp_path: Path) -> None:
     from tests.ground.conftest import yard
 
     api = sqlite_api
@@ -191,15 +193,12 @@ def test_any_edit_voids_an_approval(sqlite_api: Api, terrain_folder: Path) -> No
     plan = planned(api, mission)
     run = {"plan_id": plan["id"], "seed": 4}
     finished(api, api.post(f"/missions/{mission.id}/runs", run, status=202))
-    make_keys(api.repo.data_dir / "keys")
-    url, word = f"/plans/{plan['id']}", {"crl_sha256": plan["crl_sha256"]}
-    for rule in api.get(f"{url}/flight-rules"):
-        if not rule["holds"]:
-            answer = problem(api("POST", f"{url}/approval", word, who="Flight Director"), 409, "wrong-state")
-            assert rule["rule"] in answer["detail"]
-            reason = {"rule": rule["rule"], "reason": "accepted for this test"}
-            api("POST", f"{url}/waivers", reason, who="Flight Director")
-    api.post(f"{url}/approval", word, who="Flight Director")
+    team, url = team_of(tmp_path / "keys"), f"/plans/{plan['id']}"
+    broken = [rule["rule"] for rule in api.get(f"{url}/flight-rules") if not rule["holds"]]
+    if broken:
+        refused = hand_in(api, plan["id"], "approver", "Flight Director", team.approver)
+        assert broken[0] in problem(refused, 409, "wrong-state")["detail"]
+    signed_by_all(api, plan["id"], team)
     api(
         "PATCH", f"/observation-requests/{requests['Near']['id']}", {"value": 21.0}, headers={"If-Match": "*"}
     )
@@ -287,38 +286,3 @@ def test_a_run_can_be_given_faults_and_refuses_malformed_ones(sqlite_api: Api, t
         "installed are abstract"
         in problem(api("POST", f"/missions/{mission.id}/runs", other), 422, "invalid-input")["detail"]
     )
-
-
-@pytest.mark.parametrize(
-    ("harm", "message"),
-    [
-        (lambda b: b[: len(b) // 2], "damaged"),
-        (lambda b: b.replace(b"plan.crl", b"plan.crx"), "damaged"),
-        (lambda _b: b"not a zip", "damaged"),
-        (lambda b: b[:60] + bytes([b[60] ^ 1]) + b[61:], "damaged"),
-    ],
-    ids=["truncated", "renamed", "no zip", "one bit"],
-)
-def test_a_damaged_package_is_refused(harm: Any, message: str, tmp_path: Path) -> None:
-    from ground.uplink.keys import load_private, load_public
-    from ground.uplink.package import read_package, write_package
-
-    make_keys(tmp_path)
-    content = write_package(
-        {"mission": "m", "plan": "p", "sequence": 1}, "(plan)", {}, load_private(tmp_path)
-    )
-    trusted = load_public(tmp_path / PUBLIC)
-    assert read_package(content, trusted).manifest["sequence"] == 1
-    with pytest.raises(ArchiveError, match=message):
-        read_package(harm(content), trusted)
-
-
-def test_a_package_signed_by_another_key_is_refused(tmp_path: Path) -> None:
-    from ground.uplink.keys import load_private, load_public
-    from ground.uplink.package import read_package, write_package
-
-    for name in ("ours", "theirs"):
-        make_keys(tmp_path / name)
-    content = write_package({"sequence": 1}, "(plan)", {}, load_private(tmp_path / "theirs"))
-    with pytest.raises(ArchiveError, match="was signed by the key"):
-        read_package(content, load_public(tmp_path / "ours" / PUBLIC))

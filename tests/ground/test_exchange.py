@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,6 +22,7 @@ from ground.errors import InvalidInputError
 from ground.reports.plan_drawing import boxes, lay_out, to_dot, to_svg
 from ground.resources.geometry_files.site_geometry import read_shapes
 from ground.resources.targets.bodies import TargetCreate
+from tests.ground.approving import hand_in
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem, upload
@@ -288,8 +290,9 @@ def test_a_plan_is_reported_before_its_run(world: tuple[Api, str]) -> None:
             api.post(f"/plans/{plan['id']}/waivers", waiver, status=201, who="Flight Director")
             assert "waived: small yard" in read().text
     assert "has approved it yet" in read().text
-    note = {"crl_sha256": plan["crl_sha256"], "note": "read and found good"}
-    api.post(f"/plans/{plan['id']}/approval", note, who="Flight Director")
+    key = Ed25519PrivateKey.generate()
+    answer = hand_in(api, plan["id"], "approver", "Flight Director", key, note="read and found good")
+    assert answer.status_code == 201, answer.text
     text = read().text
     assert "Nothing stands against the uplink" in text
     assert "read and found good" in text

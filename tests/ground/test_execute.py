@@ -12,21 +12,11 @@ from typing import Any
 
 import pytest
 
-from executive.crl import digest, parse
 from ground.errors import AlreadyExecutedError, InvalidInputError, StateError
-from ground.uplink.execute import LEDGER, Place, execute_package
+from ground.uplink.execute import Place, execute_package
 from ground.uplink.flight import Sample
-from ground.uplink.keys import PUBLIC, load_private, make_keys
-from ground.uplink.package import write_package
-from rover_iface.profile import standard_dictionary
-from tests.rover_iface.worlds import small_problem
-
-PLAN = """(plan :id day :node (block :id all :node-list (
-  (task :id go :action navigate :parameters (target = "T1") :continue-on-failure t)
-  (task :id look :action image :parameters (target = "T1" instrument = "scicam")
-    :metadata (observation = "T1-img") :continue-on-failure t)
-  (task :id on :action navigate :parameters (target = "T2") :continue-on-failure t)
-  (task :id rest :action wait :parameters (duration_s = 60)))))"""
+from ground.uplink.ledger import COPY, LEDGER
+from tests.ground.signed import small_site
 
 
 class Killed(BaseException):
@@ -36,22 +26,13 @@ class Killed(BaseException):
 @pytest.fixture
 def site(tmp_path: Path) -> tuple[Path, Place]:
     """Give a signed package and the place it is for."""
-    make_keys(tmp_path / "keys")
-    plan = parse(PLAN)
-    manifest = {
-        "mission": "M",
-        "plan": "P",
-        "sequence": 3,
-        "crl_sha256": digest(plan),
-        "dictionary": {"name": standard_dictionary().name, "version": standard_dictionary().version},
-    }
-    content = write_package(manifest, PLAN, {}, load_private(tmp_path / "keys"))
-    (tmp_path / "package.zip").write_bytes(content)
-    world = tmp_path / "world"
-    world.mkdir()
-    document = {"format": "world/1", "name": "small", "problem": small_problem()}
-    (world / "world.json").write_text(json.dumps(document))
-    return tmp_path / "package.zip", Place("abstract", world, tmp_path / "keys" / PUBLIC, seed=5)
+    return small_site(tmp_path)
+
+
+def forget(place: Place) -> None:
+    """Make a rover that has begun nothing yet."""
+    for name in (LEDGER, COPY):
+        (place.world / name).unlink()
 
 
 def die_at(number: int) -> Any:
@@ -74,14 +55,14 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {**files, "run.json": json.dumps(document, sort_keys=True).encode()}
 
 
-@pytest.mark.parametrize("sample", [1, 2, 4])
+@pytest.mark.parametrize("sample", [2, 3, 4])
 def test_an_interrupted_execution_goes_on_to_the_end_it_would_have_had(
     sample: int, site: tuple[Path, Place], tmp_path: Path
 ) -> None:
     package, place = site
     _, whole = execute_package(package, place, tmp_path / "whole")
     assert len(whole.samples) > 4
-    (place.world / LEDGER).unlink()
+    forget(place)
     out = tmp_path / "run"
     with pytest.raises(Killed):
         execute_package(package, place, out, on_sample=die_at(sample))
@@ -93,7 +74,7 @@ def test_an_interrupted_execution_goes_on_to_the_end_it_would_have_had(
     assert contents(out) == contents(tmp_path / "whole")
     assert resumed.document["resumed_after_records"] > 0
     assert (out / "interrupted" / "1" / "journal.jsonl").is_file()
-    assert len((place.world / LEDGER).read_text().splitlines()) == 1
+    assert len((place.world / LEDGER).read_text().splitlines()) == 2  # the trust file, and the package
     with pytest.raises(InvalidInputError, match="nothing to resume"):
         execute_package(package, place, out, resume=True)
 
@@ -118,10 +99,45 @@ def test_what_cannot_be_resumed_says_why(site: tuple[Path, Place], tmp_path: Pat
         execute_package(package, place, out, on_sample=die_at(3))
     with pytest.raises(InvalidInputError, match="the seed 5; it cannot go on"):
         execute_package(package, Place("abstract", place.world, place.trust, 6), out, resume=True)
-    ledger = place.world / LEDGER
-    ledger.write_text(ledger.read_text().replace('"seed": 5', '"seed": 6'))
+    records = out / "journal.jsonl"
+    other = execute_package(package, _fresh(place, tmp_path, seed=6), tmp_path / "other")[1]
+    records.write_bytes((other.folder / "journal.jsonl").read_bytes())
     with pytest.raises(StateError, match="does not repeat record"):
         execute_package(package, Place("abstract", place.world, place.trust), out, resume=True)
+
+
+def _fresh(place: Place, folder: Path, *, seed: int) -> Place:
+    world = folder / "fresh"
+    world.mkdir()
+    (world / "world.json").write_bytes((place.world / "world.json").read_bytes())
+    return Place(place.rover, world, place.trust, seed)
+
+
+@pytest.mark.parametrize("left", [None, b"", b'{"n":0,"k":"hea'], ids=["missing", "empty", "torn header"])
+def test_a_run_whose_journal_is_gone_is_never_begun_anew(
+    left: bytes | None, site: tuple[Path, Place], tmp_path: Path
+) -> None:
+    package, place = site
+    out = tmp_path / "run"
+    with pytest.raises(Killed):
+        execute_package(package, place, out, on_sample=die_at(3))
+    (out / "journal.jsonl").unlink()
+    if left is not None:
+        (out / "journal.jsonl").write_bytes(left)
+    with pytest.raises(InvalidInputError, match="cannot be resumed"):
+        execute_package(package, place, out, resume=True)
+    assert not (out / "run.json").exists()
+
+
+def test_a_run_that_died_before_its_first_command_can_be_begun_again(
+    site: tuple[Path, Place], tmp_path: Path
+) -> None:
+    package, place = site
+    with pytest.raises(Killed):
+        execute_package(package, place, tmp_path / "first", on_sample=die_at(1))
+    assert "send" not in (tmp_path / "first" / "journal.jsonl").read_text()
+    _, flight = execute_package(package, place, tmp_path / "second")
+    assert flight.outcome.outcome is not None
 
 
 def test_the_command_goes_on_after_sigkill(site: tuple[Path, Place], tmp_path: Path) -> None:

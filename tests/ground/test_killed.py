@@ -28,13 +28,13 @@ from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
 from ground.resources.backups.check_files import check_files
 from ground.resources.comments.row import CommentRow
+from ground.resources.downlinks.ingest_run import ingest_run
 from ground.resources.missions.value import Mission
 from ground.resources.observation_requests.bodies import ObservationRequestCreate
 from ground.resources.observation_requests.create_request import create_request
 from ground.resources.packages.row import PackageRow
 from ground.resources.plans.row import PlanRow
 from ground.resources.products.row import ProductRow
-from ground.resources.runs.ingest_run import ingest_run
 from ground.resources.runs.row import RunRow
 from ground.resources.sols.row import SolRow
 from ground.resources.targets.bodies import TargetCreate

@@ -322,13 +322,14 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("PATCH", r"/frames/\{[a-z_]+\}$", Action.EDIT_MISSION),
     ("(PATCH|DELETE)", r"/(solutions|site-maps)/\{[a-z_]+\}$", Action.EDIT_MISSION),
     ("(POST|PATCH|DELETE)", r"/traverses(/\{[a-z_]+\})?$", Action.PLAN),
-    ("POST", r"/(approval|waivers)$", Action.APPROVE),
+    ("POST", r"/(signatures|waivers)$", Action.APPROVE),
+    ("POST", r"/statement$", Action.PLAN),
     ("POST", r"/(package|ingest)$", Action.UPLINK),
     ("POST", r"/uploads$", Action.EDIT_SCIENCE),
     ("(POST|PATCH)", r"/people", Action.ADMINISTER),
 )
 """Which right each changing endpoint needs; written down apart from the code that checks it."""
-FREE = re.compile(r"/(session|api-keys|undo|redo)|/(runs/ingest|missions/import)$")
+FREE = re.compile(r"/(session|api-keys|signing-keys|undo|redo)|/(runs/ingest|missions/import)$")
 """Endpoints about oneself, or whose right depends on what is taken back or brought in."""
 
 
@@ -361,7 +362,12 @@ BODIES: dict[str, Any] = {
     "create_plan": {"iterations": 1},
     "create_run": {"plan_id": "P"},
     "control_run": {"paused": True},
-    "approve_plan": {"crl_sha256": "0" * 64},
+    "sign_plan": {
+        "role": "approver",
+        "sha256": "0" * 64,
+        "key": "0" * 16,
+        "signature": "A" * 86 + "==",
+    },
     "create_waiver": {"rule": "FR-TILT", "reason": "x"},
     "create_person": {"name": "Eve"},
     "create_frame": {"name": "SITE_FRAME", "counter": [2]},
@@ -520,10 +526,6 @@ def test_every_role_may_do_at_every_endpoint_what_its_rights_say_and_no_more(
         person = session.query(PersonRow.id).first()
     assert person is not None
     document = build_api().openapi()["paths"]
-    (sqlite_repo.data_dir / "keys").mkdir()
-    from ground.uplink.keys import make_keys
-
-    make_keys(sqlite_repo.data_dir / "keys")
     wrong = []
     for api in open_api(sqlite_repo):
         for method, path in changing_endpoints():

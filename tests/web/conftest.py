@@ -105,7 +105,7 @@ def server(tmp_path_factory: pytest.TempPathFactory, built_ui: Path) -> Iterator
 def run_server(data: Path) -> Iterator[Server]:
     """Give a server on a fresh database with the demo mission; its data are gone afterwards."""
     command, environment = _outcrop(data)
-    for arguments in (["migrate"], ["mission", "load-demo"], ["keys", "new"]):
+    for arguments in (["migrate"], ["mission", "load-demo"]):
         subprocess.run(
             [*command, *arguments], env=environment, check=True, cwd=data, stdout=subprocess.DEVNULL
         )

@@ -8,11 +8,11 @@ import os
 import re
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from ground.uplink.keys import PUBLIC
 from tests.web.conftest import Server
 from tests.web.page import WAIT_MS, chromium, colours, field_of, open_page, open_scene, pixel, shot
 
@@ -101,7 +101,14 @@ def _execute(server: Server, package: Path, problem: dict[str, Any], terrain: st
         json.dumps({"format": "world/1", "name": "site", "terrain": str(ground), "problem": problem})
     )
     run = folder / "run"
-    trust = server.data / "keys" / PUBLIC
+    trust = folder / "trust.json"
+    server.outcrop("keys", "make", str(folder / "root.key"))
+    roots = ["--root", str(folder / "root.key")]
+    server.outcrop("trust", "init", str(trust), "--rover", "site", "--person", "Root", *roots)
+    for key in json.loads(urlopen(f"{server.address}/api/v1/signing-keys").read()):
+        role = "approver" if key["person"] == "Flight Director" else "author"
+        roles = ["--role", role, *(["--role", "verifier"] if role == "author" else [])]
+        server.outcrop("trust", "add", str(trust), key["person"], key["public"], *roles, *roots)
     server.outcrop("execute", str(package), "--world", str(world), "--trust", str(trust), "--out", str(run))
     return run
 
@@ -215,6 +222,8 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         # The maker does not approve; a second person does, and gets the package.
         page.get_by_role("tab", name="Review").click()
         expect(page.get_by_test_id("approve")).to_be_disabled()
+        page.get_by_test_id("sign").click()
+        expect(page.get_by_test_id("signatures")).to_contain_text("author Planner, verifier Planner")
         people = page.get_by_test_id("person")
         director = people.locator("option", has_text="flight director").first.get_attribute("value")
         people.select_option(director)

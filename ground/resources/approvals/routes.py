@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import Asked, Cursor, Id, Limit, answer, api_router, created
+from ground.api.context import Asked, Cursor, Id, Limit, answer, api_router
 from ground.api.problems import responses
 from ground.records.forms import Page
-from ground.resources.approvals.bodies import ApprovalCreate, WaiverCreate
+from ground.resources.approvals.bodies import WaiverCreate
 from ground.resources.approvals.value import Approval, FlightRuleResult
 
 router = api_router("uplink")
@@ -42,17 +42,3 @@ async def create_waiver(ask: Asked, plan_id: Id, body: WaiverCreate) -> Response
     from ground.resources.approvals.check_flight_rules import waive_rule
 
     return answer(await ask.do(waive_rule, plan_id, body.rule, body.reason), 201)
-
-
-@router.post(
-    "/plans/{plan_id}/approval",
-    response_model=Approval,
-    status_code=201,
-    responses=responses(400, 404, 409, 422),
-)
-async def approve_plan(ask: Asked, plan_id: Id, body: ApprovalCreate) -> Response:
-    """Approve a verified plan; not one's own, and only with the digest that was read."""
-    from ground.resources.approvals.approve_plan import approve_plan
-
-    approval = await ask.do(approve_plan, plan_id, body.crl_sha256, body.note)
-    return created(approval, f"/api/v1/missions/{approval.mission_id}/approvals")

@@ -21,7 +21,7 @@ from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
 
 FORMAT = "backup/1"
-FOLDERS = ("files", "terrains", "keys")
+FOLDERS = ("files", "terrains")
 
 
 def backup(repo: Repository, target: Path) -> dict[str, int]:

@@ -5,32 +5,35 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import shutil
-import tempfile
 import zipfile
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import insert, select
+from sqlalchemy import JSON, select
 from sqlalchemy.orm import Session
 
-from ground.errors import ArchiveError, ConflictError, NotFoundError
-from ground.gdr.archives import extract_zip
+from ground.errors import ArchiveError, NotFoundError
 from ground.gdr.base import Utc
-from ground.gdr.history import GENESIS, ChainRow, EventRow, event_digest
+from ground.gdr.history import GENESIS, EventRow, event_digest
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.resources.backups.check_files import pictures_of
-from ground.resources.missions.kind import show_missions
 from ground.resources.missions.row import MissionRow
-from ground.resources.missions.value import Mission
 from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
-from ground.resources.terrains.row import TerrainRow
+from ground.uplink.verify import MAX_COUNTER
 
 FORMAT = "mission/1"
-TABLES = tuple(t.name for t in METADATA.sorted_tables if "mission_id" in t.c and t.name != "jobs")
+Record = dict[str, Any]
+"""One row as it stands in `rows.json`."""
+
+Rows = dict[str, list[Record]]
+RIGHTS = ("approvals", "waivers", "packages", "statements", "signatures", "elsewhere")
+"""Tables that say who allowed what: of an archive they are history, never rows."""
+
+_LEFT_OUT = {"jobs", "counters", *RIGHTS}
+TABLES = tuple(t.name for t in METADATA.sorted_tables if "mission_id" in t.c and t.name not in _LEFT_OUT)
 """Tables with a mission's rows, in the order in which they refer to each other; jobs are not kept."""
 
 
@@ -38,7 +41,7 @@ def _record(row: Any) -> dict[str, Any]:
     return {k: x.isoformat() if isinstance(x, datetime) else x for k, x in row.items()}
 
 
-def _rows(session: Session, mission_id: str) -> dict[str, list[dict[str, Any]]]:
+def _rows(session: Session, mission_id: str) -> Rows:
     tables = METADATA.tables
     mission = session.execute(
         select(tables["missions"]).where(tables["missions"].c.id == mission_id)
@@ -46,7 +49,7 @@ def _rows(session: Session, mission_id: str) -> dict[str, list[dict[str, Any]]]:
     head = mission.one()
     terrain = session.execute(select(tables["terrains"]).where(tables["terrains"].c.id == head["terrain_id"]))
     found = {"terrains": [_record(terrain.mappings().one())], "missions": [_record(head)]}
-    for name in TABLES:
+    for name in (*TABLES, *RIGHTS):
         table = tables[name]
         query = select(table).where(table.c.mission_id == mission_id).order_by(table.c.id)
         found[name] = [_record(row) for row in session.execute(query).mappings()]
@@ -57,7 +60,7 @@ def _rows(session: Session, mission_id: str) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def _hashes(rows: dict[str, list[dict[str, Any]]]) -> set[str]:
+def file_hashes(rows: Rows) -> set[str]:
     named = {r["sha256"] for name in ("products", "packages", "site_maps") for r in rows[name]}
     named |= {sha256 for r in rows["traverses"] for sha256 in pictures_of(r["document"])}
     for run in rows["runs"]:
@@ -74,7 +77,7 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
         rows = _rows(session, mission_id)
     terrain_dir = repo.terrain_dir(rows["terrains"][0]["id"])
     files = {f"terrain/{p.name}": p for p in sorted(terrain_dir.iterdir()) if p.name[0] != "."}
-    files |= {f"files/{sha256}": repo.files.path(sha256) for sha256 in sorted(_hashes(rows))}
+    files |= {f"files/{sha256}": repo.files.path(sha256) for sha256 in sorted(file_hashes(rows))}
     journals = {f"runs/{run['id']}/{JOURNAL}": repo.run_dir(run["id"]) / JOURNAL for run in rows["runs"]}
     files |= {name: path for name, path in journals.items() if path.is_file()}
     content = json.dumps(rows, sort_keys=True).encode()
@@ -96,57 +99,18 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
     draft.replace(target)
 
 
-def import_mission(repo: Repository, actor: Actor, source: Path, *, name: str | None = None) -> Mission:
-    """Return the mission of an archive, with its ids, files and history.
+def read_archive(folder: Path) -> Rows:
+    """Return the rows of an archive that was unpacked, by table.
 
     Raises
     ------
     ArchiveError
-        If the archive is damaged, unsafe or of another form, or its history does not hold together.
-    ConflictError
-        If the mission is here already.
+        If it is damaged, of another form, or its history or plans do not hold together.
     """
-    actor.require(Action.EDIT_MISSION)
-    with tempfile.TemporaryDirectory(prefix="outcrop-import-") as work:
-        folder = Path(work) / "mission"
-        extract_zip(source, folder, max_bytes=int(repo.settings.max_body_mib * 32 * 2**20))
-        rows = _checked(folder)
-        terrain_id = rows["terrains"][0]["id"]
-        mission_id = rows["missions"][0]["id"]
-        for sha256 in _hashes(rows):
-            if repo.files.put_file(folder / "files" / sha256).sha256 != sha256:
-                raise ArchiveError(f"files/{sha256} is not what its name says")
-        place = repo.terrain_dir(terrain_id)
-        if not place.is_dir():
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copytree(folder / "terrain", place)
-        for run in rows["runs"]:
-            journal = folder / "runs" / run["id"] / JOURNAL
-            if journal.is_file() and not (kept := repo.run_dir(run["id"]) / JOURNAL).exists():
-                kept.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(journal, kept)
-        with repo.database.write() as session:
-            if session.get(MissionRow, mission_id) is not None:
-                raise ConflictError(f"mission {mission_id} is here already")
-            tables = METADATA.tables
-            if session.get(TerrainRow, terrain_id) is None:
-                session.execute(insert(tables["terrains"]).values(**_typed("terrains", rows["terrains"][0])))
-            for table in ("missions", *TABLES, "event_chains", "events"):
-                for record in rows[table]:
-                    session.execute(insert(tables[table]).values(**_typed(table, record)))
-            _check_chain(session, mission_id)
-            mission = session.get_one(MissionRow, mission_id)
-            if name is not None:
-                mission.name = name
-            session.flush()
-            return show_missions(session, [mission])[0]
-
-
-def _checked(folder: Path) -> dict[str, list[dict[str, Any]]]:
     try:
         manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
         listed = dict(manifest["files"])
-    except (OSError, ValueError, KeyError, TypeError) as err:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as err:
         raise ArchiveError("the archive has no readable manifest.json") from err
     if manifest.get("format") != FORMAT:
         raise ArchiveError(f"the archive has the format {manifest.get('format')!r}; {FORMAT} is readable")
@@ -159,44 +123,100 @@ def _checked(folder: Path) -> dict[str, list[dict[str, Any]]]:
             raise ArchiveError(
                 f"the archive is damaged: {name} is not what the manifest says (SHA-256 differs)"
             )
-    rows: dict[str, list[dict[str, Any]]] = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
-    rows |= {name: [] for name in TABLES if name not in rows}  # tables of a newer version
-    wanted = {"terrains", "missions", *TABLES, "event_chains", "events"}
-    mission = rows.get("missions", [{}])[0].get("id")
-    if set(rows) != wanted or any(r.get("mission_id") != mission for t in TABLES for r in rows[t]):
+    try:
+        rows = _shaped(json.loads((folder / "rows.json").read_text(encoding="utf-8")))
+    except (OSError, ValueError, RecursionError) as err:
+        raise ArchiveError("the archive has no readable rows.json") from err
+    mission = rows["missions"][0].get("id")
+    if any(r.get("mission_id") != mission for t in (*TABLES, *RIGHTS) for r in rows[t]):
         raise ArchiveError("the archive holds rows of something else than one mission")
-    if any(r["chain_id"] != mission for r in rows["events"]) or any(
-        r["id"] != mission for r in rows["event_chains"]
+    if any(r.get("chain_id") != mission for r in rows["events"]) or any(
+        r.get("id") != mission for r in rows["event_chains"]
     ):
         raise ArchiveError("the archive holds the history of something else")
     terrain = rows["terrains"][0]["id"]
-    for identifier in (terrain, mission, *(r["id"] for t in TABLES for r in rows[t])):
+    for identifier in (terrain, mission, *(r.get("id") for t in TABLES for r in rows[t])):
         if not re.fullmatch(r"[A-Za-z0-9_-]{1,40}", str(identifier)):
             raise ArchiveError(f"the archive holds something with the id {str(identifier)[:60]!r}")
+    try:
+        if not all(re.fullmatch(r"[0-9a-f]{64}", str(sha256)) for sha256 in file_hashes(rows)):
+            raise ArchiveError("the archive names a file by something that is no SHA-256")
+        _check_history(rows)
+        _check_plans(rows)
+        for record in rows["packages"] + rows["statements"]:
+            if not 0 <= int(record["sequence" if "sequence" in record else "counter"]) <= MAX_COUNTER:
+                raise ArchiveError("the archive holds a package whose counter is not one")
+    except (ValueError, TypeError, LookupError, AttributeError, OverflowError) as err:
+        raise ArchiveError(f"a row of the archive is malformed: {type(err).__name__} {err}"[:200]) from err
     return rows
 
 
-def _typed(name: str, record: dict[str, Any]) -> dict[str, Any]:
+def _shaped(document: object) -> Rows:
+    """Return rows by table, lists of objects each, of every table and no other.
+
+    Raises
+    ------
+    ArchiveError
+        If the document has another shape.
+    """
+    wanted = {"terrains", "missions", *TABLES, *RIGHTS, "event_chains", "events"}
+    empty: Rows = {name: [] for name in (*TABLES, *RIGHTS)}  # those of a newer version
+    found: Rows = empty | document if isinstance(document, dict) else {}
+    if set(found) != wanted or not all(
+        isinstance(rows, list) and all(isinstance(row, dict) for row in rows) for rows in found.values()
+    ):
+        raise ArchiveError("the archive holds other tables than those of a mission")
+    if [len(found[name]) for name in ("missions", "terrains", "event_chains")] != [1, 1, 1]:
+        raise ArchiveError("the archive holds rows of something else than one mission")
+    return found
+
+
+def typed(name: str, record: Record) -> Record:
+    """Return a row of an archive as the database takes it.
+
+    Raises
+    ------
+    ArchiveError
+        If it has a column that is not known, or one of another type; SQLite would take it.
+    """
     table = METADATA.tables[name]
     unknown = set(record) - set(table.c.keys())
     if unknown:
         raise ArchiveError(f"the archive comes from a newer version: {name} has {sorted(unknown)[0]!r}")
-    return {
-        column: datetime.fromisoformat(value)
-        if isinstance(table.c[column].type, Utc) and isinstance(value, str)
-        else value
-        for column, value in record.items()
-    }
+    found = {}
+    for column, value in record.items():
+        kind = table.c[column].type
+        if isinstance(kind, Utc) and isinstance(value, str):
+            value = datetime.fromisoformat(value)
+        python = kind.python_type
+        checked = python in {int, float, str, bool} and not isinstance(kind, JSON) and value is not None
+        fits = isinstance(value, int | float if python is float else python)
+        if checked and (not fits or (isinstance(value, bool) and python is not bool)):
+            raise ArchiveError(f"the archive is malformed: {name} has {column} {str(value)[:40]!r}")
+        found[column] = value
+    return found
 
 
-def _check_chain(session: Session, mission_id: str) -> None:
-    head = session.get(ChainRow, mission_id)
+def _check_history(rows: Rows) -> None:
+    """Raise unless the events of an archive hold together up to its head."""
     previous, seq = GENESIS, 0
-    for event in session.scalars(
-        select(EventRow).where(EventRow.chain_id == mission_id).order_by(EventRow.seq)
-    ):
+    for record in sorted(rows["events"], key=lambda r: int(r["seq"])):
+        event = EventRow(**{"group" if k == "group_id" else k: v for k, v in typed("events", record).items()})
         if event.seq != seq + 1 or event_digest(event, previous) != event.sha256:
             raise ArchiveError(f"the history of the archive is broken at event {event.seq}")
         previous, seq = event.sha256, event.seq
-    if head is None or (head.seq, head.sha256) != (seq, previous):
+    if [(r["seq"], r["sha256"]) for r in rows["event_chains"]] != [(seq, previous)]:
         raise ArchiveError("the history of the archive is cut off")
+
+
+def _check_plans(rows: Rows) -> None:
+    """Raise unless each plan's digest is that of its text."""
+    from executive.crl import CrlError, digest, parse
+
+    for plan in rows["plans"]:
+        try:
+            found = None if plan["crl_text"] is None else digest(parse(plan["crl_text"]))
+        except (CrlError, RecursionError) as err:
+            raise ArchiveError(f"the plan {plan['id']} of the archive is no CRL") from err
+        if found != plan["crl_sha256"]:
+            raise ArchiveError(f"the plan {plan['id']} of the archive is not what its SHA-256 says")

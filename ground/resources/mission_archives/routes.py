@@ -9,10 +9,10 @@ from pathlib import Path
 from starlette.background import BackgroundTask
 from starlette.responses import FileResponse, Response
 
-from ground.api.context import Asked, Id, api_router, call, created
+from ground.api.context import Asked, Id, answer, api_router, call, created
 from ground.api.problems import responses
 from ground.resources.mission_archives.bodies import ArchiveImport, MissionCopy
-from ground.resources.missions.value import Mission
+from ground.resources.missions.value import Elsewhere, Mission
 
 router = api_router("missions")
 
@@ -59,9 +59,17 @@ async def export_mission(ask: Asked, mission_id: Id) -> Response:
 )
 async def import_mission(ask: Asked, body: ArchiveImport) -> Response:
     """Take in a mission's archive that was uploaded; it keeps its ids and history."""
-    from ground.resources.mission_archives.mission_archive import import_mission
+    from ground.resources.mission_archives.import_mission import import_mission
     from ground.resources.uploads.store_upload import uploaded_file
 
     source = await call(uploaded_file, ask.repo, body.upload_id)
     mission = await ask.do(import_mission, source, name=body.name)
     return created(mission, f"/api/v1/missions/{mission.id}")
+
+
+@router.get("/missions/{mission_id}/elsewhere", response_model=list[Elsewhere], responses=responses(404, 422))
+async def get_elsewhere(ask: Asked, mission_id: Id) -> Response:
+    """Read what the archives of a mission say was approved, packaged and done elsewhere; no right follows."""
+    from ground.resources.mission_archives.read_elsewhere import read_elsewhere
+
+    return answer(await ask.do(read_elsewhere, mission_id))

@@ -12,7 +12,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.gdr.base import Row
+from ground.gdr.base import Row, mission_column
 
 
 class MissionRow(Row):
@@ -30,3 +30,12 @@ class MissionRow(Row):
     """`calibration/1` of the path network; the rover profile's numbers when there is none."""
     drive_rules: Mapped[list[Any] | None] = mapped_column(JSON(none_as_null=True))
     """Drives that people forbid or draw, as in `DriveRule`; null = none."""
+
+
+class ElsewhereRow(Row):
+    """Approvals, packages, signatures, states of plans and events of an archive: history, and no rights."""
+
+    __tablename__ = "elsewhere"
+
+    mission_id: Mapped[str] = mission_column()
+    document: Mapped[dict[str, Any]]

@@ -48,3 +48,14 @@ class Mission:
     created_utc: datetime
     modified_utc: datetime
     revision: int
+
+
+@dataclass(frozen=True, slots=True)
+class Elsewhere:
+    """Approvals, waivers, packages, signatures, states of plans and events of an archive: history alone."""
+
+    id: str
+    mission_id: str
+    author: str
+    document: dict[str, Any]
+    created_utc: datetime

@@ -1,13 +1,12 @@
-"""Make the signed uplink package of an approved plan."""
+"""Make the uplink package of an approved plan from what people signed; the server signs nothing."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.day.rovers import profile_of
 from ground.errors import StateError
 from ground.gdr.history import Change, record
 from ground.gdr.ids import new_id
@@ -15,17 +14,14 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import update
 from ground.records.get_resource import find_row
-from ground.resources.approvals.approve_plan import models_digest, require_fresh
-from ground.resources.approvals.row import ApprovalRow
-from ground.resources.missions.row import MissionRow
-from ground.resources.packages.row import PackageRow
+from ground.resources.packages.row import PackageRow, SignatureRow, StatementRow
+from ground.resources.packages.statement import current_statement, plan_text
+from ground.resources.people.row import SigningKeyRow
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
-from ground.resources.sols.row import SolRow
-from ground.resources.targets.row import TargetRow
-from ground.uplink.keys import key_id, load_private
-from ground.uplink.package import write_package
+from ground.uplink.package import Signature, write_package
+from ground.uplink.verify import PACKAGE, SIGNERS, message, public_key, signed_by
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +42,9 @@ def package_plan(repo: Repository, actor: Actor, plan_id: str) -> MadePackage:
     Raises
     ------
     StateError
-        If the plan is not approved, or its approval is void because something it rests on was changed.
-    UnavailableError
-        If there is no signing key.
+        If the plan is not approved, a signature lacks, or what was signed is void because something it rests
+        on was changed.
     """
-    from executive.crl import canonical_text, parse
-
     with repo.database.write() as session:
         plan: PlanRow = find_row(session, PLAN, plan_id, lock=True)
         actor.require(Action.UPLINK, plan.mission_id)
@@ -61,96 +54,51 @@ def package_plan(repo: Repository, actor: Actor, plan_id: str) -> MadePackage:
             return MadePackage(_name(plan, made.sequence), made.sequence, made.sha256, content)
         if plan.state != PlanState.APPROVED.value:
             raise StateError(f"plan {plan.number} is {plan.state}; only an approved plan is uplinked")
-        require_fresh(session, plan)
-        approval = _valid_approval(session, plan)
-        key = load_private(repo.data_dir / "keys")
-        sequence = (
-            int(
-                session.scalar(
-                    select(func.max(PackageRow.sequence)).where(PackageRow.mission_id == plan.mission_id)
-                )
-                or 0
+        statement = current_statement(session, plan)
+        if statement is None:
+            raise StateError(
+                f"what was signed of plan {plan.number} is void: it expired, or what it names was changed"
             )
-            + 1
-        )
-        profile = profile_of(plan.rover_profile)
-        sol = session.get_one(SolRow, plan.sol_id)
-        targets = session.scalars(
-            select(TargetRow).where(TargetRow.mission_id == plan.mission_id).order_by(TargetRow.id)
-        )
-        manifest = {
-            "mission": plan.mission_id,
-            "mission_name": session.get_one(MissionRow, plan.mission_id).name,
-            "plan": plan.id,
-            "plan_number": plan.number,
-            "sol": sol.number,
-            "sequence": sequence,
-            "crl_sha256": plan.crl_sha256,
-            "terrain_sha256": plan.terrain_sha256,
-            "dictionary": {
-                "name": profile.language.name,
-                "version": profile.language.version,
-                "sha256": approval.dictionary_sha256,
-            },
-            "profile": {"name": profile.name, "version": profile.version, "sha256": profile.sha256},
-            "models_sha256": approval.models_sha256,
-            "author": plan.author,
-            "approver": approval.author,
-            "approved_utc": approval.created_utc.isoformat(),
-        }
-        landmarks = {
-            "format": "landmarks/1",
-            "frame": "site",
-            "axes": "east, north, up; metres",
-            "start": sol.start_pose,
-            "targets": [
-                {
-                    "id": t.id,
-                    "name": t.name,
-                    "point_m": [t.east_m, t.north_m, t.up_m],
-                    "normal": t.normal,
-                    "covariance_m2": t.covariance_m2,
-                }
-                for t in targets
-            ],
-        }
-        content = write_package(manifest, canonical_text(parse(plan.crl_text or "")), landmarks, key)
+        signatures = _signatures(session, plan, statement)
+        content = write_package(statement.manifest, plan_text(plan), statement.landmarks, signatures)
         stored = repo.files.put_bytes(content)
         row = PackageRow(
             id=new_id("pkg"),
             author=actor.name,
             mission_id=plan.mission_id,
             plan_id=plan.id,
-            sequence=sequence,
+            sequence=statement.counter,
             sha256=stored.sha256,
-            key_id=key_id(key.public_key()),
+            key_id=next(s.key for s in signatures if s.role == "approver"),
         )
         session.add(row)
         session.flush()
-        after = {"sequence": sequence, "sha256": stored.sha256, "key": row.key_id}
+        after = {"sequence": row.sequence, "sha256": stored.sha256, "key": row.key_id}
         record(session, plan.mission_id, Change(actor.name, "package", "plan", plan.id, None, after))
         update(session, actor, PLAN, plan, {"state": PlanState.UPLINKED.value}, action="uplink")
-        return MadePackage(_name(plan, sequence), sequence, stored.sha256, content)
+        return MadePackage(_name(plan, row.sequence), row.sequence, stored.sha256, content)
 
 
 def _name(plan: PlanRow, sequence: int) -> str:
     return f"outcrop-{plan.mission_id}-{sequence:04d}.zip"
 
 
-def _valid_approval(session: Session, plan: PlanRow) -> ApprovalRow:
-    """Return the approval of a plan if everything it names is still what it was."""
-    approval = session.scalars(
-        select(ApprovalRow).where(ApprovalRow.plan_id == plan.id).order_by(ApprovalRow.id.desc()).limit(1)
-    ).first()
-    if approval is None:
-        raise StateError(f"plan {plan.number} has no approval")
-    present = {
-        "CRL": (approval.crl_sha256, plan.crl_sha256),
-        "terrain": (approval.terrain_sha256, plan.terrain_sha256),
-        "command dictionary": (approval.dictionary_sha256, profile_of(plan.rover_profile).language.sha256),
-        "models": (approval.models_sha256, models_digest(plan.rover_profile)),
-    }
-    changed = [name for name, (then, now) in present.items() if then != now]
-    if changed:
-        raise StateError(f"the approval of plan {plan.number} is void: changed since: {', '.join(changed)}")
-    return approval
+def _signatures(session: Session, plan: PlanRow, statement: StatementRow) -> list[Signature]:
+    """Return the signatures of a statement that hold; raise if one of the three roles has none."""
+    query = (
+        select(SignatureRow, SigningKeyRow.public)
+        .join(SigningKeyRow, SigningKeyRow.id == SignatureRow.key_id)
+        .where(SignatureRow.statement_id == statement.id)
+        .order_by(SignatureRow.id)
+    )
+    found = [
+        Signature(row.role, row.key_id, row.signature)
+        for row, public in session.execute(query)
+        if signed_by(
+            public_key(public), row.signature, message(PACKAGE, row.role, statement.manifest.encode())
+        )
+    ]
+    lacking = [role for role in SIGNERS if all(s.role != role for s in found)]
+    if lacking:
+        raise StateError(f"plan {plan.number} lacks the signature of its {' and '.join(lacking)}")
+    return found

@@ -1,13 +1,50 @@
-"""Endpoints: uplink packages."""
+"""Endpoints: what people sign of a plan, and uplink packages."""
 
 from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import Asked, Id, api_router
+from ground.api.context import Asked, Id, answer, api_router, created
 from ground.api.problems import responses
+from ground.resources.packages.bodies import SignatureCreate
+from ground.resources.packages.value import Statement
 
 router = api_router("uplink")
+
+
+@router.get("/plans/{plan_id}/statement", response_model=Statement, responses=responses(404, 422))
+async def get_statement(ask: Asked, plan_id: Id) -> Response:
+    """Read what is signed of a plan, and by whom it was."""
+    from ground.resources.packages.statement import read_statement
+
+    return answer(await ask.do(read_statement, plan_id))
+
+
+@router.post(
+    "/plans/{plan_id}/statement",
+    response_model=Statement,
+    status_code=201,
+    responses=responses(404, 409, 422),
+)
+async def make_statement(ask: Asked, plan_id: Id) -> Response:
+    """Make what is to be signed of a verified plan; the last one again as long as it holds."""
+    from ground.resources.packages.statement import make_statement
+
+    return created(await ask.do(make_statement, plan_id), f"/api/v1/plans/{plan_id}/statement")
+
+
+@router.post(
+    "/plans/{plan_id}/signatures",
+    response_model=Statement,
+    status_code=201,
+    responses=responses(400, 404, 409, 422),
+)
+async def sign_plan(ask: Asked, plan_id: Id, body: SignatureCreate) -> Response:
+    """Hand in one's own signature as author, verifier or approver; the last makes the plan approved."""
+    from ground.resources.packages.sign_plan import Given, sign_plan
+
+    given = Given(body.role, body.sha256, body.key, body.signature, body.note)
+    return created(await ask.do(sign_plan, plan_id, given), f"/api/v1/plans/{plan_id}/statement")
 
 
 @router.post(
@@ -15,11 +52,11 @@ router = api_router("uplink")
     response_class=Response,
     responses={
         200: {"content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}}},
-        **responses(404, 409, 422, 503),
+        **responses(404, 409, 422),
     },
 )
 async def package_plan(ask: Asked, plan_id: Id) -> Response:
-    """Make the signed uplink package of an approved plan; the plan is uplinked with it."""
+    """Make the uplink package of an approved plan from what people signed; the plan is uplinked with it."""
     from ground.resources.packages.package_plan import package_plan
 
     package = await ask.do(package_plan, plan_id)

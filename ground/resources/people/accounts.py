@@ -216,7 +216,7 @@ def create_api_key(repo: Repository, actor: Actor, name: str, days: int) -> NewK
     """Return a new API key of the actor."""
     secret = KEY_PREFIX + secrets.token_urlsafe(32)
     with repo.database.write() as session:
-        person = _by_name(session, actor.name)
+        person = person_named(session, actor.name)
         row = CredentialRow(
             id=new_id("key"),
             kind="api_key",
@@ -247,7 +247,7 @@ def delete_api_key(repo: Repository, actor: Actor, key_id: str) -> None:
         record(session, SYSTEM, Change(actor.name, "delete", "api_key", key_id, {"name": row.name}, None))
 
 
-def _by_name(session: Session, name: str) -> PersonRow:
+def person_named(session: Session, name: str) -> PersonRow:
     person = session.scalars(select(PersonRow).where(PersonRow.name == name)).first()
     if person is None:
         raise NotFoundError(f"there is nobody called {name!r}")

@@ -44,6 +44,16 @@ class ApiKeyCreate(Body):
     days: Annotated[int, Field(strict=True, ge=1, le=3650)] = 90
 
 
+class SigningKeyCreate(Body):
+    """A public key, 32 bytes in base64; `proof` is its signature over `outcrop signing-key/1 owner`, a line
+    feed and one's name.
+    """
+
+    public: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]{43}=$")]
+    proof: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]{86}==$")]
+    name: Annotated[str, StringConstraints(max_length=80)] = ""
+
+
 class ApiKeyValue(BaseModel):
     """A new key; the secret is shown once."""
 

@@ -27,8 +27,9 @@ from ground.resources.people.bodies import (
     PersonCreate,
     SessionCreate,
     SessionValue,
+    SigningKeyCreate,
 )
-from ground.resources.people.value import Person
+from ground.resources.people.value import Person, SigningKey
 
 router = api_router("people")
 COOKIE = "outcrop_session"
@@ -99,4 +100,29 @@ async def delete_api_key(ask: Asked, key_id: Id) -> Response:
     from ground.resources.people.accounts import delete_api_key
 
     await ask.do(delete_api_key, key_id)
+    return no_content()
+
+
+@router.get("/signing-keys", response_model=list[SigningKey], responses=responses(422))
+async def list_signing_keys(ask: Asked) -> Response:
+    """List the public keys with which people sign plans; revoked ones too."""
+    from ground.resources.people.signing_keys import list_signing_keys
+
+    return answer(await ask.do(list_signing_keys))
+
+
+@router.post("/signing-keys", response_model=SigningKey, status_code=201, responses=responses(400, 409, 422))
+async def create_signing_key(ask: Asked, body: SigningKeyCreate) -> Response:
+    """Register the public half of a key of one's own; the private half never leaves its owner."""
+    from ground.resources.people.signing_keys import register_signing_key
+
+    return answer(await ask.do(register_signing_key, body.public, body.proof, body.name), 201)
+
+
+@router.delete("/signing-keys/{key_id}", status_code=204, responses=responses(404, 422))
+async def delete_signing_key(ask: Asked, key_id: Id) -> Response:
+    """Revoke a signing key here; it stays in the list. Trust files on board are changed apart from it."""
+    from ground.resources.people.signing_keys import revoke_signing_key
+
+    await ask.do(revoke_signing_key, key_id)
     return no_content()

@@ -39,6 +39,19 @@ class CredentialRow(Base):
     expires_utc: Mapped[datetime]
 
 
+class SigningKeyRow(Base):
+    """The public half of a person's signing key, under the key's own name."""
+
+    __tablename__ = "signing_keys"
+
+    id: Mapped[str] = mapped_column(String(16), primary_key=True)
+    person_id: Mapped[str] = mapped_column(ForeignKey("people.id", ondelete="CASCADE"), index=True)
+    name: Mapped[str] = mapped_column(String(80), default="")
+    public: Mapped[str] = mapped_column(String(44))
+    created_utc: Mapped[datetime] = mapped_column(default=utc_now)
+    revoked_utc: Mapped[datetime | None]
+
+
 class LoginFailureRow(Base):
     """A login that failed; too many of them close the door for a while."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 
 from ground.records.actor import Role
 
@@ -17,3 +18,15 @@ class Person:
     mission_roles: dict[str, str]
     active: bool
     revision: int
+
+
+@dataclass(frozen=True, slots=True)
+class SigningKey:
+    """The public half of a person's key, base64, under the name that trust files give it."""
+
+    id: str
+    person: str
+    name: str
+    public: str
+    created_utc: datetime
+    revoked_utc: datetime | None

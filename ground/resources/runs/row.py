@@ -9,6 +9,7 @@ from sqlalchemy import (
     ForeignKey,
     String,
     Text,
+    false,
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
@@ -37,3 +38,5 @@ class RunRow(Row):
     trace_sha256: Mapped[str | None] = mapped_column(String(64))
     telemetry_sha256: Mapped[str | None] = mapped_column(String(64))
     notes: Mapped[str] = mapped_column(Text, default="")
+    elsewhere: Mapped[bool] = mapped_column(default=False, server_default=false())
+    """Came in with an archive: it is shown, and verifies nothing here."""

@@ -31,7 +31,10 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One execution of a plan's CRL, by a simulated rover (dry run) or as brought down from a rover."""
+    """One execution of a plan's CRL, by a simulated rover (dry run) or as brought down from a rover.
+
+    What came in with an archive was made `elsewhere` and verifies nothing here.
+    """
 
     id: str
     mission_id: str
@@ -50,6 +53,7 @@ class Run:
     achieved_request_ids: list[str]
     crl_sha256: str
     notes: str
+    elsewhere: bool
     author: str
     created_utc: datetime
     modified_utc: datetime

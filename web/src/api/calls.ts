@@ -4,6 +4,7 @@ import type { CoverageGrid } from "../lib/overlay";
 import type { Grid } from "../lib/terrain-image";
 import type { PlanTree } from "../lib/plan-tree";
 import { api, body, ifMatch, pages, ProblemError, sendFile, setCsrf } from "./client";
+import { ownKey, sha256, sign } from "../lib/signing";
 import type { components } from "./schema";
 import type {
   Approval,
@@ -36,6 +37,7 @@ import type {
   Sol,
   SolChange,
   StandCheck,
+  Statement,
   Target,
   TargetChange,
   Telemetry,
@@ -369,10 +371,42 @@ export const waiveRule = (id: string, rule: string, reason: string): Promise<Fli
 export const approvals = (id: string): Promise<Approval[]> =>
   pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/approvals", { params: inMissionPage(id, cursor) })));
 
-export const approve = (id: string, crl_sha256: string, note: string): Promise<Approval> =>
-  body(api.POST("/api/v1/plans/{plan_id}/approval", { params: planPath(id), body: { crl_sha256, note } }));
+export type Role = "author" | "verifier" | "approver";
 
-/** The signed uplink package; what is given back is a file to save. */
+/** What was made to be signed of a plan, with its signatures; null if nothing was. */
+export const statement = async (id: string): Promise<Statement | null> => {
+  try {
+    return await body(api.GET("/api/v1/plans/{plan_id}/statement", { params: planPath(id) }));
+  } catch (error) {
+    if (error instanceof ProblemError && error.status === 404) return null;
+    throw error;
+  }
+};
+
+/** The canonical text of a plan, over which its digest is taken. */
+const canonicalCrl = (id: string): Promise<string> =>
+  body(api.GET("/api/v1/plans/{plan_id}/crl", { params: { ...planPath(id), query: { canonical: true } }, parseAs: "text" }));
+
+/** Sign a plan in one's roles with the key of this browser, if its text is the one with the digest that was read. */
+export async function signPlan(id: string, crl: string, person: string, roles: readonly Role[], note: string): Promise<Statement> {
+  const key = await ownKey(person);
+  let found = await body(api.POST("/api/v1/plans/{plan_id}/statement", { params: planPath(id) }));
+  const manifest = JSON.parse(found.manifest) as { crl_sha256: string; author: string; verification: { verifier: string } };
+  const text = await sha256(new TextEncoder().encode(await canonicalCrl(id)));
+  if (text !== crl || manifest.crl_sha256 !== crl) throw new Error("The text of the plan is not the one that is shown here.");
+  const proof = await sign(key, "signing-key/1", "owner", person);
+  await body(api.POST("/api/v1/signing-keys", { body: { public: key.public, proof, name: "browser" } }));
+  const who = { author: manifest.author, verifier: manifest.verification.verifier, approver: person };
+  const own = roles.filter((role) => who[role] === person);
+  for (const role of own) {
+    const signature = await sign(key, "package/2", role, found.manifest);
+    const signed = { role, sha256: found.sha256, key: key.id, signature, note };
+    found = await body(api.POST("/api/v1/plans/{plan_id}/signatures", { params: planPath(id), body: signed }));
+  }
+  return found;
+}
+
+/** The uplink package of what people signed; what is given back is a file to save. */
 export const uplinkPackage = (id: string): Promise<Blob> =>
   body(api.POST("/api/v1/plans/{plan_id}/package", { params: planPath(id), parseAs: "blob" })) as Promise<Blob>;
 

@@ -20,7 +20,7 @@ router = api_router("uplink")
 )
 async def ingest_run(ask: Asked, body: RunIngest) -> Response:
     """Take in the folder of an execution (an uploaded zip) and tie its products to what asked for them."""
-    from ground.resources.runs.ingest_run import ingest_upload
+    from ground.resources.downlinks.ingest_run import ingest_upload
 
     run = await ask.do(ingest_upload, body.upload_id)
     return created(run, f"/api/v1/runs/{run.id}")

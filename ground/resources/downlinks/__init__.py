@@ -1,0 +1,1 @@
+"""What executions bring down, and how it is taken in."""

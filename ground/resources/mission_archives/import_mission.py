@@ -1,0 +1,148 @@
+"""Take in the archive of a mission; what it says others allowed is history, never a right here."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import insert
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from ground.errors import ArchiveError, ConflictError
+from ground.gdr.archives import extract_zip
+from ground.gdr.history import ChainRow, Change, open_chain
+from ground.gdr.history import record as write_event
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.records.actor import Action, Actor
+from ground.resources.mission_archives.mission_archive import (
+    RIGHTS,
+    TABLES,
+    Record,
+    Rows,
+    file_hashes,
+    read_archive,
+    typed,
+)
+from ground.resources.missions.kind import show_missions
+from ground.resources.missions.row import ElsewhereRow, MissionRow
+from ground.resources.missions.value import Mission
+from ground.resources.packages.row import CounterRow
+from ground.resources.plans.value import PlanState
+from ground.resources.runs.read_snapshot import JOURNAL
+from ground.resources.tables import METADATA
+from ground.resources.terrains.row import TerrainRow
+
+ELSEWHERE = " (elsewhere)"
+"""Behind the name of a person who did something in another repository."""
+
+
+def import_mission(repo: Repository, actor: Actor, source: Path, *, name: str | None = None) -> Mission:
+    """Return the mission of an archive, with its ids and files; what others did elsewhere is history.
+
+    An archive proves nothing about who allowed what, so its approvals, waivers, packages, signatures and
+    events become one document of the table `elsewhere`; its plans are computed and the importer's to sign
+    for, its runs verify nothing, and its people are named as people of elsewhere.
+
+    Raises
+    ------
+    ArchiveError
+        If the archive is damaged, unsafe or of another form, or its history does not hold together.
+    ConflictError
+        If the mission, or something else with an id of the archive, is here already.
+    """
+    actor.require(Action.EDIT_MISSION)
+    with tempfile.TemporaryDirectory(prefix="outcrop-import-") as work:
+        folder = Path(work) / "mission"
+        extract_zip(source, folder, max_bytes=int(repo.settings.max_body_mib * 32 * 2**20))
+        rows = read_archive(folder)
+        _check_terrain(folder / "terrain", rows["terrains"][0])
+        for sha256 in file_hashes({**rows, "packages": []}):
+            try:
+                stored = repo.files.put_file(folder / "files" / sha256).sha256
+            except OSError as err:
+                raise ArchiveError(f"the archive is damaged: files/{sha256} is missing") from err
+            if stored != sha256:
+                raise ArchiveError(f"files/{sha256} is not what its name says")
+        try:
+            with repo.database.write() as session:
+                mission = _insert(repo, session, actor, folder, rows)
+                if name is not None:
+                    mission.name = name
+                session.flush()
+                return show_missions(session, [mission])[0]
+        except (SQLAlchemyError, ValueError, TypeError, LookupError, AttributeError) as err:
+            cause = str(getattr(err, "orig", None) or err).splitlines()[0]
+            raise ArchiveError(f"the rows of the archive do not fit in here: {cause[:160]}") from err
+
+
+def _check_terrain(folder: Path, row: Mapping[str, Any]) -> None:
+    from rover_iface.errors import RoverError
+    from rover_iface.terrain import load_terrain
+
+    try:
+        found = load_terrain(folder).sha256
+    except (RoverError, OSError) as err:
+        raise ArchiveError(f"the terrain of the archive cannot be read: {err}") from err
+    if found != row.get("sha256"):
+        raise ArchiveError("the terrain of the archive is not what its SHA-256 says")
+
+
+def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows: Rows) -> MissionRow:
+    """Write the rows of an archive as they may stand here, and its folders."""
+    mission_id, terrain = rows["missions"][0]["id"], rows["terrains"][0]
+    if session.get(MissionRow, mission_id) is not None:
+        raise ConflictError(f"mission {mission_id} is here already")
+    tables = METADATA.tables
+    known = session.get(TerrainRow, terrain["id"])
+    if known is not None and known.sha256 != terrain["sha256"]:
+        raise ConflictError(f"another terrain {terrain['id']} is here already")
+    if known is None:
+        session.execute(
+            insert(tables["terrains"]).values(**typed("terrains", quarantined("terrains", terrain)))
+        )
+    for table in ("missions", *TABLES):
+        for record in rows[table]:
+            row = quarantined(table, record, actor.name)
+            session.execute(insert(tables[table]).values(**typed(table, row)))
+    counters = [r["sequence"] for r in rows["packages"]] + [r["counter"] for r in rows["statements"]]
+    session.add(CounterRow(mission_id=mission_id, last=max(counters, default=0)))
+    if session.get(ChainRow, mission_id) is None:  # of a mission that was deleted here it goes on
+        open_chain(session, mission_id)
+    document: dict[str, Any] = {part: rows[part] for part in (*RIGHTS, "events", "event_chains")}
+    document["states"] = {plan["id"]: plan["state"] for plan in rows["plans"]}
+    els = ElsewhereRow(id=new_id("els"), author=actor.name, mission_id=mission_id, document=document)
+    session.add(els)
+    session.flush()
+    heads = {"events": len(rows["events"]), "head": rows["event_chains"][0]["sha256"], "elsewhere": els.id}
+    write_event(session, mission_id, Change(actor.name, "import", "mission", mission_id, None, heads))
+    if known is None:  # whatever lies there is of an import that failed
+        place = repo.terrain_dir(terrain["id"])
+        shutil.rmtree(place, ignore_errors=True)
+        shutil.copytree(folder / "terrain", place)
+    for run in rows["runs"]:
+        journal, kept = folder / "runs" / run["id"] / JOURNAL, repo.run_dir(run["id"]) / JOURNAL
+        if journal.is_file():
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(journal, kept)
+    return session.get_one(MissionRow, mission_id)
+
+
+def quarantined(table: str, record: Record, importer: str = "") -> Record:
+    """Return a row of an archive as it may stand here: without rights, and naming people of elsewhere."""
+    author = str(record["author"])
+    row = {
+        **record,
+        "author": author if author.endswith(ELSEWHERE) else author[: 80 - len(ELSEWHERE)] + ELSEWHERE,
+    }
+    if table == "plans":
+        row |= {"author": importer, "approved_by": None}
+        if record["state"] not in {PlanState.DRAFT.value, PlanState.COMPUTED.value}:
+            row["state"] = PlanState.COMPUTED.value
+    elif table == "runs":
+        row |= {"elsewhere": True, "package_sha256": None, "job_id": None}
+    return row
