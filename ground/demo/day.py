@@ -134,7 +134,7 @@ def run_day(
             sync=False,
         )
     with clock.stage("two people sign the package"):
-        sign_day(out, mission, crl_text, terrain.sha256, profile, flight)
+        sign_day(out, asked, crl_text, terrain.sha256, profile, flight)
     with clock.stage("data products to their requests"):
         products, orphans = tie_products(out, asked)
     day = DayRecord(out, asked, prepared, plan, tree, flight, fault, products, orphans, clock.seconds)
@@ -155,7 +155,7 @@ def run_day(
 
 
 def sign_day(
-    out: Path, mission: DemoMission, crl_text: str, terrain_sha256: str, profile: RoverProfile, flight: Flight
+    out: Path, asked: Day, crl_text: str, terrain_sha256: str, profile: RoverProfile, flight: Flight
 ) -> Package:
     """Return the package of a day, signed by two people with a key each under a trust file for training.
 
@@ -188,7 +188,7 @@ def sign_day(
         },
     }
     team = make_team(out / "keys", rover="demo")
-    targets = [{"id": t.id, "name": t.name, "point_m": list(t.point_site)} for t in mission.targets]
+    targets = [{"id": t.id, "name": t.name, "point_m": list(t.point_site)} for t in asked.targets]
     landmarks = json_text({"format": "landmarks/1", "frame": "site", "targets": targets})
     content = sign_package(team, manifest_text(about, crl_text, landmarks), crl_text, landmarks)
     (out / "package.zip").write_bytes(content)

@@ -76,20 +76,21 @@ def test_the_description_of_the_api_needs_no_server(tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
-def test_an_unknown_package_or_key_is_refused_with_the_reason(tmp_path: Path) -> None:
-    for name in ("package.zip", "uplink.pub"):
+def test_what_is_no_package_is_refused_with_the_reason(tmp_path: Path) -> None:
+    for name in ("package.zip", "trust.json"):
         (tmp_path / name).write_bytes(b"nothing")
     place = [
         "--world",
         str(tmp_path),
         "--trust",
-        str(tmp_path / "uplink.pub"),
+        str(tmp_path / "trust.json"),
         "--out",
         str(tmp_path / "run"),
     ]
     ended = outcrop("execute", str(tmp_path / "package.zip"), *place, data_dir=tmp_path)
     assert ended.returncode == 2
-    assert "holds no public key" in ended.stderr
+    assert "the package is damaged" in ended.stderr
+    assert ended.stderr.count("\n") == 1
 
 
 def test_every_endpoint_has_an_entry_in_the_docs() -> None:
