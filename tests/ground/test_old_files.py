@@ -22,7 +22,7 @@ from ground.gdr.history import verify_chains
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR
-from ground.resources.mission_archives.mission_archive import import_mission
+from ground.resources.mission_archives.import_mission import import_mission
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.keys import PUBLIC
 from tests.ground.conftest import Api, open_api, settings_for
