@@ -18,13 +18,15 @@ from typing import Any
 import pytest
 
 from ground.app.service import JOB_KINDS
+from ground.errors import ArchiveError
 from ground.gdr.history import verify_chains
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR
 from ground.resources.mission_archives.import_mission import import_mission
 from ground.uplink.execute import Place, execute_package
-from ground.uplink.keys import PUBLIC
+from ground.uplink.keys import load_public, make_key
+from ground.uplink.trust import allow, change_trust, new_trust, write_trust
 from tests.ground.conftest import Api, open_api, settings_for
 
 OLD = Path(__file__).parent / "fixtures" / "v0.1.0"
@@ -85,12 +87,19 @@ def test_an_old_archive_comes_in_with_plan_run_and_products(repo: Repository) ->
         assert api.get(f"/plans/{EXPECTED['plan']}/summary")
 
 
-def test_an_old_package_runs_and_leaves_the_old_journal(tmp_path: Path) -> None:
+def test_an_old_package_runs_where_it_is_allowed_by_name_and_leaves_the_old_journal(tmp_path: Path) -> None:
     with zipfile.ZipFile(OLD / "run.zip") as archive:
         archive.extractall(tmp_path / "old")
     (tmp_path / "world").mkdir()
     (tmp_path / "world" / "world.json").write_bytes((OLD / "world.json").read_bytes())
-    place = Place("abstract", tmp_path / "world", OLD / PUBLIC, seed=4)
+    root, trust = make_key(tmp_path / "root.key"), tmp_path / "trust.json"
+    trust.write_bytes(write_trust(new_trust("old", {"Root": root}), [root]))
+    place = Place("abstract", tmp_path / "world", trust, seed=4)
+    with pytest.raises(ArchiveError, match="package/1, which the trust file does not allow by name"):
+        execute_package(OLD / "package.zip", place, tmp_path / "new")
+    server = load_public(str(OLD / "uplink.pub"))
+    by_name = change_trust(trust.read_bytes(), [root], lambda d: allow(d, "Server", server, ["package/1"]))
+    trust.write_bytes(by_name)
     _, flight = execute_package(OLD / "package.zip", place, tmp_path / "new")
     assert flight.outcome.utility == EXPECTED["flight_utility"]
     for name in ("trace.jsonl", "telemetry.jsonl", "products.jsonl"):
