@@ -22,7 +22,8 @@ from ground.resources.geometry_files.site_geometry import (
     to_geojson,
 )
 from ground.resources.kinds import KINDS
-from ground.resources.mission_archives.mission_archive import TABLES, export_mission, import_mission
+from ground.resources.mission_archives.import_mission import import_mission
+from ground.resources.mission_archives.mission_archive import TABLES, export_mission
 from ground.resources.missions.value import Mission
 from ground.resources.tables import METADATA
 from ground.resources.targets.bodies import TargetCreate
