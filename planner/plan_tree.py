@@ -51,6 +51,8 @@ class EnergyCondition:
 
 @dataclass(frozen=True, slots=True)
 class TrackedCondition:
+    """The track of a target is alive, or is not."""
+
     target: TargetId
     value: bool
 
@@ -76,6 +78,8 @@ class TrackStart:
 
 @dataclass(frozen=True, slots=True)
 class TrackStop:
+    """Give up the track of a target."""
+
     target: TargetId
     on_fail: OnFail = OnFail.STOP
 
@@ -93,6 +97,8 @@ class Navigate:
 
 @dataclass(frozen=True, slots=True)
 class Observe:
+    """Make an observation where the rover stands."""
+
     observation: ObservationId
     target: TargetId
     on_fail: OnFail = OnFail.STOP
@@ -109,7 +115,7 @@ class Visit:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    pass
+    """End the plan here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +131,8 @@ class Option:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
+    """A choice: the first option whose conditions hold takes the place of the rest of the plan."""
+
     options: tuple[Option, ...]
 
 

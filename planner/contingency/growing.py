@@ -51,6 +51,8 @@ PASSES = (
 
 @dataclass(frozen=True, eq=False)
 class Move:
+    """A change of a plan and what it wins."""
+
     gain: float
     plan: Plan
 

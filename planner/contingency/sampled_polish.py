@@ -19,6 +19,8 @@ NEAREST = 6
 
 
 class Polisher:
+    """Puts observations into a plan and takes them out, judged on common futures."""
+
     def __init__(self, sampler: Sampler) -> None:
         self.sampler, self.model = sampler, sampler.model
 

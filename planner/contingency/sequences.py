@@ -42,6 +42,7 @@ class _Node:
 
 
 def total(masses: Masses) -> float:
+    """Return the probability in a distribution."""
     return float(sum(mass.sum() for mass in masses.values()))
 
 

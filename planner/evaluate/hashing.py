@@ -48,6 +48,7 @@ def mix(x: Any) -> Any:
 
 @njit(inline="always")
 def next_bits(x: Any) -> Any:
+    """Return the bits that follow bits x in their stream (SplitMix64)."""
     return mix(x + uint64(0x9E3779B97F4A7C15))
 
 
@@ -65,6 +66,7 @@ def unit(x: Any) -> Any:
 
 @njit(inline="always")
 def uniform(key: Any, counter: Any) -> Any:
+    """Return a number between 0 and 1 of a counter under a key."""
     return unit(bits(key, counter))
 
 

@@ -32,6 +32,8 @@ from planner.plan_tree import (
 
 
 class Op(IntEnum):
+    """What a line of a compiled plan does."""
+
     END = 0
     TRACK_START = 1
     TRACK_STOP = 2

@@ -237,6 +237,7 @@ def jacobian_one(p: Array, x: float, y: float, z: float, out: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def project_many(p: Array, points: Array, pixels: Array) -> None:
+    """Write the pixels [n, 2] of points [n, 3]; NaN where a point is not in front of the camera."""
     for i in range(points.shape[0]):
         u, v, _a = project_one(p, points[i, 0], points[i, 1], points[i, 2])
         pixels[i, 0] = u
@@ -245,6 +246,7 @@ def project_many(p: Array, points: Array, pixels: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def back_project_many(p: Array, pixels: Array, origins: Array, directions: Array) -> None:
+    """Write origins and unit directions [n, 3] of the rays of pixels [n, 2]."""
     for i in range(pixels.shape[0]):
         a, b, c, d, e, f = back_project_one(p, pixels[i, 0], pixels[i, 1])
         origins[i, 0], origins[i, 1], origins[i, 2] = a, b, c
@@ -253,6 +255,7 @@ def back_project_many(p: Array, pixels: Array, origins: Array, directions: Array
 
 @njit(cache=True, nogil=True)
 def jacobian_many(p: Array, points: Array, out: Array) -> None:
+    """Write the derivatives [n, 2, 3] of pixels by points [n, 3]."""
     for i in range(points.shape[0]):
         jacobian_one(p, points[i, 0], points[i, 1], points[i, 2], out[i])
 

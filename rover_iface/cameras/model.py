@@ -16,6 +16,8 @@ Array = npt.NDArray[np.float64]
 
 
 class ModelKind(StrEnum):
+    """How the rays of a camera bend: not at all, radially, or with a moving entrance pupil."""
+
     CAHV = "CAHV"
     CAHVOR = "CAHVOR"
     CAHVORE = "CAHVORE"
