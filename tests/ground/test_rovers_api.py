@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import TypeAdapter
 
 from ground.resources.missions.value import Mission
+from ground.resources.rovers.routes import EXAMPLE
+from ground.resources.rovers.value import Rover
 from mission.plugins import Registry
 from rover_iface import profile as profile_module
 from rover_iface import profiles
@@ -139,3 +142,19 @@ def test_requests_are_told_of_another_rover_and_none_is_lost(
     assert "it carries science_camera, x_ray" in refused
     api("PATCH", mission, {"rover_profile": "k9"}, headers={"If-Match": "*"})
     assert api.get(f"/observation-requests/{request['id']}")["state_reason"] == ""
+
+
+def test_a_package_that_cannot_be_imported_is_listed_with_its_error(
+    sqlite_api: Api, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = {"k9": "rover_iface.profiles:k9", "ghost": "no_such_package:PROFILE"}
+    monkeypatch.setattr(profile_module, "_NAMED", Registry("rover profile", "outcrop.profiles", names))
+    listed = {r["name"]: r["problem"] for r in sqlite_api.get("/rovers")["items"]}
+    assert listed["k9"] == ""
+    assert "no_such_package:PROFILE) cannot be loaded: ModuleNotFoundError" in listed["ghost"]
+    words = problem(sqlite_api("GET", "/rovers/ghost"), 422, "invalid-input")["detail"]
+    assert "others are k9" in words
+
+
+def test_the_example_of_the_document_is_a_rover() -> None:
+    assert TypeAdapter(Rover).validate_python(EXAMPLE, extra="forbid").instruments[0].action == "image"
