@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,9 @@ from planner.threads import one_blas_thread
 
 FUTURES = 100_000
 GRID = (33, 21)
-RELAXATIONS = (1.05, 1.1, 1.2, 1.35, 1.5, 2.0, 3.0)
+WIDEST, CLOSE = 3.0, 1.01
+"""Largest factor tried, and the ratio to which the least one is closed in on. By hand: a day hardly has three
+times its budgets, and 1 % of one is within what drives vary by."""
 LEAST_CHANCE = 0.01
 """A plan that makes an observation in fewer than one future of a hundred does not let it in."""
 FEW = 5_000
@@ -31,7 +34,7 @@ TIME, ENERGY, BOTH = "time budget", "energy budget", "time and energy budgets"
 
 @dataclass(frozen=True, slots=True)
 class Relaxation:
-    """The smallest change tried that lets something in: what, by which factor, and the value then."""
+    """The smallest change found that lets something in: what, by which factor, and the value then."""
 
     what: str
     factor: float
@@ -98,37 +101,27 @@ def compare_plans(
     )
 
 
-def _best_unbranched(model: Model) -> tuple[float, Plan]:
-    """Return the best unbranched plan found, by the beam search over the sets of targets to track."""
+def _best_unbranched(model: Model, forced: int | None = None) -> tuple[float, Plan]:
+    """Return the best unbranched plan found, by the beam search over the sets of targets to track.
+
+    With `forced` it is one that goes for that observation, at whatever cost; empty if there is none.
+    """
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0:
         return 0.0, ()
     policy = Policy(Grid(model, *GRID, Rounding.MID, np.float32), moves=moves_of(model))
-    best: tuple[float, Plan] = (0.0, ())
+    best: tuple[float, Plan] = (0.0 if forced is None else -np.inf, ())
     untracked: Masses = {State(0, 0, 0): np.zeros(())}
     for tracked, bound in sorted(policy.start_values().items(), key=lambda item: (-item[1], item[0]))[:24]:
         if bound <= best[0]:
             break
         masses: Masses = {State(0, 0, tracked): policy.grid.point(*policy.start_point(tracked))}
-        found = best_sequences(policy, masses, width=3)[0]
-        if found.value > best[0]:
-            head: Plan = tuple(
-                TrackStart(model.target_ids[p - 1]) for p in range(1, model.n + 1) if (tracked >> p) & 1
-            )
-            best = found.value, (*head, *sequence_steps(policy, found.order, untracked))
+        for found in best_sequences(policy, masses, width=3, forced=forced):
+            if found.value > best[0]:
+                head: Plan = tuple(
+                    TrackStart(model.target_ids[p - 1]) for p in range(1, model.n + 1) if (tracked >> p) & 1
+                )
+                best = found.value, (*head, *sequence_steps(policy, found.order, untracked))
     return best
-
-
-def _forced(model: Model, m: int) -> Plan:
-    """Return the best unbranched plan with observation m: with the smallest bonus that brings it in."""
-    name = model.observation_ids[m]
-    plan: Plan = ()
-    for share in (0.03, 0.1, 0.3, 1.0, 3.0):
-        utility = model.utility.copy()
-        utility[m] += share * float(model.utility.sum()) + 1e-3
-        plan = _best_unbranched(dataclasses.replace(model, utility=utility))[1]
-        if name in planned_observations(plan):
-            break
-    return plan
 
 
 def why_not(
@@ -162,7 +155,7 @@ def _why_not(
     part = _with_room_for(problem, what, held)
     model = Model.of(part)
     m = model.number_of[what.id]
-    forced = _forced(model, m)
+    forced = _best_unbranched(model, m)[1]
     if what.id not in planned_observations(forced):
         relaxation = _smallest_relaxation(part, what.id)
         limit = relaxation.what if relaxation is not None else "budgets"
@@ -230,24 +223,30 @@ def _with_room_for(problem: Problem, what: Observation, held: set[ObservationId]
 
 
 def _smallest_relaxation(problem: Problem, observation: ObservationId) -> Relaxation | None:
-    """Return the smallest larger budget with which the best unbranched plan makes an observation.
+    """Return the smallest larger budget found with which the best unbranched plan makes an observation.
 
-    Both budgets are widened at once where neither is enough alone.
+    Time and energy are each closed in on by bisection, both together where neither is enough alone. A plan
+    with the factor that is told was made, and makes the observation.
     """
     best: Relaxation | None = None
+
+    def tried(what: str, factor: float) -> Relaxation | None:
+        model = Model.of(_widened(problem, what, factor))
+        value, plan = _best_unbranched(model)
+        held = observation in planned_observations(plan) and _chance(model, plan, observation) >= LEAST_CHANCE
+        return Relaxation(what, factor, value) if held else None
+
     for what in (TIME, ENERGY, BOTH):
-        for factor in RELAXATIONS:
-            if best is not None and (what is BOTH or factor >= best.factor):
-                break
-            wider = _widened(problem, what, factor)
-            model = Model.of(wider)
-            value, plan = _best_unbranched(model)
-            if (
-                observation in planned_observations(plan)
-                and _chance(model, plan, observation) >= LEAST_CHANCE
-            ):
-                best = Relaxation(what, factor, value)
-                break
+        if best is not None and what is BOTH:
+            break
+        found = tried(what, WIDEST if best is None else best.factor)
+        low = 1.0
+        while found is not None and found.factor > low * CLOSE:
+            middle = round(math.sqrt(low * found.factor), 3)
+            nearer = tried(what, middle)
+            low, found = (middle, found) if nearer is None else (low, nearer)
+        if found is not None and (best is None or found.factor < best.factor):
+            best = found
     return best
 
 

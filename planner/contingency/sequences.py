@@ -134,18 +134,25 @@ def _fits(model: Model, before: int, order: tuple[int, ...], m: int) -> bool:
 
 
 def best_sequences(
-    policy: Policy, masses: Masses, *, width: int, keep: int = 1, before: int = 0
+    policy: Policy,
+    masses: Masses,
+    *,
+    width: int,
+    keep: int = 1,
+    before: int = 0,
+    forced: int | None = None,
 ) -> list[Sequence]:
     """Return the best unbranched plans found from a distribution, best first; the empty one is always among
     them.
 
     `before` are observations (bits) that may have been made already: together with them no plan exceeds the
-    downlink volume, whatever fails.
+    downlink volume, whatever fails. With `forced` only plans that go for that observation count, at whatever
+    cost; there may be none.
     """
     model = policy.model
     root = _Node((), masses, 0.0, optimal_value(policy, masses))
-    found: dict[tuple[int, ...], float] = {(): 0.0}
-    floor = 0.0
+    found: dict[tuple[int, ...], float] = {(): 0.0} if forced is None else {}
+    floor = 0.0 if forced is None else -math.inf
     weight = total(masses)
     layer = [root]
     seen: set[tuple[int, ...]] = set()
@@ -160,9 +167,10 @@ def best_sequences(
             )
         offers.sort(key=lambda offer: (-offer[0], offer[1], offer[2]))
         following: list[_Node] = []
+        turns = 0  # taken by forced observations: they take no room from the others
         for bound, k, m in offers:
-            if len(following) >= width:
-                break
+            if len(following) - turns >= width if m != forced else turns >= width:
+                continue
             node = layer[k]
             order = (*node.order, m)
             if order in seen:
@@ -179,8 +187,10 @@ def best_sequences(
                     kept[state] = mass
             child = _Node(order, kept, earned + credit, bound)
             following.append(child)
-            found[order] = earned
-            floor = max(floor, earned)
+            turns += m == forced
+            if forced is None or forced in order:
+                found[order] = earned
+                floor = max(floor, earned)
         layer = following
     ranked = sorted(found.items(), key=lambda item: (-item[1], len(item[0]), item[0]))
     return [Sequence(order, value) for order, value in ranked[:keep]]
