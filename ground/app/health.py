@@ -13,7 +13,8 @@ from starlette.responses import Response
 
 from ground.api.context import Repo, answer, call, operation_id
 from ground.api.metrics import JOBS, MISSIONS, REGISTRY
-from ground.api.problems import responses
+from ground.api.problems import problem, responses
+from ground.app.check_readiness import check_readiness
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.resources.missions.row import MissionRow
@@ -49,8 +50,6 @@ async def healthz() -> Response:
 @router.get("/readyz", response_model=Health, responses=responses(503))
 async def readyz(repo: Repo, request: Request) -> Response:
     """Say whether the database answers, is migrated, and the data folder takes files."""
-    from ground.app.check_readiness import check_readiness
-
     try:
         checks = await call(check_readiness, repo)
     except SQLAlchemyError as err:
@@ -59,7 +58,6 @@ async def readyz(repo: Repo, request: Request) -> Response:
     content = {"status": "ok" if ready else "not ready", "version": version("outcrop"), "checks": checks}
     if ready:
         return answer(content)
-    from ground.api.problems import problem
 
     detail = "; ".join(f"{name}: {word}" for name, word in checks.items() if word != "ok")
     return problem(503, "unavailable", "Not ready", detail, instance=request.url.path)

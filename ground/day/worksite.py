@@ -7,6 +7,7 @@ from typing import Any
 
 from ground.day.prepare import PreparedDay, Report, prepare_day
 from ground.errors import InvalidInputError, JobFailedError
+from ground.gdr.terrain_folders import load_cached
 from mission import Day
 from mission.codec import Document
 from mission.values import value
@@ -41,7 +42,6 @@ class Worksite:
         """
         import json
 
-        from ground.gdr.terrain_folders import load_cached
         from planner.errors import PlannerError
         from planner.path_network import calibration_from_json
         from rover_iface.errors import RoverError

@@ -15,6 +15,9 @@ from ground.demo.mission import demo_mission
 from ground.errors import InvalidInputError
 from ground.reports.figures import draw_day
 from ground.uplink.flight import Flight, fly
+from ground.uplink.package import json_text, manifest_text
+from ground.uplink.training import PEOPLE, make_team, sign_package
+from ground.uplink.verify import read_trust, verify_package
 from mission import Day
 
 if TYPE_CHECKING:
@@ -163,10 +166,6 @@ def sign_day(
     """
     from datetime import UTC, datetime, timedelta
     from importlib.metadata import version
-
-    from ground.uplink.package import json_text, manifest_text
-    from ground.uplink.training import PEOPLE, make_team, sign_package
-    from ground.uplink.verify import read_trust, verify_package
 
     now, language = datetime.now(UTC), profile.language
     trace = (flight.folder / "trace.jsonl").read_bytes()

@@ -8,6 +8,7 @@ from ground.api.context import Asked, Cursor, Id, Limit, answer, api_router
 from ground.api.problems import responses
 from ground.records.forms import Page
 from ground.resources.approvals.bodies import WaiverCreate
+from ground.resources.approvals.check_flight_rules import check_flight_rules, waive_rule
 from ground.resources.approvals.value import Approval, FlightRuleResult
 
 router = api_router("uplink")
@@ -26,8 +27,6 @@ async def list_approvals(ask: Asked, mission_id: Id, limit: Limit = 100, cursor:
 )
 async def get_flight_rules(ask: Asked, plan_id: Id) -> Response:
     """Hold every flight rule against the plan."""
-    from ground.resources.approvals.check_flight_rules import check_flight_rules
-
     return answer(await ask.do(check_flight_rules, plan_id))
 
 
@@ -39,6 +38,4 @@ async def get_flight_rules(ask: Asked, plan_id: Id) -> Response:
 )
 async def create_waiver(ask: Asked, plan_id: Id, body: WaiverCreate) -> Response:
     """Accept that one flight rule does not hold for this plan, with the reason."""
-    from ground.resources.approvals.check_flight_rules import waive_rule
-
     return answer(await ask.do(waive_rule, plan_id, body.rule, body.reason), 201)

@@ -10,6 +10,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import update
 from ground.resources.calibrations.calibrate_mission import calibration_order, run_folders
+from ground.resources.calibrations.work import learn
 from ground.resources.missions.kind import MISSION, show_missions
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
@@ -29,8 +30,6 @@ def calibrate_from_folders(
     InvalidInputError
         If a folder holds no legs, or there are too few legs.
     """
-    from ground.resources.calibrations.work import learn
-
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.read() as session:
         order = calibration_order(

@@ -9,6 +9,7 @@ from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
 from ground.jobs.value import Job
 from ground.resources.calibrations.bodies import MissionCalibrate
+from ground.resources.calibrations.calibrate_mission import calibrate_mission as calibrate_mission_use_case
 
 router = api_router("missions")
 
@@ -26,7 +27,5 @@ async def calibrate_mission(
     ask: Asked, mission_id: Id, body: MissionCalibrate, prefer: Prefer = None
 ) -> Response:
     """Learn loss, duration and energy parameters from recorded runs: a job; plans made after it use them."""
-    from ground.resources.calibrations.calibrate_mission import calibrate_mission
-
-    job = await ask.do(calibrate_mission, mission_id, run_ids=body.run_ids, name=body.name)
+    job = await ask.do(calibrate_mission_use_case, mission_id, run_ids=body.run_ids, name=body.name)
     return await accepted(ask.repo, ask.who, job, prefer)

@@ -9,6 +9,7 @@ from typing import Any
 
 from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
+from ground.gdr.terrain_folders import load_cached
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
 from ground.resources.calibrations.order import CalibrationOrder
@@ -35,7 +36,6 @@ def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool
 
 def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
     """Return the document; see above, but wrong runs are an `InvalidInputError`."""
-    from ground.gdr.terrain_folders import load_cached
     from planner.path_network import calibration_to_json
     from rover_iface.profile import load_profile
 

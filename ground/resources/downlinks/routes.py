@@ -6,6 +6,7 @@ from starlette.responses import Response
 
 from ground.api.context import Asked, api_router, created
 from ground.api.problems import responses
+from ground.resources.downlinks.ingest_run import ingest_upload
 from ground.resources.runs.bodies import RunIngest
 from ground.resources.runs.value import Run
 
@@ -20,7 +21,5 @@ router = api_router("uplink")
 )
 async def ingest_run(ask: Asked, body: RunIngest) -> Response:
     """Take in the folder of an execution (an uploaded zip) and tie its products to what asked for them."""
-    from ground.resources.downlinks.ingest_run import ingest_upload
-
     run = await ask.do(ingest_upload, body.upload_id)
     return created(run, f"/api/v1/runs/{run.id}")

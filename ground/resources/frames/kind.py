@@ -13,13 +13,12 @@ from ground.records.kind import Kind
 from ground.records.show import value_of
 from ground.resources.frames.bodies import FrameChange, FrameCreate
 from ground.resources.frames.row import FrameFileRow, FrameRow, SolutionRow
+from ground.resources.frames.site_chain import load_chain
 from ground.resources.frames.value import Frame, Level
 
 
 def show_frames(session: Session, rows: Sequence[FrameRow]) -> list[Frame]:
     """Return frames with their places, by the chain of each mission once."""
-    from ground.resources.frames.site_chain import load_chain
-
     chains = {i: load_chain(session, i) for i in {r.mission_id for r in rows}}
     s = SolutionRow
     counted = select(s.frame_id, func.count()).where(s.mission_id.in_(chains)).group_by(s.frame_id)

@@ -17,6 +17,7 @@ from ground.api.context import (
 from ground.api.problems import responses
 from ground.records.forms import Page
 from ground.resources.frames.bodies import FrameChange, FrameCreate
+from ground.resources.frames.create_frame import create_frame as create_frame_use_case
 from ground.resources.frames.value import Frame, Level
 
 router = api_router("frames")
@@ -44,9 +45,9 @@ async def list_frames(
 )
 async def create_frame(ask: Asked, mission_id: Id, body: FrameCreate) -> Response:
     """Name a frame by its motion counter; the first site of a mission becomes its anchor."""
-    from ground.resources.frames.create_frame import create_frame
-
-    value = await ask.do(create_frame, mission_id, name=body.name, counter=body.counter, notes=body.notes)
+    value = await ask.do(
+        create_frame_use_case, mission_id, name=body.name, counter=body.counter, notes=body.notes
+    )
     return created(value, f"/api/v1/frames/{value.id}")
 
 

@@ -9,6 +9,8 @@ from starlette.responses import Response
 from ground.api.context import Asked, Id, answer, api_router, attachment, media_answers
 from ground.api.problems import responses
 from ground.resources.geometry_files.bodies import GeometryImport
+from ground.resources.geometry_files.exchange_geometry import export_geometry as export_geometry_use_case
+from ground.resources.geometry_files.exchange_geometry import import_geometry as import_geometry_use_case
 from ground.resources.geometry_files.value import ImportedGeometry
 
 router = api_router("exchange")
@@ -23,9 +25,7 @@ async def export_geometry(
     ask: Asked, mission_id: Id, form: Literal["geojson", "csv"] = "geojson"
 ) -> Response:
     """Send all targets and keep-outs as GeoJSON in site metres or as CSV."""
-    from ground.resources.geometry_files.exchange_geometry import export_geometry
-
-    content = await ask.do(export_geometry, mission_id, form=form)
+    content = await ask.do(export_geometry_use_case, mission_id, form=form)
     media = "text/csv; charset=utf-8" if form == "csv" else "application/geo+json"
     return Response(content, media_type=media, headers=attachment(f"{mission_id}.{form}"))
 
@@ -40,6 +40,4 @@ async def import_geometry(ask: Asked, mission_id: Id, body: GeometryImport) -> R
     """Take in targets and keep-outs from an uploaded GeoJSON or CSV file: all of them, or none with the rows
     that are wrong.
     """
-    from ground.resources.geometry_files.exchange_geometry import import_geometry
-
-    return answer(await ask.do(import_geometry, mission_id, body.upload_id), 201)
+    return answer(await ask.do(import_geometry_use_case, mission_id, body.upload_id), 201)

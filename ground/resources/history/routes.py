@@ -11,7 +11,10 @@ from ground.api.context import Asked, Id, Limit, answer, api_router
 from ground.api.problems import responses
 from ground.records.forms import Page
 from ground.records.list_history import Event
+from ground.records.list_history import list_history as list_history_use_case
 from ground.resources.history.bodies import UndoBody
+from ground.resources.history.undo import redo as redo_use_case
+from ground.resources.history.undo import undo as undo_use_case
 
 router = api_router("missions")
 
@@ -25,9 +28,9 @@ async def list_history(
     newest_first: bool = False,
 ) -> Response:
     """List the changes of a mission; `next_cursor` is the number to give as `after`."""
-    from ground.records.list_history import list_history
-
-    return answer(await ask.do(list_history, mission_id, after=after, limit=limit, newest_first=newest_first))
+    return answer(
+        await ask.do(list_history_use_case, mission_id, after=after, limit=limit, newest_first=newest_first)
+    )
 
 
 @router.post(
@@ -35,9 +38,7 @@ async def list_history(
 )
 async def undo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
     """Take back the last act; the answer holds the events that did it."""
-    from ground.resources.history.undo import undo
-
-    return answer(await ask.do(undo, mission_id, anyone=body.anyone))
+    return answer(await ask.do(undo_use_case, mission_id, anyone=body.anyone))
 
 
 @router.post(
@@ -45,6 +46,4 @@ async def undo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
 )
 async def redo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
     """Do again what was last taken back."""
-    from ground.resources.history.undo import redo
-
-    return answer(await ask.do(redo, mission_id, anyone=body.anyone))
+    return answer(await ask.do(redo_use_case, mission_id, anyone=body.anyone))

@@ -6,9 +6,11 @@ from starlette.responses import Response, StreamingResponse
 
 from ground.api.context import Asked, Cursor, FilterId, Id, Limit, answer, api_router
 from ground.api.problems import responses
-from ground.api.streams import EVENT_STREAM, LastEventId
+from ground.api.streams import EVENT_STREAM, LastEventId, job_stream, mission_stream
 from ground.jobs.value import Job, JobState
 from ground.records.forms import Page
+from ground.resources.jobs.cancel_job import cancel_job as cancel_job_use_case
+from ground.resources.jobs.cancel_job import retry_job as retry_job_use_case
 
 router = api_router("jobs")
 
@@ -36,17 +38,13 @@ async def get_job(ask: Asked, job_id: Id) -> Response:
 @router.post("/jobs/{job_id}/cancel", response_model=Job, responses=responses(404, 422))
 async def cancel_job(ask: Asked, job_id: Id) -> Response:
     """Ask a job to stop; one that waits is cancelled at once, one that is over stays as it is."""
-    from ground.resources.jobs.cancel_job import cancel_job
-
-    return answer(await ask.do(cancel_job, job_id))
+    return answer(await ask.do(cancel_job_use_case, job_id))
 
 
 @router.post("/jobs/{job_id}/retry", response_model=Job, responses=responses(404, 409, 422))
 async def retry_job(ask: Asked, job_id: Id) -> Response:
     """Queue a failed or cancelled job once more."""
-    from ground.resources.jobs.cancel_job import retry_job
-
-    return answer(await ask.do(retry_job, job_id))
+    return answer(await ask.do(retry_job_use_case, job_id))
 
 
 @router.get(
@@ -56,8 +54,6 @@ async def retry_job(ask: Asked, job_id: Id) -> Response:
 )
 async def stream_job(ask: Asked, job_id: Id, last_event_id: LastEventId = None) -> Response:
     """Stream a job: events `job` with the whole job at each change, the last one when it is over."""
-    from ground.api.streams import job_stream
-
     return await job_stream(ask.repo, ask.who, job_id, last_event_id)
 
 
@@ -68,6 +64,4 @@ async def stream_job(ask: Asked, job_id: Id, last_event_id: LastEventId = None) 
 )
 async def stream_mission(ask: Asked, mission_id: Id, last_event_id: LastEventId = None) -> Response:
     """Stream the changes of a mission: events `change`; without Last-Event-ID from now on."""
-    from ground.api.streams import mission_stream
-
     return await mission_stream(ask.repo, ask.who, mission_id, last_event_id)

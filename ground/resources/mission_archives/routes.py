@@ -12,7 +12,12 @@ from starlette.responses import FileResponse, Response
 from ground.api.context import Asked, Id, answer, api_router, call, created
 from ground.api.problems import responses
 from ground.resources.mission_archives.bodies import ArchiveImport, MissionCopy
+from ground.resources.mission_archives.copy_mission import copy_mission as copy_mission_use_case
+from ground.resources.mission_archives.import_mission import import_mission as import_mission_use_case
+from ground.resources.mission_archives.mission_archive import export_mission as export_mission_use_case
+from ground.resources.mission_archives.read_elsewhere import read_elsewhere
 from ground.resources.missions.value import Elsewhere, Mission
+from ground.resources.uploads.store_upload import uploaded_file
 
 router = api_router("missions")
 
@@ -25,9 +30,7 @@ router = api_router("missions")
 )
 async def copy_mission(ask: Asked, mission_id: Id, body: MissionCopy) -> Response:
     """Copy a mission with its sols, targets, requests and keep-outs: a what-if of its own."""
-    from ground.resources.mission_archives.copy_mission import copy_mission
-
-    mission = await ask.do(copy_mission, mission_id, name=body.name, notes=body.notes)
+    mission = await ask.do(copy_mission_use_case, mission_id, name=body.name, notes=body.notes)
     return created(mission, f"/api/v1/missions/{mission.id}")
 
 
@@ -41,12 +44,10 @@ async def copy_mission(ask: Asked, mission_id: Id, body: MissionCopy) -> Respons
 )
 async def export_mission(ask: Asked, mission_id: Id) -> Response:
     """Send the whole mission as one archive: rows, history, terrain, products, each with its hash."""
-    from ground.resources.mission_archives.mission_archive import export_mission
-
     folder = Path(tempfile.mkdtemp(prefix="outcrop-archive-"))
     target = folder / f"outcrop-{mission_id}.zip"
     try:
-        await ask.do(export_mission, mission_id, target)
+        await ask.do(export_mission_use_case, mission_id, target)
     except BaseException:
         shutil.rmtree(folder)
         raise
@@ -59,17 +60,12 @@ async def export_mission(ask: Asked, mission_id: Id) -> Response:
 )
 async def import_mission(ask: Asked, body: ArchiveImport) -> Response:
     """Take in a mission's archive that was uploaded; it keeps its ids and history."""
-    from ground.resources.mission_archives.import_mission import import_mission
-    from ground.resources.uploads.store_upload import uploaded_file
-
     source = await call(uploaded_file, ask.repo, body.upload_id)
-    mission = await ask.do(import_mission, source, name=body.name)
+    mission = await ask.do(import_mission_use_case, source, name=body.name)
     return created(mission, f"/api/v1/missions/{mission.id}")
 
 
 @router.get("/missions/{mission_id}/elsewhere", response_model=list[Elsewhere], responses=responses(404, 422))
 async def get_elsewhere(ask: Asked, mission_id: Id) -> Response:
     """Read what the archives of a mission say was approved, packaged and done elsewhere; no right follows."""
-    from ground.resources.mission_archives.read_elsewhere import read_elsewhere
-
     return answer(await ask.do(read_elsewhere, mission_id))

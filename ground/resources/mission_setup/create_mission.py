@@ -13,6 +13,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
+from ground.resources.mission_setup.unpack_terrain import unpack_terrain
 from ground.resources.missions.kind import MISSION, show_missions
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.rules import require_profile
@@ -70,8 +71,6 @@ def load_source(repo: Repository, source: TerrainSource, work: Path) -> Terrain:
             case FolderTerrain(folder):
                 return load_terrain(folder)
             case UploadedTerrain():
-                from ground.resources.mission_setup.unpack_terrain import unpack_terrain
-
                 return load_terrain(unpack_terrain(repo, source.upload_id, source.ortho_upload_id, work))
     except RoverError as err:
         raise TerrainFileError(str(err).replace(f"{work}/", ""), pointer="/terrain") from err

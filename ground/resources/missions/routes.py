@@ -11,6 +11,7 @@ from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, answer, api_ro
 from ground.api.problems import responses
 from ground.records.forms import Page
 from ground.resources.missions.bodies import MissionChange
+from ground.resources.missions.read_terrain import read_heights, read_ortho, read_point, read_terrain
 from ground.resources.missions.value import Mission
 from ground.resources.terrains.value import Terrain, TerrainPoint
 
@@ -51,8 +52,6 @@ async def delete_mission(ask: Asked, mission_id: Id, if_match: IfMatch = None) -
 @router.get("/missions/{mission_id}/terrain", response_model=Terrain, responses=responses(404, 422))
 async def get_terrain(ask: Asked, mission_id: Id) -> Response:
     """Describe the mission's terrain: layers, extent, start pose."""
-    from ground.resources.missions.read_terrain import read_terrain
-
     return answer(await ask.do(read_terrain, mission_id))
 
 
@@ -70,8 +69,6 @@ async def get_ortho(
     ] = 16384,
 ) -> Response:
     """Send the ortho image of a layer, north up, with exactly the extent of the layer."""
-    from ground.resources.missions.read_terrain import read_ortho
-
     path, media, etag = await ask.do(read_ortho, mission_id, layer, max_px)
     return FileResponse(
         path, media_type=media, headers={"Cache-Control": "private, max-age=86400", "ETag": etag}
@@ -104,8 +101,6 @@ async def get_heights(
     ] = 250_000,
 ) -> Response:
     """Send the heights of a layer as binary."""
-    from ground.resources.missions.read_terrain import read_heights
-
     tile = await ask.do(read_heights, mission_id, layer, max_posts)
     headers = {
         "X-Outcrop-Shape": f"{tile.rows},{tile.columns}",
@@ -122,6 +117,4 @@ async def get_heights(
 )
 async def get_terrain_point(ask: Asked, mission_id: Id, east_m: Coordinate, north_m: Coordinate) -> Response:
     """Ask the full-resolution terrain for one point: height, normal, slope, covariance."""
-    from ground.resources.missions.read_terrain import read_point
-
     return answer(await ask.do(read_point, mission_id, east_m, north_m))

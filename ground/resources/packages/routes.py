@@ -7,6 +7,11 @@ from starlette.responses import Response
 from ground.api.context import Asked, Id, answer, api_router, created
 from ground.api.problems import responses
 from ground.resources.packages.bodies import SignatureCreate
+from ground.resources.packages.package_plan import package_plan as package_plan_use_case
+from ground.resources.packages.sign_plan import Given
+from ground.resources.packages.sign_plan import sign_plan as sign_plan_use_case
+from ground.resources.packages.statement import make_statement as make_statement_use_case
+from ground.resources.packages.statement import read_statement
 from ground.resources.packages.value import Statement
 
 router = api_router("uplink")
@@ -15,8 +20,6 @@ router = api_router("uplink")
 @router.get("/plans/{plan_id}/statement", response_model=Statement, responses=responses(404, 422))
 async def get_statement(ask: Asked, plan_id: Id) -> Response:
     """Read what is signed of a plan, and by whom it was."""
-    from ground.resources.packages.statement import read_statement
-
     return answer(await ask.do(read_statement, plan_id))
 
 
@@ -28,9 +31,7 @@ async def get_statement(ask: Asked, plan_id: Id) -> Response:
 )
 async def make_statement(ask: Asked, plan_id: Id) -> Response:
     """Make what is to be signed of a verified plan; the last one again as long as it holds."""
-    from ground.resources.packages.statement import make_statement
-
-    return created(await ask.do(make_statement, plan_id), f"/api/v1/plans/{plan_id}/statement")
+    return created(await ask.do(make_statement_use_case, plan_id), f"/api/v1/plans/{plan_id}/statement")
 
 
 @router.post(
@@ -41,10 +42,8 @@ async def make_statement(ask: Asked, plan_id: Id) -> Response:
 )
 async def sign_plan(ask: Asked, plan_id: Id, body: SignatureCreate) -> Response:
     """Hand in one's own signature as author, verifier or approver; the last makes the plan approved."""
-    from ground.resources.packages.sign_plan import Given, sign_plan
-
     given = Given(body.role, body.sha256, body.key, body.signature, body.note)
-    return created(await ask.do(sign_plan, plan_id, given), f"/api/v1/plans/{plan_id}/statement")
+    return created(await ask.do(sign_plan_use_case, plan_id, given), f"/api/v1/plans/{plan_id}/statement")
 
 
 @router.post(
@@ -57,9 +56,7 @@ async def sign_plan(ask: Asked, plan_id: Id, body: SignatureCreate) -> Response:
 )
 async def package_plan(ask: Asked, plan_id: Id) -> Response:
     """Make the uplink package of an approved plan from what people signed; the plan is uplinked with it."""
-    from ground.resources.packages.package_plan import package_plan
-
-    package = await ask.do(package_plan, plan_id)
+    package = await ask.do(package_plan_use_case, plan_id)
     headers = {
         "Content-Disposition": f'attachment; filename="{package.file_name}"',
         "ETag": f'"{package.sha256}"',

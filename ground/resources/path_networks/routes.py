@@ -10,6 +10,7 @@ from ground.api.problems import responses
 from ground.jobs.value import Job
 from ground.records.forms import Page
 from ground.resources.path_networks.bodies import PathNetworkCreate
+from ground.resources.path_networks.build_path_network import build_path_network
 from ground.resources.path_networks.value import PathNetwork
 
 router = api_router("planning")
@@ -38,8 +39,6 @@ async def create_path_network(
     ask: Asked, mission_id: Id, body: PathNetworkCreate, prefer: Prefer = None
 ) -> Response:
     """Compute the path network: a job, whose subject is the network."""
-    from ground.resources.path_networks.build_path_network import build_path_network
-
     job = await ask.do(build_path_network, mission_id, sol_id=body.sol_id)
     return await accepted(ask.repo, ask.who, job, prefer)
 

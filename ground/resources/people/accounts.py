@@ -19,10 +19,10 @@ from ground.errors import (
     TooManyAttemptsError,
 )
 from ground.gdr.base import utc_now
-from ground.gdr.history import SYSTEM, ChainRow, Change, record
+from ground.gdr.history import SYSTEM, ChainRow, Change, open_chain, record
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
-from ground.records.actor import Action, Actor, Role
+from ground.records.actor import SYSTEM_ACTOR, Action, Actor, Role
 from ground.records.edit import insert
 from ground.resources.people.kind import PERSON, show_people
 from ground.resources.people.row import CredentialRow, LoginFailureRow, PersonRow
@@ -57,14 +57,10 @@ def ensure_profiles(repo: Repository) -> None:
     """Add the local profiles to a repository without people, and open the system's chain of events."""
     with repo.database.write() as session:
         if session.get(ChainRow, SYSTEM) is None:
-            from ground.gdr.history import open_chain
-
             open_chain(session, SYSTEM)
         if session.scalar(select(func.count()).select_from(PersonRow)):
             return
         if repo.settings.auth is Authentication.PROFILES:
-            from ground.records.actor import SYSTEM_ACTOR
-
             for name, role in PROFILES:
                 row = PersonRow(
                     id=new_id("psn"),

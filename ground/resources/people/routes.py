@@ -20,6 +20,10 @@ from ground.api.context import (
 )
 from ground.api.problems import responses
 from ground.records.forms import Page
+from ground.resources.people.accounts import create_api_key as create_api_key_use_case
+from ground.resources.people.accounts import create_person as create_person_use_case
+from ground.resources.people.accounts import delete_api_key as delete_api_key_use_case
+from ground.resources.people.authentication import log_in, log_out, session_value
 from ground.resources.people.bodies import (
     ApiKeyCreate,
     ApiKeyValue,
@@ -29,6 +33,8 @@ from ground.resources.people.bodies import (
     SessionValue,
     SigningKeyCreate,
 )
+from ground.resources.people.signing_keys import list_signing_keys as list_signing_keys_use_case
+from ground.resources.people.signing_keys import register_signing_key, revoke_signing_key
 from ground.resources.people.value import Person, SigningKey
 
 router = api_router("people")
@@ -44,9 +50,7 @@ async def list_people(ask: Asked, limit: Limit = 100, cursor: Cursor = None) -> 
 @router.post("/people", response_model=Person, status_code=201, responses=responses(400, 409, 422))
 async def create_person(ask: Asked, body: PersonCreate) -> Response:
     """Add a person (administrators)."""
-    from ground.resources.people.accounts import create_person
-
-    person = await ask.do(create_person, body.name, body.role, body.password)
+    person = await ask.do(create_person_use_case, body.name, body.role, body.password)
     return created(person, f"/api/v1/people/{person.id}")
 
 
@@ -65,64 +69,48 @@ async def change_person(ask: Asked, person_id: Id, body: PersonChange, if_match:
 @router.get("/session", response_model=SessionValue)
 async def get_session(repo: Repo, request: Request) -> Response:
     """Say who one is; `person` is null for nobody."""
-    from ground.resources.people.authentication import session_value
-
     return answer(await call(session_value, repo, request))
 
 
 @router.post("/session", response_model=SessionValue, status_code=201, responses=responses(400, 422, 429))
 async def create_session(repo: Repo, body: SessionCreate) -> Response:
     """Log in, or change to another profile; sets the session cookie."""
-    from ground.resources.people.authentication import log_in
-
     return await log_in(repo, body.name, body.password)
 
 
 @router.delete("/session", status_code=204)
 async def delete_session(repo: Repo, request: Request) -> Response:
     """Log out."""
-    from ground.resources.people.authentication import log_out
-
     return await log_out(repo, request)
 
 
 @router.post("/api-keys", response_model=ApiKeyValue, status_code=201, responses=responses(400, 422))
 async def create_api_key(ask: Asked, body: ApiKeyCreate) -> Response:
     """Make an API key for oneself; the secret is shown this once."""
-    from ground.resources.people.accounts import create_api_key
-
-    return answer(await ask.do(create_api_key, body.name, body.days), 201)
+    return answer(await ask.do(create_api_key_use_case, body.name, body.days), 201)
 
 
 @router.delete("/api-keys/{key_id}", status_code=204, responses=responses(404, 422))
 async def delete_api_key(ask: Asked, key_id: Id) -> Response:
     """Take back an API key."""
-    from ground.resources.people.accounts import delete_api_key
-
-    await ask.do(delete_api_key, key_id)
+    await ask.do(delete_api_key_use_case, key_id)
     return no_content()
 
 
 @router.get("/signing-keys", response_model=list[SigningKey], responses=responses(422))
 async def list_signing_keys(ask: Asked) -> Response:
     """List the public keys with which people sign plans; revoked ones too."""
-    from ground.resources.people.signing_keys import list_signing_keys
-
-    return answer(await ask.do(list_signing_keys))
+    return answer(await ask.do(list_signing_keys_use_case))
 
 
 @router.post("/signing-keys", response_model=SigningKey, status_code=201, responses=responses(400, 409, 422))
 async def create_signing_key(ask: Asked, body: SigningKeyCreate) -> Response:
     """Register the public half of a key of one's own; the private half never leaves its owner."""
-    from ground.resources.people.signing_keys import register_signing_key
-
     return answer(await ask.do(register_signing_key, body.public, body.proof, body.name), 201)
 
 
 @router.delete("/signing-keys/{key_id}", status_code=204, responses=responses(404, 422))
 async def delete_signing_key(ask: Asked, key_id: Id) -> Response:
     """Revoke a signing key here; it stays in the list. Trust files on board are changed apart from it."""
-    from ground.resources.people.signing_keys import revoke_signing_key
-
     await ask.do(revoke_signing_key, key_id)
     return no_content()

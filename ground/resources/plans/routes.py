@@ -9,7 +9,12 @@ from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
 from ground.jobs.value import Job
 from ground.records.forms import Page
+from ground.resources.plans.answer_what_if import answer_what_if as answer_what_if_use_case
 from ground.resources.plans.bodies import PlanChange, PlanCreate, SummaryDocument, TreeDocument, WhatIf
+from ground.resources.plans.explain_plan import compare_plans as compare_plans_use_case
+from ground.resources.plans.explain_plan import explain_request as explain_request_use_case
+from ground.resources.plans.generate_plan import PlanOrder, generate_plan
+from ground.resources.plans.read_plan import read_crl, read_findings, read_summary, read_tree
 from ground.resources.plans.study_value import PlanComparison, WhatIfAnswer, WhyNot
 from ground.resources.plans.value import Finding, Plan, PlanState
 
@@ -41,8 +46,6 @@ async def list_plans(
 )
 async def create_plan(ask: Asked, mission_id: Id, body: PlanCreate, prefer: Prefer = None) -> Response:
     """Ask for a plan: a job, whose subject is the plan (state draft until it is computed)."""
-    from ground.resources.plans.generate_plan import PlanOrder, generate_plan
-
     order = PlanOrder(
         name=body.name,
         notes=body.notes,
@@ -82,8 +85,6 @@ async def delete_plan(ask: Asked, plan_id: Id, if_match: IfMatch = None) -> Resp
 @router.get("/plans/{plan_id}/tree", response_model=TreeDocument, responses=responses(404, 409, 422))
 async def get_plan_tree(ask: Asked, plan_id: Id) -> Response:
     """Read the plan tree (`plan-tree/2`): steps, options, odds, quantiles."""
-    from ground.resources.plans.read_plan import read_tree
-
     return answer(await ask.do(read_tree, plan_id))
 
 
@@ -94,8 +95,6 @@ async def get_plan_tree(ask: Asked, plan_id: Id) -> Response:
 )
 async def get_plan_crl(ask: Asked, plan_id: Id, canonical: bool = False) -> Response:
     """Read the plan as CRL; with `canonical`, the text over which the digest is taken."""
-    from ground.resources.plans.read_plan import read_crl
-
     text = await ask.do(read_crl, plan_id, canonical=canonical)
     return Response(text, media_type="text/plain; charset=utf-8")
 
@@ -103,16 +102,12 @@ async def get_plan_crl(ask: Asked, plan_id: Id, canonical: bool = False) -> Resp
 @router.get("/plans/{plan_id}/summary", response_model=SummaryDocument, responses=responses(404, 409, 422))
 async def get_plan_summary(ask: Asked, plan_id: Id) -> Response:
     """Read the planner's summary."""
-    from ground.resources.plans.read_plan import read_summary
-
     return answer(await ask.do(read_summary, plan_id))
 
 
 @router.get("/plans/{plan_id}/findings", response_model=list[Finding], responses=responses(404, 409, 422))
 async def get_plan_findings(ask: Asked, plan_id: Id) -> Response:
     """List what the CRL validator found."""
-    from ground.resources.plans.read_plan import read_findings
-
     return answer(await ask.do(read_findings, plan_id))
 
 
@@ -121,9 +116,7 @@ async def get_plan_findings(ask: Asked, plan_id: Id) -> Response:
 )
 async def explain_request(ask: Asked, plan_id: Id, request_id: Id) -> Response:
     """Say why a request is not in the plan: the limit, what it would displace, what would let it in."""
-    from ground.resources.plans.explain_plan import explain_request
-
-    return answer(await ask.do(explain_request, plan_id, request_id))
+    return answer(await ask.do(explain_request_use_case, plan_id, request_id))
 
 
 @router.get(
@@ -133,14 +126,10 @@ async def explain_request(ask: Asked, plan_id: Id, request_id: Id) -> Response:
 )
 async def compare_plans(ask: Asked, plan_id: Id, other_id: Id) -> Response:
     """Compare two plans on the same futures: difference with its error, odds, the worst 5 %."""
-    from ground.resources.plans.explain_plan import compare_plans
-
-    return answer(await ask.do(compare_plans, plan_id, other_id))
+    return answer(await ask.do(compare_plans_use_case, plan_id, other_id))
 
 
 @router.post("/plans/{plan_id}/what-if", response_model=WhatIfAnswer, responses=responses(400, 404, 409, 422))
 async def answer_what_if(ask: Asked, plan_id: Id, body: WhatIf) -> Response:
     """Say at once what changes of the day are worth: to the plan as it is, and to one made for them."""
-    from ground.resources.plans.answer_what_if import answer_what_if
-
-    return answer(await ask.do(answer_what_if, plan_id, body.value()))
+    return answer(await ask.do(answer_what_if_use_case, plan_id, body.value()))

@@ -7,6 +7,7 @@ from starlette.responses import FileResponse, Response
 from ground.api.context import PRODUCT_FILE, Asked, Cursor, FilterId, Id, Limit, api_router, product_file
 from ground.api.problems import responses
 from ground.records.forms import Page
+from ground.resources.products.read_product import read_product
 from ground.resources.products.value import Product
 
 router = api_router("runs")
@@ -41,6 +42,4 @@ async def get_product(ask: Asked, product_id: Id) -> Response:
 )
 async def get_product_file(ask: Asked, product_id: Id) -> Response:
     """Send the file of a data product; its ETag is the SHA-256 of the content."""
-    from ground.resources.products.read_product import read_product
-
     return product_file(*await ask.do(read_product, product_id))

@@ -8,6 +8,9 @@ from starlette.responses import Response
 
 from ground.api.context import SEALED, Asked, Id, api_router, media_answers
 from ground.api.problems import responses
+from ground.resources.reports.draw_plan import draw_plan as draw_plan_use_case
+from ground.resources.reports.report_plan import report_plan
+from ground.resources.reports.report_run import report_run
 
 router = api_router("exchange")
 
@@ -19,9 +22,7 @@ router = api_router("exchange")
 )
 async def draw_plan(ask: Asked, plan_id: Id, form: Literal["svg", "dot"] = "svg") -> Response:
     """Draw the plan tree as SVG, or give it as DOT."""
-    from ground.resources.reports.draw_plan import draw_plan
-
-    text = await ask.do(draw_plan, plan_id, form=form)
+    text = await ask.do(draw_plan_use_case, plan_id, form=form)
     media = "image/svg+xml" if form == "svg" else "text/vnd.graphviz"
     return Response(text, media_type=media, headers={"Content-Security-Policy": SEALED})
 
@@ -33,8 +34,6 @@ async def draw_plan(ask: Asked, plan_id: Id, form: Literal["svg", "dot"] = "svg"
 )
 async def get_plan_report(ask: Asked, plan_id: Id) -> Response:
     """Report a plan before its run on one page that loads nothing: map, tree, odds, budgets, rules."""
-    from ground.resources.reports.report_plan import report_plan
-
     text = await ask.do(report_plan, plan_id)
     headers = {"Content-Security-Policy": SEALED}
     return Response(text, media_type="text/html; charset=utf-8", headers=headers)
@@ -47,8 +46,6 @@ async def get_plan_report(ask: Asked, plan_id: Id) -> Response:
 )
 async def get_run_report(ask: Asked, run_id: Id) -> Response:
     """Report a run on one page that loads nothing: map, plan tree, odds, requests and what came back."""
-    from ground.resources.reports.report_run import report_run
-
     text = await ask.do(report_run, run_id)
     headers = {"Content-Security-Policy": SEALED}
     return Response(text, media_type="text/html; charset=utf-8", headers=headers)

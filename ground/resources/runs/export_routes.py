@@ -11,6 +11,7 @@ from starlette.responses import FileResponse, Response
 
 from ground.api.context import Asked, Id, api_router
 from ground.api.problems import responses
+from ground.resources.runs.export_products import export_products as export_products_use_case
 
 router = api_router("exchange")
 
@@ -25,12 +26,10 @@ router = api_router("exchange")
 )
 async def export_products(ask: Asked, run_id: Id) -> Response:
     """Send the data products of a run as a zip with a manifest of hashes, tasks, requests and targets."""
-    from ground.resources.runs.export_products import export_products
-
     folder = Path(tempfile.mkdtemp(prefix="outcrop-products-"))
     target = folder / f"{run_id}-products.zip"
     try:
-        await ask.do(export_products, run_id, target)
+        await ask.do(export_products_use_case, run_id, target)
     except BaseException:
         shutil.rmtree(folder)
         raise

@@ -25,8 +25,14 @@ from ground.api.streams import EVENT_STREAM, LastEventId
 from ground.jobs.value import Job
 from ground.records.forms import Page
 from ground.resources.runs.bodies import RunChange, RunControlBody, RunCreate
+from ground.resources.runs.control_run import control_run as control_run_use_case
+from ground.resources.runs.dry_run import RunOrder, dry_run
+from ground.resources.runs.read_run import read_live_product, read_telemetry, read_trace
+from ground.resources.runs.read_snapshot import read_snapshot
+from ground.resources.runs.stream import run_stream
 from ground.resources.runs.trace_value import RunSnapshot, Telemetry, Trace
 from ground.resources.runs.value import Run, RunControl
+from ground.uplink.rehearsal import Sent
 
 router = api_router("runs")
 
@@ -52,8 +58,6 @@ async def list_runs(
 async def create_run(ask: Asked, mission_id: Id, body: RunCreate, prefer: Prefer = None) -> Response:
     """Run a plan on a simulated rover: a job, whose subject is the run."""
     from executive.ports import Operation
-    from ground.resources.runs.dry_run import RunOrder, dry_run
-    from ground.uplink.rehearsal import Sent
 
     order = RunOrder(
         plan_id=body.plan_id,
@@ -84,11 +88,9 @@ async def change_run(ask: Asked, run_id: Id, body: RunChange, if_match: IfMatch 
 @router.post("/runs/{run_id}/control", response_model=RunControl, responses=responses(400, 404, 409, 422))
 async def control_run(ask: Asked, run_id: Id, body: RunControlBody) -> Response:
     """Pause, resume, step, speed up or abort a run that goes on."""
-    from ground.resources.runs.control_run import control_run
-
     return answer(
         await ask.do(
-            control_run,
+            control_run_use_case,
             run_id,
             paused=body.paused,
             pace=body.pace,
@@ -101,16 +103,12 @@ async def control_run(ask: Asked, run_id: Id, body: RunControlBody) -> Response:
 @router.get("/runs/{run_id}/trace", response_model=Trace, responses=responses(404, 409, 422))
 async def get_run_trace(ask: Asked, run_id: Id) -> Response:
     """Read the executive's trace."""
-    from ground.resources.runs.read_run import read_trace
-
     return answer(await ask.do(read_trace, run_id))
 
 
 @router.get("/runs/{run_id}/telemetry", response_model=Telemetry, responses=responses(404, 422))
 async def get_run_telemetry(ask: Asked, run_id: Id) -> Response:
     """Read telemetry as columns; while the run goes on, what there is so far (`complete` is false)."""
-    from ground.resources.runs.read_run import read_telemetry
-
     return answer(await ask.do(read_telemetry, run_id))
 
 
@@ -127,8 +125,6 @@ async def get_run_snapshot(
     ] = None,
 ) -> Response:
     """Look into the executive at a record of the journal: nodes, windows, conditions, resources."""
-    from ground.resources.runs.read_snapshot import read_snapshot
-
     return answer(await ask.do(read_snapshot, run_id, seq=seq, t_s=t_s))
 
 
@@ -141,8 +137,6 @@ async def stream_run(ask: Asked, run_id: Id, last_event_id: LastEventId = None) 
     """Stream a run: events `telemetry` (one sample), `trace` (one record), `product` (a data product as the
     rover made it), `control` (how it goes: at the start, and when an operator asks), and at last `end`.
     """
-    from ground.resources.runs.stream import run_stream
-
     return await run_stream(ask.repo, ask.who, run_id, last_event_id)
 
 
@@ -153,6 +147,4 @@ async def stream_run(ask: Asked, run_id: Id, last_event_id: LastEventId = None) 
 )
 async def get_run_product_file(ask: Asked, run_id: Id, product_id: Id) -> Response:
     """Send the file of a data product that a run has announced, while it goes on."""
-    from ground.resources.runs.read_run import read_live_product
-
     return product_file(*await ask.do(read_live_product, run_id, product_id))

@@ -13,14 +13,13 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.get_resource import get_resource
 from ground.resources.runs.kind import RUN
+from ground.resources.runs.read_run import live_lines
 
 
 async def run_stream(
     repo: Repository, who: Actor, run_id: str, last_event_id: str | None
 ) -> StreamingResponse:
     """Stream a run line by line as it is written, then the finished run."""
-    from ground.resources.runs.read_run import live_lines
-
     await look(get_resource, repo, who, RUN, run_id)
 
     async def events() -> AsyncIterator[bytes]:

@@ -18,6 +18,7 @@ from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.gdr.base import utc_now
 from ground.gdr.files import FileStore
 from ground.gdr.ids import new_id
+from ground.gdr.terrain_folders import load_cached
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.runs.order import RunWork
 from ground.uplink.flight import Sample, fly, product_line
@@ -161,7 +162,6 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> dic
     """
     from executive.crl import CrlError
     from executive.errors import ExecutiveError
-    from ground.gdr.terrain_folders import load_cached
     from rover_iface.errors import RoverError
     from rover_iface.simulator.faults import load_faults
 

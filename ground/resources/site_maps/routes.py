@@ -17,6 +17,8 @@ from ground.api.context import (
 from ground.api.problems import responses
 from ground.records.forms import Page
 from ground.resources.site_maps.bodies import SiteMapChange, SiteMapCreate
+from ground.resources.site_maps.create_site_map import MEDIA, read_site_map
+from ground.resources.site_maps.create_site_map import create_site_map as create_site_map_use_case
 from ground.resources.site_maps.value import SiteMap
 
 router = api_router("frames")
@@ -38,9 +40,7 @@ async def list_site_maps(
 )
 async def create_site_map(ask: Asked, mission_id: Id, body: SiteMapCreate) -> Response:
     """File an uploaded GeoTIFF in metres east and north of a site; it moves with the site."""
-    from ground.resources.site_maps.create_site_map import create_site_map
-
-    value = await ask.do(create_site_map, mission_id, **body.model_dump())
+    value = await ask.do(create_site_map_use_case, mission_id, **body.model_dump())
     return created(value, f"/api/v1/site-maps/{value.id}")
 
 
@@ -76,7 +76,5 @@ async def delete_site_map(ask: Asked, site_map_id: Id, if_match: IfMatch = None)
 )
 async def get_site_map_file(ask: Asked, site_map_id: Id) -> Response:
     """Send the GeoTIFF of a map as it was filed."""
-    from ground.resources.site_maps.create_site_map import MEDIA, read_site_map
-
     path, name, digest = await ask.do(read_site_map, site_map_id)
     return FileResponse(path, media_type=MEDIA, filename=name, headers={"ETag": f'"{digest}"'})

@@ -10,7 +10,11 @@ from starlette.responses import FileResponse, Response
 from ground.api.context import Asked, Id, answer, api_router
 from ground.api.problems import responses
 from ground.gdr.geometry import Pose
+from ground.resources.observation_requests.check_stand import check_stand
 from ground.resources.observation_requests.value import StandCheck
+from ground.resources.site_views.describe_rover import describe_rover, view_from
+from ground.resources.site_views.look_around import look_around, point_in_panorama, read_tile
+from ground.resources.site_views.read_coverage import read_coverage
 from ground.resources.site_views.value import CameraView, Panorama, RoverShape
 from ground.resources.terrains.value import TerrainPoint
 
@@ -22,8 +26,6 @@ Angle = Annotated[float, Query(ge=-6.2831853071795869, le=6.2831853071795869, al
 @router.get("/missions/{mission_id}/rover", response_model=RoverShape, responses=responses(404, 422))
 async def get_rover(ask: Asked, mission_id: Id) -> Response:
     """Describe the mission's rover for a view: body, arm, mast, cameras, tracking cone, sun."""
-    from ground.resources.site_views.describe_rover import describe_rover
-
     return answer(await ask.do(describe_rover, mission_id))
 
 
@@ -45,8 +47,6 @@ async def get_camera_view(
     With `at_east_m` and `at_north_m` the mast looks at the ground there, else it stands at `pan_rad` and
     `tilt_rad`.
     """
-    from ground.resources.site_views.describe_rover import view_from
-
     at = None if at_east_m is None or at_north_m is None else (at_east_m, at_north_m)
     pose = Pose(east_m, north_m, heading_rad)
     return answer(
@@ -78,8 +78,6 @@ async def get_coverage(
     ] = 90_000,
 ) -> Response:
     """Send which ground is seen from the start pose, and how well it is known there."""
-    from ground.resources.site_views.read_coverage import read_coverage
-
     tile = await ask.do(read_coverage, mission_id, layer, max_posts)
     headers = {
         "X-Outcrop-Shape": f"{tile.rows},{tile.columns}",
@@ -93,8 +91,6 @@ async def get_coverage(
 @router.get("/missions/{mission_id}/panorama", response_model=Panorama, responses=responses(404, 422))
 async def get_panorama(ask: Asked, mission_id: Id) -> Response:
     """Describe the panorama of the start pose; its tiles are rendered when they are first read, then kept."""
-    from ground.resources.site_views.look_around import look_around
-
     return answer(await ask.do(look_around, mission_id))
 
 
@@ -110,8 +106,6 @@ async def get_panorama_tile(
     key: Annotated[str, Query(max_length=40, description="from the tile's url; makes it cacheable")] = "",
 ) -> Response:
     """Send a tile of the panorama, grey, rendered by the simulator."""
-    from ground.resources.site_views.look_around import read_tile
-
     path = await ask.do(read_tile, mission_id, index)
     cached = "private, max-age=86400" if key else "no-cache"
     return FileResponse(path, media_type="image/jpeg", headers={"Cache-Control": cached})
@@ -129,8 +123,6 @@ async def get_panorama_point(
     ],
 ) -> Response:
     """Ask the full-resolution terrain for the ground in a direction (azimuth clockwise from north)."""
-    from ground.resources.site_views.look_around import point_in_panorama
-
     return answer(await ask.do(point_in_panorama, mission_id, azimuth_rad, elevation_rad))
 
 
@@ -147,6 +139,4 @@ async def get_stand_check(
     heading_rad: Angle | None = None,
 ) -> Response:
     """Weigh a pose for a request by the rules of base placement; by default the rover faces the target."""
-    from ground.resources.observation_requests.check_stand import check_stand
-
     return answer(await ask.do(check_stand, observation_request_id, east_m, north_m, heading_rad))

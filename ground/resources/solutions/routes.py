@@ -20,6 +20,10 @@ from ground.api.context import (
 from ground.api.problems import responses
 from ground.records.forms import Page
 from ground.resources.solutions.bodies import FrameFileImport, SolutionChange, SolutionChoice, SolutionCreate
+from ground.resources.solutions.choose_solution import GivenSolution, add_solution
+from ground.resources.solutions.choose_solution import choose_solution as choose_solution_use_case
+from ground.resources.solutions.frame_files import export_frames as export_frames_use_case
+from ground.resources.solutions.frame_files import import_frames as import_frames_use_case
 from ground.resources.solutions.value import Carried, FrameFile, Solution
 
 router = api_router("frames")
@@ -37,12 +41,10 @@ async def choose_solution(
 
     With `preview` nothing is changed and the answer says what would be; no If-Match is needed then.
     """
-    from ground.resources.solutions.choose_solution import choose_solution
-
     revision = None if body.preview else revision_wanted(if_match)
     return answer(
         await ask.do(
-            choose_solution,
+            choose_solution_use_case,
             frame_id,
             body.solution_id,
             revision,
@@ -68,8 +70,6 @@ async def list_solutions(
 )
 async def create_solution(ask: Asked, frame_id: Id, body: SolutionCreate) -> Response:
     """Add a solution to a frame; it is kept for good, and in use once it is chosen."""
-    from ground.resources.solutions.choose_solution import GivenSolution, add_solution
-
     value = await ask.do(add_solution, frame_id, GivenSolution(**body.model_dump()))
     return created(value, f"/api/v1/solutions/{value.id}")
 
@@ -111,9 +111,7 @@ async def import_frames(ask: Asked, mission_id: Id, body: FrameFileImport) -> Re
 
     What is here already is not taken in twice, and no frame that has a solution in use gets another.
     """
-    from ground.resources.solutions.frame_files import import_frames
-
-    return answer(await ask.do(import_frames, mission_id, body.upload_id), 201)
+    return answer(await ask.do(import_frames_use_case, mission_id, body.upload_id), 201)
 
 
 @router.get(
@@ -126,8 +124,6 @@ async def import_frames(ask: Asked, mission_id: Id, body: FrameFileImport) -> Re
 )
 async def export_frames(ask: Asked, mission_id: Id, site: SiteNumber = None) -> Response:
     """Send all sites as a frame file (.svf), or with `site` the rover poses within it (.rvf)."""
-    from ground.resources.solutions.frame_files import export_frames
-
-    name, content = await ask.do(export_frames, mission_id, site=site)
+    name, content = await ask.do(export_frames_use_case, mission_id, site=site)
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return Response(content, media_type="application/xml", headers=headers)

@@ -12,6 +12,7 @@ from ground.api.jobs_answer import Prefer, accepted
 from ground.api.problems import responses
 from ground.jobs.value import Job
 from ground.records.forms import Page
+from ground.resources.traverses.adjust_traverse import Stop, TraverseOrder, adjust_traverse, read_picture
 from ground.resources.traverses.bodies import TraverseChange, TraverseCreate
 from ground.resources.traverses.value import Traverse
 
@@ -41,8 +42,6 @@ async def create_traverse(
     Each stop but the first gets a new solution, `adjusted`, in the frame of the first; none is in use before
     somebody chooses it.
     """
-    from ground.resources.traverses.adjust_traverse import Stop, TraverseOrder, adjust_traverse
-
     given = body.model_dump()
     order = TraverseOrder(**{**given, "stops": [Stop(**stop) for stop in given["stops"]]})
     job = await ask.do(adjust_traverse, mission_id, order)
@@ -80,7 +79,5 @@ async def get_traverse_picture(
     ask: Asked, traverse_id: Id, index: Annotated[int, Path(ge=0, le=99)]
 ) -> Response:
     """Send what a stop saw, as a cylinder of azimuths and elevations (`document.stops[].picture`)."""
-    from ground.resources.traverses.adjust_traverse import read_picture
-
     path = await ask.do(read_picture, traverse_id, index)
     return FileResponse(path, media_type="image/png", headers={"Cache-Control": "private, max-age=86400"})

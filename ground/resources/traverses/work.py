@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ground.day.prepare import Report
 from ground.errors import GroundError, JobFailedError
+from ground.gdr.archives import extract_zip, is_zip
 from ground.gdr.files import FileStore
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.traverses.order import SeenStop, TraverseWork
@@ -96,7 +97,6 @@ def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -
 
 def _seen(stop: SeenStop) -> tuple[GroundPoints, StopPicture]:
     """Return the points and the picture of a stop."""
-    from ground.gdr.archives import extract_zip, is_zip
     from rover_iface.cameras.panorama import load_panorama
     from rover_iface.localization.ground_points import points_of_panorama, read_points
     from rover_iface.localization.stop_picture import picture_of_panorama, picture_of_points
