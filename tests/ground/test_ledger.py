@@ -169,3 +169,21 @@ def test_every_refusal_of_the_command_is_one_line_and_status_two(tmp_path: Path)
         assert done.stderr.startswith("outcrop: ")
         assert done.stderr.count("\n") == 1, done.stderr
     assert not (place.world / "run").exists()
+
+
+def test_no_crash_point_loses_or_doubles_an_entry() -> None:
+    from studies.crash_points import study
+
+    found = study(2000, seed=20261122)
+    assert found["points"] >= 2000
+    assert {name: n for name, n in found.items() if name != "points"} == {}
+
+
+def test_the_simulated_disk_tells_a_ledger_that_does_not_synchronise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check of crash points notices what it is for."""
+    from studies.crash_points import study
+    from tests.ground.crashing_disk import CrashingDisk
+
+    monkeypatch.setattr(CrashingDisk, "sync", lambda _self, _path: None)
+    found = study(300, seed=1)
+    assert found["lost"] + found["does not open"] > 0
