@@ -102,7 +102,8 @@ def exchange(run: Run, plan: PlanSpec, keeping: dict[str, Instance]) -> None:
     exchange_contingencies(run, plan)
     run.dependents = {}
     run.root = rebuild(run, plan.root, keeping)
-    gone = [node for node in former_nodes if keeping.get(node.id) is not node]
+    known = (keeping, run.old)  # an earlier replacement may have taken a node out that is still stopping
+    gone = [node for node in former_nodes if all(ids.get(node.id) is not node for ids in known)]
     for node in gone:
         run.old[node.id] = node
     separate(gone, set(keeping.values()))

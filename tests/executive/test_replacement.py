@@ -116,6 +116,10 @@ def test_random_replacements_keep_the_rules_and_agree_with_the_model() -> None:
     assert sum(check_seed(seed) for seed in range(400)) >= 200
 
 
+def test_a_node_that_two_replacements_find_stopping_is_waited_for_once() -> None:
+    assert check_seed(20_233)
+
+
 @pytest.mark.slow
 def test_many_random_replacements_keep_the_rules_and_agree_with_the_model() -> None:
     assert sum(check_seed(seed) for seed in range(10_000, 20_000)) >= 5_000
