@@ -67,7 +67,7 @@ def _steps(
     """Yield each step as the pictures tell it, with what the wheels say and what is true."""
     import numpy as np
 
-    from mission.soltime import SunClock
+    from mission import Sky
     from rover_iface.cameras.rig import rig_of
     from rover_iface.frames import Pose, Transform
     from rover_iface.localization.visual_odometry import VisualOdometer
@@ -77,13 +77,11 @@ def _steps(
     from rover_iface.simulator.chassis import Chassis
     from rover_iface.simulator.render.from_terrain import scene_from_terrain
     from rover_iface.simulator.render.renderer import Renderer, Sun
-    from rover_iface.simulator.world import Sun as Season
     from rover_iface.vision.tracker import StereoView
 
     profile = load_profile(rover)
     rig = rig_of(profile)
-    season = Season()
-    clock = SunClock.at(season.ls_deg, season.latitude_deg, season.start_lmst_h)
+    clock = Sky().clock()
     light = Sun(clock.direction(0.0))
     raster = GroundRaster.of(ground, 20.0)
     chassis = Chassis(raster, profile, Pose(0.0, 0.0), softer=softer, rng=np.random.default_rng(seed))
