@@ -19,6 +19,9 @@ def demo(
     seed: int = typer.Option(1, min=0, help="Chooses terrain, targets and what the rover meets."),
     out: Path = typer.Option(Path("outcrop-demo"), help="Folder for the artefacts."),
     rover: str = typer.Option("abstract", help="Simulated rover that flies the plan, or one of your own."),
+    tracker: str = typer.Option(
+        "", help="Tracker of that rover, when not its own: ncc, sift, sift-shape, ..."
+    ),
     time_limit: float = typer.Option(30.0, min=0.1, help="Seconds the planner may take."),
 ) -> None:
     """Run a whole day: terrain, targets, plan, dry run with a lost track, products. Needs no server."""
@@ -42,7 +45,15 @@ def demo(
                     tasks[stage] = bars.add_task(stage, total=1.0)
                 bars.update(tasks[stage], completed=share)
 
-            day = run_day(terrain, seed=seed, out=out, time_limit_s=time_limit, rover=rover, report=report)
+            day = run_day(
+                terrain,
+                seed=seed,
+                out=out,
+                time_limit_s=time_limit,
+                rover=rover,
+                tracker=tracker,
+                report=report,
+            )
     except (GroundError, PlannerError, RoverError, ExecutiveError) as err:
         fail(str(err))
     except OSError as err:

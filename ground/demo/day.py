@@ -68,9 +68,12 @@ def run_day(
     out: Path,
     time_limit_s: float = 30.0,
     rover: str = "abstract",
+    tracker: str = "",
     report: Report | None = None,
 ) -> DayRecord:
     """Run a whole day and write every artefact into `out`; `rover` names the simulated rover of the dry run.
+
+    `tracker` names another tracker than the rover's own.
 
     Raises
     ------
@@ -126,6 +129,7 @@ def run_day(
             faults=() if fault is None else (Fault.from_dict(fault),),
             progress_s=PROGRESS_S,
             terrain=terrain,
+            **({"tracker": tracker} if tracker else {}),
         )
         flight = fly(
             crl_text,

@@ -30,6 +30,7 @@ import numpy as np
 from executive.ports import Command, Value
 from rover_iface.behaviour.action import Action, Outcome, Route, Step, number
 from rover_iface.behaviour.products import png
+from rover_iface.errors import WorldError
 from rover_iface.frames import Pose
 from rover_iface.profile import RoverProfile
 from rover_iface.simulator.engine import along, milliseconds, route_length
@@ -51,6 +52,7 @@ def make_rover(
     progress_s: float | None = None,
     terrain: Terrain | None = None,
     battery_j: float | None = None,
+    tracker: str = "",
 ) -> AbstractRover:
     """Return an abstract rover; the entry point `abstract` of the group `outcrop.rovers`.
 
@@ -81,6 +83,8 @@ def make_rover(
     WorldError
         If the world, the problem or the draws are malformed.
     """
+    if tracker:
+        raise WorldError(f'tracker "{tracker}": the abstract rover draws what it loses and has no tracker')
     place = load_world(world)
     return AbstractRover(
         _model(place),

@@ -17,9 +17,10 @@ from executive.ports import Acknowledgement, Command, CommandId, Result
 from rover_iface.behaviour.mast_cameras import MastCameras
 from rover_iface.cameras.panorama import camera_from_document
 from rover_iface.contract import write_contract_world
-from rover_iface.errors import OutsideTerrainError, WorldError
+from rover_iface.errors import OutsideTerrainError, TrackerError, WorldError
 from rover_iface.frames import Pose
 from rover_iface.navigation.navigator import Way
+from rover_iface.simulator.abstract_rover import make_rover as make_abstract
 from rover_iface.simulator.chassis import Driven
 from rover_iface.simulator.faults import Fault, FaultKind
 from rover_iface.simulator.hardware import designated
@@ -27,6 +28,7 @@ from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.terrain import load_terrain
 from rover_iface.terrain.strew import strew_rocks
+from rover_iface.vision.sift import SiftTracker
 from tests.rover_iface.worlds import plane
 
 COUNT = iter(range(10**9))
@@ -298,6 +300,17 @@ def test_the_true_world_has_rocks_the_map_has_not(world: Path) -> None:
     )
     for target in rover.body.targets.values():
         assert all(math.hypot(r.x - target.point[0], r.y - target.point[1]) > 0.6 for r in extra)
+
+
+def test_another_tracker_is_asked_for_by_name(world: Path) -> None:
+    document = json.loads((world / "world.json").read_text())
+    terrain = load_terrain(world / "terrain")
+    rover = make_rover({**document, "tracker": "sift"}, terrain=terrain, seed=4)
+    assert isinstance(rover.repertoire.follower.tracker, SiftTracker)
+    with pytest.raises(TrackerError, match='unknown tracker "hound"; known are ncc'):
+        make_rover(world, tracker="hound")
+    with pytest.raises(WorldError, match="has no tracker"):
+        make_abstract(world, tracker="ncc")
 
 
 def test_rocks_can_be_strewn_on_any_ground() -> None:
