@@ -39,7 +39,7 @@ from planner.emit_crl import emit
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_to_dict
 from planner.solve import solve
-from rover_iface.behaviour.repertoire import FullRepertoire, MakeRepertoire
+from rover_iface.behaviour.repertoire import FullRepertoire
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.full_rover import make_rover
@@ -65,9 +65,8 @@ def fly_day(
     folder: Path | None = None,
     *,
     faults: bool = True,
-    make: MakeRepertoire | None = None,
 ) -> dict[str, Any]:
-    """Return what the day came to; the run's folder is `out`, `make` puts another behaviour together."""
+    """Return what the day came to; the run's folder is `out`."""
     spent: dict[str, tuple[float, float]] = {}
 
     @contextmanager
@@ -103,8 +102,9 @@ def fly_day(
         "battery_j": 4_000_000,
         "faults": injected,
     }
+    (out / "world.json").write_text(json.dumps(world, indent=1) + "\n", encoding="utf-8")
     with stage("world of the rover: unmapped rocks, scene"):
-        rover = make_rover(world, terrain=terrain, seed=seed, out=out, make=make)
+        rover = make_rover(world, terrain=terrain, seed=seed, out=out)
         triangles = rover.body.renderer.scene.triangle_count
     about = {"rover": "full", "seed": seed, "faults": injected}
     with stage("the day under the executive"):

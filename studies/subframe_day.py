@@ -33,7 +33,6 @@ from mission import Day, Request, Target, Tracked
 from planner.emit_crl import emit
 from planner.problem import problem_to_dict
 from planner.solve import solve
-from rover_iface.behaviour.repertoire import MakeRepertoire
 from rover_iface.errors import PlacementError
 from rover_iface.mobility import settled_pose
 from rover_iface.navigation.kernels import cast_ranges
@@ -48,10 +47,8 @@ TARGETS = 5
 WORLD_ERROR = {"unmapped_rocks_per_m2": 0.01, "softer": 1.2}
 
 
-def fly_day(
-    seed: int, out: Path, targets: int = TARGETS, *, make: MakeRepertoire | None = None
-) -> dict[str, Any]:
-    """Return what the day came to; the run's folder is `out`, `make` puts another behaviour together."""
+def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
+    """Return what the day came to; the run's folder is `out`."""
     spent: dict[str, tuple[float, float]] = {}
 
     @contextmanager
@@ -83,8 +80,9 @@ def fly_day(
         "map_error": WORLD_ERROR,
         "battery_j": 4_000_000,
     }
+    (out / "world.json").write_text(json.dumps(world, indent=1) + "\n", encoding="utf-8")
     with stage("world of the rover: unmapped rocks, scene"):
-        rover = make_rover(world, terrain=terrain, seed=seed, out=out, make=make)
+        rover = make_rover(world, terrain=terrain, seed=seed, out=out)
         triangles = rover.body.renderer.scene.triangle_count
     with stage("the day under the executive"):
         flight = fly(crl, rover, out, run_id="day", about={"rover": "subframe", "seed": seed}, sync=False)
