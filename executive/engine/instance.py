@@ -34,6 +34,9 @@ Watch = tuple[str, int, tuple[float, ...] | None]
 ACTIVE = (State.EXECUTING, State.ENDING, State.SUSPENDING, State.SUSPENDED)
 """States of a node that has started and is not yet ending badly."""
 
+STARTED = (*ACTIVE, State.FAILING)
+"""States of a node that has started and is not over."""
+
 RUNNING = (State.EXECUTING, State.ENDING, State.FAILING, State.SUSPENDING)
 """States in which a node counts for the reservation of consumables (CRL.md 6.2)."""
 

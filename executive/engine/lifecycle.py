@@ -6,7 +6,7 @@ import math
 
 from executive.crl.values import IfNone, utility_at
 from executive.engine import windows
-from executive.engine.instance import ACTIVE, Instance, Outcome, State, UtilityUsed
+from executive.engine.instance import ACTIVE, STARTED, Instance, Outcome, State, UtilityUsed
 from executive.engine.run import Run
 from executive.engine.spec import END, START, Kind, OptionSpec
 
@@ -152,7 +152,7 @@ def transition(run: Run, node: Instance) -> bool:
                 return True
         else:
             complete = True
-        return complete and not node.extra and end(run, node)
+        return complete and not occupied(node) and end(run, node)
     if state is State.SUSPENDING and node.command is None:
         suspended(run, node)  # row 17
         return True
@@ -161,6 +161,16 @@ def transition(run: Run, node: Instance) -> bool:
 
 def extras_finished(node: Instance) -> bool:
     return all(other.state is State.FINISHED for other in node.extra)
+
+
+def occupied(node: Instance) -> bool:
+    """Tell whether a tree beside those that decide about the node keeps it from ending (CRL.md 7.1, 7.4).
+
+    An inserted contingency, what a replacement stops, and what it lets run on below an option not chosen.
+    """
+    if node.extra:
+        return True
+    return node.kind is Kind.BRANCH and node.remaining > 0 and any(k.state in STARTED for k in node.below)
 
 
 def settled(node: Instance) -> bool:
@@ -211,7 +221,7 @@ def run_branch(run: Run, node: Instance) -> tuple[bool, bool]:
     if node.chosen is None:
         if choose(run, node):  # row 16
             return True, False
-        if spec.if_none is IfNone.WAIT:
+        if spec.if_none is IfNone.WAIT or occupied(node):
             return False, False
         outcome = Outcome.SKIPPED if spec.if_none is IfNone.SKIP else Outcome.FAILED
         finish(run, node, outcome, "no-eligible-option")  # row 16b

@@ -319,7 +319,7 @@ class Model:
         if n.chosen is None:
             if self.choose(n, spec):
                 return True
-            if spec.if_none is v.IfNone.WAIT:
+            if spec.if_none is v.IfNone.WAIT or self.awaits_others(n):
                 return False
             outcome = "SKIPPED" if spec.if_none is v.IfNone.SKIP else "FAILED"
             self.finish(n, outcome, "no-eligible-option")
@@ -355,9 +355,14 @@ class Model:
         return True
 
     def complete(self, n: N) -> bool:
-        if any(g.state != "FINISHED" for g in n.guests) or any(g is self.inserted() for g in n.guests):
-            return False
-        return self.content_complete(n)
+        return self.content_complete(n) and not self.awaits_others(n)
+
+    def awaits_others(self, n: N) -> bool:
+        """Whether a guest, or what runs below an option that is not the choice, is not over (7.1, 7.4)."""
+        if any(g.state != "FINISHED" or g is self.inserted() for g in n.guests):
+            return True
+        aside = [k for k in n.kids if isinstance(n.spec, Branch) and k is not n.kid_of(n.chosen)]
+        return any(k.state not in ("INACTIVE", "WAITING", "FINISHED") for k in aside)
 
     def content_complete(self, n: N) -> bool:
         """Section 4.6, of what the text gives the node."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from executive.crl import Plan
@@ -12,6 +12,9 @@ from executive.crl.values import Relative, bounds
 
 EDITS = ("add", "add", "add", "drop", "alter", "move", "rename", "library", "hold", "hurry")
 """Methods of an `Editor`, some more likely than others."""
+
+OPTION_EDITS = ("add", "drop", "hold", "move", "relabel", "relabel", "enter", "enter")
+"""The same, with nodes that come under other options."""
 
 Change = Callable[[Node], Node | None]
 
@@ -34,9 +37,10 @@ def mapped(node: Node, change: Change) -> Node | None:
 class Editor:
     """Draws changed versions of a plan; ids that it makes are new."""
 
-    def __init__(self, rng: random.Random, serial: int = 0) -> None:
+    def __init__(self, rng: random.Random, edits: Sequence[str] = EDITS) -> None:
         self.rng = rng
-        self.serial = serial
+        self.edits = edits
+        self.serial = 0
 
     def task(self) -> Task:
         self.serial += 1
@@ -45,7 +49,7 @@ class Editor:
     def edit(self, plan: Plan) -> Plan:
         """Return the plan with up to three changes."""
         for _ in range(self.rng.randint(0, 3)):
-            kind = self.rng.choice(EDITS)
+            kind = self.rng.choice(self.edits)
             plan = getattr(self, kind)(plan)
         return plan
 
@@ -107,6 +111,30 @@ class Editor:
         if home is None or any(n.id == target.id for n in walk_plan(without)):
             return plan
         return self.at(without, home, lambda n: replace(n, node_list=(*n.node_list, target)))
+
+    def relabel(self, plan: Plan) -> Plan:
+        """Give an option a new id and another utility; a choice of it is lost."""
+        target = self.pick(plan, Branch)
+        if not isinstance(target, Branch):
+            return plan
+        self.serial += 1
+        place = self.rng.randrange(len(target.options))
+        fresh = replace(target.options[place], id=f"x{self.serial}", utility=self.rng.randint(0, 9))
+        options = (*target.options[:place], fresh, *target.options[place + 1 :])
+        return self.at(plan, target, lambda n: replace(n, options=options))
+
+    def enter(self, plan: Plan) -> Plan:
+        """Take a node out and put it under a new option of a branch."""
+        target = self.pick(plan)
+        if target is None or target.id == plan.node.id:
+            return plan
+        without = self.at(plan, target, lambda n: None)
+        home = self.pick(without, Branch)
+        if home is None or any(n.id == target.id for n in walk_plan(without)):
+            return plan
+        self.serial += 1
+        option = Option(id=f"x{self.serial}", utility=self.rng.randint(0, 9), node=target)
+        return self.at(without, home, lambda n: replace(n, options=(*n.options, option)))
 
     def rename(self, plan: Plan) -> Plan:
         """Give the root, or some other composite, a new id."""

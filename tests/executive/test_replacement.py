@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import pytest
@@ -19,13 +20,13 @@ from executive.runtime.scripted_rover import ScriptedRover
 from executive.runtime.session import Session
 from tests.executive.invariants import check_commands, check_resources
 from tests.executive.model import Model
-from tests.executive.replacements import Editor
+from tests.executive.replacements import EDITS, OPTION_EDITS, Editor
 from tests.executive.worlds import Case, Maker
 
 HORIZON_MS = 90_000
 
 
-def replaced_case(seed: int) -> tuple[Case, Plan] | None:
+def replaced_case(seed: int, edits: Sequence[str]) -> tuple[Case, Plan] | None:
     """Return a case whose plan is replaced up to four times, each time by a plan made out of the last one."""
     rng = random.Random(seed)
     maker = Maker(rng, size=rng.randint(2, 14), temporal=False)
@@ -33,7 +34,7 @@ def replaced_case(seed: int) -> tuple[Case, Plan] | None:
     report = check(case.plan)
     if report.plan is None or not report.valid:
         return None
-    editor = Editor(rng)
+    editor = Editor(rng, edits)
     plan = first = editor.hold(editor.hold(report.plan))
     script = [e for e in case.script if not (isinstance(e, Operator) and e.operation is Operation.ABORT)]
     for at in sorted(rng.randint(0, 60) for _ in range(rng.randint(1, 4))):
@@ -92,8 +93,8 @@ def table(trace: list[tuple[int, tuple[str, ...]]]) -> dict[int, list[tuple[str,
     return {t: sorted(events) for t, events in out.items()}
 
 
-def check_seed(seed: int) -> bool:
-    made = replaced_case(seed)
+def check_seed(seed: int, edits: Sequence[str] = EDITS) -> bool:
+    made = replaced_case(seed, edits)
     if made is None:
         return False
     case, plan = made
@@ -116,10 +117,19 @@ def test_random_replacements_keep_the_rules_and_agree_with_the_model() -> None:
     assert sum(check_seed(seed) for seed in range(400)) >= 200
 
 
+def test_nodes_under_other_options_keep_the_rules_and_agree_with_the_model() -> None:
+    assert sum(check_seed(seed, OPTION_EDITS) for seed in range(600, 1_000)) >= 200
+
+
 def test_a_node_that_two_replacements_find_stopping_is_waited_for_once() -> None:
     assert check_seed(20_233)
+
+
+def test_a_branch_that_lost_its_choice_is_not_over_before_what_is_stopped_below_it() -> None:
+    assert check_seed(15_460)
 
 
 @pytest.mark.slow
 def test_many_random_replacements_keep_the_rules_and_agree_with_the_model() -> None:
     assert sum(check_seed(seed) for seed in range(10_000, 20_000)) >= 5_000
+    assert sum(check_seed(seed, OPTION_EDITS) for seed in range(10_000, 12_000)) >= 1_000
