@@ -155,7 +155,10 @@ def run_day(
             observed=day.observed,
             lost=flight.lost_targets(),
             keep_outs=[k.polygon_m for k in asked.keep_outs],
-            title=f"{asked.name}: plan of {plan.expected_utility:.1f}, run of {flight.outcome.utility:.1f}",
+            title=(
+                f"{asked.refs['terrain']}: plan of {plan.expected_utility:.1f}, "
+                f"run of {flight.outcome.utility:.1f}"
+            ),
         )
     (out / "summary.txt").write_text("\n".join(summary_lines(day)) + "\n", encoding="utf-8")
     return day
@@ -307,7 +310,7 @@ def summary_lines(day: DayRecord) -> list[str]:
 def _plan_lines(day: DayRecord, names: Mapping[str, str]) -> Iterator[str]:
     asked, plan, limits = day.asked, day.plan, day.asked.limits
     yield (
-        f"{asked.name}: {len(asked.targets)} targets, {len(asked.requests)} observation requests, "
+        f"{asked.refs['terrain']}: {len(asked.targets)} targets, {len(asked.requests)} observation requests, "
         f"{limits.time_s / 3600:g} h, {limits.energy_j / 3600:.0f} Wh"
     )
     yield (

@@ -17,9 +17,9 @@ from ground.resources.packages.value import Statement
 router = api_router("uplink")
 
 
-@router.get("/plans/{plan_id}/statement", response_model=Statement, responses=responses(404, 422))
+@router.get("/plans/{plan_id}/statement", response_model=Statement | None, responses=responses(404, 422))
 async def get_statement(ask: Asked, plan_id: Id) -> Response:
-    """Read what is signed of a plan, and by whom it was."""
+    """Read what is signed of a plan, and by whom it was; null if nothing was made to be signed yet."""
     return answer(await ask.do(read_statement, plan_id))
 
 

@@ -15,7 +15,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.day.rovers import profile_of
-from ground.errors import NotFoundError, StateError
+from ground.errors import StateError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
@@ -97,20 +97,14 @@ def make_statement(repo: Repository, actor: Actor, plan_id: str) -> Statement:
         return show_statement(session, found, current=True)
 
 
-def read_statement(repo: Repository, actor: Actor, plan_id: str) -> Statement:
-    """Return the last statement of a plan, with its signatures.
-
-    Raises
-    ------
-    NotFoundError
-        If there is none.
-    """
+def read_statement(repo: Repository, actor: Actor, plan_id: str) -> Statement | None:
+    """Return the last statement of a plan, with its signatures; None if nothing was made to be signed yet."""
     with repo.database.read() as session:
         plan: PlanRow = find_row(session, PLAN, plan_id)
         actor.require(Action.READ, plan.mission_id)
         row = last_statement(session, plan)
         if row is None:
-            raise NotFoundError(f"nothing was made to be signed of plan {plan.number} yet")
+            return None
         try:
             current = current_statement(session, plan) is row
         except StateError:

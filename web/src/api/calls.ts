@@ -374,14 +374,8 @@ export const approvals = (id: string): Promise<Approval[]> =>
 export type Role = "author" | "verifier" | "approver";
 
 /** What was made to be signed of a plan, with its signatures; null if nothing was. */
-export const statement = async (id: string): Promise<Statement | null> => {
-  try {
-    return await body(api.GET("/api/v1/plans/{plan_id}/statement", { params: planPath(id) }));
-  } catch (error) {
-    if (error instanceof ProblemError && error.status === 404) return null;
-    throw error;
-  }
-};
+export const statement = (id: string): Promise<Statement | null> =>
+  body(api.GET("/api/v1/plans/{plan_id}/statement", { params: planPath(id) }));
 
 /** The canonical text of a plan, over which its digest is taken. */
 const canonicalCrl = (id: string): Promise<string> =>
