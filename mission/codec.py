@@ -76,19 +76,26 @@ class Codec(Generic[T]):
         FormatError
             Or the class given for it: with the first member that is wrong, its value, and what is allowed.
         """
-        try:
-            document = json.loads(text, parse_constant=self._not_finite)
-        except (ValueError, RecursionError) as err:
-            raise self._wrong(f"is not JSON: {err}", where) from err
-        return self.from_document(document, where)
+        return self.from_document(self.parsed(text, where), where)
 
     def read_file(self, path: Path) -> T:
         """Return the value in a file; raises as `read` does."""
+        return self.from_document(self.parsed_file(path), str(path))
+
+    def parsed(self, text: str | bytes, where: str = "") -> object:
+        """Return what a JSON text holds, for `from_document`; raises as `read` does."""
+        try:
+            return json.loads(text, parse_constant=self._not_finite)
+        except (ValueError, RecursionError) as err:
+            raise self._wrong(f"is not JSON: {err}", where) from err
+
+    def parsed_file(self, path: Path) -> object:
+        """Return what a JSON file holds, for `from_document`; raises as `read` does."""
         try:
             text = path.read_bytes()
         except OSError as err:
             raise self._wrong(f"cannot be read: {err.strerror or err}", str(path)) from err
-        return self.read(text, str(path))
+        return self.parsed(text, str(path))
 
     def from_document(self, document: object, where: str = "") -> T:
         """Return the value in a document that was parsed already; raises as `read` does."""
@@ -159,6 +166,26 @@ class Codec(Generic[T]):
         return self._wrong(f"{place} {_sentence(first)}".strip(), where, way)
 
 
+def read_object(path: Path, error: type[Exception] = FormatError, what: str = "") -> dict[str, Any]:
+    """Return the members of a file that holds a JSON object; `what` the file is stands before its name.
+
+    Raises
+    ------
+    FormatError
+        Or the class given for it: if the file cannot be read, is no JSON, or holds something else.
+    """
+    where = f"{what} {path}".strip()
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as err:
+        raise error(f"{where}: {err.strerror or err}") from err
+    except (ValueError, RecursionError) as err:
+        raise error(f"{where} is not JSON: {err}") from err
+    if not isinstance(document, dict):
+        raise error(f"{where} must be an object, found {shown(document)}")
+    return document
+
+
 def shown(value: object) -> str:
     """Return a value as it stands in a message, short enough for a line."""
     text = json.dumps(value, default=str, ensure_ascii=False)
@@ -192,7 +219,7 @@ def _true_way(loc: tuple[str | int, ...], members: object, *, missing: bool) -> 
 
 
 def _named_way(way: tuple[str | int, ...], members: object) -> str:
-    """Return `requests[R3].value`: members of lists by their id where they have one."""
+    """Return `requests[R3].value`: members of lists by their id, or what they lead from and to, if any."""
     text, node = "", members
     for step in way:
         child: object = None
@@ -201,12 +228,20 @@ def _named_way(way: tuple[str | int, ...], members: object) -> str:
         elif isinstance(node, list | tuple) and isinstance(step, int) and step < len(node):
             child = node[step]
         if isinstance(step, int):
-            name = child.get("id") if isinstance(child, Mapping) else None
-            text += f"[{name if isinstance(name, str) else step}]"
+            text += f"[{_name_of(child) or step}]"
         else:
             text += f".{step}" if text else step
         node = child
     return text
+
+
+def _name_of(child: object) -> str:
+    if not isinstance(child, Mapping):
+        return ""
+    name, ends = child.get("id"), (child.get("from"), child.get("to"))
+    if isinstance(name, str):
+        return name
+    return " -> ".join(map(str, ends)) if all(isinstance(end, str) for end in ends) else ""
 
 
 _BOUNDS = {
@@ -249,11 +284,18 @@ def _sentence(error: ErrorDetails) -> str:
         case "enum" | "literal_error":
             return f"is {value}; it must be {context.get('expected', '')}"
         case "union_tag_invalid":
-            return _unknown_kind(str(context.get("tag")))
+            if context.get("discriminator") == "'kind'":
+                return _unknown_kind(str(context.get("tag")))
+            return (
+                f"has the {str(context['discriminator']).strip(chr(39))} {shown(context['tag'])}; it must be "
+                f"{context['expected_tags']}"
+            )
         case "union_tag_not_found":
-            return 'has no "kind"'
+            return f"has no {str(context['discriminator']).replace(chr(39), chr(34))}"
         case "too_short":
             return f"has {context['actual_length']} entries; it needs at least {context['min_length']}"
+        case "too_long":
+            return f"has {context['actual_length']} entries; at most {context['max_length']} are allowed"
         case "value_error" if isinstance(context.get("error"), MissionError):
             return f"is not possible: {context['error']}"
     return f"is {value}: {error['msg']}"

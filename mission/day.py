@@ -75,40 +75,6 @@ class Request:
         """The first window that is said outright."""
         return next((c for c in self.constraints if isinstance(c, Window)), None)
 
-    def windows_s(self, sky: Sky, day_s: float) -> tuple[tuple[float, float], ...] | None:
-        """Return the times of the plan at which it may start, in order; None is at any time.
-
-        Each constraint that comes to windows allows any one of them, all such constraints must hold.
-
-        Raises
-        ------
-        MissionError
-            If no time is left, naming the request.
-        """
-        allowed: list[tuple[float, float]] | None = None
-        plain = [(c.opens_s, c.closes_s) for c in self.constraints if isinstance(c, Window)]
-        groups = [plain] if plain else []
-        for constraint in self.constraints:
-            if isinstance(constraint, Window | Tracked | MustDo | After):
-                continue
-            try:
-                primitive = constraint.reduced(sky, day_s)
-            except MissionError as err:
-                raise MissionError(f"observation request {self.id}: {err}") from err
-            group = [(c.opens_s, c.closes_s) for c in primitive if isinstance(c, Window)]
-            if group:
-                groups.append(group)
-        for group in groups:
-            allowed = sorted(group) if allowed is None else _common(allowed, sorted(group))
-        if allowed is not None and not allowed:
-            raise MissionError(f"observation request {self.id}: its time constraints leave no time in common")
-        return None if allowed is None else tuple(allowed)
-
-
-def _common(first: list[tuple[float, float]], second: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return where two lists of spans overlap."""
-    return [(max(a, c), min(b, d)) for a, b in first for c, d in second if max(a, c) <= min(b, d)]
-
 
 @value
 class KeepOut:
@@ -186,10 +152,6 @@ class Day:
     def target(self, target_id: str) -> Target:
         """Return one target."""
         return next(t for t in self.targets if t.id == target_id)
-
-    def requests_of(self, target_id: str) -> tuple[Request, ...]:
-        """Return the requests on one target, in their order."""
-        return tuple(r for r in self.requests if r.target_id == target_id)
 
     def distance_m(self, target_id: str) -> float:
         """Return how far a target lies from the start, metres in the plane."""

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
 
 from annotated_types import Ge, Gt, Le
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
 
 T = TypeVar("T")
 
@@ -19,6 +23,28 @@ def value(kind: type[T]) -> type[T]:
     """
     kind.__pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # type: ignore[attr-defined]
     return dataclass(frozen=True, slots=True)(kind)
+
+
+def document(kind: type[T]) -> type[T]:
+    """Let a `TypedDict` of a document hold finite numbers and its own members only, as `value` does.
+
+    Documents are declared beside a value where the two differ in shape: members that stand elsewhere, are
+    named by a word of Python, or are left out when they say nothing.
+    """
+    kind.__pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # type: ignore[attr-defined]
+    return kind
+
+
+@dataclass(frozen=True, slots=True)
+class ToldBy:
+    """Marks a union of documents that are told apart by what stands in one member."""
+
+    member: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        from pydantic import Field
+
+        return handler(Annotated[source, Field(discriminator=self.member)])
 
 
 NotNegative = Annotated[float, Ge(0.0)]
