@@ -5,7 +5,8 @@
     ExecutiveError
     ├── JournalError     a journal cannot be read or written: names the file, the record and what is wrong
     ├── ScenarioError    a scenario file is broken: names the file and the member
-    └── MisuseError      a run is driven in a way that makes no sense (started twice, ...)
+    ├── MisuseError      a run is driven in a way that makes no sense (started twice, ...)
+    └── WireError        a line to a rover, or what came over it, cannot be used: names the address or frame
 
 A rejected plan is a `CrlValidationError` of the language (`executive.crl.errors`).
 """
@@ -27,3 +28,7 @@ class ScenarioError(ExecutiveError):
 
 class MisuseError(ExecutiveError):
     """A run is driven in a way that makes no sense."""
+
+
+class WireError(ExecutiveError):
+    """A line to a rover, or what came over it, cannot be used."""

@@ -5,17 +5,16 @@ Times are integers, milliseconds on the plan clock (0 = start of the plan), the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 Value = float | str | bool
 """What the database of the executive holds under a key."""
 
 
-@dataclass(frozen=True, slots=True)
-class CommandId:
+class CommandId(NamedTuple):
     """Identity of one command: a rover carries out each at most once."""
 
     run: str
@@ -164,12 +163,51 @@ class Receipts(Protocol):
         """Return all state values as they are now."""
 
 
+@dataclass(frozen=True, slots=True)
+class LinkState:
+    """How the line to a rover stands; times in seconds of the wall clock.
+
+    Attributes
+    ----------
+    up
+        There is a line, and the rover has spoken on it.
+    age_s
+        Since the rover's last word; None if it never spoke.
+    round_trip_s, offset_s
+        Of the quickest of the last answers; the offset is the rover's clock minus that of the plan. None
+        before the first answer.
+    breaks
+        How often the line was lost.
+    commands
+        Open commands and where they stand: sent, accepted or running.
+    """
+
+    up: bool
+    age_s: float | None
+    round_trip_s: float | None
+    offset_s: float | None
+    breaks: int
+    commands: tuple[tuple[CommandId, str], ...] = ()
+
+
+@runtime_checkable
+class Link(Protocol):
+    """A port that reaches its rover over a line that may be away."""
+
+    def attach(self, clock: Clock, complain: Callable[[str, str], None]) -> None:
+        """Hear of the plan clock, and whom to tell (kind, sentence) what belongs into the journal."""
+
+    def link(self) -> LinkState: ...
+
+    def stop(self) -> None:
+        """Let the rover stop everything at once; never blocks, may be called from any thread."""
+
+
 class Clock(Protocol):
     def now_ms(self) -> int: ...
 
 
-@dataclass(frozen=True, slots=True)
-class TraceRecord:
+class TraceRecord(NamedTuple):
     """One event of the trace (CRL.md 10): `[t, event, id, ...]`."""
 
     t_ms: int

@@ -95,6 +95,10 @@ class TemporalNetwork:
         self._early: list[int] = []  # the earliest schedule when it was last made, empty if outdated
         self._early_now = 0
         self._visited = 0
+        self._late: dict[int, int] | None = (
+            None  # latest times, or later where a constraint went; once asked for
+        )
+        self._closing: list[tuple[int, int]] = []  # (latest time, point) of points not executed, lazily
 
     @property
     def consistent(self) -> bool:
@@ -128,6 +132,7 @@ class TemporalNetwork:
         """Add a constraint without looking at it; `check` must follow. Return its index."""
         index = len(self._constraints)
         self._early = []
+        self._late = None
         if self._void and (source in self._void or target in self._void):
             self._constraints.append(None)
             return index
@@ -301,6 +306,7 @@ class TemporalNetwork:
         fixed, time = self._fixed, self._time
         planned = time[point]
         if self._suspect is not None:
+            self._late = None
             time[point] = t_ms
             fixed[point] = True
             if self._suspect.resolved_by(point, t_ms, time):
@@ -314,6 +320,9 @@ class TemporalNetwork:
         elif t_ms < planned:
             self._earliest = False
             self._shift(point, t_ms, -1)
+        if self._late is not None:
+            self._late[point] = t_ms
+            self._lower_late(deque((point,)))
         self._make_slack()
 
     def _make_slack(self) -> None:
@@ -353,9 +362,39 @@ class TemporalNetwork:
         """Return the dispatch bound if it is a fixed time, None if it moves on with the clock.
 
         None means: ask again when a point has been executed or has become void. A time means: ask again then.
+        In both cases ask again at `breaks_at`.
         """
         bound, moving = self._bound(point)
         return None if moving else bound
+
+    def breaks_at(self) -> int | None:
+        """Return when the network will have become inconsistent if nothing occurs before, None if never.
+
+        It is a millisecond after the latest time of the point that has to occur first. Where a constraint has
+        gone since, it may be too early. Meaningful while the network is consistent.
+        """
+        closing, fixed = self._closing, self._fixed
+        while self._late is not None and closing and fixed[closing[0][1]]:
+            heapq.heappop(closing)
+        if self._late is None or (closing and closing[0][0] < self.now_ms):
+            enter, time = self._in, self._time
+            self._late = {p: time[p] for p in range(len(time)) if fixed[p] and enter[p]}
+            self._closing = closing = []
+            self._lower_late(deque(self._late))
+        return closing[0][0] + 1 if closing else None
+
+    def _lower_late(self, queue: deque[int]) -> None:
+        """Work out what the latest times of some points say about those before them."""
+        late, fixed, enter = self._late, self._fixed, self._in
+        assert late is not None
+        while queue:
+            v = queue.popleft()
+            end = late[v]
+            for u, w, _ in enter[v]:
+                if not fixed[u] and end - w < late.get(u, end - w + 1):
+                    late[u] = end - w
+                    heapq.heappush(self._closing, (end - w, u))
+                    queue.append(u)
 
     def _bound(self, point: int) -> tuple[int, bool]:
         """Return the longest path to `point` from executed points and from the present, and which it was.

@@ -8,7 +8,7 @@ fields a form has, and what they hold, stands in `nodes.py` alone.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,16 +48,21 @@ class Reading:
     ids: frozenset[str] = frozenset()
 
 
-def read(text: str, *, sources: bool = True) -> Reading:
+Front = Callable[[list[Item], LineTable], list[Item]]
+"""What makes plain CRL of the lists of a source."""
+
+
+def read(text: str, *, sources: bool = True, front: Front | None = None) -> Reading:
     """Read a text as far as possible and report all that is wrong with its form.
 
-    With `sources` False the plan carries no places, for a text that nobody will see.
+    With `sources` False the plan carries no places, for a text that nobody will see. A `front` end expands
+    the text first (`expand.expand_items`).
     """
     text = text.removeprefix("\ufeff")
     lines = LineTable(text)
     try:
         forms = read_forms(text, lines)
-        form = _single(forms, lines)
+        form = _single(forms if front is None else front(forms, lines), lines)
     except CrlSyntaxError as error:
         return Reading(None, (error.finding(),))
     reader = _Reader(text, lines, sources)

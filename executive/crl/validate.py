@@ -23,7 +23,7 @@ from executive.crl.collector import paused_collector
 from executive.crl.dictionary import CommandDictionary, TelemetryDictionary
 from executive.crl.errors import CrlValidationError, Finding
 from executive.crl.nodes import Plan
-from executive.crl.reader import read
+from executive.crl.reader import Front, read
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +48,7 @@ def check(
     commands: CommandDictionary | None = None,
     telemetry: TelemetryDictionary | None = None,
     levels: Mapping[str, float] | None = None,
+    front: Front | None = None,
 ) -> Report:
     """Read and validate a text.
 
@@ -57,9 +58,11 @@ def check(
         The rover's dictionaries; without them actions, parameters and keys are not looked up.
     levels
         What the consumables hold at the start of the plan, by database key, for the resource envelope (W064).
+    front
+        Expands the text first (`expand.expand_items`); the findings point into the text as it was written.
     """
     with paused_collector():
-        return _check(text, commands, telemetry, levels)
+        return _check(text, commands, telemetry, levels, front)
 
 
 def _check(
@@ -67,8 +70,9 @@ def _check(
     commands: CommandDictionary | None,
     telemetry: TelemetryDictionary | None,
     levels: Mapping[str, float] | None,
+    front: Front | None,
 ) -> Report:
-    reading = read(text)
+    reading = read(text, front=front)
     if reading.plan is None:
         return Report(None, reading.findings)
     found = _findings(Index(reading.plan, reading.ids), commands, telemetry, levels)

@@ -7,9 +7,59 @@ point they refer to or a timer says so; they leave in text order (phase E) or by
 from __future__ import annotations
 
 import heapq
+from collections import deque
 from collections.abc import Iterator
+from typing import Any, Generic, TypeVar
 
 from executive.engine.instance import Floating, Instance, State
+
+Entry = TypeVar("Entry", bound=tuple[Any, ...])
+
+
+class Queue(Generic[Entry]):
+    """Entries that leave the smallest first. Those that come in order wait in a line and cost no heap."""
+
+    __slots__ = ("_heap", "_line")
+
+    def __init__(self) -> None:
+        self._line: deque[Entry] = deque()
+        self._heap: list[Entry] = []
+
+    def push(self, entry: Entry) -> None:
+        """Add an entry."""
+        line = self._line
+        if not line or entry >= line[-1]:
+            line.append(entry)
+        else:
+            heapq.heappush(self._heap, entry)
+
+    def first(self) -> Entry | None:
+        """Return the smallest entry, which stays."""
+        line, heap = self._line, self._heap
+        if heap and (not line or heap[0] < line[0]):
+            return heap[0]
+        return line[0] if line else None
+
+    def take(self) -> Entry | None:
+        """Take the smallest entry out; None if there is none."""
+        line, heap = self._line, self._heap
+        if heap and (not line or heap[0] < line[0]):
+            return heapq.heappop(heap)
+        return line.popleft() if line else None
+
+    def take_until(self, t_ms: int) -> Entry | None:
+        """Take the smallest entry out if it begins with a time up to `t_ms`."""
+        line, heap = self._line, self._heap
+        if heap and (not line or heap[0] < line[0]):
+            return heapq.heappop(heap) if heap[0][0] <= t_ms else None
+        return line.popleft() if line and line[0][0] <= t_ms else None
+
+    def clear(self) -> list[Entry]:
+        """Take all entries out, in any order."""
+        entries = [*self._line, *self._heap]
+        self._line.clear()
+        self._heap.clear()
+        return entries
 
 
 class Agenda:
@@ -17,11 +67,11 @@ class Agenda:
 
     def __init__(self) -> None:
         self.now = 0
-        self._touched: list[tuple[int, Instance]] = []
-        self._candidates: list[tuple[float, int, int, Instance]] = []
-        self._timers: list[tuple[int, int, Instance | Floating]] = []
-        self._deadlines: list[tuple[int, int, Instance]] = []
-        self._expired: list[tuple[int, int, Instance]] = []
+        self._touched: Queue[tuple[int, Instance]] = Queue()
+        self._candidates: Queue[tuple[float, int, int, Instance]] = Queue()
+        self._timers: Queue[tuple[int, int, Instance | Floating]] = Queue()
+        self._deadlines: Queue[tuple[int, int, Instance]] = Queue()
+        self._expired: Queue[tuple[int, int, Instance]] = Queue()
         self._serial = 0
 
     # --- putting in ---------------------------------------------------------------
@@ -30,13 +80,13 @@ class Agenda:
         """Look at the node in phase E."""
         if not node.queued:
             node.queued = True
-            heapq.heappush(self._touched, (node.order, node))
+            self._touched.push((node.order, node))
 
     def consider(self, node: Instance) -> None:
         """Look at a WAITING or SUSPENDED node in phase S."""
         if not node.candidate:
             node.candidate = True
-            heapq.heappush(self._candidates, (node.spec.priority, node.activation, node.order, node))
+            self._candidates.push((node.spec.priority, node.activation, node.order, node))
 
     def wake(self, node: Instance) -> None:
         """Look at the node in the phase that its state belongs to."""
@@ -49,59 +99,67 @@ class Agenda:
         """Wake the target at a later time."""
         if t_ms > self.now:
             self._serial += 1
-            heapq.heappush(self._timers, (t_ms, self._serial, target))
+            self._timers.push((t_ms, self._serial, target))
 
     def set_deadline(self, t_ms: int, node: Instance) -> None:
         """Look at the upper bound of the node's own window at `t_ms`."""
         self._serial += 1
-        heapq.heappush(self._deadlines, (t_ms, self._serial, node))
+        self._deadlines.push((t_ms, self._serial, node))
 
     def sort_again(self) -> None:
         """Put what is to be looked at in phase E in the text order of a new plan."""
-        self._touched = [(node.order, node) for _, node in self._touched if node.queued]
-        heapq.heapify(self._touched)
+        for _, node in self._touched.clear():
+            if node.queued:
+                self._touched.push((node.order, node))
 
     # --- taking out ---------------------------------------------------------------
 
-    def touched(self) -> Iterator[Instance]:
-        """Yield the nodes to be looked at in phase E, those that come in meanwhile included."""
-        heap = self._touched
-        while heap:
-            _, node = heapq.heappop(heap)
+    def next_touched(self) -> Instance | None:
+        """Return the next node to be looked at in phase E, None if there is none."""
+        while (entry := self._touched.take()) is not None:
+            node = entry[1]
             if node.queued:
                 node.queued = False
-                yield node
+                return node
+        return None
 
-    def candidates(self) -> Iterator[Instance]:
-        """Yield the nodes to be looked at in phase S, the most urgent first."""
-        heap = self._candidates
-        while heap:
-            node = heapq.heappop(heap)[3]
+    def next_candidate(self) -> Instance | None:
+        """Return the most urgent node to be looked at in phase S, None if there is none."""
+        while (entry := self._candidates.take()) is not None:
+            node = entry[3]
             if node.candidate:
                 node.candidate = False
-                yield node
+                return node
+        return None
 
-    def ringing(self) -> Iterator[Instance | Floating]:
-        """Yield what has a timer that is due."""
-        timers = self._timers
-        while timers and timers[0][0] <= self.now:
-            yield heapq.heappop(timers)[2]
+    def ringing(self) -> Instance | Floating | None:
+        """Return the next target whose timer is due."""
+        entry = self._timers.take_until(self.now)
+        return None if entry is None else entry[2]
+
+    def deadline_due(self) -> bool:
+        """Tell whether a deadline is due, even if only of a node to which it no longer applies."""
+        entry = self._deadlines.first()
+        return self._expired.first() is not None or (entry is not None and entry[0] <= self.now)
 
     def expired(self) -> Iterator[Instance]:
         """Yield the nodes with a deadline that is due, in text order; each deadline once."""
-        while self._deadlines and self._deadlines[0][0] <= self.now:
-            _, _, node = heapq.heappop(self._deadlines)
+        while (entry := self._deadlines.take_until(self.now)) is not None:
             self._serial += 1
-            heapq.heappush(self._expired, (node.order, self._serial, node))
-        while self._expired:
-            yield heapq.heappop(self._expired)[2]
+            self._expired.push((entry[2].order, self._serial, entry[2]))
+        while (entry := self._expired.take()) is not None:
+            yield entry[2]
 
     def next_time(self) -> int | None:
         """Return the next time at which a timer or a deadline of a live node is due."""
-        timers, deadlines = self._timers, self._deadlines
-        while timers and timers[0][2].state is State.FINISHED:
-            heapq.heappop(timers)
-        while deadlines and deadlines[0][2].state in (State.FINISHED, State.FAILING):
-            heapq.heappop(deadlines)
-        times = [heap[0][0] for heap in (timers, deadlines) if heap]
-        return min(times, default=None)
+        while (timer := self._timers.first()) is not None and timer[2].state is State.FINISHED:
+            self._timers.take()
+        while (due := self._deadlines.first()) is not None and due[2].state in (
+            State.FINISHED,
+            State.FAILING,
+        ):
+            self._deadlines.take()
+        if timer is None or due is None:
+            entry = timer or due
+            return None if entry is None else entry[0]
+        return min(timer[0], due[0])

@@ -60,7 +60,8 @@ class Board:
         if old == value and type(old) is type(value):
             return
         self.values[key] = value
-        self._changed(key, old, value)
+        if key in self.watchers or key in self.triggers:
+            self._changed(key, old, value)
 
     def forget(self, key: str) -> None:
         """Make a key unknown."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 from executive.crl import nodes as crl
 from executive.crl import values
@@ -36,14 +35,14 @@ from executive.engine.spec import (
 
 
 def compile_plan(
-    plan: crl.Plan, *, digest: str = "", text: str = "", identity: Callable[[crl.Node], str] = repr
+    plan: crl.Plan, *, digest: str = "", text: str = "", identity: Callable[[str], str] = str
 ) -> PlanSpec:
     """Return the plan as the engine runs it.
 
-    `identity` gives the canonical text of a task; two tasks are identical iff it is equal (CRL.md 2). It is
-    asked only when a running plan is replaced. The plan must be valid.
+    `identity` gives the canonical text of a task by its id; it is asked only when a running plan is replaced.
+    The plan must be valid.
     """
-    root = compile_node(plan.node, identity)
+    root = compile_node(plan.node)
     resources: dict[str, ResourceSpec] = {}
     for resource in plan.resources:
         match resource:
@@ -58,7 +57,7 @@ def compile_plan(
     contingencies = tuple(
         ContingencySpec(
             id=c.id,
-            node=compile_node(c.node, identity),
+            node=compile_node(c.node),
             trigger=compile_guard(c.trigger_conditions) or Guard(lambda _: True, {}),
             utility=c.utility,
             interrupt=c.mode is values.Mode.INTERRUPT,
@@ -71,7 +70,7 @@ def compile_plan(
     alternates = tuple(
         AlternateSpec(
             id=a.id,
-            node=compile_node(a.node, identity),
+            node=compile_node(a.node),
             eligible=compile_guard(a.eligible_conditions),
             utility=a.utility,
             requires=amounts(a.requires),
@@ -89,10 +88,11 @@ def compile_plan(
         budgets=tuple((b.resource, b.amount) for b in plan.budgets),
         digest=digest,
         text=text,
+        identity=identity,
     )
 
 
-def compile_node(top: crl.Node, identity: Callable[[crl.Node], str]) -> NodeSpec:
+def compile_node(top: crl.Node) -> NodeSpec:
     """Return one tree; children are compiled before their parents, to any depth."""
     done: dict[str, NodeSpec] = {}
     for node in reversed(list(crl.walk(top))):
@@ -105,7 +105,6 @@ def compile_node(top: crl.Node, identity: Callable[[crl.Node], str]) -> NodeSpec
                 spec.retry_delay_ms = node.retry_delay_ms
                 spec.interruptible = node.interruptible
                 spec.on_resume = node.on_resume
-                spec.identity = partial(identity, node)
             case crl.Block():
                 spec.kind = Kind.BLOCK
                 spec.children = tuple(done[child.id] for child in node.node_list)
@@ -129,6 +128,7 @@ def compile_node(top: crl.Node, identity: Callable[[crl.Node], str]) -> NodeSpec
                     )
                     for option in node.options
                 )
+                spec.children = tuple(option.node for option in spec.options)
         done[node.id] = spec
     return done[top.id]
 

@@ -95,7 +95,7 @@ def insert(run: Run, hold: Hold) -> None:
     root = run.plant(floating.spec.node, hold.scope)
     root.index = -1
     hold.root = root
-    hold.scope.extra.append(root)
+    hold.scope.extra += (root,)
     run.network.planted(root)
     lifecycle.activate(run, root)
 
@@ -106,8 +106,7 @@ def release(run: Run, hold: Hold, root: Instance) -> bool:
         return False
     run.hold = None
     scope = hold.scope
-    if root in scope.extra:
-        scope.extra.remove(root)
+    scope.detach(root)
     if (
         root.outcome is Outcome.FAILED
         and not hold.floating.spec.continue_on_failure

@@ -13,6 +13,7 @@ from executive.crl.values import OnResume
 from executive.engine import contingencies, lifecycle, replacement
 from executive.engine.conditions import TIME_KEY, is_number
 from executive.engine.instance import ACTIVE, Effect, Instance, Outcome, State
+from executive.engine.lifecycle import crossed
 from executive.engine.run import Loader, Run
 from executive.engine.spec import PlanSpec
 from executive.ports import (
@@ -63,6 +64,7 @@ class Engine:
         risks: bool = False,
     ) -> None:
         self.run = Run(plan, run_id, loader, utilities, risks)
+        self.agenda = self.run.agenda
         self.begun = False
         self.initial_levels: dict[str, float] = {}
 
@@ -71,7 +73,7 @@ class Engine:
     @property
     def t(self) -> int:
         """The plan clock, milliseconds."""
-        return self.run.agenda.now
+        return self.agenda.now
 
     @property
     def over(self) -> bool:
@@ -94,12 +96,13 @@ class Engine:
                 contingencies.set_timers(run, known)
         if events:
             self._ingest(events)
-        for target in run.agenda.ringing():
+        while (target := run.agenda.ringing()) is not None:
             if isinstance(target, Instance):
                 run.agenda.wake(target)
             else:
                 run.board.stale.append(target)
-        run.network.changed()
+        if run.network.delayed:
+            run.network.changed()
         self.quiesce()
         return self._take_effects()
 
@@ -148,8 +151,8 @@ class Engine:
 
     def move_to(self, t_ms: int) -> None:
         """Set the plan clock; it never goes back."""
-        if t_ms > self.run.agenda.now:
-            self.run.agenda.now = t_ms
+        if t_ms > self.agenda.now:
+            self.agenda.now = t_ms
             self.run.board.values[TIME_KEY] = t_ms / 1000
 
     def _take_effects(self) -> list[Effect]:
@@ -165,7 +168,8 @@ class Engine:
                 case Update():
                     self._apply(event.values)
                 case Result():
-                    self._apply(event.updates)
+                    if event.updates:
+                        self._apply(event.updates)
                     self._note_result(event)
                 case Acknowledgement():
                     self._apply(event.updates)
@@ -201,7 +205,7 @@ class Engine:
             run.note("ignored", f"result of {event.command}: no such command is running", event.command.task)
             return
         run.action_over(node)
-        if run.instances.get(node.id) is node:
+        if event.values and run.instances.get(node.id) is node:
             for name, value in event.values.items():
                 run.board.set_value(f"result {node.id} {name}", value)
         if node.awaiting_restart:
@@ -251,29 +255,31 @@ class Engine:
 
     def quiesce(self) -> None:
         """Let the tree come to rest: E as long as possible, else one rule of F, else one start."""
+        run = self.run
         while True:
             self._run_e()
-            if contingencies.phase_f(self.run):
+            if contingencies.phase_f(run):
                 continue
-            if self.run.over or not self._run_s():
+            if run.over or not self._run_s():
                 break
-        self.run.network.report_risks()
+        if run.network.risks and run.network.wanted:
+            run.network.report_risks()
 
     def _run_e(self) -> None:
-        run = self.run
-        for node in run.agenda.touched():
+        run, agenda = self.run, self.run.agenda
+        while (node := agenda.next_touched()) is not None:
             if lifecycle.transition(run, node) and node.state is not State.FINISHED:
-                run.agenda.touch(node)
+                agenda.touch(node)
 
     def _run_s(self) -> bool:
         """Start or resume the most urgent node that can; tell whether there was one."""
         run = self.run
         if run.paused or run.stopping:
             return False
-        for node in run.agenda.candidates():
+        while (node := run.agenda.next_candidate()) is not None:
             taken = False
             if node.state is State.WAITING or node.state is State.SUSPENDED:
-                if run.hold is not None and run.hold.stops(node):
+                if (run.hold is not None and run.hold.stops(node)) or (run.crossed and crossed(run, node)):
                     run.held_back.append(node)
                 else:
                     taken = lifecycle.try_start(run, node)
@@ -292,19 +298,24 @@ class Engine:
 
     def over_budget(self) -> bool:
         """Tell whether the run has taken more time or more of a consumable than its budgets allow."""
+        return bool(self.exceeded_budgets())
+
+    def exceeded_budgets(self) -> tuple[str, ...]:
+        """Return the names of the budgets that the run has gone over, in the order of the plan."""
         run = self.run
+        exceeded = []
         end_ms = run.end_ms if run.end_ms is not None else run.t
         for name, limit in run.plan.budgets:
             if name == "time":
                 if end_ms / 1000 > limit:
-                    return True
+                    exceeded.append(name)
                 continue
             resource = run.plan.resources.get(name)
             level = run.database.get(resource.key) if resource is not None and resource.key else None
             before = self.initial_levels.get(name)
             if before is not None and is_number(level) and before - float(level) > limit:
-                return True
-        return False
+                exceeded.append(name)
+        return tuple(exceeded)
 
     def outcomes(self) -> dict[str, str | None]:
         """Return the outcome of every node of the plan; None = not finished.
@@ -312,8 +323,9 @@ class Engine:
         Nodes of trees never inserted count as SKIPPED; nodes that a replacement took out keep their entry.
         """
         run = self.run
-        ids = [*run.former_ids, *run.plan.node_ids()]
+        ids = [*run.former_ids, *run.plan.node_ids()] if len(run.plan.trees()) > 1 or run.former_ids else ()
         table: dict[str, str | None] = dict.fromkeys(ids, Outcome.SKIPPED.value)
-        for node_id, node in [*run.old.items(), *run.instances.items()]:
-            table[node_id] = node.outcome.value if node.outcome is not None else None
+        for nodes in (run.old, run.instances):
+            for node_id, node in nodes.items():
+                table[node_id] = node.outcome._value_ if node.outcome is not None else None
         return table

@@ -22,16 +22,13 @@ def needs_network(plan: PlanSpec) -> bool:
     An upper bound between two points delays the earlier one only if the later one can be pushed by something
     that does not start at the earlier one: a time of day, or a window on a third node.
     """
-    return any(_ties(node) for tree in plan.trees() for node in tree.walk())
+    return any(_ties(node) for node in plan.windowed)
 
 
 def watches_windows(plan: PlanSpec) -> bool:
     """Tell whether any window of the plan can close, so that there are risks to report."""
     return any(
-        window.hi < INFINITY
-        for tree in plan.trees()
-        for node in tree.walk()
-        for window in node.start_windows + node.end_windows
+        window.hi < INFINITY for node in plan.windowed for window in node.start_windows + node.end_windows
     )
 
 
@@ -113,8 +110,6 @@ class DispatchNetwork:
 
     def activated(self, node: Instance) -> None:
         """The relative start window of a node counts from now on from its activation."""
-        if not self.wanted:
-            return
         network = self.network
         start = self.points.get((node, START)) if network is not None else None
         if network is None or start is None:
@@ -128,8 +123,6 @@ class DispatchNetwork:
 
     def settled(self, node: Instance, point: int) -> None:
         """A point has occurred or is void."""
-        if not self.wanted:
-            return
         network = self.network
         index = self.points.pop((node, point), None) if network is not None else None
         if network is not None and index is not None:
@@ -157,8 +150,6 @@ class DispatchNetwork:
 
     def may_start(self, node: Instance) -> bool:
         """Tell whether the dispatch bound of the node is reached; else see to it that it is asked again."""
-        if not self.needed:
-            return True
         network = self._present()
         start = self.points.get((node, START))
         due = network.dispatch_time(start) if start is not None else None
@@ -166,8 +157,9 @@ class DispatchNetwork:
             self.delayed.pop(node, None)
             return True
         self.delayed[node] = None
-        if due is not None:
-            self.run.agenda.set_timer(due, node)
+        for time in (due, network.breaks_at()):  # an inconsistent network delays nothing (8.3)
+            if time is not None:
+                self.run.agenda.set_timer(time, node)
         return False
 
     def bound(self, node: Instance) -> int | None:
@@ -180,7 +172,7 @@ class DispatchNetwork:
 
     def report_risks(self) -> None:
         """Note when the windows can no longer all be kept, once until they can."""
-        if not (self.risks and self.wanted) or self.run.over:
+        if self.run.over:
             return
         network = self._present()
         if network.consistent:
@@ -266,7 +258,7 @@ class DispatchNetwork:
         if other is None:
             return
         place = START if window.ref == RELATIVE else window.point
-        self._between(network, other, place, target, window, label)
+        self._between(network, other, place, target, _time(node, point), window, label)
 
     def _between(
         self,
@@ -274,16 +266,22 @@ class DispatchNetwork:
         other: Instance,
         place: int,
         target: int,
+        own: int | None,
         window: Window,
         label: object,
     ) -> None:
-        time = other.start if place == START else other.end
+        """Add a window on a point of another node; `own` is the time of the own point if it has occurred."""
+        time = _time(other, place)
         source = self._at(other, place)
         if time is not None:
             if target:
                 network.declare(ORIGIN, target, *_shifted(window, time), label=label)
         elif source and target:
             network.declare(source, target, *_shifted(window, 0), label=label)
+        elif source and own is not None:  # what has occurred says when the other may
+            lo, hi = _shifted(window, 0)
+            bounds = (None if hi is None else own - hi, None if lo is None else own - lo)
+            network.declare(ORIGIN, source, *bounds, label=label)
 
     def _anchor(
         self, network: TemporalNetwork, node: Instance, target: int, window: Window, label: object
@@ -324,7 +322,8 @@ class DispatchNetwork:
                         target = self._at(other, point)
                         for window in conditions:
                             if window.ref == node.id and window.point == place:
-                                self._between(network, node, place, target, window, (other.id, point, window))
+                                own, label = _time(other, point), (other.id, point, window)
+                                self._between(network, node, place, target, own, window, label)
 
     def _at(self, node: Instance, point: int) -> int:
         """Return the number of a point that has not occurred, 0 if it has no place in the network."""
@@ -332,7 +331,11 @@ class DispatchNetwork:
 
 
 def _open(node: Instance, point: int) -> bool:
-    return not node.void and (node.start if point == START else node.end) is None
+    return not node.void and _time(node, point) is None
+
+
+def _time(node: Instance, point: int) -> int | None:
+    return node.start if point == START else node.end
 
 
 def _shifted(window: Window, by: int) -> tuple[int | None, int | None]:
@@ -360,12 +363,11 @@ def live(root: Instance) -> list[Instance]:
             continue
         nodes.append(node)
         if node.kind is Kind.BRANCH:
-            below = [node.below[node.chosen]] if node.chosen is not None else []
-            below += [
-                n for i, n in enumerate(node.below) if i != node.chosen and n.state is not State.INACTIVE
-            ]
+            chosen = [node.below[node.chosen]] if node.chosen is not None else []
+            others = [n for i, n in enumerate(node.below) if i != node.chosen]
+            below = [*chosen, *(n for n in others if n.state is not State.INACTIVE)]
         else:
-            below = node.below
+            below = [*node.below]
         stack.extend(reversed([*below, *node.extra]))
     return nodes
 

@@ -28,6 +28,12 @@ class Outcome(StrEnum):
     SKIPPED = "SKIPPED"
 
 
+for _words in (State, Outcome, Kind):
+    for _word in _words:
+        # As Python 3.12 keeps members: 3.11 finds them through a slow property, some 60 times a task.
+        type.__setattr__(_words, _word.name, _word)
+
+
 Watch = tuple[str, int, tuple[float, ...] | None]
 """A watched key, a serial number, and the limits at which it matters (None = wherever it changes)."""
 
@@ -98,8 +104,8 @@ class Instance:
         """Place among the children of the parent (of a branch: number of the option)."""
         self.order = order
         """Place in the text; trees inserted at run time come last."""
-        self.below: list[Instance] = []
-        self.extra: list[Instance] = []
+        self.below: tuple[Instance, ...] = ()
+        self.extra: tuple[Instance, ...] = ()
         """Further trees that count as children: an inserted contingency, nodes that a replacement stops."""
         self.state = State.INACTIVE
         self.outcome: Outcome | None = None
@@ -132,7 +138,8 @@ class Instance:
         """Outcome fixed on entry to FAILING; published at the end."""
         self.final_reason = ""
         self.chosen: int | None = None
-        self.tried: set[str] = set()
+        self.tried: set[str] | None = None
+        """Ids of the options of a branch that have been chosen."""
         self.untried: list[tuple[int, OptionSpec]] | None = None
         """Options of a branch not yet tried, with their numbers; made at the first choice."""
         self.command: CommandId | None = None
@@ -154,7 +161,7 @@ class Instance:
             yield node
             node = node.parent
 
-    def children(self) -> list[Instance]:
+    def children(self) -> tuple[Instance, ...]:
         """Return all nodes one level down, inserted and detached ones included."""
         return self.below + self.extra if self.extra else self.below
 
@@ -165,6 +172,10 @@ class Instance:
             node = stack.pop()
             yield node
             stack.extend(reversed(node.children()))
+
+    def detach(self, child: Instance) -> None:
+        """Let a tree among the extra ones no longer count."""
+        self.extra = tuple(other for other in self.extra if other is not child)
 
     def failed_fatally(self) -> bool:
         """Tell whether the node finished FAILED and its parent must not go on."""
@@ -210,13 +221,6 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True)
-class Send:
-    """Effect: send this command to the rover."""
-
-    command: Command
-
-
-@dataclass(frozen=True, slots=True)
 class Abort:
     """Effect: ask the rover to stop this command."""
 
@@ -242,7 +246,8 @@ class UtilityUsed:
     value: Value
 
 
-Effect = Send | Abort | Note | UtilityUsed | TraceRecord
+Effect = Command | Abort | Note | UtilityUsed | TraceRecord
+"""What leaves the engine; a command is to be sent to the rover."""
 
 
 def is_running_task(node: Instance) -> bool:

@@ -18,13 +18,14 @@ def activate(run: Run, node: Instance) -> None:
     if node.state is not State.INACTIVE:
         return
     node.state = State.WAITING
-    node.activation = run.t
-    run.waiting[node] = None
+    node.activation = run.agenda.now
     spec = node.spec
-    windows.open_start(run, node)
+    if spec.start_windows:
+        windows.open_start(run, node)
     if spec.wait_for is not None:
         run.board.watch(node, spec.wait_for)
-    run.network.activated(node)
+    if run.network.wanted:
+        run.network.activated(node)
     run.agenda.consider(node)
 
 
@@ -38,16 +39,15 @@ def try_start(run: Run, node: Instance) -> bool:
             return False
         resume(run, node)
         return True
-    t = run.t
+    t = run.agenda.now
     if node.start_blocked or t < node.start_lo or t > node.start_hi:
         return False
     database = run.database
     if spec.wait_for is not None and spec.wait_for.ask(database) is not True:
         return False
-    if not run.network.may_start(node):
+    if run.network.needed and not run.network.may_start(node):
         return False
-    missing = run.ledger.missing(spec.uses)
-    if missing is not None:
+    if spec.uses and (missing := run.ledger.missing(spec.uses)) is not None:
         run.ledger.wait(missing, node)
         return False
     if spec.start is not None and spec.start.ask(database) is not True:
@@ -66,14 +66,14 @@ def start(run: Run, node: Instance) -> None:
     spec = node.spec
     node.state = State.EXECUTING
     node.blocked_on = ""
-    node.start = run.t
-    run.waiting.pop(node, None)
+    node.start = run.agenda.now
     run.record("start", node.id)
     if spec.uses or spec.requires:
         run.ledger.take(node)
         if spec.requires:
             run.reservations_changed()
-    windows.open_end(run, node)
+    if spec.end_windows:
+        windows.open_end(run, node)
     if node.kind is Kind.BRANCH:
         run.undecided[node] = None
         watch_options(run, node)
@@ -82,9 +82,10 @@ def start(run: Run, node: Instance) -> None:
     elif node.watching:
         run.board.unwatch(node)
     windows.point_settled(run, node, START)
-    if node.kind is Kind.TASK:
+    if node.kind is Kind.TASK:  # it is looked at when its action returns or its conditions say something new
         run.issue(node)
-    elif node.kind is Kind.BLOCK:
+        return
+    if node.kind is Kind.BLOCK:
         activate(run, node.below[0])
     elif node.kind is Kind.CONCURRENT:
         for child in node.below:
@@ -95,7 +96,6 @@ def start(run: Run, node: Instance) -> None:
 def resume(run: Run, node: Instance) -> None:
     """Row 18: SUSPENDED -> EXECUTING."""
     spec = node.spec
-    run.waiting.pop(node, None)
     if spec.maintain is not None and spec.maintain.ask(run.database) is False:
         fail(run, node, Outcome.FAILED, "maintain-violated")
         return
@@ -152,7 +152,9 @@ def transition(run: Run, node: Instance) -> bool:
                 return True
         else:
             complete = True
-        return complete and not occupied(node) and end(run, node)
+        if not complete or node.extra or (node.remaining and occupied(node)):
+            return False
+        return end(run, node)
     if state is State.SUSPENDING and node.command is None:
         suspended(run, node)  # row 17
         return True
@@ -171,6 +173,21 @@ def occupied(node: Instance) -> bool:
     if node.extra:
         return True
     return node.kind is Kind.BRANCH and node.remaining > 0 and any(k.state in STARTED for k in node.below)
+
+
+def crossed(run: Run, node: Instance) -> bool:
+    """Tell whether what still runs below another option of a branch keeps the node from starting (7.4).
+
+    Options are alternatives: their nodes never command the rover side by side (`docs/decisions.md`).
+    """
+    child = node
+    for above in node.ancestors():
+        chosen = above.chosen is not None and above.below[above.chosen] is child
+        others = above.below if chosen and above in run.crossed else ()
+        if any(other.state in STARTED for other in others if other is not child):
+            return True
+        child = above
+    return False
 
 
 def settled(node: Instance) -> bool:
@@ -210,8 +227,7 @@ def run_block(run: Run, node: Instance) -> tuple[bool, bool]:
             node.cursor += 1
         child = below[node.cursor]
         if child.state is State.INACTIVE:
-            activate(run, child)  # row 1
-            return True, False
+            activate(run, child)  # row 1; nothing more follows for the block before the child is over
     return False, False
 
 
@@ -238,7 +254,7 @@ def run_branch(run: Run, node: Instance) -> tuple[bool, bool]:
 
 def end(run: Run, node: Instance) -> bool:
     """Rows 8, 9 and 10 of a complete node."""
-    if run.t < node.end_lo or node.end_held:
+    if run.agenda.now < node.end_lo or node.end_held:
         if node.state is State.EXECUTING:
             node.state = State.ENDING  # row 8
             return True
@@ -262,7 +278,6 @@ def suspended(run: Run, node: Instance) -> None:
     node.awaiting_restart = False
     run.record("suspend", node.id)
     release(run, node)
-    run.waiting[node] = None
     run.agenda.consider(node)
 
 
@@ -276,6 +291,8 @@ def choose(run: Run, node: Instance) -> bool:
         return False
     best_index, chosen = best
     node.chosen = best_index
+    if node.tried is None:
+        node.tried = set()
     node.tried.add(chosen.id)
     run.undecided.pop(node, None)
     run.record("choose", node.id, chosen.id)
@@ -293,7 +310,7 @@ def best_option(run: Run, node: Instance) -> tuple[int, OptionSpec] | None:
     """Return number and value of the option that wins now, None if no untried one is eligible."""
     if node.untried is None:
         ranked = node.spec.ranked_options()
-        node.untried = [n for n in ranked if n[1].id not in node.tried]
+        node.untried = [n for n in ranked if n[1].id not in (node.tried or ())]
     constant = run.utilities is None and node.spec.constant_utilities
     best, best_utility = -1, -math.inf
     for place, (_, option) in enumerate(node.untried):
@@ -323,13 +340,18 @@ def option_utility(run: Run, option: OptionSpec) -> float:
     return utility_at(option.utility, run.t)
 
 
+OUTCOME_VALUES = {outcome: outcome.lower() for outcome in Outcome}
+"""What stands under `outcome <node>` in the database."""
+
+
 # --- endings ----------------------------------------------------------------------
 
 
 def release(run: Run, node: Instance) -> None:
     """Give back what the node holds and wake who can use it."""
-    for name in run.ledger.give_back(node):
-        run.ask_waiters(name)
+    if node.held:
+        for name in run.ledger.give_back(node):
+            run.ask_waiters(name)
     if node.spec.requires and run.ledger.unreserve(node):
         run.reservations_changed()
 
@@ -337,15 +359,15 @@ def release(run: Run, node: Instance) -> None:
 def finish(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
     """Let the node become FINISHED, with its `end` event (which a node SKIPPED before its start has not)."""
     if node.start is not None:
-        node.end = run.t
+        node.end = run.agenda.now
     else:
         node.void = True
     if node is run.root:
-        run.end_ms = run.t
-    arguments = (
-        (node.id, outcome.value, reason) if outcome is not Outcome.SUCCEEDED else (node.id, outcome.value)
-    )
-    run.record("end", *arguments)
+        run.end_ms = run.agenda.now
+    if outcome is Outcome.SUCCEEDED:
+        run.record("end", node.id, outcome._value_)
+    else:
+        run.record("end", node.id, outcome._value_, reason)
     if node.kind is not Kind.TASK and node.remaining:
         by_choice = node.chosen is not None and node.final is None
         for child in node.below:
@@ -362,14 +384,15 @@ def close(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
     node.blocked_on = ""
     node.outcome = outcome
     node.reason = reason
-    run.waiting.pop(node, None)
-    run.retrying.pop(node, None)
-    run.undecided.pop(node, None)
+    if node.kind is Kind.TASK:
+        run.retrying.pop(node, None)
+    else:
+        run.undecided.pop(node, None)
     if node.watching:
         run.board.unwatch(node)
     release(run, node)
     if run.instances.get(node.id) is node:
-        run.board.set_value(f"outcome {node.id}", outcome.value.lower())
+        run.board.set_value(f"outcome {node.id}", OUTCOME_VALUES[outcome])
         if reason:
             run.board.set_value(f"reason {node.id}", reason)
     if node.void:
@@ -379,12 +402,16 @@ def close(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
     if parent is not None and parent.state is not State.FINISHED:
         if node.index >= 0 and parent.below[node.index] is node:
             parent.remaining -= 1
-            if parent.kind is not Kind.BRANCH and node.failed_fatally():
+            if outcome is Outcome.FAILED and parent.kind is not Kind.BRANCH and node.failed_fatally():
                 parent.fatal = True
         elif node in run.stopping:
-            parent.extra.remove(node)
-        run.agenda.touch(parent)
-    run.stopping.discard(node)
+            parent.detach(node)
+        if parent.kind is not Kind.CONCURRENT or not parent.remaining or parent.fatal:
+            run.agenda.touch(parent)
+        if parent in run.crossed:
+            run.release_held()
+    if run.stopping:
+        run.stopping.discard(node)
 
 
 def skip(run: Run, top: Instance, reason: str) -> None:
@@ -417,7 +444,6 @@ def begin_failing(run: Run, node: Instance, outcome: Outcome, reason: str) -> No
     node.awaiting_restart = False
     run.retrying.pop(node, None)
     run.undecided.pop(node, None)
-    run.waiting.pop(node, None)
     if node.watching:
         run.board.unwatch(node)
     run.ask_abort(node)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from executive.engine import contingencies, lifecycle, windows
-from executive.engine.instance import ACTIVE, RUNNING, Floating, Instance, Outcome, State
+from executive.engine.instance import ACTIVE, RUNNING, STARTED, Floating, Instance, Outcome, State
 from executive.engine.run import Run
 from executive.engine.spec import INFINITY, Kind, NodeSpec, PlanSpec
 
@@ -39,17 +39,17 @@ def keep(run: Run, plan: PlanSpec) -> dict[str, Instance]:
     stack: list[tuple[NodeSpec, Instance | None]] = [(plan.root, None)]
     while stack:
         spec, above = stack.pop()
-        old = kept(run, spec)
+        old = kept(run, plan, spec)
         closed = above is not None and above.state in (State.FINISHED, State.FAILING)
         if old is not None and closed and old.state is not State.FINISHED and old.parent is not above:
             old = None
         if old is not None:
             keeping[spec.id] = old
-        stack.extend((child, old) for child in spec.below())
+        stack.extend((child, old) for child in spec.children)
     return keeping
 
 
-def kept(run: Run, spec: NodeSpec) -> Instance | None:
+def kept(run: Run, plan: PlanSpec, spec: NodeSpec) -> Instance | None:
     """Return the node of the running plan that the new one may go on with, if there is one.
 
     Nodes of alternates are never kept; while one is in force, only tasks that SUCCEEDED are.
@@ -63,7 +63,8 @@ def kept(run: Run, spec: NodeSpec) -> Instance | None:
         return None
     if run.root_alternate is not None and old.outcome is not Outcome.SUCCEEDED:
         return None
-    return old if old.spec is spec or old.spec.identity() == spec.identity() else None
+    same = old.spec is spec or run.plan.identity(spec.id) == plan.identity(spec.id)
+    return old if same else None
 
 
 def out_of_order(plan: PlanSpec, keeping: Mapping[str, Instance]) -> str:
@@ -82,7 +83,7 @@ def out_of_order(plan: PlanSpec, keeping: Mapping[str, Instance]) -> str:
                     waits = child.id
             continue
         below = "" if is_kept else f"but lies below {spec.id}, which has not"
-        stack.extend((child, barrier or below) for child in spec.below())
+        stack.extend((child, barrier or below) for child in spec.children)
     return ""
 
 
@@ -96,9 +97,9 @@ def exchange(run: Run, plan: PlanSpec, keeping: dict[str, Instance]) -> None:
     run.plan = plan
     run.ledger.redeclare(plan.resources)
     run.network.rebuild()
-    if run.hold is not None:
-        run.hold = None
-        run.release_held()
+    run.hold = None
+    run.crossed.clear()
+    run.release_held()
     exchange_contingencies(run, plan)
     run.dependents = {}
     run.root = rebuild(run, plan.root, keeping)
@@ -130,6 +131,7 @@ def exchange_contingencies(run: Run, plan: PlanSpec) -> None:
 def rebuild(run: Run, top: NodeSpec, keeping: dict[str, Instance]) -> Instance:
     """Make the new main tree out of kept and new nodes, in the text order of the new plan."""
     root: Instance | None = None
+    below: dict[Instance, list[Instance]] = {}
     stack: list[tuple[NodeSpec, Instance | None, int]] = [(top, None, 0)]
     while stack:
         spec, parent, index = stack.pop()
@@ -144,11 +146,12 @@ def rebuild(run: Run, top: NodeSpec, keeping: dict[str, Instance]) -> Instance:
         if parent is None:
             root = node
         else:
-            parent.below.append(node)
-        node.below = []
-        stack.extend((child, node, i) for i, child in reversed(list(enumerate(spec.below()))))
+            below[parent].append(node)
+        below[node] = []
+        stack.extend((child, node, i) for i, child in reversed(list(enumerate(spec.children))))
     assert root is not None
-    for node in root.walk():
+    for node, children in below.items():
+        node.below = tuple(children)
         node.remaining = sum(child.state is not State.FINISHED for child in node.below)
         node.fatal = node.kind is not Kind.BRANCH and any(
             child.state is State.FINISHED and child.failed_fatally() for child in node.below
@@ -175,7 +178,7 @@ def adopt(run: Run, node: Instance, spec: NodeSpec, parent: Instance | None, ind
 def separate(gone: list[Instance], keeping: set[Instance]) -> None:
     """Let the nodes that go keep only children that go too; under kept parents they become extra children."""
     for node in gone:
-        node.below = [child for child in node.below if child not in keeping]
+        node.below = tuple(child for child in node.below if child not in keeping)
         node.remaining = 0
         for index, child in enumerate(node.below):
             child.index = index
@@ -188,7 +191,7 @@ def separate(gone: list[Instance], keeping: set[Instance]) -> None:
         if node.state in (State.INACTIVE, State.WAITING, State.FINISHED):
             node.parent = None
         else:
-            parent.extra.append(node)
+            parent.extra += (node,)
 
 
 def retire(run: Run, node: Instance) -> None:
@@ -247,6 +250,8 @@ def refresh(run: Run, node: Instance) -> None:
 
 def reopen_branch(run: Run, node: Instance) -> None:
     """Open the chosen option of a kept branch; skip the others unless they may still be tried."""
+    if any(child.state in STARTED for index, child in enumerate(node.below) if index != node.chosen):
+        run.crossed.add(node)
     if node.chosen is None:
         return
     for index, child in enumerate(node.below):

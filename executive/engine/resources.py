@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping
 
 from executive.engine.conditions import is_number
@@ -15,8 +16,77 @@ TOLERANCE = 1e-9
 """Rounding allowed in a sum of fractional amounts."""
 
 
-Waiting = tuple[float, int, int, Instance]
-"""Priority, activation, place in the text, node."""
+Waiting = tuple[float, int, int, float, Instance | None]
+"""Priority, activation, place in the text, amount, node."""
+
+NOBODY: Waiting = (math.inf, 0, 0, 0.0, None)
+
+
+class Waiters:
+    """Those who wait for some of one resource.
+
+    The most urgent of those who fit is found in O(log k) for k different amounts: a tree holds, over the
+    sorted amounts, the first of each queue and the most urgent of every range.
+    """
+
+    __slots__ = ("_amounts", "_first", "_queues")
+
+    def __init__(self) -> None:
+        self._queues: dict[float, list[Waiting]] = {}
+        self._amounts: list[float] = []
+        self._first: list[Waiting] = []
+        """The tree, leaves in its second half; empty where a new amount has come since it was made."""
+
+    def add(self, entry: Waiting) -> None:
+        """Let a node wait."""
+        queue = self._queues.get(entry[3])
+        if queue is None:
+            self._queues[entry[3]] = [entry]
+            self._first = []
+            return
+        heapq.heappush(queue, entry)
+        if queue[0] is entry and self._first:
+            self._settle(entry[3], queue)
+
+    def take(self, room: float) -> Instance | None:
+        """Take out the most urgent node that waits for at most `room`; None if there is none."""
+        if not self._first:
+            self._amounts = sorted(self._queues)
+            self._first = [NOBODY] * len(self._amounts) + [
+                (self._queues[amount] or [NOBODY])[0] for amount in self._amounts
+            ]
+            for place in range(len(self._amounts) - 1, 0, -1):
+                self._first[place] = min(self._first[2 * place], self._first[2 * place + 1])
+        entry = self._best(bisect_right(self._amounts, room))
+        if entry[4] is not None:
+            queue = self._queues[entry[3]]
+            heapq.heappop(queue)
+            self._settle(entry[3], queue)
+        return entry[4]
+
+    def _best(self, count: int) -> Waiting:
+        """Return the most urgent entry of the `count` smallest amounts."""
+        first, best = self._first, NOBODY
+        left, right = len(self._amounts), len(self._amounts) + count
+        while left < right:
+            if left & 1:
+                best = min(best, first[left])
+                left += 1
+            if right & 1:
+                right -= 1
+                best = min(best, first[right])
+            left >>= 1
+            right >>= 1
+        return best
+
+    def _settle(self, amount: float, queue: list[Waiting]) -> None:
+        """The first of a queue has changed."""
+        first = self._first
+        place = len(self._amounts) + bisect_left(self._amounts, amount)
+        first[place] = queue[0] if queue else NOBODY
+        while place > 1:
+            place >>= 1
+            first[place] = min(first[2 * place], first[2 * place + 1])
 
 
 class Ledger:
@@ -27,8 +97,7 @@ class Ledger:
         self.holders: dict[str, dict[Instance, float]] = {}
         self.reserved: dict[str, dict[Instance, float]] = {}
         self.taken: dict[str, float] = {}
-        self.waiters: dict[str, dict[float, list[Waiting]]] = {}
-        """By resource and amount, the most urgent first."""
+        self.waiters: dict[str, Waiters] = {}
 
     def redeclare(self, resources: Mapping[str, ResourceSpec]) -> None:
         """Take over the declarations of a replacing plan; what is held stays held."""
@@ -87,37 +156,25 @@ class Ledger:
             return
         node.blocked_on = name
         amount = next(amount for used, amount in node.spec.uses if used == name)
-        entry = (node.spec.priority, node.activation, node.order, node)
-        heapq.heappush(self.waiters.setdefault(name, {}).setdefault(amount, []), entry)
+        waiters = self.waiters.get(name)
+        if waiters is None:
+            waiters = self.waiters[name] = Waiters()
+        waiters.add((node.spec.priority, node.activation, node.order, amount, node))
 
     def next_waiter(self, name: str) -> Instance | None:
         """Return the most urgent of those that wait for a resource and fit into what is free of it.
 
-        The next one is asked after it: so a release costs as much as the number of different amounts that
-        are waited for, whatever the number of those who wait.
+        The next one is asked after it.
         """
-        queues = self.waiters.get(name)
-        if not queues:
+        waiters = self.waiters.get(name)
+        if waiters is None:
             return None
         room = self.free(name) + TOLERANCE
-        best: list[Waiting] | None = None
-        emptied: list[float] = []
-        for amount, queue in queues.items():
-            if amount > room:
-                continue
-            while queue and queue[0][3].blocked_on != name:
-                heapq.heappop(queue)
-            if not queue:
-                emptied.append(amount)
-            elif best is None or queue[0] < best[0]:
-                best = queue
-        for amount in emptied:
-            del queues[amount]
-        if best is None:
-            return None
-        node = heapq.heappop(best)[3]
-        node.blocked_on = ""
-        return node
+        while (node := waiters.take(room)) is not None:
+            if node.blocked_on == name:
+                node.blocked_on = ""
+                return node
+        return None
 
     def met(
         self,

@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from executive.engine.agenda import Agenda
 from executive.engine.board import Board
 from executive.engine.dispatch import DispatchNetwork
-from executive.engine.instance import Abort, Effect, Floating, Hold, Instance, Note, Outcome, Send
+from executive.engine.instance import Abort, Effect, Floating, Hold, Instance, Note, Outcome
 from executive.engine.resources import Ledger
-from executive.engine.spec import AlternateSpec, NodeSpec, PlanSpec
+from executive.engine.spec import AlternateSpec, Kind, NodeSpec, PlanSpec
 from executive.ports import Command, CommandId, TraceRecord, UtilitySource, Value
 
 Loader = Callable[[str], PlanSpec | str]
@@ -35,10 +35,12 @@ class Run:
         Nodes stopped by a replacement and not yet FINISHED; nothing starts before the last of them.
     used_alternates, of_alternates
         Ids of alternates that have been in force; all nodes of theirs.
-    waiting, retrying, undecided
-        Nodes WAITING or SUSPENDED; tasks that wait for a retry; branches that have not chosen.
+    retrying, undecided
+        Tasks that wait for a retry; branches that have not chosen.
     held_back
         Nodes that a hold has kept from starting.
+    crossed
+        Branches below which a replacement lets something run that is not of the choice.
     out
         Effects that have not left yet.
     """
@@ -68,9 +70,9 @@ class Run:
         self.issued: dict[str, int] = {}
         self.dependents: dict[tuple[str, int], list[Instance]] = {}
         self.undecided: dict[Instance, None] = {}
-        self.waiting: dict[Instance, None] = {}
         self.retrying: dict[Instance, None] = {}
         self.held_back: list[Instance] = []
+        self.crossed: set[Instance] = set()
         self.next_order = 0
         self.hold: Hold | None = None
         self.root = self.plant(plan.root, None)
@@ -102,10 +104,11 @@ class Run:
             node.order = self.next_order
             self.next_order += 1
             self.register(node)
-            for index, child in enumerate(node.spec.below()):
-                node.below.append(Instance(child, node, index, 0))
-            node.remaining = len(node.below)
-            stack.extend(reversed(node.below))
+            if node.kind is not Kind.TASK:
+                below = enumerate(node.spec.children)
+                node.below = tuple([Instance(child, node, index, 0) for index, child in below])
+                node.remaining = len(node.below)
+                stack.extend(reversed(node.below))
         return root
 
     def register(self, node: Instance) -> None:
@@ -180,7 +183,7 @@ class Run:
         self.commands[command] = node
         if self.instances.get(node.id) is node:
             self.board.set_value(f"attempts {node.id}", node.attempts)
-        self.out.append(Send(command_of(node)))
+        self.out.append(command_of(node))
 
     def ask_abort(self, node: Instance) -> None:
         """Ask the rover to stop the node's action, once."""

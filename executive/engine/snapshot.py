@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from executive.engine.instance import Instance, State
@@ -12,7 +12,7 @@ from executive.engine.spec import INFINITY
 Snapshot = dict[str, Any]
 
 
-def snapshot(run: Run, *, pending_events: Sequence[dict[str, Any]] = (), sequence: int = 0) -> Snapshot:
+def snapshot(run: Run, *, pending_events: Sequence[Mapping[str, object]] = (), sequence: int = 0) -> Snapshot:
     """Return the state of a run.
 
     `nodes` are in text order, each with its parent, so that a reader needs no recursion; times are
@@ -65,7 +65,7 @@ def _bound(t_ms: int) -> int | None:
     return None if abs(t_ms) >= INFINITY else t_ms
 
 
-def _node(run: Run, node: Instance) -> dict[str, Any]:
+def _node(run: Run, node: Instance) -> Snapshot:
     chosen = node.spec.options[node.chosen].id if node.chosen is not None else None
     waiting = node.state is State.WAITING
     return {

@@ -78,13 +78,12 @@ class NodeSpec:
     interruptible: bool = True
     on_resume: OnResume = OnResume.REATTACH
     children: tuple[NodeSpec, ...] = ()
+    """The nodes one level down, in text order; of a branch those of its options."""
     options: tuple[OptionSpec, ...] = ()
     if_none: IfNone = IfNone.FAIL
     next_on_failure: bool = False
     constant_utilities: bool = True
     """Whether no option's utility changes with time."""
-    identity: Callable[[], str] = str
-    """Canonical text of a task, made when a running plan is replaced."""
 
     def ranked_options(self) -> list[tuple[int, OptionSpec]]:
         """Return the options with their numbers; the most useful first if no utility changes with time."""
@@ -93,19 +92,13 @@ class NodeSpec:
             numbered.sort(key=lambda entry: (-utility_at(entry[1].utility, 0), entry[0]))
         return numbered
 
-    def below(self) -> tuple[NodeSpec, ...]:
-        """Return the nodes one level down, in text order; a branch gives those of its options."""
-        if self.kind is Kind.BRANCH:
-            return tuple(option.node for option in self.options)
-        return self.children
-
     def walk(self) -> Iterator[NodeSpec]:
         """Yield the node and its descendants in text order."""
         stack = [self]
         while stack:
             node = stack.pop()
             yield node
-            stack.extend(reversed(node.below()))
+            stack.extend(reversed(node.children))
 
 
 @dataclass(slots=True, eq=False)
@@ -153,6 +146,14 @@ class PlanSpec:
     digest: str = ""
     text: str = ""
     """Canonical text, which a journal holds so that it can be replayed by itself."""
+    identity: Callable[[str], str] = str
+    """Canonical text of the task of an id; two tasks are identical iff it is equal (CRL.md 2)."""
+    windowed: tuple[NodeSpec, ...] = ()
+    """All nodes that have windows, in any tree."""
+
+    def __post_init__(self) -> None:
+        nodes = (node for tree in self.trees() for node in tree.walk())
+        self.windowed = tuple(node for node in nodes if node.start_windows or node.end_windows)
 
     def trees(self) -> list[NodeSpec]:
         """Return the roots of all trees of the plan: the main tree, contingencies, alternates."""

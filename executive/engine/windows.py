@@ -66,10 +66,10 @@ def open_end(run: Run, node: Instance) -> None:
 
 def point_settled(run: Run, node: Instance, point: int) -> None:
     """A time point has occurred or is void: look at those whose windows refer to it."""
-    run.network.settled(node, point)
-    dependents = run.dependents.get((node.id, point))
-    if dependents and run.instances.get(node.id) is node:
-        for other in dependents:
+    if run.network.wanted:
+        run.network.settled(node, point)
+    if run.dependents and run.instances.get(node.id) is node:
+        for other in run.dependents.get((node.id, point), ()):
             reference_settled(run, other, node, point)
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
-from executive.engine.instance import Abort, Effect, Note, Send, UtilityUsed
+from executive.engine.instance import Abort, Effect, Note, UtilityUsed
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -124,13 +124,36 @@ def command_to_json(command: Command) -> Json:
     }
 
 
+class Input(NamedTuple):
+    """What determines all else in a journal: a macro step with its events, a deadline, a restart."""
+
+    kind: str
+    t_ms: int
+    events: Sequence[Event] = ()
+
+
+Entry = Json | Input | Effect
+"""What a journal is given; it is put into JSON where it is written or read, not on the way to the rover."""
+
+
+def entry_to_json(entry: Entry) -> Json:
+    """Return the members of a journal record, without its number."""
+    if isinstance(entry, dict):
+        return entry
+    if not isinstance(entry, Input):
+        return effect_to_json(entry)
+    if entry.kind != "step":
+        return {"k": entry.kind, "t": entry.t_ms}
+    return {"k": "step", "t": entry.t_ms, "events": [event_to_json(event) for event in entry.events]}
+
+
 def effect_to_json(effect: Effect) -> Json:
     """Return an effect of the engine as the member(s) of a journal record; `k` is its kind."""
     match effect:
         case TraceRecord():
             return {"k": "trace", "t": effect.t_ms, "e": effect.event, "a": list(effect.arguments)}
-        case Send():
-            return {"k": "send", **command_to_json(effect.command)}
+        case Command():
+            return {"k": "send", **command_to_json(effect)}
         case Abort():
             return {"k": "abort", "id": command_id_to_json(effect.command)}
         case Note():

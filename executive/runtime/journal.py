@@ -36,16 +36,16 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from executive.errors import JournalError
-from executive.runtime.codec import Json
+from executive.runtime.codec import Entry, Json, entry_to_json
 
 FORMAT = "journal/1"
 
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
 
-def line_of(number: int, record: Json) -> str:
+def line_of(number: int, entry: Entry) -> str:
     """Return the line of a record, checksum included, without the line break."""
-    body = _encode({"n": number, **record})[:-1]
+    body = _encode({"n": number, **entry_to_json(entry)})[:-1]
     return f'{body},"crc":"{zlib.crc32(body.encode()):08x}"}}'
 
 
@@ -66,7 +66,7 @@ def record_of(line: str) -> Json | None:
 class Sink(Protocol):
     """Where the records of a run go."""
 
-    def append(self, records: Sequence[Json], *, durable: bool) -> None:
+    def append(self, records: Sequence[Entry], *, durable: bool) -> None:
         """Add records; with `durable` they are safe when the call returns."""
 
     def close(self) -> None: ...
@@ -76,15 +76,23 @@ class MemoryJournal:
     """A journal that lives as long as its process: for simulations and tests."""
 
     def __init__(self, records: Sequence[Json] = ()) -> None:
-        self.records: list[Json] = list(records)
-        self.durable = len(self.records)
+        self._records: list[Json] = list(records)
+        self._unread: list[Entry] = []
+        self.durable = len(self._records)
         """How many records were said to be safe."""
 
-    def append(self, records: Sequence[Json], *, durable: bool) -> None:
-        start = len(self.records)
-        self.records.extend({"n": start + i, **record} for i, record in enumerate(records))
+    @property
+    def records(self) -> list[Json]:
+        """All records, as a file would hold them."""
+        unread, self._unread = self._unread, []
+        start = len(self._records)
+        self._records += ({"n": start + i, **entry_to_json(entry)} for i, entry in enumerate(unread))
+        return self._records
+
+    def append(self, records: Sequence[Entry], *, durable: bool) -> None:
+        self._unread += records
         if durable:
-            self.durable = len(self.records)
+            self.durable = len(self._records) + len(self._unread)
 
     def close(self) -> None:
         pass
@@ -127,7 +135,7 @@ class FileJournal:
             raise JournalError(f"journal {path} cannot be created: {error.strerror}") from error
         return cls(path, sync=sync)
 
-    def append(self, records: Sequence[Json], *, durable: bool) -> None:
+    def append(self, records: Sequence[Entry], *, durable: bool) -> None:
         if self.broken:
             raise JournalError(self.broken)
         text = "".join(line_of(self.number + i, r) + "\n" for i, r in enumerate(records))

@@ -20,16 +20,16 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import Protocol, TypeVar, cast, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 from executive.crl import Plan, canonical_text, parse
 from executive.engine.instance import Note
+from executive.engine.run import command_of
 from executive.engine.snapshot import Snapshot
 from executive.errors import MisuseError
 from executive.ports import (
@@ -39,19 +39,18 @@ from executive.ports import (
     CommandId,
     CommandPort,
     CommandState,
-    CommandStatus,
     Event,
     EventSource,
+    Link,
     Operation,
     Operator,
-    Receipts,
     Result,
     TraceListener,
     Update,
     UtilitySource,
-    Value,
 )
 from executive.runtime.clocks import MonotonicClock, instant_of, plan_now_ms, plan_start_ms, utc_now
+from executive.runtime.inbox import Inbox
 from executive.runtime.journal import (
     FileJournal,
     JournalFile,
@@ -69,9 +68,9 @@ from executive.runtime.session import RunOutcome, Session
 
 logger = logging.getLogger(__name__)
 
-T = TypeVar("T")
-
 SAFE_ALTERNATE = "safe"
+STARTS = ("start", "retry", "resume", "insert", "alternate")
+"""Events of the trace by which something begins: what a single step waits for."""
 SAFEMODE = "safemode"
 
 
@@ -97,53 +96,11 @@ class LiveSettings:
     resend_limit: int = 3
 
 
-class Inbox:
-    """What the owner has taken from the mailbox, as the rover of its session; commands go to the port."""
+@dataclass(frozen=True, slots=True)
+class _Wish:
+    """What somebody asked for since the owner last looked; two of the same are told apart by `is`."""
 
-    def __init__(self, port: CommandPort, complain: Callable[[str, str], None]) -> None:
-        self.port = port
-        self.events: deque[Event] = deque()
-        self.complain = complain
-        self.sent: dict[CommandId, Command] = {}
-
-    def next_event(self, until_ms: int | None) -> Event | None:
-        if self.events and (until_ms is None or self.events[0].t_ms <= until_ms):
-            return self.events.popleft()
-        return None
-
-    def send(self, command: Command) -> None:
-        self.sent[command.id] = command
-        self.ask(f"send of {command.id}", lambda: self.port.send(command), None)
-
-    def abort(self, command: CommandId) -> None:
-        self.ask(f"abort of {command}", lambda: self.port.abort(command), None)
-
-    def status(self, command: CommandId) -> CommandStatus:
-        unheard = CommandStatus(CommandState.RUNNING)
-        return self.ask(f"status of {command}", lambda: self.port.status(command), unheard)
-
-    def commit(self, number: int) -> None:
-        if isinstance(self.port, Receipts):
-            self.ask(f"receipt up to {number}", partial(self.port.commit, number), None)
-
-    def since(self, number: int) -> Sequence[Event]:
-        if not isinstance(self.port, Receipts):
-            return ()
-        return self.ask(f"what was said after {number}", partial(self.port.since, number), ())
-
-    def present_state(self) -> Mapping[str, Value]:
-        if not isinstance(self.port, Receipts):
-            return {}
-        return self.ask("present state", self.port.present_state, {})
-
-    def ask(self, what: str, act: Callable[[], T], otherwise: T) -> T:
-        """Let the port act; one that breaks must not break the executive (the action monitor asks again)."""
-        try:
-            return act()
-        except Exception as error:  # noqa: BLE001 - a port is foreign code and may raise anything
-            logger.warning("port failed", extra={"what": what})
-            self.complain("port", f"{what} failed: {error}")
-            return otherwise
+    held: bool
 
 
 class LiveRuntime:
@@ -193,6 +150,9 @@ class LiveRuntime:
         self._stopping = threading.Event()
         self._owner = threading.RLock()
         self._asked_again: dict[CommandId, int] = {}
+        self._stepping = False
+        self._wish: _Wish | None = None
+        self._wishing = threading.Lock()
         self._sink: Sink | None
         if isinstance(journal, Path) and resume and not never_began(journal):
             file = JournalFile(journal)
@@ -200,6 +160,7 @@ class LiveRuntime:
             file.cut_torn_tail()
             self.clock = clock if clock is not None else self._clock_again(file, wall())
             self._now = max(self.clock.now_ms(), last_time(file.records))
+            self._attach()
             self._ask_for_missed(last_number(file.records))
             self._sink = FileJournal(journal, number=len(file.records))
             self.session = resume_session(
@@ -235,6 +196,8 @@ class LiveRuntime:
             )
             self.session.plan_text = plan if isinstance(plan, str) else compiled.text
             self.session.open_journal()
+            self._attach()
+            self._hear_what_is_there()
         self._heard = self._beat = self._now
         self._safe_plan = safe_plan(self.session.plan_text)
 
@@ -256,6 +219,17 @@ class LiveRuntime:
             )
         return MonotonicClock(max(now, last), speed=time.rate)
 
+    def _attach(self) -> None:
+        if isinstance(self.port, Link):
+            self.port.attach(self.clock, self.complain)
+
+    def _hear_what_is_there(self) -> None:
+        """Take what the rover has said before the run: its state is part of the first macro step."""
+        if hasattr(self.port, "next_event"):
+            source = cast("EventSource", self.port)
+            while event := self._inbox.ask("state", partial(source.next_event, self._now), None):
+                self._inbox.events.append(replace(event, t_ms=self._now))
+
     def _ask_for_missed(self, number: int) -> None:
         """Take what the rover said while nobody listened, and then its present state."""
         self._inbox.commit(number)
@@ -271,10 +245,33 @@ class LiveRuntime:
         self.mailbox.post(event)
 
     def pause(self) -> None:
-        self.post(Operator(0, Operation.PAUSE))
+        """Hold the plan: nothing starts."""
+        self._ask(Operation.PAUSE)
 
     def resume(self) -> None:
-        self.post(Operator(0, Operation.RESUME))
+        """Let the plan go on, also one that is stepping."""
+        self._ask(Operation.RESUME)
+
+    def step(self) -> None:
+        """Let the plan go on until something has started, and hold it then.
+
+        Everything that can start in the same macro step starts: the tasks of a concurrent block together.
+        """
+        self._ask(Operation.RESUME, step=True)
+
+    def _ask(self, operation: Operation, *, step: bool = False) -> None:
+        with self._wishing:
+            self._stepping = step
+            self._wish = _Wish(step or operation is Operation.PAUSE)
+            self.post(Operator(0, operation))
+
+    @property
+    def held(self) -> bool:
+        """Whether the plan is held, or goes on no further than a step; what was asked last counts at once."""
+        with self._wishing:
+            if self._wish is not None:
+                return self._wish.held
+            return self._stepping or self.session.engine.run.paused
 
     def stop(self) -> None:
         """Stop the plan: an operator abort that goes before everything that waits."""
@@ -284,8 +281,14 @@ class LiveRuntime:
         self.post(Operator(0, Operation.REPLACE, plan_text))
 
     def emergency_stop(self) -> None:
-        """Send `safemode` from the calling thread at once, even if the owner is stuck, and stop the plan."""
+        """Stop rover and plan from the calling thread, even if the owner is stuck.
+
+        A port with a link stops everything the rover does; another is sent `safemode`.
+        """
         self.stop()
+        if isinstance(self.port, Link):
+            self.port.stop()
+            return
         self.port.send(Command(CommandId(self.run_id, "emergency-stop", 1), SAFEMODE, {}))
 
     def complain(self, kind: str, text: str) -> None:
@@ -312,12 +315,24 @@ class LiveRuntime:
         session = self.session
         now = max(self._now, self.clock.now_ms())
         self._now = now
-        events = self.mailbox.take(now)
+        with self._wishing:
+            events, taken = self.mailbox.take(now), self._wish
         if any(not isinstance(event, Operator) for event in events):
             self._heard = now
+        if isinstance(self.port, Link):
+            self._hear_line(self.port, now)
         self._inbox.events += events
         self._write_complaints()
+        before = len(session.trace)
         session.step(now)
+        started = any(record.event in STARTS for record in session.trace[before:])
+        with self._wishing:
+            if self._wish is taken:  # else somebody has asked for something since: that is for the next round
+                self._wish = None
+                if self._stepping and started:
+                    self._stepping = False
+                    self._wish = _Wish(held=True)
+                    self.post(Operator(0, Operation.PAUSE))
         if not session.over:
             self._watch_over(now)
 
@@ -356,6 +371,13 @@ class LiveRuntime:
         ahead = min((t for t in due if t is not None), default=self._now + 1000) - self._now
         speed = float(getattr(self.clock, "speed", 1.0))
         return min(max(ahead, 1) / 1000 / speed, 1.0)
+
+    def _hear_line(self, port: Link, now: int) -> None:
+        """An answer on the line is a word of the rover, too."""
+        age_s = port.link().age_s
+        if age_s is not None:
+            speed = float(getattr(self.clock, "speed", 1.0))
+            self._heard = max(self._heard, now - round(1000 * age_s * speed))
 
     def _write_complaints(self) -> None:
         if self._complaints:
@@ -444,14 +466,28 @@ class LiveRuntime:
             if status.state is CommandState.DONE and status.result is not None:
                 self.mailbox.post(replace(status.result, number=0))
             elif status.state is CommandState.UNKNOWN:
-                tries = self._asked_again.get(command, 0)
-                self._asked_again[command] = tries + 1
-                sent = self._inbox.sent.get(command)
-                if sent is not None and tries < self.settings.resend_limit:
-                    self.complain("port", f"the rover does not know {command}: sent again")
-                    self._inbox.send(sent)
-                elif tries == self.settings.resend_limit:
-                    self.mailbox.post(Result(0, command, success=False, reason="the rover does not know it"))
+                self._repeat(command)
+
+    def _repeat(self, command: CommandId) -> None:
+        """Deal with a command that the rover does not know; one that is to stop has stopped.
+
+        All of it under the lock, so that no abort of the owner comes between the look and the sending.
+        """
+        with self._owner:
+            node = self.session.engine.run.commands.get(command)
+            if node is None:
+                return
+            if node.abort_asked:
+                self.complain("port", f"the rover does not know {command}: taken as stopped")
+                self.mailbox.post(Acknowledgement(0, command))
+                return
+            tries = self._asked_again.get(command, 0)
+            self._asked_again[command] = tries + 1
+            if tries < self.settings.resend_limit:
+                self.complain("port", f"the rover does not know {command}: sent again")
+                self._inbox.send(command_of(node))
+            elif tries == self.settings.resend_limit:
+                self.mailbox.post(Result(0, command, success=False, reason="the rover does not know it"))
 
     def _watch_plans(self) -> None:
         """Plan watcher thread: post plans that appear in the folder."""

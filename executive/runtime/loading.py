@@ -6,6 +6,7 @@ import hashlib
 
 from executive.crl import CrlValidationError, Plan
 from executive.crl.dictionary import Dictionary
+from executive.crl.nodes import Node, walk_plan
 from executive.crl.printer import canonical_node, canonical_text
 from executive.crl.reader import parse
 from executive.crl.validate import check
@@ -35,7 +36,20 @@ def load_plan(plan: str | Plan, *, trusted: bool = False, dictionary: Dictionary
             plan = report.plan
     text = canonical_text(plan)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    return compile_plan(plan, digest=digest, text=text, identity=canonical_node)
+    return compile_plan(plan, digest=digest, text=text, identity=TaskTexts(text))
+
+
+class TaskTexts:
+    """Canonical texts of the tasks of a plan by id, read from its text when the first one is asked for."""
+
+    def __init__(self, plan_text: str) -> None:
+        self._plan_text = plan_text
+        self._nodes: dict[str, Node] = {}
+
+    def __call__(self, task: str) -> str:
+        if not self._nodes:
+            self._nodes = {node.id: node for node in walk_plan(parse(self._plan_text))}
+        return canonical_node(self._nodes[task])
 
 
 def load_replacement(text: str) -> PlanSpec | str:

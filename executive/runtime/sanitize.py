@@ -20,16 +20,27 @@ def sanitized(events: Sequence[Event], t_ms: int) -> tuple[list[Event], list[Not
     notes: list[Note] = []
     clean: list[Event] = []
     for event in events:
-        kept = _event(event, t_ms, notes)
+        kept = event if _is_plain(event) else _event(event, t_ms, notes)
         if kept is not None:
             clean.append(kept)
     return clean, notes
 
 
+def _is_plain(event: Any) -> bool:
+    """Tell whether an event is what most commands come to: success, and nothing else to be looked at."""
+    return (
+        type(event) is Result
+        and event.success is True
+        and event.values == {}
+        and event.updates == {}
+        and type(event.command) is CommandId
+    )
+
+
 def _event(event: Any, t_ms: int, notes: list[Note]) -> Event | None:
-    if isinstance(event, Operator | Product):
+    if isinstance(event, (Operator, Product)):
         return event
-    if not isinstance(event, Update | Result | Acknowledgement):
+    if not isinstance(event, (Update, Result, Acknowledgement)):
         notes.append(Note(t_ms, "garbage", f"{event!r} is no event"))
         return None
     if isinstance(event, Update):
@@ -60,8 +71,8 @@ def _event(event: Any, t_ms: int, notes: list[Note]) -> Event | None:
 
 
 def _values(values: Any, t_ms: int, notes: list[Note]) -> Mapping[str, Value]:
-    if isinstance(values, Mapping):
-        if all(_is_value(v) and isinstance(k, str) for k, v in values.items()):
+    if isinstance(values, (dict, Mapping)):
+        if not values or all(_is_value(v) and isinstance(k, str) for k, v in values.items()):
             return values
         for key, value in values.items():
             if not isinstance(key, str) or not _is_value(value):
@@ -74,4 +85,4 @@ def _values(values: Any, t_ms: int, notes: list[Note]) -> Mapping[str, Value]:
 def _is_value(value: object) -> bool:
     if isinstance(value, float):
         return math.isfinite(value)
-    return isinstance(value, str | bool | int)
+    return isinstance(value, (str, bool, int))

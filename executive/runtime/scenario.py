@@ -7,7 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, cast
 
 from executive.crl import CrlValidationError, Finding
 from executive.crl.dictionary import Dictionary
@@ -29,6 +29,17 @@ from executive.runtime.session import RunOutcome, Session
 
 Updates = dict[str, Value]
 
+
+class Expected(TypedDict, total=False):
+    """What has to come of a scenario: any of these."""
+
+    plan_outcome: str | None
+    end_time: float | None
+    events: list[list[Any]]
+    outcomes: dict[str, str | None]
+    errors: list[str | dict[str, str]]
+
+
 # --- files --------------------------------------------------------------------
 
 
@@ -48,7 +59,7 @@ class Scenario:
     actions: Mapping[str, tuple[Behaviour, ...]]
     script: tuple[Event, ...]
     crashes: tuple[Crash, ...]
-    expect: Mapping[str, Any] | None
+    expect: Expected | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +75,7 @@ class ScenarioRun:
     def agrees(self) -> bool:
         return not self.differences
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         """Return the members of `expect` as they came out."""
         if self.outcome is None:
             return {"errors": [finding.to_json() for finding in self.findings if finding.is_error]}
@@ -138,7 +149,7 @@ def parse_scenario(document: Any, name: str) -> Scenario:
         actions=actions,
         script=tuple(script),
         crashes=tuple(sorted(crashes, key=lambda c: c.t_ms)),
-        expect=None if expect is None else _mapping(expect, '"expect"'),
+        expect=None if expect is None else cast("Expected", _mapping(expect, '"expect"')),
     )
 
 
@@ -269,7 +280,7 @@ def play(scenario: Scenario, plan: PlanSpec) -> RunOutcome:
     return session.run()
 
 
-def compare(outcome: RunOutcome, expect: Mapping[str, Any]) -> tuple[str, ...]:
+def compare(outcome: RunOutcome, expect: Expected) -> tuple[str, ...]:
     """Return how a run differs from what was expected; nothing if the traces agree."""
     if "errors" in expect:
         return (f"the plan was accepted, expected errors {expect['errors']}",)
@@ -324,7 +335,7 @@ def _compare_events(found: Sequence[Sequence[Any]], wanted: Sequence[Sequence[An
     return differences
 
 
-def _compare_errors(findings: Sequence[Finding], expect: Mapping[str, Any]) -> tuple[str, ...]:
+def _compare_errors(findings: Sequence[Finding], expect: Expected) -> tuple[str, ...]:
     codes = {finding.code for finding in findings if finding.is_error}
     if "errors" not in expect:
         return ("the plan was rejected: " + "; ".join(str(f) for f in findings if f.is_error),)

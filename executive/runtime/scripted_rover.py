@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from executive.engine.agenda import Queue
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -34,9 +34,6 @@ class Behaviour:
 _Entry = tuple[int, int, int, Event, CommandId | None]
 """Time, rank at equal times, serial number, event, and the command it belongs to."""
 
-_UNKNOWN = CommandStatus(CommandState.UNKNOWN)
-_RUNNING = CommandStatus(CommandState.RUNNING)
-
 
 class ScriptedRover:
     """A rover that does what a script says, on a virtual clock that it advances itself.
@@ -62,11 +59,12 @@ class ScriptedRover:
         self.t_ms = 0
         self.sent: list[Command] = []
         self.aborted: list[CommandId] = []
-        self._queue: list[_Entry] = []
+        self._queue: Queue[_Entry] = Queue()
         self._serial = 0
-        self._running: dict[CommandId, Behaviour] = {}
         self._order: dict[CommandId, int] = {}
-        self._status: dict[CommandId, CommandStatus] = {}
+        """Commands by their number among all that came."""
+        self._running: dict[CommandId, Behaviour] = {}
+        self._answers: dict[CommandId, Result | Acknowledgement] = {}
         if initial:
             self._push(0, -1, Update(0, dict(initial)))
         for event in script:
@@ -74,24 +72,20 @@ class ScriptedRover:
 
     def _push(self, t_ms: int, rank: int, event: Event, command: CommandId | None = None) -> None:
         self._serial += 1
-        heapq.heappush(self._queue, (t_ms, rank, self._serial, event, command))
+        self._queue.push((t_ms, rank, self._serial, event, command))
 
     def behaviour_of(self, command: Command) -> Behaviour:
         """Return how this command will go."""
-        script = self.actions.get(command.id.task) or self.actions.get("*")
-        if not script:
-            return Behaviour()
+        script = self.actions.get(command.id.task) or self.actions.get("*") or (Behaviour(),)
         return script[min(command.issue, len(script)) - 1]
 
     def send(self, command: Command) -> None:
         if command.id in self._order:
             return
         self.sent.append(command)
-        rank = len(self._order) + 1
-        self._order[command.id] = rank
         behaviour = self.behaviour_of(command)
+        rank = self._order[command.id] = len(self._order) + 1
         self._running[command.id] = behaviour
-        self._status[command.id] = _RUNNING
         for offset, values in behaviour.during:
             if behaviour.duration_ms is None or offset <= behaviour.duration_ms:
                 at = self.t_ms + offset
@@ -113,8 +107,7 @@ class ScriptedRover:
 
     def _call_off(self, command: CommandId, at: int) -> None:
         """Take back what a stopped action would still have reported after its acknowledgement."""
-        kept: list[_Entry] = []
-        for entry in self._queue:
+        for entry in sorted(self._queue.clear()):
             t_ms, rank, serial, event, of = entry
             if of == command:
                 if isinstance(event, Result):
@@ -123,23 +116,26 @@ class ScriptedRover:
                     entry = (t_ms, rank, serial, Update(t_ms, event.updates), of)
                 elif t_ms > at:
                     continue
-            kept.append(entry)
-        self._queue = kept
-        heapq.heapify(self._queue)
+            self._queue.push(entry)
 
     def status(self, command: CommandId) -> CommandStatus:
-        return self._status.get(command, _UNKNOWN)
+        if command not in self._order:
+            return CommandStatus(CommandState.UNKNOWN)
+        answer = self._answers.get(command)
+        return CommandStatus(CommandState.DONE if answer else CommandState.RUNNING, answer)
 
     def next_event(self, until_ms: int | None) -> Event | None:
-        if not self._queue or (until_ms is not None and self._queue[0][0] > until_ms):
+        entry = self._queue.take() if until_ms is None else self._queue.take_until(until_ms)
+        if entry is None:
             if until_ms is not None and until_ms > self.t_ms:
                 self.t_ms = until_ms
             return None
-        t_ms, _, _, event, _ = heapq.heappop(self._queue)
-        self.t_ms = max(self.t_ms, t_ms)
-        if isinstance(event, Result | Acknowledgement):
+        t_ms, _, _, event, _ = entry
+        if t_ms > self.t_ms:
+            self.t_ms = t_ms
+        if isinstance(event, (Result, Acknowledgement)):
             self._running.pop(event.command, None)
-            self._status[event.command] = CommandStatus(CommandState.DONE, event)
+            self._answers[event.command] = event
         return event
 
     def wait_until(self, t_ms: int) -> None:

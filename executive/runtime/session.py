@@ -9,13 +9,14 @@ from dataclasses import dataclass, field, replace
 
 from executive.crl import Plan
 from executive.engine.core import Engine
-from executive.engine.instance import Abort, Effect, Note, Send
+from executive.engine.instance import Abort, Effect, Note
 from executive.engine.run import command_of
 from executive.engine.snapshot import Snapshot, snapshot
 from executive.engine.spec import PlanSpec
 from executive.errors import MisuseError
 from executive.ports import (
     Acknowledgement,
+    Command,
     CommandId,
     CommandState,
     Event,
@@ -28,7 +29,7 @@ from executive.ports import (
     TraceRecord,
     UtilitySource,
 )
-from executive.runtime.codec import Json, effect_to_json, event_to_json
+from executive.runtime.codec import Entry, Input, event_to_json
 from executive.runtime.journal import MemoryJournal, PlanTime, Sink, header_record
 from executive.runtime.loading import load_plan, load_replacement
 from executive.runtime.sanitize import sanitized
@@ -50,8 +51,8 @@ class RunOutcome:
         Outcome of every node of the plan; None for a node that did not finish.
     reward, utility
         Sum of the rewards of tasks that succeeded, and that minus the penalty for overrun (CRL.md 6.4).
-    over_budget
-        Whether the penalty was due.
+    exceeded
+        Budgets that the run went over; the penalty for overrun is due with the first.
     """
 
     run_id: str
@@ -62,10 +63,14 @@ class RunOutcome:
     outcomes: dict[str, str | None]
     reward: float
     utility: float
-    over_budget: bool
+    exceeded: tuple[str, ...]
     products: tuple[Product, ...] = ()
     notes: tuple[Note, ...] = ()
     reason: str = ""
+
+    @property
+    def over_budget(self) -> bool:
+        return bool(self.exceeded)
 
     @property
     def end_s(self) -> float | None:
@@ -254,7 +259,7 @@ class Session:
         """Write notes that do not come from the engine."""
         self.notes += notes
         if self.journal is not None:
-            self._append([effect_to_json(note) for note in notes], durable=False)
+            self._append(notes, durable=False)
 
     def snapshot(self) -> Snapshot:
         """Return the node tree, windows, watched conditions, pending events and resource levels."""
@@ -280,7 +285,7 @@ class Session:
             outcomes=engine.outcomes(),
             reward=engine.run.reward,
             utility=engine.utility(),
-            over_budget=engine.over_budget(),
+            exceeded=engine.exceeded_budgets(),
             products=tuple(self.products),
             notes=tuple(self.notes),
             reason=engine.run.root.reason if engine.over else "",
@@ -293,9 +298,10 @@ class Session:
         """
         engine = self.engine
         if self.journal is not None and unwritten:
-            self._append([effect_to_json(effect) for effect in unwritten], durable=False)
+            self._append(unwritten, durable=False)
         for effect in unwritten:
             if isinstance(effect, TraceRecord):
+                self.trace.append(effect)
                 self._tell(effect)
         if engine.over:
             self._end()
@@ -310,7 +316,7 @@ class Session:
         effects = engine.restart(now_ms)
         aborted = {effect.command for effect in effects if isinstance(effect, Abort)}
         open_aborts = [c for c, node in engine.run.commands.items() if node.abort_asked and c not in aborted]
-        self._handle({"k": "restart", "t": engine.t}, [e for e in effects if e_is_not_for(e, unknown)], True)
+        self._handle(Input("restart", engine.t), [e for e in effects if e_is_not_for(e, unknown)], True)
         for command in open_aborts:
             if command not in unknown:
                 self.rover.abort(command)
@@ -330,22 +336,24 @@ class Session:
     def _next(self, until_ms: int | None) -> bool:
         """Do the next thing that is due up to `until_ms`; tell whether there was one."""
         engine = self.engine
-        events = self._collect(engine.t)
-        if events:
-            self._macro_step(engine.t, events)
-            return True
-        effects = engine.deadline(engine.t)
-        if effects is not None:
-            self._handle({"k": "deadline", "t": engine.t}, effects)
-            return True
+        now = engine.agenda.now
+        if engine.agenda.deadline_due():
+            events = self._collect(engine.t)
+            if events:
+                self._macro_step(engine.t, events)
+                return True
+            effects = engine.deadline(engine.t)
+            if effects is not None:
+                self._handle(Input("deadline", engine.t), effects)
+                return True
         wake = engine.next_wakeup()
         limit = wake if until_ms is None else until_ms if wake is None else min(wake, until_ms)
-        events = self._collect(limit)
+        events = self._collect(limit if limit is None or limit > now else now)
         if events:
-            self._macro_step(max(engine.t, self._stamp), events)
+            self._macro_step(max(now, self._stamp), events)
             return True
         if wake is not None and (until_ms is None or wake <= until_ms):
-            self._macro_step(max(engine.t, wake), [])
+            self._macro_step(max(now, wake), [])
             return True
         return False
 
@@ -371,47 +379,46 @@ class Session:
         return events
 
     def _macro_step(self, t_ms: int, events: Sequence[Event]) -> None:
+        before = self.received
         clean, complaints = sanitized(self._unseen(events), self.engine.t)
         effects = self.engine.step(t_ms, clean)
         self.macro_steps += 1
         for event in clean:
             if isinstance(event, Product):
                 self.products.append(event)
-        record: Json = {}
-        if self.journal is not None:
-            record = {"k": "step", "t": self.engine.t, "events": [event_to_json(e) for e in clean]}
-        before = self.received
-        self.received = max([before, *(e.number for e in clean if not isinstance(e, Operator))])
-        self._handle(record, [*complaints, *effects], bool(events))
+            if not isinstance(event, Operator) and event.number > self.received:
+                self.received = event.number
+        entry = Input("step", self.engine.t, clean)
+        self._handle(entry, [*complaints, *effects] if complaints else effects, bool(events))
         if self.received > before and isinstance(self.rover, Receipts):
             self.rover.commit(self.received)
 
     def _unseen(self, events: Sequence[Event]) -> list[Event]:
         """Leave out what the rover has said before (CRL.md 10)."""
-        numbers = ((getattr(event, "number", 0), event) for event in events)
-        return [event for number, event in numbers if not number or number > self.received]
+        seen = self.received
+        return [e for e in events if not (number := getattr(e, "number", 0)) or number > seen]
 
-    def _handle(self, record: Json, effects: Sequence[Effect], durable: bool = False) -> None:
+    def _handle(self, entry: Input, effects: Sequence[Effect], durable: bool = False) -> None:
         """Make records durable, then let the effects out."""
         if self.journal is not None:
-            records = [record, *(effect_to_json(effect) for effect in effects)]
-            self._append(records, durable=durable or bool(effects))
+            self.journal.append([entry, *effects], durable=durable or bool(effects))
         for effect in effects:
-            if isinstance(effect, Send):
-                self.rover.send(effect.command)
+            if isinstance(effect, Command):
+                self.rover.send(effect)
+            elif isinstance(effect, TraceRecord):
+                self.trace.append(effect)
+                if self.listeners:
+                    self._tell(effect)
             elif isinstance(effect, Abort):
                 self.rover.abort(effect.command)
-            elif isinstance(effect, TraceRecord):
-                self._tell(effect)
             elif isinstance(effect, Note):
                 self.notes.append(effect)
 
     def _tell(self, record: TraceRecord) -> None:
-        self.trace.append(record)
         for listener in self.listeners:
             listener(record)
 
-    def _append(self, records: Sequence[Json], *, durable: bool) -> None:
+    def _append(self, records: Sequence[Entry], *, durable: bool) -> None:
         assert self.journal is not None
         self.journal.append(records, durable=durable)
 

@@ -20,7 +20,7 @@ def parents_of(plan: PlanSpec) -> dict[str, str]:
         if above:
             parents[root.id] = above
         for node in root.walk():
-            for child in node.below():
+            for child in node.children:
                 parents[child.id] = node.id
     return parents
 

@@ -1,4 +1,4 @@
-"""An interpreter of CRL written from the specification alone: sections 3 to 7, without the network of 8.3.
+"""An interpreter of CRL written from the specification alone: sections 3 to 8.
 
 It shares with the engine the nodes of the language and the validator, nothing else. At every instant of a
 fixed grid it looks at everything, in the order of the rules; it is slow and meant to be read beside CRL.md.
@@ -66,6 +66,9 @@ class N:
         while at is not None:
             yield at
             at = at.parent
+
+    def top(self) -> N:
+        return list(self.up())[-1]
 
     def fatal(self) -> bool:
         return self.outcome == "FAILED" and not self.spec.continue_on_failure
@@ -183,6 +186,102 @@ class Model:
 
     def end_window(self, n: N) -> tuple[int, int, bool]:
         return self.window(end_temporals(n.spec), n.start or 0)
+
+    # --- the network of section 8 -----------------------------------------------------
+
+    def live(self) -> list[N]:
+        """Nodes with points: not void, and not below an option that is not chosen (8.1)."""
+        found: list[N] = []
+        tops = [self.root, *(n for n in self.old if n.parent is None)]
+        stack = list(reversed(tops))
+        while stack:
+            n = stack.pop()
+            if n.state == "FINISHED" and n.start is None:
+                continue
+            found.append(n)
+            kids = n.kids
+            if isinstance(n.spec, Branch):
+                kids = [k for k in kids if k is n.kid_of(n.chosen) or k.state != "INACTIVE"]
+            stack.extend(reversed(kids + n.guests))
+        return found
+
+    def constraints(self) -> Iterator[tuple[object, object, float, float]]:
+        """All `lo <= to - from <= hi` of 8.1; a point is (node, name), an executed one its time, Z is 0."""
+        nodes = self.live()
+        for n in nodes:
+            yield 0, self.at(n, "start"), 0, INFINITY
+            yield self.at(n, "start"), self.at(n, "end"), 0, INFINITY
+            if n.parent is not None:
+                yield self.at(n.parent, "start"), self.at(n, "start"), 0, INFINITY
+                yield self.at(n, "end"), self.at(n.parent, "end"), 0, INFINITY
+            before = self.before(n)
+            if before is not None and before in nodes:
+                yield self.at(before, "end"), self.at(n, "start"), 0, INFINITY
+            for point, temporals in (
+                ("start", n.spec.start_temporal_conditions),
+                ("end", end_temporals(n.spec)),
+            ):
+                for temporal in temporals:
+                    origin = self.origin(n, point, temporal, nodes)
+                    if origin is not None:
+                        lo, hi = temporal.interval.lo_ms, temporal.interval.hi_ms
+                        low = -INFINITY if lo is None else lo
+                        yield origin, self.at(n, point), low, INFINITY if hi is None else hi
+
+    def at(self, n: N, point: str) -> object:
+        time = n.start if point == "start" else n.end
+        return (n, point) if time is None else time
+
+    def before(self, n: N) -> N | None:
+        """The previous sibling in a block."""
+        if n.parent is None or not isinstance(n.parent.spec, Block) or n not in n.parent.kids:
+            return None
+        place = n.parent.kids.index(n)
+        return n.parent.kids[place - 1] if place else None
+
+    def origin(self, n: N, point: str, temporal: v.Temporal, nodes: list[N]) -> object:
+        """From where a condition counts; None if that is void or not there."""
+        if isinstance(temporal, v.Absolute):
+            return 0
+        if isinstance(temporal, v.Reference):
+            other = self.latest.get(temporal.node)
+            if other is not None and other.top() is not n.top():  # of a tree that has been replaced
+                own = (m for m in reversed(nodes) if m.spec.id == temporal.node and m.top() is n.top())
+                other = next(own, None)
+            return self.at(other, temporal.point.value) if other is not None and other in nodes else None
+        if point == "end":
+            return self.at(n, "start")
+        if n.state != "INACTIVE":
+            return n.activation
+        before = self.before(n)
+        if before is not None:
+            return self.at(before, "end") if before in nodes else None
+        return self.at(n.parent, "start") if n.parent is not None else 0
+
+    def bound(self, n: N) -> float:
+        """Dispatch bound of a start (8.3): its lower bound in the network, 0 if that is inconsistent."""
+        edges: list[tuple[object, object, float]] = []
+        for a, b, lo, hi in self.constraints():
+            if isinstance(a, int) and isinstance(b, int):
+                continue
+            if lo > -INFINITY:
+                edges.append((a, b, lo))
+            if hi < INFINITY:
+                edges.append((b, a, -hi))
+        fixed = {p: float(p) for edge in edges for p in edge[:2] if isinstance(p, int)}
+        points = {p for edge in edges for p in edge[:2] if not isinstance(p, int)}
+        earliest: dict[object, float] = fixed | dict.fromkeys(points, float(self.t))
+        for _ in range(len(points) + 1):
+            changed = False
+            for a, b, gap in edges:
+                if earliest[a] + gap > earliest[b]:
+                    if isinstance(b, int):
+                        return 0
+                    earliest[b] = earliest[a] + gap
+                    changed = True
+            if not changed:
+                return earliest.get((n, "start"), 0)
+        return 0
 
     # --- resources ------------------------------------------------------------------
 
@@ -400,6 +499,17 @@ class Model:
         scope = self.pending[1] if self.pending else self.active[1] if self.active else None
         return scope is not None and scope in n.up() and self.inserted() not in n.up()
 
+    def crossed(self, n: N) -> bool:
+        """Whether something runs below another option of a branch by whose choice the node is there (7.4)."""
+        for k in n.up():
+            branch = k.parent
+            if branch is None or branch.chosen is None or k is not branch.kid_of(branch.chosen):
+                continue
+            others = [o.state for o in branch.kids if o is not k]
+            if any(state not in ("INACTIVE", "WAITING", "FINISHED") for state in others):
+                return True
+        return False
+
     def phase_f(self) -> bool:
         if not self.stopping():
             if self.root.state == "FINISHED":
@@ -487,7 +597,8 @@ class Model:
     def phase_s(self) -> bool:
         if self.paused or self.stopping():
             return False
-        ready = [n for n in self.everyone() if n.state in ("WAITING", "SUSPENDED") and not self.held(n)]
+        waiting = [n for n in self.everyone() if n.state in ("WAITING", "SUSPENDED")]
+        ready = [n for n in waiting if not self.held(n) and not self.crossed(n)]
         for n in sorted(ready, key=lambda n: (n.spec.priority, n.activation, n.order)):
             if n.state == "SUSPENDED":
                 if not self.can_take(n):
@@ -501,6 +612,8 @@ class Model:
                 return True
             lo, hi, awaited = self.start_window(n)
             if awaited or not lo <= self.t <= hi or self.ask(n.spec.wait_for_conditions) is not True:
+                continue
+            if self.bound(n) > self.t:
                 continue
             if not self.can_take(n):
                 continue

@@ -31,9 +31,8 @@ class NaiveEngine(Engine):
             return False
         ready = [n for n in self.everything() if n.state in (State.WAITING, State.SUSPENDED)]
         ready.sort(key=lambda n: (n.spec.priority, n.activation, n.order))
-        return any(
-            lifecycle.try_start(run, node) for node in ready if run.hold is None or not run.hold.stops(node)
-        )
+        ready = [n for n in ready if run.hold is None or not run.hold.stops(n)]
+        return any(lifecycle.try_start(run, n) for n in ready if not lifecycle.crossed(run, n))
 
     def quiesce(self) -> None:
         run = self.run

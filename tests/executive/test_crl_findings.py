@@ -813,6 +813,53 @@ def test_options_that_cover_every_case_are_exhaustive() -> None:
     assert "no option is eligible if soc is unknown" in str(report.findings)
 
 
+@pytest.mark.parametrize(
+    ("start", "maintain"),
+    [(":m = 1", ":m = 2"), (":m > 5", ":m < 3"), (":outcome a = succeeded", ":outcome a = failed")],
+)
+def test_start_and_maintain_conditions_that_exclude_each_other_never_let_a_node_start(
+    start: str, maintain: str
+) -> None:
+    second = f":start-conditions ((database ({start}))) :maintain-conditions ((database ({maintain})))"
+    report = check(root(A, f"(task :id b :action image {second})"))
+    assert [(f.code, f.node) for f in report.findings] == [("W073", "b")]
+
+
+FAILED = "((database (:outcome a = failed)))"
+
+
+@pytest.mark.parametrize(
+    ("first", "expected"),
+    [
+        ("(task :id a :action image)", {"W073"}),
+        ("(task :id a :action image :continue-on-failure t)", set()),
+        ("(block :id c :node-list ((task :id a :action image)))", {"W073"}),
+        ("(block :id c :continue-on-failure t :node-list ((task :id a :action image)))", set()),
+        ("(block :id c :node-list ((task :id a :action image :continue-on-failure t)))", set()),
+        (
+            "(branch :id c :on-option-failure :next :options ((option :id o :node (task :id a :action image))"
+            " (option :id q :node (task :id d :action image))))",
+            set(),
+        ),
+    ],
+)
+def test_what_follows_a_fatal_failure_in_a_block_never_starts_because_of_it(
+    first: str, expected: set[str]
+) -> None:
+    assert codes(root(first, f"(task :id b :action image :start-conditions {FAILED})")) == expected
+
+
+def test_the_outcome_of_what_precedes_a_branch_in_a_block_is_known() -> None:
+    either = branch(
+        option("o", B, ":eligible-conditions ((database (:outcome a = succeeded)))"),
+        option("q", C, ":eligible-conditions ((database (:outcome a /= succeeded)))"),
+    )
+    first = "(task :id a :action image :continue-on-failure t)"
+    assert "W072" not in codes(root(first, either))
+    beside = f"(concurrent-block :id r :node-list ({first} {either}))"
+    assert "W072" in codes(beside)
+
+
 def test_a_built_plan_is_checked_like_a_read_one() -> None:
     condition = Comparison("soc", (), Operator.LT, "high")
     nodes = (

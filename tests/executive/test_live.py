@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import socket
 import threading
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
+import executive.runtime.control as control_module
+import executive.runtime.wire.address as address_module
 from executive.errors import JournalError
 from executive.ports import (
     Acknowledgement,
@@ -21,11 +25,14 @@ from executive.ports import (
     Update,
 )
 from executive.runtime.clocks import MonotonicClock, SteadyClock, plan_start_ms
+from executive.runtime.codec import Json
+from executive.runtime.control import ControlSocket, RunControl, ask_run
 from executive.runtime.journal import JournalFile
 from executive.runtime.live import LiveRuntime, LiveSettings
 from executive.runtime.mailbox import Mailbox
 from executive.runtime.recovery import recorded_trace, replay
 from executive.runtime.scripted_rover import Behaviour, ScriptedRover
+from executive.runtime.wire.address import Address
 
 TWO_TASKS = "(block :id root :node-list ((task :id a :action image) (task :id b :action drive)))"
 WITH_SAFE = (
@@ -259,6 +266,108 @@ def test_a_command_the_rover_does_not_know_is_sent_again_and_then_given_up() -> 
         bench.at(t)
     assert [str(c.id) for c in bench.port.sent] == ["live/a/1"] * 3
     assert "end a FAILED action-failed" in [e for _, e in bench.trace]
+
+
+def test_an_aborted_command_the_rover_does_not_know_is_not_sent_again() -> None:
+    bench = Bench("(task :id a :action image :duration (0 4))")
+    command = CommandId("live", "a", 1)
+    bench.port.states[command] = CommandStatus(CommandState.UNKNOWN)
+    bench.at(5)
+    assert bench.port.aborted == [command]
+    bench.run.check_actions()
+    bench.at(6)
+    assert [c.id for c in bench.port.sent] == [command]
+    assert bench.trace[-1] == (6, "end a FAILED end-window-missed")
+
+
+THREE = "(block :id r :node-list ((task :id a :action x) (task :id b :action x) (task :id c :action x)))"
+
+
+def test_go_after_a_step_lets_the_plan_go_on() -> None:
+    bench = Bench(THREE)
+    bench.run.pause()
+    bench.returns("a", 1)
+    bench.run.step()
+    bench.run.resume()
+    bench.at(2)
+    bench.returns("b", 3)
+    bench.at(4)
+    assert [c.id.task for c in bench.port.sent] == ["a", "b", "c"]
+    assert not bench.run.held
+
+
+def test_a_step_lets_one_macro_step_begin_and_says_that_the_plan_is_held() -> None:
+    bench = Bench(THREE)
+    bench.run.pause()
+    bench.returns("a", 1)
+    bench.run.step()
+    assert bench.run.held
+    bench.at(2)
+    assert bench.run.held
+    bench.returns("b", 3)
+    bench.at(4)
+    assert [c.id.task for c in bench.port.sent] == ["a", "b"]
+    assert bench.run.session.engine.run.paused
+
+
+def test_a_run_that_comes_back_says_whether_it_is_held(tmp_path: Path) -> None:
+    path = tmp_path / "live.journal"
+    port, clock = Port(), HandClock()
+    first = LiveRuntime(TWO_TASKS, port, run_id="live", clock=clock, journal=path)
+    first.turn()
+    control = RunControl(first)
+    assert control.answer({"m": "hold"})["ok"]
+    assert control.answer({"m": "state"})["held"]  # not taken up yet
+    first.turn()
+    first.shut_down()
+    control = RunControl(LiveRuntime(TWO_TASKS, port, run_id="live", clock=clock, journal=path, resume=True))
+    assert control.answer({"m": "state"})["held"]
+    control.answer({"m": "go"})
+    assert not control.answer({"m": "state"})["held"]
+    control.runtime.turn()
+    assert not control.held
+    control.runtime.shut_down()
+
+
+class _Door:
+    """A listening socket that cannot take its first connections."""
+
+    def __init__(self, door: socket.socket) -> None:
+        self.door, self.failures = door, [OSError(errno.EMFILE, "Too many open files")] * 2
+
+    def accept(self) -> object:
+        if self.failures:
+            raise self.failures.pop()
+        return self.door.accept()
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.door, name)
+
+
+def test_the_way_for_a_stop_outlives_a_lack_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def listen(address: Address) -> _Door:
+        return _Door(address_module.listen(address))
+
+    monkeypatch.setattr(control_module, "listen", listen)
+    bench = Bench()
+    door = ControlSocket(tmp_path, RunControl(bench.run))
+    try:
+        assert ask_run(tmp_path, {"m": "state"})["ok"]
+    finally:
+        door.close()
+    door._thread.join(5)
+    assert not door._thread.is_alive()
+
+
+def test_a_malformed_fault_is_told_what_is_wrong_with_it() -> None:
+    faults: list[Json] = []
+    control = RunControl(Bench().run, faults.append)
+    assert "found 'silent'" in control.answer({"m": "inject", "fault": "silent"})["reason"]
+    assert "found None" in control.answer({"m": "inject"})["reason"]
+    assert control.answer({"m": "inject", "fault": {"kind": "silent"}}) == {"ok": True}
+    assert faults == [{"kind": "silent"}]
+    none = RunControl(Bench().run).answer({"m": "inject", "fault": {"kind": "silent"}})
+    assert none["reason"] == "this rover takes no faults"
 
 
 def test_a_broken_line_does_not_break_the_executive() -> None:

@@ -191,6 +191,19 @@ def test_a_compiled_plan_runs_many_times() -> None:
     assert first.trace == second.trace
 
 
+def test_a_contingency_that_was_never_inserted_keeps_its_outcome_after_a_replacement() -> None:
+    task = "(task :id t1 :action x)"
+    floating = (
+        "(floating-contingency :id c :trigger-conditions ((database (:k = 1))) :node (task :id ct :action x))"
+    )
+    outcome = run_plan(
+        f"(plan :id p :floating ({floating}) :node {task})",
+        ScriptedRover({}, {"t1": (Behaviour(9_000),)}),
+        operator_events=[Operator(2_000, Operation.REPLACE, f"(plan :id p :node {task})")],
+    )
+    assert outcome.outcomes == {"t1": "SUCCEEDED", "ct": "SKIPPED"}
+
+
 def test_nesting_of_200_levels_needs_no_recursion() -> None:
     text = "(task :id leaf :action x)"
     for level in range(199):

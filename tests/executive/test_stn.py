@@ -239,6 +239,37 @@ def test_network_becomes_consistent_again_when_the_late_point_is_over() -> None:
     assert network.dispatch_bound(b) == 12_000
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_network_breaks_at_the_time_that_it_names_if_nothing_occurs(seed: int) -> None:
+    rng = random.Random(seed)
+    network = TemporalNetwork()
+    points = [network.add_point() for _ in range(12)]
+    for before, after in itertools.pairwise(points):
+        network.declare(before, after, rng.randrange(0, 900), rng.choice((None, 2_000)))
+    for point in points[rng.randrange(12) :: 5]:
+        network.declare(ORIGIN, point, 0, rng.randrange(11_000, 15_000))
+    assert network.check() is None
+    network.relax()
+    now = 0
+    for point in points[: rng.randrange(10)]:
+        breaks = network.breaks_at()
+        now = max(now, network.dispatch_bound(point)) + rng.randrange(200)
+        network.advance(now)
+        assert network.consistent == (breaks is None or now < breaks)
+        if not network.consistent:
+            return
+        network.execute(point, now)
+    breaks = network.breaks_at()
+    if breaks is None:
+        network.advance(10**9)
+        assert network.consistent
+        return
+    network.advance(breaks - 1)
+    assert network.consistent
+    network.advance(breaks)
+    assert not network.consistent
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_running_a_large_network_in_a_feasible_order_never_makes_it_inconsistent(seed: int) -> None:
     rng = random.Random(seed)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from executive.crl.checks.index import Entry, Index
 from executive.crl.checks.names import leaves
-from executive.crl.checks.satisfiability import can_be_not_false, describe, gap, implies, satisfiable
+from executive.crl.checks.satisfiability import OUTCOMES, Domains, describe, gap, implies, satisfiable
 from executive.crl.nodes import Block, Branch, Option
 from executive.crl.printer import conditions_text
-from executive.crl.values import Conditions, IfNone, OnOptionFailure, UtilityTable, utility_at
+from executive.crl.values import Conditions, IfNone, OnOptionFailure, UtilityTable, Value, utility_at
 
 
 def check_reach(index: Index) -> None:
@@ -30,52 +30,77 @@ def check_reach(index: Index) -> None:
             index.add("W073", alternate, message, at="eligible-conditions")
 
 
-def _unfinished(index: Index, entry: Entry, conditions: Conditions) -> list[str]:
-    """Return keys about nodes that cannot be finished before this one starts: itself, those around it, and
-    those that follow it, or something around it, in a block.
+def _outcomes(index: Index, entry: Entry, conditions: Conditions) -> Domains:
+    """Return what keys about other nodes can say when this node starts or, as a branch, chooses.
+
+    Unknown are those of nodes that cannot be finished before: the node itself, those around and below it, and
+    those that follow it, or something around it, in a block. A node that precedes it in a block is finished,
+    and has neither failed nor been aborted if nothing up to that block would have tolerated it.
     """
-    absent = []
-    for condition in conditions:
-        for leaf in leaves(condition):
-            if leaf.key not in ("outcome", "reason") or len(leaf.arguments) != 1:
-                continue
-            other = index.by_id.get(str(leaf.arguments[0]))
-            if other is None or index.entries[other].tree != entry.tree:
-                continue
-            if index.entries[other].covers(entry.number) or entry.covers(other):
-                absent.append(f"{leaf.key} {leaf.arguments[0]}")
-                continue
-            top = index.meeting(entry.number, other)
-            if isinstance(index.entries[top].node, Block) and other > entry.number:
-                absent.append(f"{leaf.key} {leaf.arguments[0]}")
-    return absent
+    known: dict[str, tuple[Value | None, ...]] = {}
+    for leaf in (leaf for condition in conditions for leaf in leaves(condition)):
+        if leaf.key not in ("outcome", "reason") or len(leaf.arguments) != 1:
+            continue
+        other = index.by_id.get(str(leaf.arguments[0]))
+        if other is None or index.entries[other].tree != entry.tree:
+            continue
+        key = f"{leaf.key} {leaf.arguments[0]}"
+        if index.entries[other].covers(entry.number) or entry.covers(other):
+            known[key] = (None,)
+            continue
+        top = index.meeting(entry.number, other)
+        if not isinstance(index.entries[top].node, Block):
+            continue
+        if other > entry.number:
+            known[key] = (None,)
+        elif leaf.key == "outcome":
+            harmless = "succeeded", "skipped"
+            known[key] = tuple(OUTCOMES[1:]) if _tolerated(index, other, top) else harmless
+    return known
+
+
+def _tolerated(index: Index, number: int, top: int) -> bool:
+    """Tell whether a failure of a node may come to an end before it reaches the block `top`."""
+    while number != top:
+        node = index.entries[number].node
+        if node.continue_on_failure:
+            return True
+        if isinstance(node, Branch) and node.on_option_failure is OnOptionFailure.NEXT:
+            return True
+        number = index.entries[number].parent
+    return False
 
 
 def _start(index: Index, entry: Entry) -> None:
     node = entry.node
+    kept = node.maintain_conditions
     wanted = (*node.wait_for_conditions, *node.start_conditions)
     field = "start-conditions" if node.start_conditions else "wait-for-conditions"
-    # Wait-for and start conditions are asked at the same instant, so they must hold together.
-    if wanted and satisfiable(wanted, _unfinished(index, entry, wanted)) is False:
+    known = _outcomes(index, entry, (*wanted, *kept))
+    # Wait-for, start and maintain conditions are asked at the same instant, so they must hold together.
+    if satisfiable(wanted, known) is False:
         index.add("W073", node, f"can never start: {conditions_text(wanted)} cannot hold", at=field)
-        return
-    kept = node.maintain_conditions
-    if kept and can_be_not_false(kept) is False:
+    elif satisfiable((), known, kept) is False:
         message = f"can never start: {conditions_text(kept)} is false at once"
+        index.add("W073", node, message, at="maintain-conditions")
+    elif satisfiable(wanted, known, kept) is False:
+        message = (
+            f"can never start: {conditions_text(kept)} is false whenever {conditions_text(wanted)} holds"
+        )
         index.add("W073", node, message, at="maintain-conditions")
 
 
 def _branch(index: Index, entry: Entry, branch: Branch) -> None:
     live: list[Option] = []
-    absent: list[str] = []
+    known: dict[str, tuple[Value | None, ...]] = {}
     for option in branch.options:
         conditions = option.eligible_conditions
-        missing = _unfinished(index, entry, conditions)
+        domains = _outcomes(index, entry, conditions)
         if branch.on_option_failure is OnOptionFailure.NEXT:
             inside = {index.entries[n].node.id for n in range(entry.number + 1, entry.end)}
-            missing = [key for key in missing if key.split(" ", 1)[1] not in inside]
-        absent += missing
-        if conditions and satisfiable(conditions, missing) is False:
+            domains = {key: d for key, d in domains.items() if key.split(" ", 1)[1] not in inside}
+        known.update(domains)
+        if conditions and satisfiable(conditions, domains) is False:
             message = f"can never be chosen: {conditions_text(conditions)} cannot hold"
             index.add("W071", option, message, at="eligible-conditions")
         else:
@@ -93,7 +118,7 @@ def _branch(index: Index, entry: Entry, branch: Branch) -> None:
         names = ", ".join(o.id for o in branch.options)
         message = f"no option may be eligible: all ({names}) require resources"
     else:
-        found = gap(alternatives, absent)
+        found = gap(alternatives, known)
         if found is None or isinstance(found, bool):
             return
         message = f"no option is eligible if {describe(found)}"

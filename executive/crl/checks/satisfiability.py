@@ -21,8 +21,12 @@ Truth = bool | None
 Case = Mapping[str, Value | None]
 
 
+Domains = Mapping[str, tuple[Value | None, ...]]
+"""What the place of a node in the plan says of a key: the values it can have (None: not known)."""
+
+
 OTHER: Final = "\x00another word"
-_OUTCOMES: tuple[Value | None, ...] = (None, "succeeded", "failed", "aborted", "skipped")
+OUTCOMES: tuple[Value | None, ...] = (None, "succeeded", "failed", "aborted", "skipped")
 
 
 def database_key(key: str, arguments: Iterable[str | float]) -> str:
@@ -89,11 +93,11 @@ def _kind(value: Value) -> str:
 
 
 class Cases:
-    """All cases that the given conditions can tell apart; `absent` keys are never known."""
+    """All cases that the given conditions can tell apart; of some keys the `domains` are known."""
 
-    def __init__(self, conditions: Iterable[Condition], absent: Iterable[str] = ()) -> None:
+    def __init__(self, conditions: Iterable[Condition], domains: Domains | None = None) -> None:
         self._values: dict[str, dict[Value, None]] = {}
-        self._absent = frozenset(absent)
+        self._domains = domains or {}
         for condition in conditions:
             self._gather(condition)
 
@@ -114,10 +118,10 @@ class Cases:
                 stack.extend(top.parts)
 
     def _domain(self, key: str) -> list[Value | None]:
-        if key in self._absent:
-            return [None]
+        if key in self._domains:
+            return list(self._domains[key])
         if key.startswith("outcome "):
-            return list(_OUTCOMES)
+            return list(OUTCOMES)
         given = list(self._values[key])
         numbers = sorted({v for v in given if not isinstance(v, str)})
         words = [v for v in given if isinstance(v, str) and not v.startswith("\x00")]
@@ -157,18 +161,13 @@ def _around(numbers: list[float]) -> list[Value | None]:
     return values
 
 
-def satisfiable(conditions: Conditions, absent: Iterable[str] = ()) -> bool | None:
-    """Tell whether all conditions can be TRUE together; None if that was not decided."""
-    if not conditions:
-        return True
-    return _some(conditions, absent, lambda case: evaluate_all(conditions, case.get) is True)
+def satisfiable(conditions: Conditions, domains: Domains | None = None, kept: Conditions = ()) -> bool | None:
+    """Tell whether all conditions can be TRUE while none of the `kept` is FALSE; None if not decided."""
 
+    def holds(case: Case) -> bool:
+        return evaluate_all(conditions, case.get) is True and evaluate_all(kept, case.get) is not False
 
-def can_be_not_false(conditions: Conditions, absent: Iterable[str] = ()) -> bool | None:
-    """Tell whether none of the conditions need be FALSE; None if that was not decided."""
-    if not conditions:
-        return True
-    return _some(conditions, absent, lambda case: evaluate_all(conditions, case.get) is not False)
+    return _some((*conditions, *kept), domains, holds) if conditions or kept else True
 
 
 def implies(premise: Conditions, conclusion: Conditions) -> bool | None:
@@ -179,16 +178,16 @@ def implies(premise: Conditions, conclusion: Conditions) -> bool | None:
     def counterexample(case: Case) -> bool:
         return evaluate_all(premise, case.get) is True and evaluate_all(conclusion, case.get) is not True
 
-    found = _some((*premise, *conclusion), (), counterexample)
+    found = _some((*premise, *conclusion), None, counterexample)
     return None if found is None else not found
 
 
-def gap(alternatives: Iterable[Conditions], absent: Iterable[str] = ()) -> Case | bool | None:
+def gap(alternatives: Iterable[Conditions], domains: Domains | None = None) -> Case | bool | None:
     """Return a case in which no alternative is TRUE; False if there is none, None if undecided."""
     sets = list(alternatives)
     if any(not conditions for conditions in sets):
         return False
-    cases = Cases([c for conditions in sets for c in conditions], absent)
+    cases = Cases([c for conditions in sets for c in conditions], domains)
     if cases.count > MAX_CASES:
         return None
     worst: Case | None = None
@@ -201,8 +200,8 @@ def gap(alternatives: Iterable[Conditions], absent: Iterable[str] = ()) -> Case 
     return False if worst is None else worst
 
 
-def _some(conditions: Conditions, absent: Iterable[str], wanted: Callable[[Case], bool]) -> bool | None:
-    cases = Cases(conditions, absent)
+def _some(conditions: Conditions, domains: Domains | None, wanted: Callable[[Case], bool]) -> bool | None:
+    cases = Cases(conditions, domains)
     if cases.count > MAX_CASES:
         return None
     return any(wanted(case) for case in cases)

@@ -1,0 +1,7 @@
+"""A wire for rovers: the protocol `wire/1`, its two ends, and the checks of a rover (`docs/wire.md`)."""
+
+from executive.runtime.wire.address import Address, Keys
+from executive.runtime.wire.client import Welcome, WireOptions, WireRover
+from executive.runtime.wire.server import About, RoverServer
+
+__all__ = ["About", "Address", "Keys", "RoverServer", "Welcome", "WireOptions", "WireRover"]
