@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.evaluate.model import Floats, Model
 from planner.evaluate.program import Program, compile_plan
-from planner.evaluate.rollout import flat_costs, flat_model, flat_program, from_the_start, roll, unwatched
+from planner.evaluate.rollout import Costs, Draws, Odds, Outcome, Passages, Rows, Standing, World, roll
 from planner.plan_tree import Plan
 from planner.problem import Problem
 
@@ -99,17 +99,14 @@ def earned(problem: Problem, plan: Plan, table: DrawTable) -> Earned:
     model = Model.of(problem)
     program = compile_plan(model, plan)
     count = len(table)
-    utility, time_s, energy = np.zeros(count), np.zeros(count), np.zeros(count)
-    over = np.zeros(count, np.bool_)
+    outcome = Outcome.empty(count)
     visited = np.zeros((count, len(program)), np.bool_)
-    amounts = (
-        1000.0, float(round(model.t_max_s * 1000)), model.e_max_j, *flat_costs(model, per_s=1000),
-        float(round(model.track_leg_s * 1000)), _milliseconds(model.window),
-    )  # fmt: skip
-    roll(
-        flat_program(program), amounts, flat_model(model, model.utility), (0, 0.0, 0.0, 0.0), 0, count, True,
+    draws = Draws(
         _milliseconds(table.leg_time_s), table.leg_energy_j, table.leg_loss_u,
         _milliseconds(table.obs_time_s), table.obs_energy_j, table.obs_success_u,
-        utility, time_s, energy, over, np.zeros(0, np.int64), visited, unwatched(), from_the_start(),
     )  # fmt: skip
-    return Earned(utility, time_s, energy, over, visited, program)
+    roll(
+        Rows.of(program), Costs.of(model, 1000), World.of(model, model.utility), Odds(0), 0, count, True,
+        draws, outcome, np.zeros(0, np.int64), visited, Passages.empty(0, 0), Standing.at_start(),
+    )  # fmt: skip
+    return Earned(*outcome, visited, program)

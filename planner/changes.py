@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import field
 
+from mission.codec import Codec
+from mission.values import value
 from planner.errors import ChangeError
 from planner.problem import Leg, Observation, Problem
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Changes:
     """What is changed. Budgets are what may be used in all (seconds, joules); a late start costs time and
     hotel energy and moves the windows; each chance `p` to lose a track becomes `1 - (1 - p) ** loss_factor`.
@@ -27,14 +28,13 @@ class Changes:
     loss_factor: float = 1.0
     keep_outs: tuple[tuple[tuple[float, float], ...], ...] | None = None
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the changes as they are kept; what is not changed is left away."""
-        found: dict[str, Any] = {}
-        for member in dataclasses.fields(self):
-            value = getattr(self, member.name)
-            if value != getattr(UNCHANGED, member.name):
-                found[member.name] = list(value) if isinstance(value, tuple) else value
-        return found
+        document = CHANGES.document(self)
+        changed = (
+            f.name for f in dataclasses.fields(self) if getattr(self, f.name) != getattr(UNCHANGED, f.name)
+        )
+        return {name: document[name] for name in changed}
 
     def in_words(self) -> str:
         """Return the changes as a line for people."""
@@ -59,6 +59,7 @@ class Changes:
 
 
 UNCHANGED = Changes()
+CHANGES = Codec(Changes, "changes/1", "changes")
 
 
 def counted(number: int, what: str) -> str:
@@ -66,15 +67,9 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def changes_of(document: Mapping[str, Any]) -> Changes:
-    """Return changes as `as_dict` wrote them."""
-    members = dict(document)
-    for name in ("exclude", "force"):
-        if name in members:
-            members[name] = tuple(members[name])
-    if members.get("keep_outs") is not None:
-        members["keep_outs"] = tuple(tuple((e, n) for e, n in polygon) for polygon in members["keep_outs"])
-    return Changes(**members)
+def changes_of(document: Mapping[str, object]) -> Changes:
+    """Return changes as `as_dict` wrote them; raises FormatError where they are none."""
+    return CHANGES.from_document({"format": CHANGES.format, **document})
 
 
 def changed_problem(problem: Problem, changes: Changes) -> Problem:

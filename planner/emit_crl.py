@@ -43,6 +43,8 @@ from executive.crl.values import (
     seconds_to_ms,
 )
 from planner import plan_tree as tree_of
+from planner.constraints.overrun import Overrun, plain
+from planner.constraints.track import tracked
 from planner.evaluate.model import Model
 from planner.plan_tree import OnFail, Path, PlanTree, with_ids
 from planner.problem import Amount as Random
@@ -94,10 +96,6 @@ def negated(condition: Condition) -> Condition:
             return Not(condition)
 
 
-def _tracked(target: TargetId) -> Comparison:
-    return Comparison("trackerstate", (str(target),), Operator.EQ, "tracked")
-
-
 def _outcome(node: str, value: str) -> Comparison:
     return Comparison("outcome", (node,), Operator.EQ, value)
 
@@ -146,12 +144,8 @@ def _carried_out(task: str) -> Condition:
     return _either(_outcome(task, "succeeded"), _both(_outcome(task, "failed"), failed))
 
 
-def _number(value: float) -> float:
-    return int(value) if float(value).is_integer() and abs(value) < 1e15 else float(value)
-
-
 def _spread(name: str, amount: Random, sign: float) -> Expectation:
-    return Expectation(name, _number(sign * round(amount.mean, 3)), _number(round(amount.sd, 3)))
+    return Expectation(name, plain(sign * round(amount.mean, 3)), plain(round(amount.sd, 3)))
 
 
 class _Emitter:
@@ -161,9 +155,6 @@ class _Emitter:
         self.observations = {o.id: o for o in problem.observations}
         self.targets = {t.id: t for t in problem.targets}
         self.legs = {(leg.origin, leg.to): leg for leg in problem.legs}
-        self.after: dict[ObservationId, list[ObservationId]] = {}
-        for first, second in problem.precedence:
-            self.after.setdefault(second, []).append(first)
         self.used: set[str] = {"root"}
 
     def name(self, *parts: str) -> str:
@@ -260,7 +251,7 @@ class _Emitter:
     def drive(self, to: TargetId, require_tracked: bool, skip: bool, path: Path, past: _Past) -> Task:
         guard: tuple[Condition, ...] = ()
         if require_tracked and self.targets[to].tracked_kind:
-            guard = (_tracked(to),)
+            guard = (tracked(to),)
         origin = past.drives[-1].to if past.drives else "start"
         leg = self.legs.get((origin, to))
         expectations: tuple[Expectation, ...] = ()
@@ -282,21 +273,21 @@ class _Emitter:
         """Return the node of an observation and the id of its task; None if it can never be made."""
         what = self.observations[observation]
         checks = [past.standing_at(what.target), negated(past.done(observation))]
-        if what.needs_track:
-            checks.append(_tracked(what.target) if what.target in past.started else FALSE)
-        checks += [past.done(first) for first in self.after.get(observation, [])]
+        spans: list[tuple[float, float]] = []
+        for rule in self.model.rules:
+            emitted = rule.emit(self.model, self.model.number_of[observation], what, past)
+            checks += emitted.guards
+            spans += [emitted.window_s] if emitted.window_s is not None else []
         guard = _both(*checks)
-        if what.window_s is not None and what.window_s[1] < 0:
-            guard = FALSE
         if guard == FALSE:
             return None
         task_id = self.name("observe", observation)
         node, tasks = self.rewarded(what, task_id, path, past)
         meta = self.metadata(path)
-        if what.window_s is not None:
+        for opens_s, closes_s in spans:
             node = Block(
                 id=self.name("window", observation),
-                start_temporal_conditions=(Absolute(bounds(max(what.window_s[0], 0.0), what.window_s[1])),),
+                start_temporal_conditions=(Absolute(bounds(opens_s, closes_s)),),
                 continue_on_failure=skip and guard == TRUE,
                 metadata=meta,
                 node_list=(node,),
@@ -355,8 +346,8 @@ class _Emitter:
             action=what.action or ("ipplaceinstrument" if placed else "image"),
             parameters=parameters,
             continue_on_failure=True,
-            reward=_number(reward),
-            probability=_number(what.p_success),
+            reward=plain(reward),
+            probability=plain(what.p_success),
             expectations=(_spread("time", what.time_s, 1.0), _spread("energy", what.energy_j, -1.0)),
             metadata=meta,
         )
@@ -386,14 +377,14 @@ class _Emitter:
         match condition:
             case tree_of.TimeCondition(comparison, value):
                 sign = Operator.GE if comparison is tree_of.Comparison.GE else Operator.LT
-                return Comparison("time", (), sign, _number(value))
+                return Comparison("time", (), sign, plain(value))
             case tree_of.EnergyCondition(comparison, value):
                 sign = Operator.GE if comparison is tree_of.Comparison.GE else Operator.LT
-                return Comparison("energy-used", (), sign, _number(value))
+                return Comparison("energy-used", (), sign, plain(value))
             case tree_of.TrackedCondition(target, truth):
                 if target not in past.started:
                     return FALSE if truth else TRUE
-                test = _tracked(target)
+                test = tracked(target)
                 return test if truth else negated(test)
             case tree_of.DoneCondition(observation, truth):
                 done = past.done(observation)
@@ -449,7 +440,7 @@ class _Emitter:
     def utility(self, notes: tree_of.OptionNotes | None) -> Utility:
         if notes is None or not notes.utility_table:
             return 0
-        points = tuple((seconds_to_ms(t), _number(round(u, 4))) for t, u in notes.utility_table)
+        points = tuple((seconds_to_ms(t), plain(round(u, 4))) for t, u in notes.utility_table)
         return UtilityTable(points) if len(points) > 1 else points[0][1]
 
     def conjunction(self, condition: Condition) -> tuple[Condition, ...]:
@@ -486,19 +477,15 @@ def emit(
     emitter = _Emitter(problem, tree)
     root = emitter.joined(emitter.block(with_ids(tree.plan), (), _Past()), (), "day")
     budget = problem.budget
-    keep: tuple[Condition, ...] = (
-        Comparison("time", (), Operator.LE, _number(budget.time_s)),
-        Comparison("energy-used", (), Operator.LE, _number(budget.usable_energy_j)),
-    )
     # A battery is never below empty: a run that used it up would look as if it had ended within the budget.
     limit_j = max(0.0, budget.usable_energy_j - BATTERY_STEP_J)
     return Plan(
         id=plan_id,
         name=problem.name,
-        resources=(ConsumableResource("energy", "battery-energy", _number(budget.energy_floor_j)),),
-        overrun_penalty=_number(problem.overrun_penalty),
-        budgets=(Amount("time", _number(budget.time_s)), Amount("energy", _number(limit_j))),
-        node=replace(root, id="root", maintain_conditions=keep),
+        resources=(ConsumableResource("energy", "battery-energy", plain(budget.energy_floor_j)),),
+        overrun_penalty=plain(problem.overrun_penalty),
+        budgets=(Amount("time", plain(budget.time_s)), Amount("energy", plain(limit_j))),
+        node=replace(root, id="root", maintain_conditions=Overrun.of(problem).keep()),
         metadata={
             "problem": problem.name,
             "problem-sha256": problem.digest(),

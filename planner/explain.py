@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.constraints.registry import rules_of
+from planner.constraints.rule import Obstacle
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import live_sets_of, moves_of, only, reachable_targets
 from planner.contingency.sequences import Masses, best_sequences, sequence_steps
@@ -21,7 +23,11 @@ from planner.problem import Observation, ObservationId, Problem
 from planner.threads import one_blas_thread
 
 FUTURES = 100_000
+"""A standard error of 1/316 of the standard deviation of a difference."""
+
 GRID = (33, 21)
+"""Nodes of the table for forced plans: each question makes a dozen. By hand."""
+
 WIDEST, CLOSE = 3.0, 1.01
 """Largest factor tried, and the ratio to which the least one is closed in on. By hand: a day hardly has three
 times its budgets, and 1 % of one is within what drives vary by."""
@@ -148,10 +154,9 @@ def why_not(
 def _why_not(
     problem: Problem, what: Observation, held: set[ObservationId], futures: int, seed: int
 ) -> WhyNot:
-    sense = _obstacle(problem, what)
-    if sense is not None:
-        limit, reason = sense
-        return WhyNot(what.id, reason, limit)
+    obstacle = _obstacle(problem, what)
+    if obstacle is not None:
+        return WhyNot(what.id, obstacle.sentence, obstacle.limit)
     part = _with_room_for(problem, what, held)
     model = Model.of(part)
     m = model.number_of[what.id]
@@ -191,23 +196,15 @@ def _said(relaxation: Relaxation | None) -> str:
     return f"it comes in with {relaxation.factor:g} times the {relaxation.what}"
 
 
-def _obstacle(problem: Problem, what: Observation) -> tuple[str, str] | None:
-    """Return what keeps an observation out whatever the plan: (limit, sentence)."""
+def _obstacle(problem: Problem, what: Observation) -> Obstacle | None:
+    """Return what keeps an observation out whatever the plan."""
     if what.utility <= 0.0:
-        return "value", f"{what.id} is worth nothing"
-    if what.window_s is not None and what.window_s[1] < 0.0:
-        return "window", f"the window of {what.id} closed {-what.window_s[1]:g} s before the plan begins"
-    if what.window_s is not None and what.window_s[0] >= problem.budget.time_s:
-        return "window", (
-            f"the window of {what.id} opens at {what.window_s[0]:g} s; "
-            f"the time budget is {problem.budget.time_s:g} s"
-        )
+        return Obstacle("value", f"{what.id} is worth nothing")
     if what.target not in reachable_targets(problem):
-        return "network", f"no way leads from the start to target {what.target}"
-    limit = problem.budget.data_mbit
-    if limit is not None and what.data_mbit > limit:
-        return "data volume", f"{what.id} needs {what.data_mbit:g} Mbit; the budget is {limit:g} Mbit"
-    return None
+        return Obstacle("network", f"no way leads from the start to target {what.target}")
+    # Those of packages first: they know more of their matter than the windows that they come to.
+    found = (rule.explain(problem, what) for rule in reversed(rules_of(problem)))
+    return next((obstacle for obstacle in found if obstacle is not None), None)
 
 
 def _with_room_for(problem: Problem, what: Observation, held: set[ObservationId]) -> Problem:

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from planner.constraints.overrun import OverrunChance
 from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.long_routes import plan_long
 from planner.contingency.sampled_futures import Growth
@@ -15,6 +16,7 @@ from planner.plan_tree import Plan, count_branches
 from planner.problem import Problem
 
 CHECK_FUTURES = 200_000
+"""As `PlannerOptions.check_futures`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,7 @@ def plan_large(
     Under a chance constraint an overrun is given a price, as in `chance.plans_within`: routes are thinned
     out, and branches grown, for the least price at which a plan keeps to it. Quick searches try routes alone.
     """
-    allowed = problem.max_overrun_probability
+    chance = OverrunChance.of(problem)
     models: dict[Plan, Model] = {}
 
     def find(price: float, quick: bool) -> list[Plan]:
@@ -56,11 +58,11 @@ def plan_large(
         models.update((plan, model) for _, plan in found.curve if plan)
         return [plan for _, plan in found.curve]
 
-    if allowed is None:
+    if chance is None:
         return checked(models, [plan for plan in find(0.0, False) if plan], most, fresh_seed)
     plans, _ = plans_within(
         find,
-        lambda plan: keeps_to(models[plan], plan, allowed, seed=fresh_seed + 1),
+        lambda plan: keeps_to(models[plan], plan, chance, seed=fresh_seed + 1),
         first_price=first_price,
         should_stop=should_stop,
     )

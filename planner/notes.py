@@ -17,6 +17,8 @@ from planner.plan_tree import Branch, OptionNotes, Path, PlanTree, StepNotes, Tr
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 TABLE_POINTS = 5
+"""Points of an option's table of utility over time. By hand: a person reads it."""
+
 FUTURES = 20_000
 """For notes that are sampled."""
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from planner.constraints.overrun import OverrunChance
 from planner.contingency.sampled_branches import Curve
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
@@ -25,7 +26,7 @@ def held_up(
     *,
     futures: int,
     seed: int,
-    allowed: float | None,
+    chance: OverrunChance | None,
     least_taken: float,
     hasty: Callable[[], bool],
 ) -> tuple[Plan, Estimate | None, list[float]]:
@@ -52,7 +53,7 @@ def held_up(
             value = evaluator.value(plan).value
             if value > best_value or np.any(model.must_do):
                 met = simulate(model, plan, len(earned), seed=seed)
-                if allowed is not None and float(np.mean(met.overrun)) > allowed:
+                if chance is not None and float(np.mean(met.overrun)) > chance.allowed:
                     pass  # it kept to the chance on the futures that chose it only
                 elif float(np.mean(met.utility - earned)) > 0.0 or np.any(model.must_do):
                     best, best_value, earned = plan, value, met.utility

@@ -1,4 +1,4 @@
-"""Contingent plans as trees of steps, and their JSON forms `plan-tree/1` and `plan-tree/2`.
+"""Contingent plans as trees of steps, made from their documents and turned into them again.
 
 Steps are carried out in order. At a `Branch` the first option whose conditions all hold is run *instead of*
 the rest of its plan; if none holds the plan goes on. A step that cannot be carried out (target lost, window
@@ -11,12 +11,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, assert_never, cast
 
 from planner.errors import PlanTreeError
+from planner.plan_tree_document import (
+    TREES,
+    TREES_1,
+    ConditionDocument,
+    DoneDocument,
+    ObserveDocument,
+    OptionDocument,
+    StepDocument,
+    TreeDocument,
+)
 from planner.problem import ObservationId, Problem, TargetId
+from planner.problem_document import CONTINGENCY
 
 MAX_DEPTH = 60
+"""Branches within branches. By hand: more than plans have, far less than the stack holds."""
 
 
 class OnFail(StrEnum):
@@ -235,177 +247,180 @@ def with_ids(plan: Plan, prefix: str = "option") -> Plan:
     return renamed(plan)
 
 
-# ----------------------------------------------------------------------------------------------- JSON
+# ----------------------------------------------------------------------------------------------- documents
 
 
-def _condition_dict(condition: Condition, legacy: bool) -> dict[str, Any]:
+def _condition_document(condition: Condition, legacy: bool) -> ConditionDocument:
     match condition:
-        case TimeCondition(comparison, value):
-            return {"var": "time_s", comparison.value: value}
-        case EnergyCondition(comparison, value):
-            return {"var": "energy_j", comparison.value: value}
+        case TimeCondition(Comparison.GE, value):
+            return {"var": "time_s", "ge": value}
+        case TimeCondition(_, value):
+            return {"var": "time_s", "lt": value}
+        case EnergyCondition(Comparison.GE, value):
+            return {"var": "energy_j", "ge": value}
+        case EnergyCondition(_, value):
+            return {"var": "energy_j", "lt": value}
         case TrackedCondition(target, truth):
             return {"var": "tracked", "target": target, "is": truth}
         case DoneCondition(observation, truth):
-            return {"var": "done", "target" if legacy else "observation": observation, "is": truth}
+            if legacy:
+                return {"var": "done", "target": observation, "is": truth}
+            return {"var": "done", "observation": observation, "is": truth}
 
 
-def _step_dict(
-    step: Step, path: Path, tree: PlanTree, legacy: bool, waits: Mapping[ObservationId, float]
-) -> dict[str, Any]:
-    d: dict[str, Any]
-    match step:
-        case TrackStart(target, _):
-            d = {"op": "track_start", "target": target}
-        case TrackStop(target, _):
-            d = {"op": "track_stop", "target": target}
-        case Navigate(to, require_tracked, _):
-            d = {"op": "navigate", "to": to, "require_tracked": require_tracked}
-        case Observe(observation, target, _) | Visit(observation, target, _):
-            d = {"op": "observe" if isinstance(step, Observe) else "visit", "target": target}
-            if not legacy:
-                d["observation"] = observation
-                if observation in waits:
-                    d["wait_until_s"] = waits[observation]
-        case Stop():
-            d = {"op": "stop"}
-        case Branch(options):
-            d = {"op": "branch"}
-            rows = []
-            for k, option in enumerate(options):
-                row: dict[str, Any] = {"when": [_condition_dict(c, legacy) for c in option.when]}
-                if not legacy:
-                    notes = tree.option_notes.get((*path, k))
-                    if option.id:
-                        row = {"id": option.id, **row}
-                    if notes is not None:
-                        row["p_taken"], row["gain"] = notes.p_taken, notes.gain
-                        row["utility_table"] = [list(p) for p in notes.utility_table]
-                row["plan"] = [
-                    _step_dict(s, (*path, k, j), tree, legacy, waits) for j, s in enumerate(option.plan)
-                ]
-                rows.append(row)
-            d["options"] = rows
-    if not isinstance(step, Branch | Stop):
-        d["on_fail"] = step.on_fail.value
-    if not legacy and path in tree.step_notes:
-        note = tree.step_notes[path]
-        d["p_reached"] = note.p_reached
-        if note.quantiles:
-            d["quantiles"] = {
-                "p": list(note.quantiles),
-                "time_s": list(note.time_s),
-                "energy_j": list(note.energy_j),
-            }
-    return d
+class _Writer:
+    """Turns steps into documents; `plan-tree/1` holds no notes, and one observation per target."""
+
+    def __init__(self, tree: PlanTree, problem: Problem) -> None:
+        self.tree, self.legacy = tree, problem.source_format == CONTINGENCY.format
+        windows = {o.id: o.window_s for o in problem.observations if o.window_s is not None}
+        self.waits = {o: window[0] for o, window in windows.items() if window[0] > 0}
+
+    def steps(self, plan: Plan, path: Path) -> tuple[StepDocument, ...]:
+        found = []
+        for k, step in enumerate(plan):
+            row = self.step(step, (*path, k))
+            notes = None if self.legacy else self.tree.step_notes.get((*path, k))
+            if notes is not None:
+                row["p_reached"] = notes.p_reached
+                if notes.quantiles:
+                    row["quantiles"] = {
+                        "p": notes.quantiles,
+                        "time_s": notes.time_s,
+                        "energy_j": notes.energy_j,
+                    }
+            found.append(row)
+        return tuple(found)
+
+    def step(self, step: Step, path: Path) -> StepDocument:
+        match step:
+            case TrackStart(target, on_fail):
+                return {"op": "track_start", "target": target, "on_fail": on_fail.value}
+            case TrackStop(target, on_fail):
+                return {"op": "track_stop", "target": target, "on_fail": on_fail.value}
+            case Navigate(to, require_tracked, on_fail):
+                return {
+                    "op": "navigate", "to": to, "require_tracked": require_tracked, "on_fail": on_fail.value
+                }  # fmt: skip
+            case Observe(observation, target, on_fail):
+                return self.observing({"op": "observe", "target": target}, observation, on_fail)
+            case Visit(observation, target, on_fail):
+                return self.observing({"op": "visit", "target": target}, observation, on_fail)
+            case Stop():
+                return {"op": "stop"}
+            case Branch(options):
+                return {
+                    "op": "branch",
+                    "options": tuple(self.option(o, (*path, k)) for k, o in enumerate(options)),
+                }
+            case _:
+                assert_never(step)
+
+    def observing(self, row: ObserveDocument, observation: ObservationId, on_fail: OnFail) -> ObserveDocument:
+        if not self.legacy:
+            row["observation"] = observation
+            if observation in self.waits:
+                row["wait_until_s"] = self.waits[observation]
+        row["on_fail"] = on_fail.value
+        return row
+
+    def option(self, option: Option, path: Path) -> OptionDocument:
+        when = tuple(_condition_document(c, self.legacy) for c in option.when)
+        plan = self.steps(option.plan, path)
+        row: dict[str, object] = {"when": when}
+        if not self.legacy:
+            notes = self.tree.option_notes.get(path)
+            if option.id:
+                row = {"id": option.id, "when": when}
+            if notes is not None:
+                row |= {"p_taken": notes.p_taken, "gain": notes.gain, "utility_table": notes.utility_table}
+        return cast("OptionDocument", row | {"plan": plan})
 
 
 def plan_tree_to_dict(tree: PlanTree, problem: Problem) -> dict[str, Any]:
     """Return `plan-tree/1` for a problem read from `contingency/1`, else `plan-tree/2`."""
-    legacy = problem.source_format == "contingency/1"
-    waits = {
-        o.id: o.window_s[0] for o in problem.observations if o.window_s is not None and o.window_s[0] > 0
-    }
-    d: dict[str, Any] = {"format": "plan-tree/1" if legacy else "plan-tree/2", "instance": tree.instance}
+    writer = _Writer(tree, problem)
+    d: dict[str, object] = {"instance": tree.instance}
     if tree.method:
         d["method"] = tree.method
-    if not legacy:
+    if not writer.legacy:
         d["problem_sha256"] = problem.digest()
-    d["plan"] = [_step_dict(step, (k,), tree, legacy, waits) for k, step in enumerate(tree.plan)]
-    return d
+    d["plan"] = writer.steps(tree.plan, ())
+    return (TREES_1 if writer.legacy else TREES).document(cast("TreeDocument", d))
 
 
-class _TreeReader:
+class _Reader:
+    """Turns documents into steps, checked against the problem."""
+
     def __init__(self, problem: Problem) -> None:
         self.targets = {t.id: t for t in problem.targets}
         self.observations = {o.id: o for o in problem.observations}
 
-    def target(self, row: Mapping[str, Any], key: str, what: str) -> TargetId:
-        name = row.get(key)
+    def target(self, name: str | None, what: str) -> TargetId:
         if name not in self.targets:
-            raise PlanTreeError(f'{what}: "{key}" is {name!r}; the problem has no such target')
-        return TargetId(str(name))
+            raise PlanTreeError(f"{what} is {name!r}; the problem has no such target")
+        return TargetId(name)
 
-    def observation(self, row: Mapping[str, Any], what: str) -> ObservationId:
+    def observation(self, row: ObserveDocument | DoneDocument, what: str) -> ObservationId:
         name = row.get("observation")
         if name is None:
-            target = self.targets[self.target(row, "target", what)]
+            target = self.targets[self.target(row.get("target"), f"{what}.target")]
             if len(target.observations) != 1:
                 raise PlanTreeError(
-                    f'{what}: target "{target.id}" has {len(target.observations)} observations; '
-                    'name one in "observation"'
+                    f"{what}: target {target.id} has {len(target.observations)} observations; "
+                    "name one in observation"
                 )
             return target.observations[0].id
         if name not in self.observations:
-            raise PlanTreeError(f'{what}: "observation" is {name!r}; the problem has no such observation')
-        return ObservationId(str(name))
+            raise PlanTreeError(f"{what}.observation is {name!r}; the problem has no such observation")
+        return ObservationId(name)
 
-    def condition(self, row: Any, what: str) -> Condition:
-        if not isinstance(row, Mapping):
-            raise PlanTreeError(f"{what}: a condition must be an object, found {row!r}")
-        var = row.get("var")
-        if var in ("time_s", "energy_j"):
-            for comparison in Comparison:
-                value = row.get(comparison.value)
-                if isinstance(value, int | float) and not isinstance(value, bool):
-                    if var == "time_s":
-                        return TimeCondition(comparison, float(value))
-                    return EnergyCondition(comparison, float(value))
-            raise PlanTreeError(f'{what}: a condition on {var} needs a number in "ge" or "lt"')
-        truth = row.get("is")
-        if var not in ("tracked", "done") or not isinstance(truth, bool):
-            raise PlanTreeError(f"{what}: unknown condition {dict(row)!r}")
-        if var == "tracked":
-            return TrackedCondition(self.target(row, "target", what), truth)
-        return DoneCondition(self.observation(row, what), truth)
+    def condition(self, row: ConditionDocument, what: str) -> Condition:
+        match row["var"]:
+            case "tracked":
+                return TrackedCondition(self.target(row["target"], f"{what}.target"), row["is"])
+            case "done":
+                return DoneCondition(self.observation(row, what), row["is"])
+            case var:
+                kind = TimeCondition if var == "time_s" else EnergyCondition
+                if "ge" in row:
+                    return kind(Comparison.GE, row["ge"])
+                if "lt" in row:
+                    return kind(Comparison.LT, row["lt"])
+                raise PlanTreeError(f"{what}: a condition on {var} needs a number in ge or lt")
 
-    def steps(self, rows: Any, what: str, depth: int = 0) -> Plan:
-        if not isinstance(rows, list | tuple):
-            raise PlanTreeError(f"{what}: a plan must be an array, found {type(rows).__name__}")
+    def steps(self, rows: tuple[StepDocument, ...], what: str, depth: int = 0) -> Plan:
         if depth > MAX_DEPTH:
             raise PlanTreeError(f"{what}: branches are nested deeper than {MAX_DEPTH}")
-        return tuple(self.step(row, f"{what}, step {k + 1}", depth) for k, row in enumerate(rows))
+        return tuple(self.step(row, f"{what}[{k}]", depth) for k, row in enumerate(rows))
 
-    def step(self, row: Any, what: str, depth: int) -> Step:
-        if not isinstance(row, Mapping):
-            raise PlanTreeError(f"{what} must be an object, found {row!r}")
-        op = row.get("op")
-        try:
-            on_fail = OnFail(row.get("on_fail", "stop"))
-        except ValueError as err:
-            found = row.get("on_fail")
-            raise PlanTreeError(f'{what}: "on_fail" is {found!r}; it must be "stop" or "skip"') from err
-        match op:
+    def step(self, row: StepDocument, what: str, depth: int) -> Step:
+        if row["op"] == "stop":
+            return Stop()
+        if row["op"] == "branch":
+            options = enumerate(row["options"])
+            return Branch(tuple(self.option(o, f"{what}.options[{k}]", depth) for k, o in options))
+        on_fail = OnFail(row.get("on_fail", "stop"))
+        match row["op"]:
             case "track_start":
-                return TrackStart(self.target(row, "target", what), on_fail)
+                return TrackStart(self.target(row["target"], f"{what}.target"), on_fail)
             case "track_stop":
-                return TrackStop(self.target(row, "target", what), on_fail)
+                return TrackStop(self.target(row["target"], f"{what}.target"), on_fail)
             case "navigate":
-                tracked = bool(row.get("require_tracked", False))
-                return Navigate(self.target(row, "to", what), tracked, on_fail)
-            case "observe" | "visit":
+                return Navigate(
+                    self.target(row["to"], f"{what}.to"), row.get("require_tracked", False), on_fail
+                )
+            case op:
                 oid = self.observation(row, what)
                 target = self.observations[oid].target
                 return Observe(oid, target, on_fail) if op == "observe" else Visit(oid, target, on_fail)
-            case "stop":
-                return Stop()
-            case "branch":
-                options = row.get("options")
-                if not isinstance(options, list | tuple):
-                    raise PlanTreeError(f'{what}: "options" must be an array')
-                return Branch(
-                    tuple(self.option(o, f"{what}, option {k + 1}", depth) for k, o in enumerate(options))
-                )
-        raise PlanTreeError(f'{what}: "op" is {op!r}, which is no step')
 
-    def option(self, row: Any, what: str, depth: int) -> Option:
-        if not isinstance(row, Mapping) or not isinstance(row.get("when"), list | tuple):
-            raise PlanTreeError(f'{what} must be an object with "when" and "plan"')
-        when = tuple(self.condition(c, what) for c in row["when"])
-        return Option(when, self.steps(row.get("plan"), what, depth + 1), str(row.get("id", "")))
+    def option(self, row: OptionDocument, what: str, depth: int) -> Option:
+        when = tuple(self.condition(c, f"{what}.when[{k}]") for k, c in enumerate(row["when"]))
+        return Option(when, self.steps(row["plan"], f"{what}.plan", depth + 1), row.get("id", ""))
 
 
-def plan_tree_from_dict(data: Any, problem: Problem) -> PlanTree:
+def plan_tree_from_dict(data: object, problem: Problem) -> PlanTree:
     """Return the plan tree in a `plan-tree/1` or `plan-tree/2` document, checked against its problem.
 
     Notes on steps and options (odds, gains, quantiles) are not read back: they follow from plan and problem.
@@ -415,14 +430,9 @@ def plan_tree_from_dict(data: Any, problem: Problem) -> PlanTree:
     PlanTreeError
         If the document is malformed or names a target or observation that the problem does not have.
     """
-    if not isinstance(data, Mapping):
-        raise PlanTreeError(f"a plan tree must be an object, found {type(data).__name__}")
-    if data.get("format") not in ("plan-tree/1", "plan-tree/2"):
-        raise PlanTreeError(
-            f'plan tree: "format" is {data.get("format")!r}; it must be "plan-tree/1" or "plan-tree/2"'
-        )
-    plan = _TreeReader(problem).steps(data.get("plan"), "plan")
-    return PlanTree(str(data.get("instance", problem.name)), plan, str(data.get("method", "")))
+    document = TREES.from_document(data)
+    plan = _Reader(problem).steps(document["plan"], "plan")
+    return PlanTree(document.get("instance", problem.name), plan, document.get("method", ""))
 
 
 def planned_observations(plan: Plan) -> set[ObservationId]:

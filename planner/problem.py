@@ -1,4 +1,4 @@
-"""Planning problem as frozen values, and the strict readers and writers of its JSON forms.
+"""Planning problem as frozen values, made from its documents and turned into them again.
 
 Two forms are read: `contingency/1` (one observation per target) and `problem/1`, its superset (several
 observations per target, precedence, must-do, windows, diminishing value, downlink volume, energy floor,
@@ -11,14 +11,29 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any, NewType
 
+from mission.codec import shown
+from mission.geometry import Pose
 from planner.errors import ProblemError
+from planner.problem_document import (
+    CONTINGENCY,
+    PROBLEMS,
+    AmountDocument,
+    LegDocument,
+    ObservationDocument,
+    PoseDocument,
+    PositiveDocument,
+    ProblemDocument,
+    TargetDocument,
+    contingency_document,
+)
 
 TargetId = NewType("TargetId", str)
 ObservationId = NewType("ObservationId", str)
@@ -26,8 +41,8 @@ ObservationId = NewType("ObservationId", str)
 START = "start"
 """Name of the place where the rover stands when the plan begins."""
 
-MAX_TARGETS = 2_000
 MAX_OBSERVATIONS = 5_000
+"""By hand: what a survey of `MAX_TARGETS` targets may ask for."""
 
 
 class Kind(StrEnum):
@@ -45,15 +60,6 @@ class Amount:
 
     mean: float
     sd: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """A pose on the ground in the site frame; heading counter-clockwise from east."""
-
-    east_m: float
-    north_m: float
-    heading_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,270 +186,8 @@ class Problem:
 # ----------------------------------------------------------------------------------------------- reading
 
 
-class _Reader:
-    """Takes members out of one JSON object and names what is wrong with them."""
-
-    def __init__(self, value: Any, what: str, allowed: Iterable[str]) -> None:
-        if not isinstance(value, Mapping):
-            raise ProblemError(f"{what} must be an object, found {_show(value)}")
-        unknown = sorted(set(map(str, value)) - set(allowed))
-        if unknown:
-            raise ProblemError(
-                f'{what}: unknown member "{unknown[0]}"; known are {", ".join(sorted(allowed))}'
-            )
-        self.value, self.what = value, what
-
-    def has(self, key: str) -> bool:
-        return self.value.get(key) is not None
-
-    def raw(self, key: str) -> Any:
-        if key not in self.value:
-            raise ProblemError(f'{self.what}: "{key}" is missing')
-        return self.value[key]
-
-    def number(
-        self,
-        key: str,
-        default: float | None = None,
-        *,
-        at_least: float | None = None,
-        above: float | None = None,
-        at_most: float | None = None,
-    ) -> float:
-        if default is not None and not self.has(key):
-            return default
-        return _number(
-            self.raw(key), f'{self.what}: "{key}"', at_least=at_least, above=above, at_most=at_most
-        )
-
-    def text(self, key: str, default: str | None = None) -> str:
-        if default is not None and not self.has(key):
-            return default
-        value = self.raw(key)
-        if not isinstance(value, str) or (default is None and not value):
-            raise ProblemError(f'{self.what}: "{key}" must be a non-empty string, found {_show(value)}')
-        return value
-
-    def truth(self, key: str) -> bool:
-        value = self.value.get(key, False)
-        if not isinstance(value, bool):
-            raise ProblemError(f'{self.what}: "{key}" must be true or false, found {_show(value)}')
-        return value
-
-    def array(self, key: str, *, optional: bool = False) -> Sequence[Any]:
-        if optional and not self.has(key):
-            return ()
-        value = self.raw(key)
-        if not isinstance(value, list | tuple):
-            raise ProblemError(f'{self.what}: "{key}" must be an array, found {_show(value)}')
-        return value
-
-    def amount(self, key: str, *, zero: bool = False) -> Amount:
-        inner = _Reader(self.raw(key), f'{self.what}: "{key}"', ("mean", "sd"))
-        limit = {"at_least": 0.0} if zero else {"above": 0.0}
-        mean = inner.number("mean", **limit)
-        sd = inner.number("sd", 0.0, at_least=0.0)
-        if mean == 0.0 and sd > 0.0:
-            raise ProblemError(
-                f'{inner.what}: "sd" is {sd:g} but the mean is 0; a mean of 0 allows only sd 0'
-            )
-        return Amount(mean, sd)
-
-    def refs(self) -> dict[str, str]:
-        found: dict[str, str] = {}
-        if self.has("refs"):
-            inner = self.value["refs"]
-            if not isinstance(inner, Mapping):
-                raise ProblemError(f'{self.what}: "refs" must be an object, found {_show(inner)}')
-            for key, value in inner.items():
-                if not isinstance(value, str):
-                    raise ProblemError(f'{self.what}: "refs.{key}" must be a string, found {_show(value)}')
-                found[str(key)] = value
-        return found
-
-
-def _show(value: Any) -> str:
-    text = json.dumps(value, default=str)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _number(
-    value: Any,
-    what: str,
-    *,
-    at_least: float | None = None,
-    above: float | None = None,
-    at_most: float | None = None,
-) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ProblemError(f"{what} must be a number, found {_show(value)}")
-    number = float(value)
-    if not math.isfinite(number):
-        raise ProblemError(f"{what} is {value}; it must be finite")
-    if at_least is not None and number < at_least:
-        raise ProblemError(f"{what} is {number:g}; it must be at least {at_least:g}")
-    if above is not None and number <= above:
-        raise ProblemError(f"{what} is {number:g}; it must be more than {above:g}")
-    if at_most is not None and number > at_most:
-        raise ProblemError(f"{what} is {number:g}; it must be at most {at_most:g}")
-    return number
-
-
-def _pose(value: Any, what: str) -> Pose:
-    reader = _Reader(value, what, ("east_m", "north_m", "heading_rad"))
-    return Pose(reader.number("east_m"), reader.number("north_m"), reader.number("heading_rad", 0.0))
-
-
-def _window(reader: _Reader) -> tuple[float, float] | None:
-    if not reader.has("window_s"):
-        return None
-    pair = reader.array("window_s")
-    if len(pair) != 2:
-        raise ProblemError(f'{reader.what}: "window_s" must hold two times, found {_show(list(pair))}')
-    opens, closes = (_number(v, f'{reader.what}: "window_s"') for v in pair)
-    if opens > closes:
-        raise ProblemError(f'{reader.what}: "window_s" opens at {opens:g} s after it closes at {closes:g} s')
-    return opens, closes
-
-
-_OBSERVATION = (
-    "id", "instrument", "action", "kind", "tracked", "utility", "p_success", "observe", "window_s", "must_do",
-    "data_mbit", "refs",
-)  # fmt: skip
-
-
-def _observation(reader: _Reader, target: str, oid: str, legacy: bool) -> Observation:
-    kind = reader.text("kind")
-    if kind not in ("place", "image"):
-        raise ProblemError(f'{reader.what}: "kind" is "{kind}"; it must be "place" or "image"')
-    observe = _Reader(reader.raw("observe"), f'{reader.what}: "observe"', ("time_s", "energy_j"))
-    return Observation(
-        id=ObservationId(oid),
-        target=TargetId(target),
-        kind=Kind(kind),
-        utility=reader.number("utility", at_least=0.0),
-        time_s=observe.amount("time_s", zero=True),
-        energy_j=observe.amount("energy_j", zero=True),
-        p_success=reader.number("p_success", None if legacy else 1.0, above=0.0, at_most=1.0),
-        instrument="" if legacy else reader.text("instrument", ""),
-        action="" if legacy else reader.text("action", ""),
-        window_s=_window(reader),
-        must_do=False if legacy else reader.truth("must_do"),
-        data_mbit=0.0 if legacy else reader.number("data_mbit", 0.0, at_least=0.0),
-        tracked=False if legacy else reader.truth("tracked"),
-        refs={} if legacy else reader.refs(),
-    )
-
-
-def _identifier(reader: _Reader, seen: set[str]) -> str:
-    value = reader.text("id")
-    if value == START:
-        raise ProblemError(f'{reader.what}: the id "{START}" is kept for the place where the rover starts')
-    if any(c.isspace() or c in '()";=<>/' for c in value):
-        raise ProblemError(f'{reader.what}: id "{value}" holds a blank or one of ( ) " ; = < > /')
-    if value in seen:
-        raise ProblemError(f'{reader.what}: id "{value}" is used twice')
-    seen.add(value)
-    return value
-
-
-_LEGACY_TARGET = (
-    "id", "kind", "utility", "p_success", "observe", "window_s", "target_m", "observation_point_m", "point_m",
-)  # fmt: skip
-_TARGET = ("id", "observations", "point_m", "observation_point", "diminishing", "refs")
-
-
-def _coordinates(value: Any, what: str) -> tuple[float, ...]:
-    if not isinstance(value, list | tuple) or len(value) not in (2, 3):
-        raise ProblemError(f"{what} must hold two or three numbers, found {_show(value)}")
-    return tuple(_number(v, what) for v in value)
-
-
-def _legacy_target(value: Any, place: int, ids: set[str]) -> Target:
-    name = value.get("id", f"number {place + 1}") if isinstance(value, Mapping) else f"number {place + 1}"
-    reader = _Reader(value, f"target {name}", _LEGACY_TARGET)
-    tid = _identifier(reader, ids)
-    point = _coordinates(value["target_m"], f'target {tid}: "target_m"') if reader.has("target_m") else None
-    pose = None
-    if reader.has("observation_point_m"):
-        east, north = _coordinates(value["observation_point_m"], f'target {tid}: "observation_point_m"')[:2]
-        pose = Pose(east, north)
-    return Target(TargetId(tid), (_observation(reader, tid, tid, legacy=True),), point, pose)
-
-
-def _target(value: Any, place: int, ids: set[str], observation_ids: set[str]) -> Target:
-    name = value.get("id", f"number {place + 1}") if isinstance(value, Mapping) else f"number {place + 1}"
-    reader = _Reader(value, f"target {name}", _TARGET)
-    tid = _identifier(reader, ids)
-    observations = []
-    for k, item in enumerate(reader.array("observations")):
-        label = item.get("id", f"number {k + 1}") if isinstance(item, Mapping) else f"number {k + 1}"
-        inner = _Reader(item, f"target {tid}, observation {label}", _OBSERVATION)
-        observations.append(_observation(inner, tid, _identifier(inner, observation_ids), legacy=False))
-    point = _coordinates(value["point_m"], f'target {tid}: "point_m"') if reader.has("point_m") else None
-    pose = None
-    if reader.has("observation_point"):
-        pose = _pose(value["observation_point"], f'target {tid}: "observation_point"')
-    return Target(
-        id=TargetId(tid),
-        observations=tuple(observations),
-        point_m=point,
-        observation_point=pose,
-        diminishing=reader.number("diminishing", 1.0, at_least=0.0, at_most=1.0),
-        refs=reader.refs(),
-    )
-
-
-def _leg(value: Any, place: int, ids: set[str], tracked: set[str], legacy: bool) -> Leg:
-    ends = f"number {place + 1}"
-    if isinstance(value, Mapping) and "from" in value and "to" in value:
-        ends = f"{value['from']} -> {value['to']}"
-    reader = _Reader(
-        value, f"leg {ends}", ("from", "to", "length_m", "time_s", "energy_j", "p_lose", "route", "refs")
-    )
-    origin, to = reader.text("from"), reader.text("to")
-    if origin != START and origin not in ids:
-        raise ProblemError(f'{reader.what}: "from" names no target and is not "{START}"')
-    if to not in ids:
-        raise ProblemError(f'{reader.what}: "to" names no target')
-    if origin == to:
-        raise ProblemError(f"{reader.what}: a leg must join two different places")
-    losses: dict[TargetId, float] = {}
-    if reader.has("p_lose"):
-        table = reader.raw("p_lose")
-        if not isinstance(table, Mapping):
-            raise ProblemError(f'{reader.what}: "p_lose" must be an object, found {_show(table)}')
-        for key, chance in table.items():
-            if key not in ids:
-                raise ProblemError(f'{reader.what}: "p_lose" names the unknown target "{key}"')
-            p = _number(chance, f'{reader.what}: "p_lose.{key}"', at_least=0.0, at_most=1.0)
-            if key in tracked:
-                losses[TargetId(str(key))] = p
-    elif legacy:
-        reader.raw("p_lose")
-    route = tuple(
-        (float(p[0]), float(p[1]))
-        for p in (_coordinates(v, f'{reader.what}: "route"') for v in reader.array("route", optional=True))
-    )
-    return Leg(
-        origin=origin,
-        to=TargetId(to),
-        time_s=reader.amount("time_s"),
-        energy_j=reader.amount("energy_j", zero=True),
-        p_lose=losses,
-        length_m=reader.number("length_m", at_least=0.0) if reader.has("length_m") else None,
-        route=route,
-    )
-
-
-_TOP = ("format", "name", "units", "budget", "hotel_w", "overrun_penalty", "track_start",
-        "track_overhead_s_per_leg", "targets", "legs")  # fmt: skip
-_TOP_LEGACY = (*_TOP, "family", "seed", "cone_half_angle_deg")
-_TOP_NEW = (*_TOP, "max_overrun_probability", "precedence", "start", "refs")
-
-
-def problem_from_dict(data: Any) -> Problem:
-    """Return the problem that a JSON document describes.
+def problem_from_dict(data: object, where: str = "") -> Problem:
+    """Return the problem that a JSON document describes; `where` it is from stands before messages.
 
     Raises
     ------
@@ -451,112 +195,140 @@ def problem_from_dict(data: Any) -> Problem:
         If the document is not a well-formed `contingency/1` or `problem/1`; the message names the member, its
         value and the limit.
     """
-    if not isinstance(data, Mapping):
-        raise ProblemError(f"a problem must be an object, found {_show(data)}")
-    form = data.get("format")
-    if form not in ("contingency/1", "problem/1"):
-        raise ProblemError(f'problem: "format" is {_show(form)}; it must be "contingency/1" or "problem/1"')
-    legacy = form == "contingency/1"
-    top = _Reader(data, "problem", _TOP_LEGACY if legacy else _TOP_NEW)
-    limits = _Reader(
-        top.raw("budget"),
-        "budget",
-        ("time_s", "energy_j") if legacy else ("time_s", "energy_j", "energy_floor_j", "data_mbit"),
-    )
-    budget = Budget(
-        time_s=limits.number("time_s", at_least=0.0),
-        energy_j=limits.number("energy_j", at_least=0.0),
-        energy_floor_j=0.0 if legacy else limits.number("energy_floor_j", 0.0, at_least=0.0),
-        data_mbit=None if legacy or not limits.has("data_mbit") else limits.number("data_mbit", at_least=0.0),
-    )
-    if budget.energy_floor_j > budget.energy_j:
+    document = PROBLEMS.from_document(data, where)
+    assert isinstance(data, Mapping)  # as the codec found
+    budget = document["budget"]
+    floor = budget.get("energy_floor_j") or 0.0
+    if floor > budget["energy_j"]:
         raise ProblemError(
-            f'budget: "energy_floor_j" is {budget.energy_floor_j:g}; it must be at most energy_j, '
-            f"{budget.energy_j:g}"
+            f"problem budget.energy_floor_j is {floor:g}; it must be at most energy_j, {budget['energy_j']:g}"
         )
-    rows = top.array("targets")
-    if len(rows) > MAX_TARGETS:
-        raise ProblemError(f"problem: {len(rows)} targets; at most {MAX_TARGETS} are allowed")
-    ids: set[str] = set()
-    observation_ids: set[str] = set()
-    targets = tuple(
-        _legacy_target(row, k, ids) if legacy else _target(row, k, ids, observation_ids)
-        for k, row in enumerate(rows)
-    )
-    if len(observation_ids) > MAX_OBSERVATIONS:
+    targets = tuple(map(_target, document["targets"]))
+    _check_names("target", [t.id for t in targets])
+    observations = [o.id for t in targets for o in t.observations]
+    _check_names("observation", observations)
+    if len(observations) > MAX_OBSERVATIONS:
         raise ProblemError(
-            f"problem: {len(observation_ids)} observations; at most {MAX_OBSERVATIONS} are allowed"
+            f"problem has {len(observations)} observations; at most {MAX_OBSERVATIONS} are allowed"
         )
-    tracked = {t.id for t in targets if t.tracked_kind}
-    legs = []
-    seen: set[tuple[str, str]] = set()
-    for k, row in enumerate(top.array("legs")):
-        leg = _leg(row, k, ids, set(tracked), legacy)
-        if (leg.origin, leg.to) in seen:
-            raise ProblemError(f"leg {leg.origin} -> {leg.to} is given twice")
-        seen.add((leg.origin, leg.to))
-        legs.append(leg)
-    tracking = _Reader(top.raw("track_start"), "track_start", ("time_s", "energy_j"))
-    precedence = [] if legacy else _precedence(top, observation_ids)
+    tracked = {t.id: t.tracked_kind for t in targets}
+    legs = tuple(_leg(leg, tracked) for leg in document["legs"])
+    twice = [ends for ends, count in Counter((leg.origin, leg.to) for leg in legs).items() if count > 1]
+    if twice:
+        raise ProblemError(f"leg {twice[0][0]} -> {twice[0][1]} is given twice")
+    start, tracking = document.get("start"), document["track_start"]
     return Problem(
-        name=top.text("name"),
+        name=document["name"],
         targets=targets,
-        legs=tuple(legs),
-        budget=budget,
-        hotel_w=top.number("hotel_w", at_least=0.0),
-        track_start_time_s=tracking.number("time_s", at_least=0.0),
-        track_start_energy_j=tracking.number("energy_j", at_least=0.0),
-        track_overhead_s_per_leg=top.number("track_overhead_s_per_leg", at_least=0.0),
-        overrun_penalty=top.number("overrun_penalty", 0.0, at_least=0.0),
-        max_overrun_probability=(
-            top.number("max_overrun_probability", at_least=0.0, at_most=1.0)
-            if not legacy and top.has("max_overrun_probability")
-            else None
-        ),
-        precedence=tuple(precedence),
-        start=_pose(data["start"], "start") if not legacy and top.has("start") else None,
-        refs={} if legacy else top.refs(),
-        source_format=str(form),
+        legs=legs,
+        budget=Budget(budget["time_s"], budget["energy_j"], floor, budget.get("data_mbit")),
+        hotel_w=document["hotel_w"],
+        track_start_time_s=tracking["time_s"],
+        track_start_energy_j=tracking["energy_j"],
+        track_overhead_s_per_leg=document["track_overhead_s_per_leg"],
+        overrun_penalty=document.get("overrun_penalty") or 0.0,
+        max_overrun_probability=document.get("max_overrun_probability"),
+        precedence=_precedence(document.get("precedence") or (), set(observations)),
+        start=None if start is None else _pose(start),
+        refs=document.get("refs") or {},
+        source_format=str(data["format"]),
     )
 
 
-def _precedence(top: _Reader, observation_ids: set[str]) -> list[tuple[ObservationId, ObservationId]]:
-    pairs: list[tuple[ObservationId, ObservationId]] = []
-    for pair in top.array("precedence", optional=True):
-        if not isinstance(pair, list | tuple) or len(pair) != 2:
-            raise ProblemError(
-                f'problem: "precedence" must hold pairs of observation ids, found {_show(pair)}'
-            )
-        for name in pair:
-            if name not in observation_ids:
-                raise ProblemError(f'problem: "precedence" names the unknown observation {_show(name)}')
-        pairs.append((ObservationId(pair[0]), ObservationId(pair[1])))
-    after: dict[str, list[str]] = {}
+def _check_names(what: str, names: Sequence[str]) -> None:
+    for name, count in Counter(names).items():
+        if name == START:
+            raise ProblemError(f'{what} id "{START}" is kept for the place where the rover starts')
+        if any(c.isspace() or c in '()";=<>/' for c in name):
+            raise ProblemError(f'{what} id "{name}" holds a blank or one of ( ) " ; = < > /')
+        if count > 1:
+            raise ProblemError(f'{what} id "{name}" is used twice')
+
+
+def _amount(amount: AmountDocument | PositiveDocument, what: str) -> Amount:
+    mean, sd = amount["mean"], amount.get("sd") or 0.0
+    if mean == 0.0 and sd > 0.0:
+        raise ProblemError(f"{what}.sd is {sd:g} but the mean is 0; a mean of 0 allows only sd 0")
+    return Amount(mean, sd)
+
+
+def _pose(pose: PoseDocument) -> Pose:
+    return Pose(pose["east_m"], pose["north_m"], pose.get("heading_rad") or 0.0)
+
+
+def _observation(o: ObservationDocument, target: str) -> Observation:
+    what = f"target {target}, observation {o['id']}"
+    window = o.get("window_s")
+    if window is not None and window[0] > window[1]:
+        raise ProblemError(f"{what}: window_s opens at {window[0]:g} s after it closes at {window[1]:g} s")
+    p_success = o.get("p_success")
+    return Observation(
+        id=ObservationId(o["id"]),
+        target=TargetId(target),
+        kind=Kind(o["kind"]),
+        utility=o["utility"],
+        time_s=_amount(o["observe"]["time_s"], f"{what}: observe.time_s"),
+        energy_j=_amount(o["observe"]["energy_j"], f"{what}: observe.energy_j"),
+        p_success=1.0 if p_success is None else p_success,
+        instrument=o.get("instrument") or "",
+        window_s=None if window is None else (window[0], window[1]),
+        must_do=o.get("must_do", False),
+        data_mbit=o.get("data_mbit") or 0.0,
+        tracked=o.get("tracked", False),
+        action=o.get("action") or "",
+        refs=o.get("refs") or {},
+    )
+
+
+def _target(t: TargetDocument) -> Target:
+    pose, diminishing = t.get("observation_point"), t.get("diminishing")
+    return Target(
+        id=TargetId(t["id"]),
+        observations=tuple(_observation(o, t["id"]) for o in t["observations"]),
+        point_m=t.get("point_m"),
+        observation_point=None if pose is None else _pose(pose),
+        diminishing=1.0 if diminishing is None else diminishing,
+        refs=t.get("refs") or {},
+    )
+
+
+def _leg(leg: LegDocument, tracked: Mapping[TargetId, bool]) -> Leg:
+    origin, to = leg["from"], TargetId(leg["to"])
+    what = f"leg {origin} -> {to}"
+    if origin != START and origin not in tracked:
+        raise ProblemError(f'{what}: "from" names no target and is not "{START}"')
+    if to not in tracked:
+        raise ProblemError(f'{what}: "to" names no target')
+    if origin == to:
+        raise ProblemError(f"{what}: a leg must join two different places")
+    losses = {TargetId(target): p for target, p in (leg.get("p_lose") or {}).items()}
+    if unknown := sorted(losses.keys() - tracked.keys()):
+        raise ProblemError(f'{what}: p_lose names the unknown target "{unknown[0]}"')
+    return Leg(
+        origin=origin,
+        to=to,
+        time_s=_amount(leg["time_s"], f"{what}: time_s"),
+        energy_j=_amount(leg["energy_j"], f"{what}: energy_j"),
+        p_lose={target: p for target, p in losses.items() if tracked[target]},
+        length_m=leg.get("length_m"),
+        route=tuple((p[0], p[1]) for p in leg.get("route") or ()),
+    )
+
+
+def _precedence(
+    pairs: Sequence[tuple[str, ...]], observations: Set[str]
+) -> tuple[tuple[ObservationId, ObservationId], ...]:
+    before: dict[str, list[str]] = {}
     for first, second in pairs:
-        after.setdefault(first, []).append(second)
-    state: dict[str, int] = {}
-    for root in after:  # depth-first search for a cycle
-        stack = [(root, iter(after.get(root, ())))]
-        if state.get(root):
-            continue
-        state[root] = 1
-        while stack:
-            node, rest = stack[-1]
-            for child in rest:
-                if state.get(child) == 1:
-                    cycle = [n for n, _ in stack]
-                    raise ProblemError(
-                        'problem: "precedence" has the cycle '
-                        + " -> ".join([*cycle[cycle.index(child) :], child])
-                    )
-                if not state.get(child):
-                    state[child] = 1
-                    stack.append((child, iter(after.get(child, ()))))
-                    break
-            else:
-                state[node] = 2
-                stack.pop()
-    return pairs
+        for name in (first, second):
+            if name not in observations:
+                raise ProblemError(f"problem precedence names the unknown observation {shown(name)}")
+        before.setdefault(second, []).append(first)
+    try:
+        TopologicalSorter(before).prepare()
+    except CycleError as err:
+        raise ProblemError("problem precedence has the cycle " + " -> ".join(err.args[1])) from err
+    return tuple((ObservationId(first), ObservationId(second)) for first, second in pairs)
 
 
 def load_problem(source: Mapping[str, Any] | str | Path) -> Problem:
@@ -570,89 +342,70 @@ def load_problem(source: Mapping[str, Any] | str | Path) -> Problem:
     """
     if isinstance(source, Mapping):
         return problem_from_dict(source)
-    path = Path(source)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as err:
-        raise ProblemError(f"problem file {path}: {err.strerror or err}") from err
-    except UnicodeDecodeError as err:
-        raise ProblemError(f"problem file {path} is not UTF-8 text: byte {err.start}") from err
-    try:
-        data = json.loads(text)
-    except json.JSONDecodeError as err:
-        raise ProblemError(
-            f"problem file {path} is not JSON: line {err.lineno}, column {err.colno}: {err.msg}"
-        ) from err
-    except RecursionError as err:
-        raise ProblemError(f"problem file {path} is nested too deeply") from err
-    return problem_from_dict(data)
+    return problem_from_dict(PROBLEMS.parsed_file(Path(source)), str(source))
 
 
 # ----------------------------------------------------------------------------------------------- writing
 
 
-def _amount(amount: Amount) -> dict[str, float]:
+def _amount_document(amount: Amount) -> AmountDocument:
     return {"mean": amount.mean, "sd": amount.sd}
 
 
-def _observation_dict(o: Observation, legacy: bool) -> dict[str, Any]:
-    d: dict[str, Any] = {} if legacy else {"id": o.id}
-    if o.instrument and not legacy:
-        d["instrument"] = o.instrument
-    if o.action and not legacy:
-        d["action"] = o.action
-    d |= {
-        "kind": o.kind.value,
-        "utility": o.utility,
-        "p_success": o.p_success,
-        "observe": {"time_s": _amount(o.time_s), "energy_j": _amount(o.energy_j)},
-    }
-    if o.window_s is not None:
-        d["window_s"] = list(o.window_s)
-    if not legacy:
-        if o.must_do:
-            d["must_do"] = True
-        if o.data_mbit:
-            d["data_mbit"] = o.data_mbit
-        if o.tracked:
-            d["tracked"] = True
-        if o.refs:
-            d["refs"] = dict(o.refs)
-    return d
-
-
-def _pose_dict(pose: Pose) -> dict[str, float]:
+def _pose_document(pose: Pose) -> PoseDocument:
     return {"east_m": pose.east_m, "north_m": pose.north_m, "heading_rad": pose.heading_rad}
 
 
-def _target_dict(t: Target, legacy: bool) -> dict[str, Any]:
-    d: dict[str, Any] = {"id": t.id}
-    if legacy:
-        d |= _observation_dict(t.observations[0], legacy=True)
-        if t.point_m is not None:
-            d["target_m"] = list(t.point_m)
-        if t.observation_point is not None:
-            d["observation_point_m"] = [t.observation_point.east_m, t.observation_point.north_m]
-        return d
+def _observation_document(o: Observation) -> ObservationDocument:
+    d: ObservationDocument = {
+        "id": o.id,
+        "kind": o.kind.value,
+        "utility": o.utility,
+        "p_success": o.p_success,
+        "observe": {"time_s": _amount_document(o.time_s), "energy_j": _amount_document(o.energy_j)},
+    }
+    if o.instrument:
+        d["instrument"] = o.instrument
+    if o.action:
+        d["action"] = o.action
+    if o.window_s is not None:
+        d["window_s"] = o.window_s
+    if o.must_do:
+        d["must_do"] = True
+    if o.data_mbit:
+        d["data_mbit"] = o.data_mbit
+    if o.tracked:
+        d["tracked"] = True
+    if o.refs:
+        d["refs"] = dict(o.refs)
+    return d
+
+
+def _target_document(t: Target) -> TargetDocument:
+    d: TargetDocument = {"id": t.id, "observations": tuple(map(_observation_document, t.observations))}
     if t.point_m is not None:
-        d["point_m"] = list(t.point_m)
+        d["point_m"] = t.point_m
     if t.observation_point is not None:
-        d["observation_point"] = _pose_dict(t.observation_point)
+        d["observation_point"] = _pose_document(t.observation_point)
     if t.diminishing != 1.0:
         d["diminishing"] = t.diminishing
     if t.refs:
         d["refs"] = dict(t.refs)
-    d["observations"] = [_observation_dict(o, legacy=False) for o in t.observations]
     return d
 
 
-def _leg_dict(leg: Leg) -> dict[str, Any]:
-    d: dict[str, Any] = {"from": leg.origin, "to": leg.to}
+def _leg_document(leg: Leg) -> LegDocument:
+    d: LegDocument = {
+        "from": leg.origin,
+        "to": leg.to,
+        "time_s": {"mean": leg.time_s.mean, "sd": leg.time_s.sd},
+        "energy_j": _amount_document(leg.energy_j),
+        "p_lose": {str(target): p for target, p in leg.p_lose.items()},
+    }
     if leg.length_m is not None:
         d["length_m"] = leg.length_m
-    d |= {"time_s": _amount(leg.time_s), "energy_j": _amount(leg.energy_j), "p_lose": dict(leg.p_lose)}
     if leg.route:
-        d["route"] = [list(p) for p in leg.route]
+        d["route"] = leg.route
     return d
 
 
@@ -660,29 +413,29 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
     """Return the JSON form of a problem, in the format it was read from (`problem/1` unless stated
     otherwise).
     """
-    legacy = problem.source_format == "contingency/1"
-    budget: dict[str, Any] = {"time_s": problem.budget.time_s, "energy_j": problem.budget.energy_j}
-    if problem.budget.energy_floor_j:
-        budget["energy_floor_j"] = problem.budget.energy_floor_j
-    if problem.budget.data_mbit is not None:
-        budget["data_mbit"] = problem.budget.data_mbit
-    d: dict[str, Any] = {
-        "format": problem.source_format,
+    budget, start = problem.budget, problem.start
+    d: ProblemDocument = {
         "name": problem.name,
-        "budget": budget,
+        "budget": {"time_s": budget.time_s, "energy_j": budget.energy_j},
         "hotel_w": problem.hotel_w,
         "overrun_penalty": problem.overrun_penalty,
         "track_start": {"time_s": problem.track_start_time_s, "energy_j": problem.track_start_energy_j},
         "track_overhead_s_per_leg": problem.track_overhead_s_per_leg,
+        "targets": tuple(map(_target_document, problem.targets)),
+        "legs": tuple(map(_leg_document, problem.legs)),
     }
+    if budget.energy_floor_j:
+        d["budget"]["energy_floor_j"] = budget.energy_floor_j
+    if budget.data_mbit is not None:
+        d["budget"]["data_mbit"] = budget.data_mbit
     if problem.max_overrun_probability is not None:
         d["max_overrun_probability"] = problem.max_overrun_probability
-    if problem.start is not None:
-        d["start"] = _pose_dict(problem.start)
+    if start is not None:
+        d["start"] = _pose_document(start)
     if problem.refs:
         d["refs"] = dict(problem.refs)
     if problem.precedence:
-        d["precedence"] = [list(pair) for pair in problem.precedence]
-    d["targets"] = [_target_dict(t, legacy) for t in problem.targets]
-    d["legs"] = [_leg_dict(leg) for leg in problem.legs]
-    return d
+        d["precedence"] = problem.precedence
+    if problem.source_format == CONTINGENCY.format:
+        return CONTINGENCY.document(contingency_document(d))
+    return PROBLEMS.document(d)

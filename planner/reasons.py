@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from planner.constraints.overrun import OverrunChance
 from planner.contingency.reduction import reduce_problem
 from planner.contingency.seeding import mean_seed
 from planner.evaluate.model import Model
@@ -26,14 +27,6 @@ def why_impossible(model: Model) -> tuple[str, ...]:
         f"observation {', '.join(names)} must be done, but no route on mean values makes every such "
         f"observation within {model.problem.budget.time_s:g} s and {model.e_max_j:g} J, in its window and in "
         "order" + ("" if model.data_limit_mbit == math.inf else f", within {model.data_limit_mbit:g} Mbit"),
-    )
-
-
-def why_none_within(must: set[str], allowed: float) -> tuple[str, ...]:
-    """Return why what must be done cannot be under a chance constraint."""
-    return (
-        f"observation {', '.join(sorted(must))} must be done, but no plan found does that with a chance of "
-        f"at most {allowed:g} to end over a budget",
     )
 
 
@@ -58,7 +51,7 @@ def why_empty(problem: Problem, *, planned: bool) -> tuple[str, ...]:
             f"the budget of {budget.time_s:g} s and {budget.usable_energy_j:g} J is too small: "
             "no observation fits in it on mean values, in its window",
         )
-    allowed = problem.max_overrun_probability
-    if allowed is not None and planned:
-        return (f"no plan found keeps the chance of ending over a budget within {allowed:g}",)
+    chance = OverrunChance.of(problem)
+    if chance is not None and planned:
+        return (f"no plan found keeps the chance of ending over a budget within {chance.allowed:g}",)
     return ("no plan earns more in the mean than doing nothing",)

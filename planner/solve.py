@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from planner.answers import with_long_plan, with_plan, without_plan
+from planner.constraints.overrun import OverrunChance
 from planner.contingency.reduction import reduce_problem
 from planner.errors import PlannerError
 from planner.evaluate.model import Model
@@ -13,7 +14,7 @@ from planner.plan_result import PlanResult, PlanStatus, Progress
 from planner.plan_tree import Plan, planned_observations
 from planner.problem import Problem
 from planner.progress import Watch
-from planner.reasons import why_empty, why_impossible, why_none_within
+from planner.reasons import why_empty, why_impossible
 from planner.stages import Order, chosen, long_plan, pressed, searched, searched_within
 from planner.strategies import strategy_named
 from planner.threads import one_blas_thread
@@ -86,7 +87,7 @@ def solve(
 
 def _planned(order: Order) -> PlanResult:
     problem, watch, must = order.problem, order.watch, order.must
-    allowed = problem.max_overrun_probability
+    chance = OverrunChance.of(problem)
 
     # 1. The part of the problem that a table of the optimal policy holds: mostly all of it.
     watch.report(Progress(0.0, "reading"))
@@ -100,21 +101,20 @@ def _planned(order: Order) -> PlanResult:
     # 2. Days that make more than the table holds are grown on sampled futures.
     long = long_plan(order) if order.strategy == "optimal" and not part.exact and not must else None
     held = len(part.problem.observations)
-    if long is not None and allowed is None and len(planned_observations(long.plan)) > held:
+    if long is not None and chance is None and len(planned_observations(long.plan)) > held:
         return with_long_plan(order, part, long)
 
     # 3. Plans with 0, 1, 2, ... branches; under a chance constraint an overrun has a price (Everett 1963).
     model, prices = pressed(small), [0.0]
-    if allowed is None:
+    if chance is None:
         found = searched(order, model, part, quick=order.quick)
     else:
-        found, prices = searched_within(order, model, small, part, allowed)
+        found, prices = searched_within(order, model, small, part, chance)
 
     # 4. One of them: the plan that holds up on futures that took no part in the search.
     choice = chosen(order, small, found.curve)
-    if allowed is not None and must and not choice.plan:
-        reasons = why_none_within(must, allowed)
-        return without_plan(order, part, PlanStatus.INFEASIBLE, reasons)
+    if chance is not None and must and not choice.plan:
+        return without_plan(order, part, PlanStatus.INFEASIBLE, (chance.why_none_does(must),))
     if long is not None and long.check.mean > choice.mean:
         return with_long_plan(order, part, long, prices)
     if not choice.plan:

@@ -6,13 +6,13 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
+from planner.constraints.must_do import pressing
+from planner.constraints.overrun import OverrunChance
 from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.reduction import Reduction
 from planner.contingency.sampled_futures import Growth
-from planner.contingency.seeding import mean_seed, route_steps, track_steps
+from planner.contingency.seeding import mean_seed, route_plan
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate
@@ -21,7 +21,7 @@ from planner.large_plans import Checked, plan_large
 from planner.notes import annotate, annotate_sampled
 from planner.options import PlannerOptions
 from planner.plan_choice import held_up
-from planner.plan_tree import Observe, OnFail, Plan, PlanTree, TrackStart, Visit, count_branches
+from planner.plan_tree import Observe, Plan, PlanTree, TrackStart, Visit, count_branches
 from planner.problem import Problem
 from planner.progress import Watch
 from planner.strategies import Found, Task
@@ -86,10 +86,7 @@ def _first_price(order: Order, utility_sum: float) -> float:
 
 def pressed(model: Model) -> Model:
     """Return the model with what must be done worth more than everything else together."""
-    if not np.any(model.must_do):
-        return model
-    bonus = 2.0 * float(model.utility.sum()) + 1.0
-    return dataclasses.replace(model, utility=np.where(model.must_do, model.utility + bonus, model.utility))
+    return dataclasses.replace(model, utility=pressing(model.utility, model.must_do))
 
 
 def searched(order: Order, model: Model, part: Reduction, *, quick: bool) -> Found:
@@ -103,9 +100,9 @@ def searched(order: Order, model: Model, part: Reduction, *, quick: bool) -> Fou
 
 
 def searched_within(
-    order: Order, model: Model, small: Model, part: Reduction, allowed: float
+    order: Order, model: Model, small: Model, part: Reduction, chance: OverrunChance
 ) -> tuple[Found, list[float]]:
-    """Return the plans whose chance of an overrun is within `allowed`, and the prices next to the right one.
+    """Return the plans that keep to the chance of an overrun, and the prices next to the right one.
 
     `model` is `small` with what must be done pressed for.
     """
@@ -116,7 +113,7 @@ def searched_within(
 
     plans, prices = plans_within(
         find,
-        lambda plan: keeps_to(small, plan, allowed, seed=order.seed + 2),
+        lambda plan: keeps_to(small, plan, chance, seed=order.seed + 2),
         first_price=_first_price(order, float(small.utility.sum())),
         should_stop=lambda: order.watch.stop(0.55),
     )
@@ -135,7 +132,7 @@ def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
     if not order.must or order.must <= _main_line(found.plan):
         return found
     route = mean_seed(model, must=sum(1 << m for m in range(model.m) if model.must_do[m]))
-    plan = (*track_steps(model, set(route)), *route_steps(model, route, 0, OnFail.SKIP))
+    plan = route_plan(model, route)
     return _held_up(order, model, [(0.0, plan)])
 
 
@@ -151,7 +148,7 @@ def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
             curve,
             futures=options.quick_check_futures if order.quick else options.check_futures,
             seed=order.seed + 1,
-            allowed=order.problem.max_overrun_probability,
+            chance=OverrunChance.of(order.problem),
             least_taken=order.least_taken,
             hasty=lambda: order.quick or order.watch.cancelled(),
         )
@@ -161,23 +158,25 @@ def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
 def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
     """Return what no policy earns more than; under a chance constraint, no policy that keeps to it.
 
-    For any price, the bound with it plus price times allowed chance holds (Everett 1963, theorem 1).
+    Any price gives a bound (`OverrunChance.bound`); the least is taken.
     """
     watch, options = order.watch, order.options
     left = max(0.5, watch.limit_s - watch.elapsed_s())
     hasty = watch.cancelled()
     seconds, wall_s = (options.hasty_bound_s, 1.0) if order.quick or hasty else (options.bound_s, left)
     share = 1.0 / len(prices)
-    allowed = order.problem.max_overrun_probability or 0.0
+    chance = OverrunChance.of(order.problem) or OverrunChance(0.0)
     return min(
-        upper_bound(
-            dataclasses.replace(model, penalty=model.penalty + price),
-            time_limit_s=min(left, seconds) * share,
-            wall_limit_s=wall_s * share,
-            deterministic=watch.deterministic,
-            should_stop=lambda: not hasty and watch.cancelled(),
-        ).value
-        + price * allowed
+        chance.bound(
+            upper_bound(
+                dataclasses.replace(model, penalty=model.penalty + price),
+                time_limit_s=min(left, seconds) * share,
+                wall_limit_s=wall_s * share,
+                deterministic=watch.deterministic,
+                should_stop=lambda: not hasty and watch.cancelled(),
+            ).value,
+            price,
+        )
         for price in prices
     )
 

@@ -21,12 +21,26 @@ GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 3
 """Nodes in time and energy."""
 
 TABLE_MB = 1200.0
+"""Largest table of a bound, in single precision, MB. By hand: a worker is to stay well below 4 GB."""
+
 MACS_PER_S = 1e10
+"""Multiplications and additions a second that a table's cost is reckoned with, single precision. By hand."""
+
 DRIVE_S = 1.5e-5
+"""Seconds of overhead for each drive of a table. By hand."""
+
 FIXED_S = 4.0
+"""Processor seconds that a bound may cost where the answer must not depend on the machine. By hand."""
+
 LP_LIMIT_S = 10.0
+"""Seconds for one linear program. By hand."""
+
 LP_CELLS = 48
+"""Cells of time in the program over start times: more are tighter and slower. By hand."""
+
 MANY_OBSERVATIONS = 60
+"""With more than so many a quarter of the cells is taken: the program must end in its time. By hand."""
+
 MARGIN = 2e-5
 """Relative allowance for single precision in the tables."""
 
@@ -157,7 +171,7 @@ def relaxed_bound(model: Model, *, limit_s: float = LP_LIMIT_S) -> Bound:
     row = cells + 1
     limits = [1.0] * row
     once: list[int] = []
-    begun: list[tuple[int, float]] = []  # column and downlink volume
+    begun: list[tuple[int, int]] = []  # column and observation
     for m in wanted:
         place = int(model.obs_place[m])
         if place not in driven:
@@ -165,15 +179,12 @@ def relaxed_bound(model: Model, *, limit_s: float = LP_LIMIT_S) -> Bound:
         worth = float(model.utility[m] * model.p_success[m])
         within = _within(tuple(model.obs_ln[m, :2]), cells, step)
         opens, closes = model.window[m]
-        kept = 1.0
-        if model.is_place[m]:  # the track must at least survive the drive that arrives
-            kept -= min(float(model.loss[a, place, place]) for a in arrivals[place])
         base = row
         for k in range(cells):
             if k * step > closes or (k + 1) * step < opens:
                 continue
             cost.append(-worth * float(within[cells - k]))
-            begun.append((column, float(model.data_mbit[m])))
+            begun.append((column, m))
             occupy(within, k)
             put(np.arange(base + k, base + cells + 1), np.ones(cells + 1 - k))
             column += 1
@@ -184,16 +195,16 @@ def relaxed_bound(model: Model, *, limit_s: float = LP_LIMIT_S) -> Bound:
             vals.append(-driven[place][reach + 1 - k])
             cols.append(np.full(len(reach), drive))
         column = here
-        limits += [0.0] * cells + [kept]
+        limits += [0.0] * cells + [float(model.chances.most[m])]
         once.append(base + cells)
         row = base + cells + 1
     if not once:
         return Bound(0.0, "nothing can be reached")
-    if model.data_limit_mbit < math.inf:
+    for values, limit in model.chances.rows:
         rows.append(np.full(len(begun), row))
         cols.append(np.array([k for k, _ in begun]))
-        vals.append(np.array([mbit for _, mbit in begun]))
-        limits.append(model.data_limit_mbit)
+        vals.append(np.array([values[m] for _, m in begun]))
+        limits.append(limit)
         row += 1
     matrix = sparse.csr_matrix(
         (np.concatenate(vals), (np.concatenate(rows), np.concatenate(cols))), shape=(row, column)

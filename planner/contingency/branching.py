@@ -57,7 +57,7 @@ class _Best:
         self.report = report
 
     def note(self, plan: ValuedPlan) -> None:
-        if not plan.grid.model.plan_fits_downlink(plan.plan):
+        if not plan.grid.model.admits_plan(plan.plan):
             return
         last = len(self.curve) - 1
         for k in range(plan.branches, last + 1):

@@ -45,10 +45,19 @@ SCALE = 1_000_000
 """Flow units in which cuts are sought: capacities are whole numbers there."""
 
 VIOLATED = 1e-3
+"""Least chance by which an inequality must be broken to be added. By hand."""
+
 BINDING = 1e-6
+"""Slack up to which an inequality counts as binding, above the solver's tolerance. By hand."""
+
 ROUNDS = 40
+"""Rounds of cuts; the bound of any round holds. By hand."""
+
 LONGEST_S = 3600.0
+"""Where no limit is given; the solver takes no infinity."""
+
 LP_TOLERANCE = 1e-6
+"""Relative allowance for the solver's own tolerance of 1e-7 (HiGHS)."""
 
 
 def least_time(mean: float, mu: float, sigma: float) -> float:
@@ -97,22 +106,6 @@ def _capped_mean(mean: float, mu: float, sigma: float, cap: Floats) -> Floats:
     return np.asarray(mean * ndtr(z - sigma) + cap * ndtr(-z))
 
 
-def best_survival(model: Model) -> Floats:
-    """Return, per place, the chance of its track to survive the best way to it from the start, (n + 1,)."""
-    kept = np.ones(model.n + 1)
-    for place in range(1, model.n + 1):
-        chance = np.where(model.has_leg, 1.0 - model.loss[:, :, place], 0.0)
-        reach = np.zeros(model.n + 1)
-        reach[0] = 1.0
-        for _ in range(model.n):
-            further = np.maximum(reach, (reach[:, None] * chance).max(axis=0))
-            if np.array_equal(further, reach):
-                break
-            reach = further
-        kept[place] = reach[place]
-    return kept
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Row:
     """Sum of `values` times the columns `at`, at most `limit`."""
@@ -127,7 +120,7 @@ class _Program:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.wanted = np.nonzero((model.utility > 0.0) & (model.window[:, 1] >= 0.0))[0]
+        self.wanted = np.nonzero((model.utility > 0.0) & (model.chances.most > 0.0))[0]
         self.place = model.obs_place[self.wanted]
         legs = model.has_leg.copy()
         legs[:, 0] = False
@@ -145,8 +138,7 @@ class _Program:
         self.cost = np.zeros(self.count)
         self.cost[self.seen] = -(model.utility * model.p_success)[self.wanted]
         self.upper = np.full(self.count, np.inf)
-        survival = best_survival(model)
-        self.upper[self.seen] = np.where(model.is_place[self.wanted], survival[self.place], 1.0)
+        self.upper[self.seen] = model.chances.most[self.wanted]
         self.upper[self.track] = 1.0
 
     def _budgets(self) -> None:
@@ -161,8 +153,8 @@ class _Program:
         every = np.arange(self.count)
         for used, track, limit in ((seconds, track_s, model.t_max_s), (joules, track_j, model.e_max_j)):
             self.rows.append(_Row(every, np.array([*used, *[track] * len(self.track)]), limit))
-        if model.data_limit_mbit < math.inf:
-            self.rows.append(_Row(self.seen, model.data_mbit[self.wanted], model.data_limit_mbit))
+        for values, limit in model.chances.rows:
+            self.rows.append(_Row(self.seen, values[self.wanted], limit))
 
     def _flows(self) -> None:
         for place in range(self.model.n + 1):

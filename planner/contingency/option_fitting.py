@@ -114,21 +114,46 @@ class OptionFitter:
         return found
 
     def candidates(self, plan: ValuedPlan, point: Point, going_on: dict[State, Any]) -> list[Plan]:
-        """Return plans that an option at a point might hold."""
-        policy, model = self.policy, self.model
-        regions: list[tuple[float, Masses]] = []
-        advantage: dict[State, Any] = {}
+        """Return plans that an option at a point might hold.
+
+        They are the ends of the plan itself from each drive on, and sequences for the regions of the mass in
+        which most is to be won.
+        """
         floor = 1e-4 * max(1.0, abs(plan.value))
-        for s in point.masses:
-            advantage[s] = np.maximum(self.optimal(s) - going_on[s], 0.0)
-        by_action: dict[int, Masses] = {}
+        advantage = {s: np.maximum(self.optimal(s) - going_on[s], 0.0) for s in point.masses}
+
+        def weight(masses: Masses) -> float:
+            return sum(float(np.vdot(m, advantage[s])) for s, m in masses.items())
+
+        regions = [(weight(part), part) for part in self._by_action(point, advantage, floor)]
+        regions += [(weight(part), part) for part in self._by_track(point)]
+        worth = {s: np.where(advantage[s] > floor, m, 0.0) for s, m in point.masses.items()}
+        regions.append((point.regret, worth))
+        regions.sort(key=lambda r: -r[0])
+        found: dict[Plan, None] = {(): None}
+        before = self.made_before(plan.plan, point.path)
+        rest = steps_at(plan.plan, point.path)
+        for k, step in enumerate(rest):
+            if k and isinstance(step, Navigate) and not any(isinstance(x, Branch) for x in rest[k:]):
+                found.setdefault(rest[k:])
+        for won, region in regions[:7]:
+            masses = {s: m for s, m in region.items() if float(m.sum()) > 0.0}
+            if won < 0.02 * point.regret or won <= floor * 0.1 or not masses:
+                continue
+            for order in self.shortened(self.sequence(masses, 2, before).order):
+                found.setdefault(sequence_steps(self.policy, order, point.masses))
+        return list(found)
+
+    def _by_action(self, point: Point, advantage: dict[State, Any], floor: float) -> list[Masses]:
+        """Return the mass by what the policy would do next (-1: nothing), where that wins something."""
+        found: dict[int, Masses] = {}
         for s, mass in point.masses.items():
-            index = policy.index_of(s)
+            index = self.policy.index_of(s)
             if index is None:
                 continue
-            names, values = policy.actions(s.place, index)
+            names, values = self.policy.actions(s.place, index)
             if not names:
-                by_action.setdefault(-1, {})[s] = mass
+                found.setdefault(-1, {})[s] = mass
                 continue
             best = np.argmax(values, axis=0)
             stops = values[best, np.arange(values.shape[1])] <= 1e-9
@@ -137,35 +162,18 @@ class OptionFitter:
             for m in (-1, *names):
                 part = np.where((choice == m) & worthwhile, mass, 0.0)
                 if float(part.sum()) > 0.0:
-                    by_action.setdefault(m, {})[s] = part
-        for masses in by_action.values():
-            weight = sum(float(np.vdot(m, advantage[s])) for s, m in masses.items())
-            regions.append((weight, masses))
-        for p in range(1, model.n + 1):
+                    found.setdefault(m, {})[s] = part
+        return list(found.values())
+
+    def _by_track(self, point: Point) -> list[Masses]:
+        """Return the mass parted by whether a target is tracked, for each target of which both occur."""
+        found = []
+        for p in range(1, self.model.n + 1):
             for truth in (False, True):
-                part_of = {s: m for s, m in point.masses.items() if bool((s.tracked >> p) & 1) is truth}
-                if 0 < len(part_of) < len(point.masses):
-                    weight = sum(float(np.vdot(m, advantage[s])) for s, m in part_of.items())
-                    regions.append((weight, part_of))
-        regions.append(
-            (point.regret, {s: np.where(advantage[s] > floor, m, 0.0) for s, m in point.masses.items()})
-        )
-        regions.sort(key=lambda r: -r[0])
-        found: dict[Plan, None] = {(): None}
-        before = self.made_before(plan.plan, point.path)
-        rest = steps_at(plan.plan, point.path)
-        for k, step in enumerate(rest):
-            if k and isinstance(step, Navigate) and not any(isinstance(x, Branch) for x in rest[k:]):
-                found.setdefault(rest[k:])
-        for weight, masses in regions[:7]:
-            if weight < 0.02 * point.regret or weight <= floor * 0.1:
-                continue
-            masses = {s: m for s, m in masses.items() if float(m.sum()) > 0.0}
-            if not masses:
-                continue
-            for order in self.shortened(self.sequence(masses, 2, before).order):
-                found.setdefault(sequence_steps(policy, order, point.masses))
-        return list(found)
+                part = {s: m for s, m in point.masses.items() if bool((s.tracked >> p) & 1) is truth}
+                if 0 < len(part) < len(point.masses):
+                    found.append(part)
+        return found
 
     def shortened(self, order: tuple[int, ...]) -> list[tuple[int, ...]]:
         """Return a sequence and its beginnings that need fewer tracks, which makes every drive shorter."""

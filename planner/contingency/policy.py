@@ -79,8 +79,9 @@ class LiveSets:
             if model.diminishing[place] != 1.0 and int(model.target_bits[place]).bit_count() > 1:
                 self.fading |= int(model.target_bits[place])
         self.voluminous = 0
-        if not model.fits_downlink(candidates):
-            self.voluminous = sum(1 << m for m in range(model.m) if model.data_mbit[m] > 0.0) & candidates
+        if not model.admits(candidates):
+            for rule in model.limits:
+                self.voluminous |= 0 if rule.admits(model, candidates) else rule.counted(model) & candidates
         self.remembered = self.fading | self.voluminous
 
     def without(self, live: Live, bits: int) -> Live:
@@ -112,10 +113,10 @@ class LiveSets:
             too_large = sum(
                 1 << m
                 for m in range(self.model.m)
-                if (bits >> m) & 1 and not self.model.fits_downlink(memory & self.voluminous | (1 << m))
+                if (bits >> m) & 1 and not self.model.admits(memory & self.voluminous | (1 << m))
             )
             bits = self._remaining(bits, too_large)
-            if not self.model.fits_downlink(memory & self.voluminous | bits):
+            if not self.model.admits(memory & self.voluminous | bits):
                 kept = memory & self.voluminous
         for place in range(1, self.model.n + 1):
             target = int(self.model.target_bits[place]) & self.fading
@@ -132,7 +133,7 @@ class LiveSets:
         model = self.model
         bits = self.candidates & ~state.done
         for m in range(model.m):
-            if not model.fits_downlink(1 << m):
+            if not model.admits(1 << m):
                 bits &= ~(1 << m)
             if (bits >> m) & 1 and model.is_place[m] and not (state.tracked >> int(model.obs_place[m])) & 1:
                 bits &= ~(1 << m)

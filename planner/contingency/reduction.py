@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.constraints.registry import rules_of
 from planner.contingency.policy import LiveSets, Moves, TooLargeError
 from planner.evaluate.model import Model
 from planner.problem import ObservationId, Problem, TargetId
@@ -18,12 +19,21 @@ if TYPE_CHECKING:
     from planner.orienteering.problem import IntArray
 
 MAX_LIVE_SETS = 13_000
+"""Live sets up to which a table for the search is made. By hand: ten places take 740 MB in single precision
+on 49 x 29 nodes."""
+
 MAX_RETURNING_SETS = 3_000
 """Live sets up to which a search may come back to places: their drives are three times as many. By hand."""
 
 MAX_TRACKED = 11
+"""Targets tracked at once up to which a table is made: each doubles the sets to begin with. By hand."""
+
 KEPT_TARGETS = 9
+"""Targets of a problem that was reduced to fit its table. By hand, as the next."""
+
 KEPT_OBSERVATIONS = 10
+"""Observations of it."""
+
 TRACKED_IN_MEAN = 2
 """Targets tracked during a drive, for mean times; the engines know no tracking."""
 
@@ -31,6 +41,7 @@ ROUTE_LIMIT_S = 10.0
 """Far more than so many labels take: the labels are the limit, so a route does not depend on the machine."""
 
 ROUTE_ITERATIONS = 20_000
+"""Labels for one route on mean values. By hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,14 +158,6 @@ def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda
     )
 
 
-def data_limited(problem: Problem) -> float | None:
-    """Return the budget of downlink volume if it can be exceeded."""
-    limit = problem.budget.data_mbit
-    if limit is None or sum(o.data_mbit for o in problem.observations) <= limit:
-        return None
-    return limit
-
-
 def only(problem: Problem, names: set[ObservationId]) -> Problem:
     """Return the problem with these observations only."""
     targets = tuple(
@@ -213,10 +216,8 @@ def mean_routing(problem: Problem, share: float = 1.0) -> RoutingProblem:
                 None if closes == math.inf else max(0, math.floor(closes)) + duration,
             )
         )
-    limits: tuple[SideLimit, ...] = ()
-    if data_limited(problem) is not None and problem.budget.data_mbit is not None:
-        amounts = tuple(math.ceil(1000.0 * o.data_mbit) for o in observations)
-        limits = (SideLimit("data volume", amounts, math.floor(1000.0 * problem.budget.data_mbit)),)
+    found = (rule.side_limit() for rule in rules_of(problem))
+    limits = tuple(SideLimit(*limit) for limit in found if limit is not None)
     number = {o.id: k for k, o in enumerate(observations)}
     return RoutingProblem(
         time_s,

@@ -25,6 +25,7 @@ SHARES = (1.0, 0.85)
 """Of the budgets that are left, for routes on mean values."""
 
 ROUTE_LABELS = 20_000
+"""Labels for one route of an ending. By hand."""
 
 
 class Endings:
@@ -71,7 +72,7 @@ class Endings:
         return [
             steps
             for steps in found
-            if self.model.fits_downlink(before | sum(1 << m for m in sampler.observations(steps)))
+            if self.model.admits(before | sum(1 << m for m in sampler.observations(steps)))
         ]
 
     def _routes(

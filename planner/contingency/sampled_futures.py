@@ -14,8 +14,9 @@ import numpy as np
 
 from planner.contingency.sampled_conditions import Arrivals
 from planner.evaluate.model import Floats, Model, Truths
-from planner.evaluate.monte_carlo import Futures, Passages, Standing, resume, simulate
+from planner.evaluate.monte_carlo import Futures, resume, simulate
 from planner.evaluate.program import Program, compile_plan
+from planner.evaluate.rollout import Passages, Standing
 from planner.plan_edits import with_tail
 from planner.plan_tree import Branch, Navigate, Observe, Path, Plan
 

@@ -11,6 +11,8 @@ from planner.plan_edits import lists_of, neutral_option, options_of, replace_opt
 from planner.plan_tree import Branch, Navigate, Observe, OnFail, Option, Path, Plan, Step, TrackStart
 
 SWEEPS = 5
+"""Passes over a plan; most end earlier, when one wins nothing. By hand."""
+
 SHORTLIST = 10
 """Changes that are tried on many futures in each sweep."""
 
@@ -90,7 +92,7 @@ class Polisher:
                 if model.is_place[m] and target not in started:
                     longer = (TrackStart(tid), *longer)
                     change = Change((0,), longer)
-                if model.plan_fits_downlink(longer):
+                if model.admits_plan(longer):
                     yield change
 
     def _near(self, place: int, ahead: int | None, known: frozenset[int]) -> list[tuple[int, bool]]:

@@ -4,8 +4,8 @@ planner.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ from planner.evaluate.propagate import State
 from planner.plan_tree import Navigate, Observe, OnFail, Plan, Step, TrackStart
 
 MAX_LABELS = 60_000
+"""Labels after which the best route so far is taken. By hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,99 +31,155 @@ def mean_route(model: Model, state: State, t_s: float, g_j: float, *, must: int 
 
     Only targets tracked in `state` can be placed. Routes that hold more of `must` (bits) come before others.
     """
-    return _best_route(model, state, t_s, g_j, state.tracked, None, must).order
+    best = _MeanRoutes(model, state, None, must).best(t_s, g_j)
+    return () if best is None else best.order
 
 
 def mean_seed(model: Model, *, must: int = 0) -> tuple[int, ...]:
     """Return the best route from the start on mean values, each placed target tracked from the start at its
     cost.
     """
-    best, best_key = _Label(0.0, 0.0, 0.0, ()), (-must.bit_count(), 0.0)
+    order: tuple[int, ...] = ()
+    best_key = (-must.bit_count(), 0.0)
     for count in range(int(np.count_nonzero(model.trackable)) + 1):
         t, g = count * model.track_t_s, count * model.track_e_j
         if t > model.t_max_s or g + model.hotel_w * t > model.e_max_j:
             break
-        label = _best_route(model, State(0, 0, 0), t, g, 0, count, must)
+        label = _MeanRoutes(model, State(0, 0, 0), count, must).best(t, g)
+        if label is None:
+            continue
         held = sum(1 << m for m in label.order)
         key = (-(must & ~held).bit_count(), label.value)
         if key > best_key:
-            best, best_key = label, key
-    return best.order
+            order, best_key = label.order, key
+    return order
 
 
-def _best_route(
-    model: Model, state: State, t_s: float, g_j: float, tracked: int, count: int | None, must: int
-) -> _Label:
-    """Return the best route by label setting over (set, last place) with Pareto-optimal (time, drive energy).
+@dataclass(frozen=True, slots=True)
+class _Move:
+    """Observation m next: the drives there as (time, energy), with the tracks carried, and what it earns."""
 
-    `count` None: the targets in `tracked` are tracked. Else so many targets are tracked, which ones being
-    what the route chooses, and only routes that place on exactly so many are answers.
+    m: int
+    target: int
+    placing: int
+    drives: tuple[tuple[float, float], ...]
+    worth: float
+
+
+class _MeanRoutes:
+    """Label setting over (set made, last place) with Pareto-optimal (time, drive energy).
+
+    Drives take longer the more tracks they carry, which is why `planner.orienteering` cannot be asked. With
+    `count` None the targets tracked in `state` are tracked; else so many are, which ones being what the route
+    chooses, and only routes that place on exactly so many are answers.
     """
-    usable = [
-        m
-        for m in range(model.m)
-        if not (state.done >> m) & 1
-        and (not model.is_place[m] or count is not None or (tracked >> int(model.obs_place[m])) & 1)
-        and model.utility[m] > 0.0
-    ]
-    worth = {m: model.expected_utility_of(m, state.done) for m in usable}
-    fading = bool(np.any(model.diminishing != 1.0))
-    limited = model.data_limit_mbit < math.inf
-    best = _Label(0.0, t_s, g_j, ())
-    best_key = (-(must & ~state.done).bit_count(), 0.0) if count in (None, 0) else (-model.m - 1, 0.0)
-    layer: dict[tuple[int, int], list[_Label]] = {(0, state.place): [best]}
-    made = 0
-    while layer and made < MAX_LABELS:
-        following: dict[tuple[int, int], list[_Label]] = {}
-        for (chosen, place), labels in layer.items():
-            over = [p for p in range(1, model.n + 1) if not int(model.place_bits[p]) & ~(chosen | state.done)]
-            placed = {int(model.obs_place[m]) for m in usable if (chosen >> m) & 1 and model.is_place[m]}
-            if count is None:
-                carried = sum(1 for p in range(1, model.n + 1) if (tracked >> p) & 1 and p not in over)
-            else:
-                carried = count - sum(1 for p in placed if p in over)
-            for label in labels:
-                for m in usable:
-                    if (chosen >> m) & 1 or int(model.predecessors[m]) & ~(chosen | state.done):
-                        continue
-                    if limited and not model.fits_downlink(chosen | state.done | 1 << m):
-                        continue
-                    target = int(model.obs_place[m])
-                    fresh = model.is_place[m] and target not in placed
-                    if count is not None and fresh and len(placed) >= count:
-                        continue
-                    t, g = label.t_s, label.g_j
-                    hops = model.hops(place, target)
-                    if target != place and not hops:
-                        continue
-                    for a, b in pairwise((place, *hops)):
-                        t += model.leg[a, b, 0] + carried * model.track_leg_s
-                        g += model.leg[a, b, 2]
-                    if t > model.window[m, 1]:
-                        continue
-                    t = max(t, float(model.window[m, 0])) + model.obs[m, 0]
-                    g += model.obs[m, 2]
-                    if t > model.t_max_s or g + model.hotel_w * t > model.e_max_j:
-                        continue
-                    value = label.value + (
-                        model.expected_utility_of(m, chosen | state.done) if fading else worth[m]
-                    )
-                    rivals = following.setdefault((chosen | 1 << m, target), [])
-                    if any(r.t_s <= t and r.g_j <= g and r.value >= value for r in rivals):
-                        continue
-                    new = _Label(value, t, g, (*label.order, m))
-                    rivals[:] = [r for r in rivals if not (t <= r.t_s and g <= r.g_j and value >= r.value)]
-                    rivals.append(new)
-                    made += 1
-                    if count is not None and len(placed) + fresh != count:
-                        continue
-                    key = (-(must & ~(chosen | 1 << m | state.done)).bit_count(), value)
-                    if key > best_key or (key == best_key and (t, g) < (best.t_s, best.g_j)):
-                        best, best_key = new, key
-        layer = following
-    if best_key[0] == -model.m - 1:
-        return _Label(-1.0, t_s, g_j, ())
-    return best
+
+    def __init__(self, model: Model, state: State, count: int | None, must: int) -> None:
+        self.model, self.state, self.count, self.must = model, state, count, must
+        self.usable = [
+            m
+            for m in range(model.m)
+            if not (state.done >> m) & 1
+            and (not model.is_place[m] or count is not None or (state.tracked >> int(model.obs_place[m])) & 1)
+            and model.utility[m] > 0.0
+        ]
+        self._best: _Label | None = None
+        self._key = (0, 0.0)
+
+    def best(self, t_s: float, g_j: float) -> _Label | None:
+        """Return the best route begun with so much used; None where none places on `count` targets."""
+        first = _Label(0.0, t_s, g_j, ())
+        if not self.count:
+            self._offer(first, 0)
+        layer: dict[tuple[int, int], list[_Label]] = {(0, self.state.place): [first]}
+        made = 0
+        while layer and made < MAX_LABELS:
+            following: dict[tuple[int, int], list[_Label]] = {}
+            for (chosen, place), labels in layer.items():
+                moves = self._moves(chosen, place)
+                for label in labels:
+                    for move in moves:
+                        new = self._moved(label, move)
+                        after = chosen | 1 << move.m
+                        if new is None or not _kept(following.setdefault((after, move.target), []), new):
+                            continue
+                        made += 1
+                        if self.count is None or move.placing == self.count:
+                            self._offer(new, after)
+            layer = following
+        return self._best
+
+    def _moves(self, chosen: int, place: int) -> list[_Move]:
+        """Return what can be made next at or from a place once a set was made, budgets and windows aside."""
+        model, before = self.model, chosen | self.state.done
+        placed = {int(model.obs_place[m]) for m in self.usable if (chosen >> m) & 1 and model.is_place[m]}
+        over = {p for p in range(1, model.n + 1) if not int(model.place_bits[p]) & ~before}
+        if self.count is None:
+            carried = sum(1 for p in range(1, model.n + 1) if (self.state.tracked >> p) & 1 and p not in over)
+        else:
+            carried = self.count - len(placed & over)
+        overhead_s = carried * model.track_leg_s
+        found = []
+        for m in self.usable:
+            if (chosen >> m) & 1 or int(model.predecessors[m]) & ~before:
+                continue
+            target = int(model.obs_place[m])
+            placing = len(placed) + bool(model.is_place[m] and target not in placed)
+            if self.count is not None and placing > max(self.count, len(placed)):
+                continue
+            hops = model.hops(place, target)
+            if (target != place and not hops) or not model.admits(before | 1 << m):
+                continue
+            legs = [model.leg[a, b] for a, b in pairwise((place, *hops))]
+            drives = tuple((float(leg[0] + overhead_s), float(leg[2])) for leg in legs)
+            found.append(_Move(m, target, placing, drives, model.expected_utility_of(m, before)))
+        return found
+
+    def _moved(self, label: _Label, move: _Move) -> _Label | None:
+        """Return the route with one more observation; None where it is too late for it or over a budget."""
+        model, m, t, g = self.model, move.m, label.t_s, label.g_j
+        for seconds, joules in move.drives:
+            t += seconds
+            g += joules
+        opens, closes = self._windows[m]
+        if t > closes:
+            return None
+        t = max(t, opens) + self._amounts[m][0]
+        g += self._amounts[m][1]
+        if t > model.t_max_s or g + model.hotel_w * t > model.e_max_j:
+            return None
+        return _Label(label.value + move.worth, t, g, (*label.order, m))
+
+    @cached_property
+    def _windows(self) -> list[list[float]]:
+        found: list[list[float]] = self.model.window.tolist()
+        return found
+
+    @cached_property
+    def _amounts(self) -> list[list[float]]:
+        found: list[list[float]] = self.model.obs[:, ::2].tolist()
+        return found
+
+    def _offer(self, label: _Label, made: int) -> None:
+        """Take a route as the best if it holds more of what must be made, earns more, or uses less."""
+        key = (-(self.must & ~(made | self.state.done)).bit_count(), label.value)
+        best = self._best
+        if best is None or (key, (-label.t_s, -label.g_j)) > (self._key, (-best.t_s, -best.g_j)):
+            self._best, self._key = label, key
+
+
+def _kept(rivals: list[_Label], new: _Label) -> bool:
+    """Put a label among those that no other is better than; return whether it is one of them."""
+    if any(r.t_s <= new.t_s and r.g_j <= new.g_j and r.value >= new.value for r in rivals):
+        return False
+    rivals[:] = [r for r in rivals if not (new.t_s <= r.t_s and new.g_j <= r.g_j and new.value >= r.value)]
+    rivals.append(new)
+    return True
+
+
+def route_plan(model: Model, order: tuple[int, ...], on_fail: OnFail = OnFail.SKIP) -> Plan:
+    """Return the plan that tracks what a route from the start places on, and follows it."""
+    return (*track_steps(model, set(order)), *route_steps(model, order, 0, on_fail))
 
 
 def route_steps(model: Model, order: tuple[int, ...], place: int, on_fail: OnFail) -> Plan:

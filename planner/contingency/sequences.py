@@ -128,9 +128,9 @@ def _promises(policy: Policy, masses: Masses) -> Any:
 
 def _fits(model: Model, before: int, order: tuple[int, ...], m: int) -> bool:
     """Return whether one more observation leaves the downlink volume unexceeded."""
-    if model.data_limit_mbit == math.inf:
+    if not model.limits:
         return True
-    return model.fits_downlink(before | sum(1 << k for k in order) | (1 << m))
+    return model.admits(before | sum(1 << k for k in order) | (1 << m))
 
 
 def best_sequences(

@@ -9,15 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.constraints.registry import rules_of
+from planner.constraints.rule import MAX_BITS, Chances, Columns, Rule
 from planner.plan_tree import Plan, ways
 from planner.problem import START, Amount, ObservationId, Problem, TargetId
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
-
-MAX_BITS = 60
-"""Targets and observations are kept as bits of one integer; larger problems are reduced first."""
 
 
 def log_normal(amount: Amount) -> tuple[float, float]:
@@ -79,6 +78,7 @@ class Model:
     data_limit_mbit: float  # inf if there is none
     target_ids: tuple[TargetId, ...]
     observation_ids: tuple[ObservationId, ...]
+    rules: tuple[Rule, ...]
 
     @classmethod
     def of(cls, problem: Problem) -> Model:
@@ -86,7 +86,6 @@ class Model:
         targets, observations = problem.targets, problem.observations
         n, m = len(targets), len(observations)
         place: dict[str, int] = {START: 0, **{t.id: k + 1 for k, t in enumerate(targets)}}
-        number = {o.id: k for k, o in enumerate(observations)}
         leg = np.full((n + 1, n + 1, 4), np.nan)
         leg_ln = np.full((n + 1, n + 1, 4), np.nan)
         loss = np.zeros((n + 1, n + 1, n + 1))
@@ -98,25 +97,20 @@ class Model:
                 loss[a, b, place[target]] = p
         obs = np.zeros((m, 4))
         obs_ln = np.zeros((m, 4))
-        window = np.tile([-math.inf, math.inf], (m, 1))
         obs_place = np.zeros(m, np.int64)
         place_bits = np.zeros(n + 1, np.int64)
         target_bits = np.zeros(n + 1, np.int64)
-        predecessors = np.zeros(m, np.int64)
-        narrow = m <= MAX_BITS
+        rules, columns = rules_of(problem), Columns.free(m)
+        for rule in rules:
+            rule.propagate(columns)
         for k, o in enumerate(observations):
             obs[k] = o.time_s.mean, o.time_s.sd, o.energy_j.mean, o.energy_j.sd
             obs_ln[k] = (*log_normal(o.time_s), *log_normal(o.energy_j))
-            if o.window_s is not None:
-                window[k] = o.window_s
             obs_place[k] = place[o.target]
-            if narrow:
+            if m <= MAX_BITS:
                 target_bits[obs_place[k]] |= 1 << k
-                if o.needs_track:
+                if columns.is_place[k]:
                     place_bits[obs_place[k]] |= 1 << k
-        if narrow:
-            for first, second in problem.precedence:
-                predecessors[number[second]] |= 1 << number[first]
         return cls(
             problem=problem,
             n=n,
@@ -137,18 +131,19 @@ class Model:
             obs_place=obs_place,
             utility=np.array([o.utility for o in observations], float),
             p_success=np.array([o.p_success for o in observations], float),
-            is_place=np.array([o.needs_track for o in observations], bool),
-            window=window,
-            predecessors=predecessors,
-            trackable=np.array([False, *(t.tracked_kind for t in targets)], bool),
+            is_place=columns.is_place,
+            window=columns.window,
+            predecessors=columns.predecessors,
+            trackable=np.isin(np.arange(n + 1), obs_place[columns.is_place]),
             place_bits=place_bits,
             target_bits=target_bits,
             diminishing=np.array([1.0, *(t.diminishing for t in targets)], float),
-            must_do=np.array([o.must_do for o in observations], bool),
-            data_mbit=np.array([o.data_mbit for o in observations], float),
-            data_limit_mbit=math.inf if problem.budget.data_mbit is None else problem.budget.data_mbit,
+            must_do=columns.must_do,
+            data_mbit=columns.data_mbit,
+            data_limit_mbit=columns.data_limit_mbit,
             target_ids=tuple(t.id for t in targets),
             observation_ids=tuple(o.id for o in observations),
+            rules=rules,
         )
 
     @cached_property
@@ -195,22 +190,52 @@ class Model:
         others[:, 0] = False
         return bool(np.all(self.has_leg[others]))
 
-    def volume_of(self, observations: int) -> float:
-        """Return the downlink volume of observations (bits), Mbit."""
-        return float(sum(self.data_mbit[m] for m in range(self.m) if (observations >> m) & 1))
+    @cached_property
+    def gates(self) -> tuple[Rule, ...]:
+        """The rules that say in which states an observation may begin."""
+        return tuple(rule for rule in self.rules if type(rule).feasible is not Rule.feasible)
 
-    def fits_downlink(self, observations: int) -> bool:
-        """Return whether the volume of observations (bits) is within the budget."""
-        return self.volume_of(observations) <= self.data_limit_mbit * (1.0 + 1e-12)
+    @cached_property
+    def limits(self) -> tuple[Rule, ...]:
+        """The rules that say which observations one way through a plan may hold."""
+        return tuple(rule for rule in self.rules if type(rule).admits is not Rule.admits)
 
-    def plan_fits_downlink(self, plan: Plan) -> bool:
-        """Return whether no way through a plan can exceed the downlink volume, whatever fails."""
-        if self.data_limit_mbit == math.inf:
+    def admits(self, made: int) -> bool:
+        """Return whether one way through a plan may make all these observations (bits)."""
+        return all(rule.admits(self, made) for rule in self.limits)
+
+    def admits_plan(self, plan: Plan) -> bool:
+        """Return whether every way through a plan is admitted, whatever fails."""
+        if not self.limits:
             return True
-        return all(self.fits_downlink(sum(1 << self.number_of[o] for o in way)) for way in ways(plan))
+        return all(self.admits(sum(1 << self.number_of[o] for o in way)) for way in ways(plan))
+
+    @cached_property
+    def chances(self) -> Chances:
+        """What the rules leave of the chances that observations are made, for bounds over every policy."""
+        chances = Chances(best_survival(self)[self.obs_place], np.ones(self.m))
+        for rule in self.rules:
+            rule.relax(self, chances)
+        return chances
 
     def expected_utility_of(self, m: int, done: int) -> float:
         """Return what observation `m` is worth in the mean when carried out after those in `done`."""
         place = int(self.obs_place[m])
         before = (done & int(self.target_bits[place])).bit_count()
         return float(self.utility[m] * self.p_success[m] * self.diminishing[place] ** before)
+
+
+def best_survival(model: Model) -> Floats:
+    """Return, per place, the chance of its track to survive the best way to it from the start, (n + 1,)."""
+    kept = np.ones(model.n + 1)
+    for place in range(1, model.n + 1):
+        chance = np.where(model.has_leg, 1.0 - model.loss[:, :, place], 0.0)
+        reach = np.zeros(model.n + 1)
+        reach[0] = 1.0
+        for _ in range(model.n):
+            further = np.maximum(reach, (reach[:, None] * chance).max(axis=0))
+            if np.array_equal(further, reach):
+                break
+            reach = further
+        kept[place] = reach[place]
+    return kept

@@ -12,25 +12,19 @@ import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from planner.evaluate.model import Floats, Ints, Model
+from planner.evaluate.model import Floats, Model
 from planner.evaluate.program import Program, compile_plan
-from planner.evaluate.rollout import (
-    flat_costs,
-    flat_model,
-    flat_program,
-    from_the_start,
-    no_table,
-    roll,
-    unwatched,
-)
+from planner.evaluate.rollout import Costs, Draws, Odds, Outcome, Passages, Rows, Standing, World, roll
 from planner.plan_tree import Plan
 
 CHUNK = 4096
 """Futures per chunk; sums are formed within chunks and then over chunks in order."""
+
+UNMARKED = np.zeros((0, 0), np.bool_)
+UNWATCHED = Passages.empty(0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,56 +56,6 @@ class Estimate:
     mean_energy_j: float
     overrun: float
     futures: int
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """Where some futures stand at one row: their numbers, and time, energy, what was earned, place, tracks
-    (bits of places) and what was done (bits of observations) there. Arrays of one length.
-    """
-
-    number: Ints
-    time_s: Floats
-    energy_j: Floats
-    earned: Floats
-    place: Ints
-    tracked: Ints
-    done: Ints
-
-    def flat(self) -> tuple[Any, ...]:
-        return self.number, self.time_s, self.energy_j, self.earned, self.place, self.tracked, self.done
-
-
-@dataclass(frozen=True, eq=False)
-class Passages:
-    """Time, energy, what was earned, place, tracks and what was done with which each future came to each row.
-
-    Arrays of shape (futures, rows); the time is NaN where a future never came to a row.
-    """
-
-    time_s: Floats
-    energy_j: Floats
-    earned: Floats
-    place: Ints
-    tracked: Ints
-    done: Ints
-
-    @staticmethod
-    def empty(futures: int, rows: int) -> Passages:
-        shape = futures, rows
-        amounts = (np.full(shape, np.nan) for _ in range(3))
-        return Passages(*amounts, *(np.zeros(shape, np.int64) for _ in range(3)))
-
-    def _all(self) -> tuple[Any, ...]:
-        return self.time_s, self.energy_j, self.earned, self.place, self.tracked, self.done
-
-    def part(self, low: int, high: int) -> tuple[Any, ...]:
-        return tuple(values[low:high] for values in self._all())
-
-    def at(self, row: int, futures: int) -> Standing:
-        """Return those of the first `futures` that came to a row, as they stood there."""
-        there = np.flatnonzero(~np.isnan(self.time_s[:futures, row]))
-        return Standing(there, *(values[there, row] for values in self._all()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,27 +103,20 @@ def simulate(
     """
     program = plan if isinstance(plan, Program) else compile_plan(model, plan)
     how = correlation or Correlation()
-    utility = np.empty(futures)
-    time_s = np.empty(futures)
-    energy_j = np.empty(futures)
-    overrun = np.empty(futures, np.bool_)
+    odds = Odds(seed, how.day_factor_sd, how.slip_persistence, how.p_recover)
+    outcome = Outcome.empty(futures)
     workers = max(1, min(threads or os.cpu_count() or 1, -(-futures // CHUNK)))
     visits = [np.zeros(len(program) if count_visits else 0, np.int64) for _ in range(workers)]
-
-    flat = flat_program(program)
-    amounts, arrays = _in_seconds(model)
-    odds = (seed, how.day_factor_sd, how.slip_persistence, how.p_recover)
-    table = no_table()
-    unmarked = np.zeros((0, 0), np.bool_)
     seen = Passages.empty(futures, len(program)) if watch else None
+    rows, costs, world = Rows.of(program), Costs.of(model), World.of(model, model.utility * model.p_success)
 
     def work(worker: int) -> None:
         for chunk in range(worker, -(-futures // CHUNK), workers):
             low, high = chunk * CHUNK, min(futures, (chunk + 1) * CHUNK)
             roll(
-                flat, amounts, arrays, odds, low, high - low, False, *table,
-                utility[low:high], time_s[low:high], energy_j[low:high], overrun[low:high], visits[worker],
-                unmarked, unwatched() if seen is None else seen.part(low, high), from_the_start(),
+                rows, costs, world, odds, low, high - low, False, Draws.none(), outcome.part(low, high),
+                visits[worker], UNMARKED, UNWATCHED if seen is None else seen.part(low, high),
+                Standing.at_start(),
             )  # fmt: skip
 
     if workers == 1:
@@ -187,13 +124,7 @@ def simulate(
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, range(workers)))
-    return Futures(utility, time_s, energy_j, overrun, np.sum(visits, axis=0), seen)
-
-
-def _in_seconds(model: Model) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return budgets and costs, and the model with the success coin averaged out, for the kernel."""
-    amounts = (1.0, model.t_max_s, model.e_max_j, *flat_costs(model), model.track_leg_s, model.window)
-    return amounts, flat_model(model, model.utility * model.p_success)
+    return Futures(*outcome, np.sum(visits, axis=0), seen)
 
 
 def resume(model: Model, plan: Plan | Program, standing: Standing, *, seed: int) -> Floats:
@@ -204,16 +135,13 @@ def resume(model: Model, plan: Plan | Program, standing: Standing, *, seed: int)
     """
     program = plan if isinstance(plan, Program) else compile_plan(model, plan)
     count = len(standing.number)
-    utility = np.empty(count)
-    if not count:
-        return utility
-    amounts, arrays = _in_seconds(model)
-    roll(
-        flat_program(program), amounts, arrays, (seed, 0.0, 0.0, 0.0), 0, count, False, *no_table(),
-        utility, np.empty(count), np.empty(count), np.empty(count, np.bool_), np.zeros(0, np.int64),
-        np.zeros((0, 0), np.bool_), unwatched(), standing.flat(),
-    )  # fmt: skip
-    return utility
+    outcome = Outcome.empty(count)
+    if count:
+        roll(
+            Rows.of(program), Costs.of(model), World.of(model, model.utility * model.p_success), Odds(seed),
+            0, count, False, Draws.none(), outcome, np.zeros(0, np.int64), UNMARKED, UNWATCHED, standing,
+        )  # fmt: skip
+    return outcome.utility
 
 
 def estimate(

@@ -76,92 +76,109 @@ def compile_plan(model: Model, plan: Plan, *, mark_ends: bool = False) -> Progra
 
     With `mark_ends` the end of each list of steps has a row of its own, whose path is one past the last step.
     """
-    rows: list[tuple[int, int, float, int, int]] = [(Op.END, 0, 0.0, 0, 0)]
-    paths: list[Path | None] = [None]
-    option_entry: dict[Path, int] = {}
-    option_test: dict[Path, int] = {}
-    step_row: dict[Path, int] = {}
+    compiler = _Compiler(model, mark_ends)
+    return compiler.program(compiler.block(plan, 0, ()))
 
-    def put(op: Op, arg: int, value: float, go: int, fail: int, path: Path) -> int:
-        rows.append((op, arg, value, go, fail))
-        paths.append(path)
-        return len(rows) - 1
 
-    def test(condition: Condition, yes: int, no: int, path: Path) -> int:
+class _Compiler:
+    """Puts rows from the last to the first; each method returns the row where its part is entered."""
+
+    def __init__(self, model: Model, mark_ends: bool) -> None:
+        self.model, self.mark_ends = model, mark_ends
+        self.rows: list[tuple[int, int, float, int, int]] = [(Op.END, 0, 0.0, 0, 0)]
+        self.paths: list[Path | None] = [None]
+        self.option_entry: dict[Path, int] = {}
+        self.option_test: dict[Path, int] = {}
+        self.step_row: dict[Path, int] = {}
+
+    def put(self, op: Op, arg: int, value: float, go: int, fail: int, path: Path) -> int:
+        self.rows.append((op, arg, value, go, fail))
+        self.paths.append(path)
+        return len(self.rows) - 1
+
+    def test(self, condition: Condition, yes: int, no: int, path: Path) -> int:
         match condition:
             case TimeCondition(comparison, threshold):
                 a, b = (yes, no) if comparison is Comparison.GE else (no, yes)
-                return put(Op.IF_TIME, 0, threshold, a, b, path)
+                return self.put(Op.IF_TIME, 0, threshold, a, b, path)
             case EnergyCondition(comparison, threshold):
                 a, b = (yes, no) if comparison is Comparison.GE else (no, yes)
-                return put(Op.IF_ENERGY, 0, threshold, a, b, path)
+                return self.put(Op.IF_ENERGY, 0, threshold, a, b, path)
             case TrackedCondition(target, truth):
                 a, b = (yes, no) if truth else (no, yes)
-                return put(Op.IF_TRACKED, model.place_of[target], 0.0, a, b, path)
+                return self.put(Op.IF_TRACKED, self.model.place_of[target], 0.0, a, b, path)
             case DoneCondition(observation, truth):
                 a, b = (yes, no) if truth else (no, yes)
-                return put(Op.IF_DONE, model.number_of[observation], 0.0, a, b, path)
+                return self.put(Op.IF_DONE, self.model.number_of[observation], 0.0, a, b, path)
             case _:
                 assert_never(condition)
 
-    def block(steps: Plan, k: int, path: Path) -> int:
+    def block(self, steps: Plan, k: int, path: Path) -> int:
+        here = (*path, k)
         if k == len(steps):
-            if not mark_ends:
+            if not self.mark_ends:
                 return 0
-            step_row[(*path, k)] = put(Op.CHECK, 0, 0.0, 0, 0, (*path, k))
-            return step_row[(*path, k)]
-        step, here = steps[k], (*path, k)
-        if isinstance(step, Stop):
-            step_row[here] = 0
-            return 0
-        rest = block(steps, k + 1, path)
-        if isinstance(step, Branch):
-            entry = rest
-            for j in range(len(step.options) - 1, -1, -1):
-                option = step.options[j]
-                body = block(option.plan, 0, (*here, j))
-                body = put(Op.CHECK, 0, 0.0, body, body, (*here, j))  # a row that only this option passes
-                option_entry[(*here, j)] = body
-                first = body
-                for condition in reversed(option.when):
-                    first = test(condition, first, entry, (*here, j))
-                option_test[(*here, j)] = first
-                entry = first
-            step_row[here] = entry
-            return entry
-        fail = rest if step.on_fail is OnFail.SKIP else 0
+            row = self.put(Op.CHECK, 0, 0.0, 0, 0, here)
+        elif isinstance(step := steps[k], Stop):
+            row = 0
+        else:
+            rest = self.block(steps, k + 1, path)
+            if isinstance(step, Branch):
+                row = self.branch(step, rest, here)
+            else:
+                row = self.step(step, rest, rest if step.on_fail is OnFail.SKIP else 0, here)
+        self.step_row[here] = row
+        return row
+
+    def branch(self, branch: Branch, rest: int, here: Path) -> int:
+        entry = rest
+        for j in range(len(branch.options) - 1, -1, -1):
+            option, path = branch.options[j], (*here, j)
+            body = self.block(option.plan, 0, path)
+            body = self.put(Op.CHECK, 0, 0.0, body, body, path)  # a row that only this option passes
+            self.option_entry[path] = entry_of_option = body
+            for condition in reversed(option.when):
+                entry_of_option = self.test(condition, entry_of_option, entry, path)
+            self.option_test[path] = entry = entry_of_option
+        return entry
+
+    def step(
+        self, step: TrackStart | TrackStop | Navigate | Observe | Visit, rest: int, fail: int, here: Path
+    ) -> int:
+        model, put = self.model, self.put
         match step:
             case TrackStart(target, _):
-                row = put(Op.TRACK_START, model.place_of[target], 0.0, rest, fail, here)
+                return put(Op.TRACK_START, model.place_of[target], 0.0, rest, fail, here)
             case TrackStop(target, _):
-                row = put(Op.TRACK_STOP, model.place_of[target], 0.0, rest, fail, here)
+                return put(Op.TRACK_STOP, model.place_of[target], 0.0, rest, fail, here)
             case Navigate(to, require_tracked, _):
                 row = put(Op.NAVIGATE, model.place_of[to], 0.0, rest, fail, here)
                 if require_tracked:
                     row = put(Op.CHECK, model.place_of[to], 0.0, row, fail, here)
+                return row
             case Observe(observation, _, _):
-                row = put(Op.OBSERVE, model.number_of[observation], 0.0, rest, fail, here)
+                return put(Op.OBSERVE, model.number_of[observation], 0.0, rest, fail, here)
             case Visit(observation, target, _):
                 m, place = model.number_of[observation], model.place_of[target]
                 row = put(Op.OBSERVE, m, 0.0, rest, fail, here)
                 row = put(Op.NAVIGATE, place, 0.0, row, fail, here)
                 if model.is_place[m]:
                     row = put(Op.CHECK, place, 0.0, row, fail, here)
+                return row
             case _:
                 assert_never(step)
-        step_row[here] = row
-        return row
 
-    entry = block(plan, 0, ())
-    return Program(
-        op=np.array([r[0] for r in rows], np.int64),
-        arg=np.array([r[1] for r in rows], np.int64),
-        value=np.array([r[2] for r in rows], np.float64),
-        go=np.array([r[3] for r in rows], np.int64),
-        fail=np.array([r[4] for r in rows], np.int64),
-        entry=entry,
-        path=tuple(paths),
-        option_entry=option_entry,
-        option_test=option_test,
-        step_row=step_row,
-    )
+    def program(self, entry: int) -> Program:
+        op, arg, value, go, fail = zip(*self.rows, strict=True)
+        return Program(
+            op=np.array(op, np.int64),
+            arg=np.array(arg, np.int64),
+            value=np.array(value, np.float64),
+            go=np.array(go, np.int64),
+            fail=np.array(fail, np.int64),
+            entry=entry,
+            path=tuple(self.paths),
+            option_entry=self.option_entry,
+            option_test=self.option_test,
+            step_row=self.step_row,
+        )

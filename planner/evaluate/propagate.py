@@ -18,7 +18,10 @@ from planner.evaluate.program import Op, Program, compile_plan
 from planner.plan_tree import Plan
 
 COARSE = (61, 37)
+"""Nodes in time and drive energy of the coarser grid of the evaluator. By hand."""
+
 FINE = (91, 55)
+"""Nodes of the finer one, 1.5 times as fine: the error of second order is extrapolated from both."""
 
 
 class State(NamedTuple):
@@ -62,12 +65,10 @@ def after_done(model: Model, state: State, m: int) -> State:
 def can_observe(model: Model, state: State, m: int) -> bool:
     """Return whether an observation can be carried out in a state, its window aside."""
     place = int(model.obs_place[m])
-    return (
-        state.place == place
-        and not (state.done >> m) & 1
-        and (not model.is_place[m] or bool((state.tracked >> place) & 1))
-        and not int(model.predecessors[m]) & ~state.done
-    )
+    if state.place != place or (state.done >> m) & 1:
+        return False
+    tracked = bool((state.tracked >> place) & 1)
+    return all(rule.feasible(model, m, state.done, tracked) for rule in model.gates)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,59 +3,223 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, uint64
 
 from planner.evaluate.hashing import mix, normal, uniform
-from planner.evaluate.model import Floats, Model
+from planner.evaluate.model import Floats, Ints, Model, Truths
 from planner.evaluate.program import Program
+
+
+class Rows(NamedTuple):
+    """A program: row k does `op[k]` on `arg[k]` (threshold `value[k]`), then goes to `go[k]` or `fail[k]`."""
+
+    op: Ints
+    arg: Ints
+    value: Floats
+    go: Ints
+    fail: Ints
+    entry: int
+
+    @staticmethod
+    def of(program: Program) -> Rows:
+        """Return a program as the kernel takes it."""
+        return Rows(program.op, program.arg, program.value, program.go, program.fail, program.entry)
+
+
+class Costs(NamedTuple):
+    """Budgets, costs and windows; times in ticks, of which `per_s` make a second."""
+
+    per_s: float
+    t_max: float
+    e_max: float
+    hotel: float
+    penalty: float
+    track_t: float
+    track_e: float
+    track_leg: float
+    window: Floats  # (m, 2)
+
+    @staticmethod
+    def of(model: Model, per_s: int = 0) -> Costs:
+        """Return a model's: in whole ticks where there are some `per_s`, else in seconds."""
+        ticks = float(per_s or 1)
+
+        def told(seconds: float) -> float:
+            return float(round(seconds * per_s)) if per_s else seconds
+
+        window = np.round(np.clip(model.window, -1e12, 1e12) * ticks) if per_s else model.window
+        return Costs(
+            ticks, told(model.t_max_s), model.e_max_j, model.hotel_w, model.penalty, told(model.track_t_s),
+            model.track_e_j, told(model.track_leg_s), window,
+        )  # fmt: skip
+
+
+class World(NamedTuple):
+    """Drives, observations and what may be observed when; the members are those of `Model`."""
+
+    n: int
+    leg_ln: Floats
+    has_leg: Truths
+    loss: Floats
+    obs_ln: Floats
+    obs_place: Ints
+    worth: Floats  # (m,) what an observation earns
+    p_success: Floats
+    is_place: Truths
+    predecessors: Ints
+    trackable: Truths
+    place_bits: Ints
+    target_bits: Ints
+    diminishing: Floats
+
+    @staticmethod
+    def of(model: Model, worth: Floats) -> World:
+        """Return a model as the kernel takes it."""
+        return World(
+            model.n, model.leg_ln, model.has_leg, model.loss, model.obs_ln, model.obs_place, worth,
+            model.p_success, model.is_place, model.predecessors, model.trackable, model.place_bits,
+            model.target_bits, model.diminishing,
+        )  # fmt: skip
+
+
+class Odds(NamedTuple):
+    """The seed of all draws, and what breaks their independence (`monte_carlo.Correlation`)."""
+
+    seed: int
+    day_sd: float = 0.0
+    keep: float = 0.0
+    p_recover: float = 0.0
+
+
+class Draws(NamedTuple):
+    """A table of draws, row f of each for future f: times in ticks, energies, uniforms; empty where none."""
+
+    leg_t: Floats  # (N, n + 1, n + 1)
+    leg_g: Floats
+    leg_u: Floats  # (N, n + 1, n + 1, n + 1)
+    obs_t: Floats  # (N, m)
+    obs_g: Floats
+    obs_u: Floats
+
+    @staticmethod
+    def none() -> Draws:
+        """Return the table of a run whose draws are hashes."""
+        legs, observations = np.zeros((0, 0, 0)), np.zeros((0, 0))
+        return Draws(legs, legs, np.zeros((0, 0, 0, 0)), observations, observations, observations)
+
+
+class Outcome(NamedTuple):
+    """What each future earned and used, to be filled; shapes (N,)."""
+
+    utility: Floats
+    time_s: Floats
+    energy_j: Floats
+    overrun: Truths
+
+    @staticmethod
+    def empty(count: int) -> Outcome:
+        """Return room for so many futures."""
+        return Outcome(np.empty(count), np.empty(count), np.empty(count), np.empty(count, np.bool_))
+
+    def part(self, low: int, high: int) -> Outcome:
+        """Return the room of some of the futures."""
+        at = slice(low, high)
+        return Outcome(self.utility[at], self.time_s[at], self.energy_j[at], self.overrun[at])
+
+
+class Passages(NamedTuple):
+    """Time, energy, what was earned, place, tracks and what was done with which each future came to each row.
+
+    Arrays of shape (futures, rows); the time is NaN where a future never came to a row.
+    """
+
+    time_s: Floats
+    energy_j: Floats
+    earned: Floats
+    place: Ints
+    tracked: Ints
+    done: Ints
+
+    @staticmethod
+    def empty(futures: int, rows: int) -> Passages:
+        """Return room for so many; none of either where no row is watched."""
+        shape = futures, rows
+        amounts = (np.full(shape, np.nan) for _ in range(3))
+        return Passages(*amounts, *(np.zeros(shape, np.int64) for _ in range(3)))
+
+    def part(self, low: int, high: int) -> Passages:
+        """Return the room of some of the futures."""
+        at = slice(low, high)
+        return Passages(
+            self.time_s[at], self.energy_j[at], self.earned[at],
+            self.place[at], self.tracked[at], self.done[at],
+        )  # fmt: skip
+
+    def at(self, row: int, futures: int) -> Standing:
+        """Return those of the first `futures` that came to a row, as they stood there."""
+        there = np.flatnonzero(~np.isnan(self.time_s[:futures, row]))
+        return Standing(there, *(values[there, row] for values in self))
+
+
+class Standing(NamedTuple):
+    """Where some futures stand at one row: their numbers, and time, energy, what was earned, place, tracks
+    (bits of places) and what was done (bits of observations) there. Arrays of one length.
+    """
+
+    number: Ints
+    time_s: Floats
+    energy_j: Floats
+    earned: Floats
+    place: Ints
+    tracked: Ints
+    done: Ints
+
+    @staticmethod
+    def at_start() -> Standing:
+        """Return that of a run in which every future begins at the start."""
+        amounts, bits = np.zeros(0), np.zeros(0, np.int64)
+        return Standing(bits, amounts, amounts, amounts, bits, bits, bits)
 
 
 @njit(nogil=True, cache=True)
 def roll(
-    program: Any,
-    amounts: Any,
-    model: Any,
-    how: Any,
-    first: Any,
-    count: Any,
-    drawn: Any,
-    leg_t: Any,
-    leg_g: Any,
-    leg_u: Any,
-    obs_t: Any,
-    obs_g: Any,
-    obs_u: Any,
-    utility: Any,
-    time_used: Any,
-    energy_used: Any,
-    over: Any,
-    visits: Any,
-    visited: Any,
-    seen: Any,
-    begin: Any,
-) -> Any:
-    """Fill utility, time, energy and overrun of `count` futures, and the rows that they went through.
+    program: Rows,
+    costs: Costs,
+    world: World,
+    odds: Odds,
+    first: int,
+    count: int,
+    drawn: bool,
+    draws: Draws,
+    outcome: Outcome,
+    visits: Ints,
+    visited: Truths,
+    seen: Passages,
+    begin: Standing,
+) -> None:
+    """Fill the outcome of `count` futures, and the rows that they went through.
 
     Times are in ticks, of which `per_s` make a second: whole milliseconds where `drawn`, so sums are exact.
     Where `drawn`, future f takes its amounts and uniforms from row f of the tables, and the success coin is
     tossed; else they are hashes of (seed, `first` + f, action), and an observation earns its mean, `worth`.
-    `visits` counts passages per row, `visited` marks rows per future, the arrays of `seen` hold time, energy,
-    what was earned, place, tracks and what was done (bits) when a future came to a row; each may be empty.
-    Where `begin` is not empty, future f is number `begin[0][f]` and goes on from what `begin[1:]` say, in the
-    order of `seen`, instead of from the start.
+    `visits` counts passages per row, `visited` marks rows per future, `seen` holds how a future came to a
+    row; each may be empty. Where `begin` is not empty, future f is number `begin.number[f]` and goes on from
+    where it stands instead of from the start.
 
     No fast mathematics: in tables of draws every comparison must fall as the executive's does.
     """
     op, arg, value, go, fail, entry = program
-    per_s, t_max, e_max, hotel, penalty, track_t, track_e, track_leg, window = amounts
+    per_s, t_max, e_max, hotel, penalty, track_t, track_e, track_leg, window = costs
     (
         n, leg_ln, has_leg, loss, obs_ln, obs_place, worth, p_success, is_place, predecessors, trackable,
         place_bits, target_bits, diminishing,
-    ) = model  # fmt: skip
-    seed, day_sd, keep, p_recover = how
+    ) = world  # fmt: skip
+    seed, day_sd, keep, p_recover = odds
+    leg_t, leg_g, leg_u, obs_t, obs_g, obs_u = draws
+    utility, time_used, energy_used, over = outcome
     seen_t, seen_e, seen_u, seen_place, seen_tracked, seen_done = seen
     number, begin_t, begin_e, begin_u, begin_place, begin_tracked, begin_done = begin
     resumed = number.shape[0] > 0
@@ -209,49 +373,3 @@ def roll(
         time_used[f] = t / per_s
         energy_used[f] = g + hotel * (t / per_s)
         over[f] = ended_over
-
-
-# ------------------------------------------------------------------------------------- its arguments
-
-
-def flat_program(program: Program) -> tuple[Any, ...]:
-    """Return a program as the kernel takes it."""
-    return program.op, program.arg, program.value, program.go, program.fail, program.entry
-
-
-def flat_costs(model: Model, *, per_s: int = 0) -> tuple[float, ...]:
-    """Return hotel load, cost of an overrun, and time and energy of a start of tracking.
-
-    The time is in whole ticks if there are some `per_s`, else in seconds.
-    """
-    track_t = float(round(model.track_t_s * per_s)) if per_s else model.track_t_s
-    return model.hotel_w, model.penalty, track_t, model.track_e_j
-
-
-def flat_model(model: Model, worth: Floats) -> tuple[Any, ...]:
-    """Return a model as the kernel takes it; `worth` is what an observation earns, shape (m,)."""
-    return (
-        model.n, model.leg_ln, model.has_leg, model.loss, model.obs_ln, model.obs_place, worth,
-        model.p_success, model.is_place, model.predecessors, model.trackable, model.place_bits,
-        model.target_bits, model.diminishing,
-    )  # fmt: skip
-
-
-def unwatched() -> tuple[Any, ...]:
-    """Return the arrays of a run in which no row is watched."""
-    amounts, bits = np.zeros((0, 0)), np.zeros((0, 0), np.int64)
-    return amounts, amounts, amounts, bits, bits, bits
-
-
-def from_the_start() -> tuple[Any, ...]:
-    """Return the arrays of a run in which every future begins at the start."""
-    amounts, bits = np.zeros(0), np.zeros(0, np.int64)
-    return bits, amounts, amounts, amounts, bits, bits, bits
-
-
-def no_table() -> tuple[Floats, ...]:
-    """Return the tables of draws of a run without: leg times, energies and losses, and the observations'."""
-    return (
-        np.zeros((0, 0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0, 0, 0)),
-        np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)),
-    )  # fmt: skip

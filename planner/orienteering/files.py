@@ -19,6 +19,7 @@ from planner.errors import RoutingError
 from planner.orienteering.problem import Experiment, IntArray, RoutingProblem, RoutingSolution
 
 CLASSIC_SCALE = 1_000_000
+"""Units of length in one of a classic file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def read_routing_file(path: Path) -> RoutingFile:
     )
 
 
-def solution_document(file: RoutingFile, solution: RoutingSolution) -> dict[str, Any]:
+def solution_document(file: RoutingFile, solution: RoutingSolution) -> dict[str, object]:
     """Return the members of a solution file."""
     return {
         "value": solution.value,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 import numpy.typing as npt
@@ -181,6 +182,29 @@ class RoutingSolution:
 
 def _check(p: RoutingProblem) -> None:
     """Raise RoutingError unless the problem makes sense."""
+    _check_roads(p)
+    n = p.travel_time.shape[0]
+    for what, site in (("start_site", p.start_site), ("end_site", p.end_site)):
+        if site is not None and not 0 <= site < n:
+            raise RoutingError(f"{what} is {site}; sites run from 0 to {n - 1}")
+    for what in ("time_budget", "start_time", "energy_used", "energy_budget", "base_prize"):
+        value = getattr(p, what) or 0
+        if not 0 <= value <= _LARGEST:
+            raise RoutingError(f"{what} is {value}; it must lie between 0 and {_LARGEST}")
+    _check_experiments(p, n)
+    m = len(p.experiments)
+    for index in p.done:
+        if not 0 <= index < m:
+            raise RoutingError(f"done holds {index}; experiments run from 0 to {m - 1}")
+    for limit in p.limits:
+        if len(limit.amounts) != m or min(limit.amounts, default=0) < 0:
+            raise RoutingError(f"limit {limit.name} needs {m} amounts >= 0, one an experiment")
+        if limit.capacity < 0:
+            raise RoutingError(f"limit {limit.name} has capacity {limit.capacity}; it must be >= 0")
+    _check_precedence(p)
+
+
+def _check_roads(p: RoutingProblem) -> None:
     for name in ("travel_time", "travel_energy"):
         matrix = np.asarray(getattr(p, name))
         if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
@@ -196,65 +220,32 @@ def _check(p: RoutingProblem) -> None:
         )
     if (p.travel_energy[p.travel_time >= 0] < 0).any():
         raise RoutingError("travel_energy holds a negative energy on a road")
-    n = p.travel_time.shape[0]
-    for what, site in (("start_site", p.start_site), ("end_site", p.end_site)):
-        if site is not None and not 0 <= site < n:
-            raise RoutingError(f"{what} is {site}; sites run from 0 to {n - 1}")
-    for what, value in (
-        ("time_budget", p.time_budget),
-        ("start_time", p.start_time),
-        ("energy_used", p.energy_used),
-        ("energy_budget", 0 if p.energy_budget is None else p.energy_budget),
-        ("base_prize", p.base_prize),
-    ):
-        if not 0 <= value <= _LARGEST:
-            raise RoutingError(f"{what} is {value}; it must lie between 0 and {_LARGEST}")
-    m = len(p.experiments)
+
+
+def _check_experiments(p: RoutingProblem, sites: int) -> None:
     ids = set()
     for e in p.experiments:
         if e.id in ids:
             raise RoutingError(f"experiment {e.id} is given twice")
         ids.add(e.id)
-        if not 0 <= e.site < n:
-            raise RoutingError(f"experiment {e.id} is at site {e.site}; sites run from 0 to {n - 1}")
+        if not 0 <= e.site < sites:
+            raise RoutingError(f"experiment {e.id} is at site {e.site}; sites run from 0 to {sites - 1}")
         for what in ("prize", "duration", "energy", "earliest_start"):
             if not 0 <= getattr(e, what) <= _LARGEST:
                 raise RoutingError(f"experiment {e.id}: {what} is {getattr(e, what)}; it must be >= 0")
     if sum(e.prize for e in p.experiments) + p.base_prize > 2**40:
         raise RoutingError("the prizes add up to more than 2^40")
-    followers: dict[int, list[int]] = {}
+
+
+def _check_precedence(p: RoutingProblem) -> None:
+    m = len(p.experiments)
+    before: dict[int, list[int]] = {}
     for a, b in p.precedence:
         if not (0 <= a < m and 0 <= b < m) or a == b:
             raise RoutingError(f"precedence ({a}, {b}) does not name two of the {m} experiments")
-        followers.setdefault(a, []).append(b)
-    _check_acyclic(p, followers)
-    for index in p.done:
-        if not 0 <= index < m:
-            raise RoutingError(f"done holds {index}; experiments run from 0 to {m - 1}")
-    for limit in p.limits:
-        if len(limit.amounts) != m or min(limit.amounts, default=0) < 0:
-            raise RoutingError(f"limit {limit.name} needs {m} amounts >= 0, one an experiment")
-        if limit.capacity < 0:
-            raise RoutingError(f"limit {limit.name} has capacity {limit.capacity}; it must be >= 0")
-
-
-def _check_acyclic(p: RoutingProblem, followers: dict[int, list[int]]) -> None:
-    state: dict[int, int] = {}
-    for root in followers:
-        stack = [(root, iter(followers.get(root, ())))]
-        if state.get(root) == 2:
-            continue
-        state[root] = 1
-        while stack:
-            node, rest = stack[-1]
-            onward = next(rest, None)
-            if onward is None:
-                state[node] = 2
-                stack.pop()
-            elif state.get(onward) == 1:
-                raise RoutingError(
-                    f"precedence runs in a circle through experiment {p.experiments[onward].id}"
-                )
-            elif onward not in state:
-                state[onward] = 1
-                stack.append((onward, iter(followers.get(onward, ()))))
+        before.setdefault(b, []).append(a)
+    try:
+        TopologicalSorter(before).prepare()
+    except CycleError as err:
+        circle = " -> ".join(str(p.experiments[k].id) for k in err.args[1])
+        raise RoutingError(f"precedence runs in a circle through experiment {circle}") from err

@@ -29,30 +29,26 @@ hotel load (`energy used = hotel_w * elapsed + sum of drive energies`), duration
 of `track_overhead_s` per tracked target and leg, which the planner adds. Start is the place `"start"`.
 """
 
+from mission import KeepOut, Pose
 from planner.path_network.build import build_network
 from planner.path_network.calibration import (
+    CALIBRATIONS,
     K9_CALIBRATION,
     Calibration,
     LossFit,
     RegressionFit,
-    calibration_from_json,
-    calibration_to_json,
     fit_calibration,
     fit_loss,
     fit_mean,
-    read_calibration,
-    write_calibration,
 )
 from planner.path_network.values import (
     START,
     DriveRule,
-    KeepOut,
     MissingRoute,
     NetworkOptions,
     NetworkRequest,
     ObservationPoint,
     PathNetwork,
-    Pose,
     Route,
     RoverParameters,
     Segment,
@@ -62,6 +58,7 @@ from planner.path_network.values import (
 )
 
 __all__ = [
+    "CALIBRATIONS",
     "K9_CALIBRATION",
     "START",
     "Calibration",
@@ -82,11 +79,7 @@ __all__ = [
     "TrackingRegion",
     "UnreachablePoint",
     "build_network",
-    "calibration_from_json",
-    "calibration_to_json",
     "fit_calibration",
     "fit_loss",
     "fit_mean",
-    "read_calibration",
-    "write_calibration",
 ]

@@ -17,22 +17,24 @@ hotel load times elapsed time plus the sum of drive energies.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
-from dataclasses import MISSING, asdict, dataclass, fields
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
+from annotated_types import Ge, MinLen
 
+from mission.codec import Codec
+from mission.values import NotNegative, value
 from planner.errors import ProblemError
 
-FORMAT = "calibration/1"
+Text = Annotated[str, MinLen(1)]
+Count = Annotated[int, Ge(0)]
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Calibration:
     """Parameters of the leg model above, and their source (`calibration/1`).
 
@@ -41,40 +43,35 @@ class Calibration:
     was not fitted.
     """
 
-    name: str
-    source: str
-    fixed_s: float
-    drive_factor: float
-    turn_factor: float
-    slope_gain: float
-    duration_cv: float
-    energy_factor: float
-    energy_cv: float
-    inside_per_m: float
-    outside_per_m: float
-    occluded_per_m: float
-    angle_gain_per_rad: float
-    legs: int = 0
-    tracks: int = 0
-    losses: int = 0
-    inside_se_per_m: float = 0.0
-    outside_se_per_m: float = 0.0
-    occluded_se_per_m: float = 0.0
+    name: Text
+    source: Text
+    fixed_s: NotNegative
+    drive_factor: NotNegative
+    turn_factor: NotNegative
+    slope_gain: NotNegative
+    duration_cv: NotNegative
+    energy_factor: NotNegative
+    energy_cv: NotNegative
+    inside_per_m: NotNegative
+    outside_per_m: NotNegative
+    occluded_per_m: NotNegative
+    angle_gain_per_rad: NotNegative
+    legs: Count = 0
+    tracks: Count = 0
+    losses: Count = 0
+    inside_se_per_m: NotNegative = 0.0
+    outside_se_per_m: NotNegative = 0.0
+    occluded_se_per_m: NotNegative = 0.0
 
     def __post_init__(self) -> None:
+        for name in ("name", "source"):
+            if not getattr(self, name):
+                raise ProblemError(f"calibration {name} is ''; it must be a text")
         for f in fields(self):
-            value = getattr(self, f.name)
-            if f.name in ("name", "source"):
-                if not isinstance(value, str) or not value:
-                    raise ProblemError(f"calibration {f.name} is {value!r}; it must be a text")
-            elif (
-                not isinstance(value, int | float)
-                or isinstance(value, bool)
-                or not math.isfinite(value)
-                or value < 0
-            ):
+            found = getattr(self, f.name)
+            if not isinstance(found, str) and not 0.0 <= found < math.inf:
                 raise ProblemError(
-                    f"calibration {self.name}: {f.name} is {value!r}; it must be a finite number >= 0"
+                    f"calibration {self.name}: {f.name} is {found!r}; it must be a finite number >= 0"
                 )
 
 
@@ -102,44 +99,7 @@ K9_CALIBRATION = Calibration(
 )
 
 
-def calibration_to_json(calibration: Calibration) -> str:
-    """Return the `calibration/1` text, keys in the order of the fields, ending in a newline."""
-    return json.dumps({"format": FORMAT, **asdict(calibration)}, indent=2) + "\n"
-
-
-def calibration_from_json(text: str) -> Calibration:
-    """Return the calibration in a `calibration/1` text.
-
-    Raises
-    ------
-    ProblemError
-        If the text is not JSON, has another format, or lacks, adds or misstates a member.
-    """
-    try:
-        data: Any = json.loads(text)
-    except ValueError as err:
-        raise ProblemError(f"calibration is not JSON: {err}") from err
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        found = data.get("format") if isinstance(data, dict) else type(data).__name__
-        raise ProblemError(f"calibration format is {found!r}; {FORMAT!r} is understood")
-    known = {f.name for f in fields(Calibration)}
-    required = {f.name for f in fields(Calibration) if f.default is MISSING}
-    members = {k: v for k, v in data.items() if k != "format"}
-    if missing := sorted(required - members.keys()):
-        raise ProblemError(f"calibration lacks {', '.join(missing)}")
-    if unknown := sorted(members.keys() - known):
-        raise ProblemError(f"calibration has unknown members {', '.join(unknown)}")
-    return Calibration(**members)
-
-
-def read_calibration(path: Path) -> Calibration:
-    """Return the calibration stored in a file."""
-    return calibration_from_json(path.read_text(encoding="utf-8"))
-
-
-def write_calibration(calibration: Calibration, path: Path) -> None:
-    """Store a calibration as `calibration/1`."""
-    path.write_text(calibration_to_json(calibration), encoding="utf-8")
+CALIBRATIONS = Codec(Calibration, "calibration/1", "calibration", error=ProblemError)
 
 
 # --------------------------------------------------------------------------- fitting

@@ -13,15 +13,13 @@ import shapely
 from shapely.geometry import LinearRing, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from mission import TerrainGrid
+from mission import KeepOut, Pose, TerrainGrid
 from planner.errors import NetworkError
 from planner.path_network.hazards import hazard_polygons
 from planner.path_network.values import (
     START,
     FloatArray,
-    KeepOut,
     NetworkRequest,
-    Pose,
 )
 
 _ARC = 3  # segments to a quarter circle of clearance
@@ -170,7 +168,7 @@ def _check_inside(
 
 def _polygon(keep_out: KeepOut) -> Polygon:
     try:
-        corners = [(float(e), float(n)) for e, n in keep_out.vertices]
+        corners = [(float(e), float(n)) for e, n in keep_out.polygon_m]
     except (TypeError, ValueError) as err:
         raise NetworkError(f"keep-out {keep_out.id}: a corner is not a pair of numbers") from err
     for e, n in corners:

@@ -7,14 +7,14 @@ counter-clockwise (REP 103: x east, y north).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from mission import TerrainGrid
+from mission import KeepOut, Pose, TerrainGrid
 from planner.errors import NetworkError
 from planner.path_network.calibration import K9_CALIBRATION, Calibration
 
@@ -27,15 +27,6 @@ Point = tuple[float, float]
 def _require(holds: bool, owner: object, name: str, rule: str) -> None:
     if not holds:
         raise NetworkError(f"{type(owner).__name__}.{name} is {getattr(owner, name)!r}; it {rule}")
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Where the rover stands: metres east and north in the site frame, heading in radians from east."""
-
-    east_m: float
-    north_m: float
-    heading_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +60,6 @@ class ObservationPoint:
     id: str
     target: str
     pose: Pose
-
-
-@dataclass(frozen=True, slots=True)
-class KeepOut:
-    """A region the rover must not enter: a simple polygon of at least three corners, metres."""
-
-    id: str
-    vertices: Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,6 +310,8 @@ class PathNetwork:
         Length of the shortest route of each pair in `routes`, before consolidation.
     notes
         What a reader should know, one sentence each.
+    target_of
+        Observation point -> target.
     """
 
     places: Mapping[str, Pose]
@@ -341,7 +326,7 @@ class PathNetwork:
     track_overhead_s: float = 0.0
     hotel_w: float = 0.0
     notes: tuple[str, ...] = ()
-    _point_target: Mapping[str, str] = field(default_factory=dict, repr=False)
+    target_of: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @cached_property
     def _index(self) -> dict[tuple[str, str], Route]:
@@ -358,7 +343,7 @@ class PathNetwork:
         track wins over a short one that loses it. Targets without a reachable point are absent.
         """
         best: dict[str, tuple[float, str]] = {}
-        for point, target in self._point_target.items():
+        for point, target in self.target_of.items():
             drive = self.route(START, point)
             if drive is None:
                 continue

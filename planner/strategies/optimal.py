@@ -9,12 +9,12 @@ import numpy as np
 from planner.contingency.branching import SearchLimits, plan_optimal
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import moves_of
-from planner.contingency.seeding import mean_seed, route_steps, track_steps
+from planner.contingency.seeding import mean_seed, route_plan
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward
 from planner.plan_edits import fitted
-from planner.plan_tree import OnFail, Plan
+from planner.plan_tree import Plan
 from planner.strategies.registry import Found, Task
 
 USUAL_BRANCHES, USUAL_TARGETS = 6, 8
@@ -61,7 +61,7 @@ def routes_cut_short(task: Task) -> tuple[Plan, ...]:
     plans: list[tuple[float, Plan]] = []
     for length in range(len(order), 0, -1):
         route = order[:length]
-        plan = (*track_steps(model, set(route)), *route_steps(model, route, 0, OnFail.SKIP))
+        plan = route_plan(model, route)
         plans.append((Backward(grid, compile_plan(model, plan)).total(), plan))
     plans.sort(key=lambda pair: -pair[0])
     if plans and plans[0][0] > task.watch.best_value:

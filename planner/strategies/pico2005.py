@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from planner.contingency.seeding import mean_route, mean_seed, route_steps, track_steps
+from planner.contingency.seeding import mean_route, mean_seed, route_plan, route_steps, track_steps
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.program import Program, compile_plan
@@ -173,7 +173,7 @@ def plan_pico2005(
     must = sum(1 << m for m in range(model.m) if model.must_do[m])
     order = mean_seed(model, must=must)
     route = route_steps(model, order, 0, OnFail.STOP)
-    seed: Plan = (*track_steps(model, set(order)), *route)
+    seed = route_plan(model, order, OnFail.STOP)
     if not order:
         return seed
     best, best_value = seed, Backward(grid, compile_plan(model, seed)).total()
@@ -226,7 +226,7 @@ def _grow(
                 if should_stop() or not budget.take():
                     return plan
                 candidate = put_option(plan, point.path, option)
-                if not model.plan_fits_downlink(candidate):
+                if not model.admits_plan(candidate):
                     continue
                 # Step 4: evaluate & integrate branch.
                 new = Backward(grid, compile_plan(model, candidate)).total()

@@ -99,14 +99,25 @@ def test_notes_are_written_and_fit_the_published_schema() -> None:
 
 
 BAD: list[tuple[Any, str]] = [
-    ([], "a plan tree must be an object"),
-    ({"format": "plan-tree/9", "plan": []}, "\"format\" is 'plan-tree/9'"),
-    ({"format": "plan-tree/2", "plan": {}}, "a plan must be an array"),
-    ({"format": "plan-tree/2", "plan": [{"op": "fly"}]}, "step 1: \"op\" is 'fly', which is no step"),
-    ({"format": "plan-tree/2", "plan": [{"op": "navigate", "to": "X"}]}, "\"to\" is 'X'; the problem has no"),
+    ([], "plan tree must be an object"),
+    ({"format": "plan-tree/9", "plan": []}, 'has the format "plan-tree/9", newer than this program'),
+    ({"format": "plan-tree/2", "plan": {}}, "plan must be an array, found {}"),
+    (
+        {"format": "plan-tree/2", "plan": [{"op": "fly"}]},
+        r"plan\[0\] has the op \"fly\"; it must be",
+    ),
+    ({"format": "plan-tree/2", "plan": [{"to": "T1"}]}, r'plan\[0\] has no "op"'),
+    (
+        {"format": "plan-tree/2", "plan": [{"op": "navigate", "to": "X"}]},
+        r"plan\[0\].to is 'X'; the problem has",
+    ),
+    (
+        {"format": "plan-tree/2", "plan": [{"op": "track_start", "target": ["X"]}]},
+        r"plan\[0\].target must be a string",
+    ),
     (
         {"format": "plan-tree/2", "plan": [{"op": "navigate", "to": "T1", "on_fail": "cry"}]},
-        "\"on_fail\" is 'cry'",
+        r"plan\[0\].on_fail is \"cry\"; it must be 'stop' or 'skip'",
     ),
     ({"format": "plan-tree/2", "plan": [{"op": "observe", "observation": "Q"}]}, "has no such observation"),
     (
@@ -114,14 +125,14 @@ BAD: list[tuple[Any, str]] = [
             "format": "plan-tree/2",
             "plan": [{"op": "branch", "options": [{"when": [{"var": "mood"}], "plan": []}]}],
         },
-        "unknown condition",
+        r"plan\[0\].options\[0\].when\[0\] has the var \"mood\"; it must be 'time_s', 'ener",
     ),
     (
         {
             "format": "plan-tree/2",
             "plan": [{"op": "branch", "options": [{"when": [{"var": "time_s"}], "plan": []}]}],
         },
-        'a condition on time_s needs a number in "ge" or "lt"',
+        r"when\[0\]: a condition on time_s needs a number in ge or lt",
     ),
 ]
 
@@ -130,3 +141,12 @@ BAD: list[tuple[Any, str]] = [
 def test_what_is_wrong_is_named(document: Any, message: str) -> None:
     with pytest.raises(PlanTreeError, match=message):
         plan_tree_from_dict(document, example())
+
+
+def test_branches_nested_too_deeply_are_refused() -> None:
+    for depth in (61, 90, 400):
+        plan: list[Any] = []
+        for _ in range(depth):
+            plan = [{"op": "branch", "options": [{"when": [], "plan": plan}]}]
+        with pytest.raises(PlanTreeError):
+            plan_tree_from_dict({"format": "plan-tree/2", "plan": plan}, example())

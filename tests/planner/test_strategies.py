@@ -65,7 +65,7 @@ def test_no_way_through_a_plan_exceeds_the_volume(strategy: Any) -> None:
     problem = dataclasses.replace(problem, budget=dataclasses.replace(problem.budget, data_mbit=20.0))
     asked, _ = task(problem)
     for _, plan in strategy(asked).curve:
-        assert asked.model.plan_fits_downlink(plan)
+        assert asked.model.admits_plan(plan)
 
 
 def test_a_search_that_is_stopped_at_once_still_answers(strategy: Any) -> None:

@@ -8,6 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
+from planner.constraints.overrun import OverrunChance
 from planner.contingency.bounds import relaxed_bound, upper_bound
 from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.policy import LiveSets, Policy
@@ -168,8 +169,8 @@ def test_a_plan_keeps_to_a_chance_with_room_for_the_error() -> None:
     model = Model.of(problem)
     plan = visits(problem, "O1", "O2", "O3")
     share = float(np.mean(simulate(model, plan, 200_000, seed=5).overrun))
-    assert not keeps_to(model, plan, share, seed=5)
-    assert keeps_to(model, plan, share + 0.01, seed=5)
+    assert not keeps_to(model, plan, OverrunChance(share), seed=5)
+    assert keeps_to(model, plan, OverrunChance(share + 0.01), seed=5)
 
 
 def test_the_price_of_an_overrun_is_closed_in_on() -> None:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from planner.contingency.flow_bound import best_survival, flow_bound, least_energy, least_time
+from planner.contingency.flow_bound import flow_bound, least_energy, least_time
 from planner.contingency.policy import Policy
 from planner.evaluate.grid import Grid, Rounding
-from planner.evaluate.model import Model, log_normal
+from planner.evaluate.model import Model, best_survival, log_normal
 from planner.problem import Amount, Problem, load_problem, problem_from_dict
 from tests.planner.examples import example, observation, problem_document, problems
 from tests.shared import shared

@@ -131,7 +131,7 @@ def test_only_its_own_drives_come_as_near_to_a_rock_as_an_observation_point() ->
     own, passing = network.route("start", "N"), network.route("start", "F")
     assert own is not None
     assert passing is not None
-    body = shapely.Polygon(rock.vertices)
+    body = shapely.Polygon(rock.polygon_m)
     assert 0.18 - 1e-6 <= shapely.LineString(own.points).distance(body) <= 0.2 + 1e-6
     assert shapely.LineString(passing.points).distance(body) >= 0.6
 
@@ -160,7 +160,7 @@ def test_a_place_in_a_margin_is_no_way_through_for_others() -> None:
 def test_drives_in_both_directions_are_one_route_also_at_places_in_margins() -> None:
     for seed in range(6):
         world = random_world(seed, keep_outs=14)
-        bodies = [shapely.Polygon(k.vertices) for k in world.keep_outs]
+        bodies = [shapely.Polygon(k.polygon_m) for k in world.keep_outs]
         stands = []
         for point, body in zip(world.observation_points, bodies, strict=False):
             at = np.asarray(body.exterior.interpolate(0.3, normalized=True).coords)[0]

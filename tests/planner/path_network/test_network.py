@@ -35,7 +35,7 @@ SEEDS = st.integers(0, 10_000)
 def test_no_route_crosses_a_keep_out(seed: int) -> None:
     request = random_world(seed)
     network = build_network(request)
-    solid = [shapely.Polygon(k.vertices) for k in request.keep_outs]
+    solid = [shapely.Polygon(k.polygon_m) for k in request.keep_outs]
     assert network.routes
     for route in network.routes:
         line = shapely.LineString(route.points)
@@ -56,7 +56,7 @@ def test_routes_keep_the_clearance_except_round_their_own_narrow_places(seed: in
         if line.is_empty:
             continue
         for keep_out in request.keep_outs:
-            assert line.distance(shapely.Polygon(keep_out.vertices)) >= clearance - 2e-3
+            assert line.distance(shapely.Polygon(keep_out.polygon_m)) >= clearance - 2e-3
 
 
 @settings(max_examples=15, deadline=None)

@@ -1,0 +1,214 @@
+"""The documents `problem/1` and `contingency/1` as types, read, checked and written by one codec.
+
+`contingency/1` holds one observation per target and is brought up to `problem/1`, its superset. Members that
+may be absent may also be null, but for those that are true or false.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, NotRequired, cast
+
+from annotated_types import MaxLen, MinLen
+from typing_extensions import TypedDict  # pydantic asks for it before Python 3.12
+
+from mission.codec import Codec
+from mission.values import Chance, NotNegative, Positive, Share, document
+from planner.errors import ProblemError
+
+MAX_TARGETS = 2_000
+"""By hand: all pairs of so many are four million legs."""
+
+
+Name = Annotated[str, MinLen(1)]
+Pair = Annotated[tuple[float, ...], MinLen(2), MaxLen(2)]
+Coordinates = Annotated[tuple[float, ...], MinLen(2), MaxLen(3)]
+"""East, north and perhaps up in the site frame, metres."""
+
+
+@document
+class AmountDocument(TypedDict):
+    """A random amount that may be 0."""
+
+    mean: NotNegative
+    sd: NotRequired[NotNegative | None]
+
+
+@document
+class PositiveDocument(TypedDict):
+    """A random amount above 0."""
+
+    mean: Positive
+    sd: NotRequired[NotNegative | None]
+
+
+@document
+class ObserveDocument(TypedDict):
+    """What making an observation takes: seconds, and joules beside the hotel load."""
+
+    time_s: AmountDocument
+    energy_j: AmountDocument
+
+
+@document
+class PoseDocument(TypedDict):
+    """Where the rover stands in the site frame; heading counter-clockwise from east."""
+
+    east_m: float
+    north_m: float
+    heading_rad: NotRequired[float | None]
+
+
+class _Observed(TypedDict):
+    kind: Literal["place", "image"]
+    utility: NotNegative
+    observe: ObserveDocument
+    window_s: NotRequired[Pair | None]
+
+
+@document
+class ObservationDocument(_Observed):
+    """One observation of a target."""
+
+    id: Name
+    instrument: NotRequired[str | None]
+    action: NotRequired[str | None]
+    p_success: NotRequired[Chance | None]
+    must_do: NotRequired[bool]
+    data_mbit: NotRequired[NotNegative | None]
+    tracked: NotRequired[bool]
+    refs: NotRequired[dict[str, str] | None]
+
+
+@document
+class TargetDocument(TypedDict):
+    """A target with its observations."""
+
+    id: Name
+    point_m: NotRequired[Coordinates | None]
+    observation_point: NotRequired[PoseDocument | None]
+    diminishing: NotRequired[Share | None]
+    refs: NotRequired[dict[str, str] | None]
+    observations: tuple[ObservationDocument, ...]
+
+
+LegDocument = TypedDict(
+    "LegDocument",
+    {
+        "from": Name,
+        "to": Name,
+        "length_m": NotRequired[NotNegative | None],
+        "time_s": PositiveDocument,
+        "energy_j": AmountDocument,
+        "p_lose": NotRequired[dict[str, Share] | None],
+        "route": NotRequired[tuple[Coordinates, ...] | None],
+        "refs": NotRequired[object],
+    },
+)
+document(LegDocument)
+
+
+@document
+class TrackStartDocument(TypedDict):
+    """What starting to track a target takes."""
+
+    time_s: NotNegative
+    energy_j: NotNegative
+
+
+@document
+class BudgetDocument(TypedDict):
+    """What may be used in all."""
+
+    time_s: NotNegative
+    energy_j: NotNegative
+    energy_floor_j: NotRequired[NotNegative | None]
+    data_mbit: NotRequired[NotNegative | None]
+
+
+class _Day(TypedDict):
+    name: Name
+    units: NotRequired[object]
+    hotel_w: NotNegative
+    overrun_penalty: NotRequired[NotNegative | None]
+    track_start: TrackStartDocument
+    track_overhead_s_per_leg: NotNegative
+    legs: tuple[LegDocument, ...]
+
+
+@document
+class ProblemDocument(_Day):
+    """A planning problem."""
+
+    budget: BudgetDocument
+    max_overrun_probability: NotRequired[Share | None]
+    start: NotRequired[PoseDocument | None]
+    refs: NotRequired[dict[str, str] | None]
+    precedence: NotRequired[tuple[Annotated[tuple[str, ...], MinLen(2), MaxLen(2)], ...] | None]
+    targets: Annotated[tuple[TargetDocument, ...], MaxLen(MAX_TARGETS)]
+
+
+@document
+class ContingencyTarget(_Observed):
+    """A target of `contingency/1` with its one observation."""
+
+    id: Name
+    p_success: Chance
+    target_m: NotRequired[Coordinates | None]
+    observation_point_m: NotRequired[Coordinates | None]
+    point_m: NotRequired[object]
+
+
+@document
+class ContingencyDocument(_Day):
+    """A planning problem of `contingency/1`."""
+
+    budget: TrackStartDocument
+    family: NotRequired[object]
+    seed: NotRequired[object]
+    cone_half_angle_deg: NotRequired[object]
+    targets: Annotated[tuple[ContingencyTarget, ...], MaxLen(MAX_TARGETS)]
+
+
+CONTINGENCY = Codec(ContingencyDocument, "contingency/1", "problem", error=ProblemError)
+
+
+def _problem_of(members: dict[str, Any]) -> dict[str, Any]:
+    """Return the members of `problem/1` that say what those of `contingency/1` do."""
+    found: Any = CONTINGENCY.from_document({"format": CONTINGENCY.format, **members})
+    for leg in found["legs"]:
+        if "p_lose" not in leg:
+            raise ProblemError(f"problem legs[{leg['from']} -> {leg['to']}].p_lose is missing")
+    for target in found["targets"]:
+        one = {k: target.pop(k) for k in (*_Observed.__annotations__, "p_success") if k in target}
+        target["observations"] = [one | {"id": target["id"]}]
+        target.pop("point_m", None)
+        target["point_m"] = target.pop("target_m", None)
+        if pose := target.pop("observation_point_m", None):
+            target["observation_point"] = {"east_m": pose[0], "north_m": pose[1]}
+    return {k: v for k, v in found.items() if k in ProblemDocument.__annotations__}
+
+
+def contingency_document(problem: ProblemDocument) -> ContingencyDocument:
+    """Return `contingency/1` for a problem that was read from it."""
+    targets = []
+    for target in problem["targets"]:
+        row: Any = {
+            k: v for k, v in target["observations"][0].items() if k in ContingencyTarget.__annotations__
+        }
+        row["id"] = target["id"]
+        if point := target.get("point_m"):
+            row["target_m"] = point
+        if pose := target.get("observation_point"):
+            row["observation_point_m"] = (pose["east_m"], pose["north_m"])
+        targets.append(row)
+    members: Any = {k: v for k, v in problem.items() if k in ContingencyDocument.__annotations__}
+    return cast("ContingencyDocument", {**members, "targets": tuple(targets)})
+
+
+PROBLEMS = Codec(
+    ProblemDocument,
+    "problem/1",
+    "problem",
+    upgrades={CONTINGENCY.format: ("problem/1", _problem_of)},
+    error=ProblemError,
+)
