@@ -14,8 +14,7 @@
     |-- PlacementError            no pose from which the instrument reaches the target
     |-- TrackerError              misuse of a tracker
     |-- LocalizationError         rocks, poses or frame solutions cannot be used to localise the rover
-    |-- WorldError                a world, fault or problem document is malformed
-    `-- CommandError              a command is unknown or malformed
+    `-- WorldError                a world, fault or problem document is malformed
 """
 
 from __future__ import annotations
@@ -75,7 +74,3 @@ class LocalizationError(RoverError):
 
 class WorldError(RoverError):
     """A world, fault or problem document is malformed."""
-
-
-class CommandError(RoverError):
-    """A command is unknown or malformed."""

@@ -203,19 +203,6 @@ FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 """Body convention of the rovers: forward, right, down. Its own inverse."""
 
 
-def ned_from_enu(points: ArrayLike) -> Array:
-    """Return points [..., 3] given east-north-up as north-east-nadir; the same function leads back."""
-    turned: Array = np.asarray(points, dtype=float) @ NED_FROM_ENU.T
-    return turned
-
-
-def site_ned_from_rover_frd(site_from_rover: Transform) -> Transform:
-    """Return a pose (east-north-up, forward-left-up) in the convention of the flight systems."""
-    return Transform(
-        NED_FROM_ENU @ site_from_rover.rotation @ FRD_FROM_FLU, NED_FROM_ENU @ site_from_rover.translation
-    )
-
-
 def site_from_rover_flu(site_ned: Transform) -> Transform:
-    """Return a pose of the flight systems in ours: the way back of `site_ned_from_rover_frd`."""
+    """Return a pose of the flight systems in ours: east-north-up, forward-left-up."""
     return Transform(NED_FROM_ENU @ site_ned.rotation @ FRD_FROM_FLU, NED_FROM_ENU @ site_ned.translation)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
@@ -14,6 +13,7 @@ from executive.ports import Command, Value
 from mission.instrument import Instrument
 from rover_iface.behaviour.action import Action, Doing, Outcome, Step, number
 from rover_iface.behaviour.attempt import Attempt, overlay
+from rover_iface.behaviour.base_moves import MOVES, BaseMoves
 from rover_iface.behaviour.driving import Driving
 from rover_iface.behaviour.following import Followed, TargetFollower
 from rover_iface.behaviour.hardware import Contact, Hardware
@@ -24,7 +24,7 @@ from rover_iface.behaviour.placing_clouds import hazcam_cloud, mast_cloud
 from rover_iface.behaviour.products import picture_label, png
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, RoverError, TrackerError
-from rover_iface.frames import Pose, wrap_angle
+from rover_iface.frames import Pose
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
 from rover_iface.placement.base_adjustment import base_move
@@ -36,9 +36,6 @@ from rover_iface.placement.verdict import BaseMove
 
 NEAR_M = 0.015
 """How far from the designated point a safe one may be taken; with hand-off and arm that keeps 2 cm."""
-
-MOVES, FARTHEST_MOVE_M, MOST_TURN_RAD = 2, 0.5, 0.8
-"""How often, how far and with how much of a turn the rover moves without a look so that the arm reaches."""
 
 
 class ArmPlacing(Placing):
@@ -56,7 +53,7 @@ class ArmPlacing(Placing):
         driving: Driving,
         limits: SafetyLimits | None = None,
     ) -> None:
-        super().__init__(hardware, cameras, follower, eyes)
+        super().__init__(hardware, cameras, follower, eyes, BaseMoves(hardware, driving))
         self.eyes = eyes
         self.driving = driving
         self.arm = Arm(hardware.profile.arm)
@@ -98,36 +95,17 @@ class ArmPlacing(Placing):
         """
         stand = self.driving.stand(followed.target.id)
         if stand is not None and not self.eyes.sees(followed):
-            yield from self._move(followed, stand)
+            yield from self.moves.to(followed, stand)
         attempt = yield from self._attempt(followed)
         for _ in range(MOVES):
             move = attempt.verdict.base_move or self._nearer(attempt)
             if move is None:
                 break
             wanted = self.hardware.believed.site_from_rover * move.pose.site_from_rover
-            if not (yield from self._move(followed, Pose.from_transform(wanted))):
+            if not (yield from self.moves.to(followed, Pose.from_transform(wanted))):
                 break
             attempt = yield from self._attempt(followed)
         return attempt
-
-    def _move(self, followed: Followed, pose: Pose) -> Generator[Step, None, bool]:
-        """Move to a pose of the believed frame; False, and no move, if that is too far without a look.
-
-        Raises
-        ------
-        TrackerError
-            If the target is lost on the way.
-        """
-        here = self.hardware.believed
-        if math.hypot(pose.x - here.x, pose.y - here.y) > FARTHEST_MOVE_M:
-            return False
-        if abs(wrap_angle(pose.heading - here.heading)) > MOST_TURN_RAD:
-            return False
-        yield from self.hardware.spend("handoff")
-        yield from self.driving.shift(pose)
-        if self.follower.tracked(followed.target.id) is None:
-            raise TrackerError(f"target {followed.target.id} was lost while the rover moved for it")
-        return True
 
     def _nearer(self, attempt: Attempt) -> BaseMove | None:
         """Return the move that brings a refused target into the arm's reach; None when it is in reach.

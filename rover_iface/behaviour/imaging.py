@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from executive.ports import Command, Value
 from mission.instrument import Use
@@ -101,7 +99,7 @@ class Imaging:
         cameras = self.hardware.profile.cameras
         name = str(command.parameters.get("instrument", cameras.navigation)).removesuffix("_left")
         taken = self.cameras.panorama(left, right, camera=name, name=command.id.task)
-        mosaic, edges = _cut(*taken.mosaic(MOSAIC_PX))
+        mosaic, edges = taken.cut_mosaic(MOSAIC_PX)
         with TemporaryDirectory() as made:
             folder = taken.save(Path(made))
             files = [ProductFile("mosaic.png", png(mosaic), "panorama", {"camera": name, **edges})]
@@ -132,16 +130,3 @@ class Imaging:
             pan = wrap_angle(number(command, "azimuth", 0.0) - self.hardware.believed.heading)
             tilt = number(command, "elevation", 0.0)
         return Outcome(True, values={"pan": float(pan), "tilt": float(tilt)})
-
-
-def _cut(
-    mosaic: npt.NDArray[np.uint8], edges: Mapping[str, float]
-) -> tuple[npt.NDArray[np.uint8], dict[str, float]]:
-    """Return a mosaic of the whole round without the widest gap that no wedge fills, and its edges."""
-    seen = np.flatnonzero(mosaic.any(axis=0))
-    gaps = np.diff(np.append(seen, seen[0] + mosaic.shape[1]))
-    widest = int(gaps.argmax())
-    first = int(seen[(widest + 1) % len(seen)])
-    width = mosaic.shape[1] - int(gaps[widest]) + 1
-    left = (edges["left_azimuth_rad"] + first * edges["rad_per_px"]) % math.tau
-    return np.roll(mosaic, -first, axis=1)[:, :width], {**edges, "left_azimuth_rad": left}

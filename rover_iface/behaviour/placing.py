@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,7 +15,8 @@ import numpy as np
 
 from executive.ports import Command, Value
 from mission.instrument import Use
-from rover_iface.behaviour.action import Action, Outcome, number
+from rover_iface.behaviour.action import Action, Outcome, Step, number
+from rover_iface.behaviour.base_moves import MOVES, BaseMoves
 from rover_iface.behaviour.following import Followed, TargetFollower
 from rover_iface.behaviour.hardware import Contact, Hardware
 from rover_iface.behaviour.mast_cameras import MastCameras
@@ -67,12 +69,18 @@ class Placing:
     """Hands targets off and places instruments on them."""
 
     def __init__(
-        self, hardware: Hardware, cameras: MastCameras, follower: TargetFollower, handoff: Handoff
+        self,
+        hardware: Hardware,
+        cameras: MastCameras,
+        follower: TargetFollower,
+        handoff: Handoff,
+        moves: BaseMoves,
     ) -> None:
         self.hardware = hardware
         self.cameras = cameras
         self.follower = follower
         self.handoff = handoff
+        self.moves = moves
 
     def hand_off(self, command: Command) -> Action:
         """Carry out `handoff`."""
@@ -106,11 +114,12 @@ class Placing:
             figures = self.hardware.profile.instrument(instrument)
         except RoverError as err:
             return Outcome(False, str(err), {"made": False})
+        begin_j = self.hardware.drawn_j
         try:
-            contact = self.hardware.reach(name, followed.update.position, instrument)
+            contact = yield from self._reach_moving(followed, instrument)
         except RoverError as err:
-            energy = yield from self.hardware.spend("handoff")
-            return Outcome(False, str(err), {"made": False, "energy_j": energy})
+            yield from self.hardware.spend("handoff")
+            return Outcome(False, str(err), {"made": False, "energy_j": self.hardware.drawn_j - begin_j})
         energy = yield from self.hardware.operate(figures, number(command, "dwell_s", 0.0))
         values: dict[str, Value] = {"made": True, "energy_j": energy}
         if not self.hardware.instrument_delivers(figures):
@@ -119,6 +128,31 @@ class Placing:
         values["products"] = float(self._write_products(command, name, instrument, contact))
         self.follower.forget(name)
         return Outcome(True, values=values)
+
+    def _reach_moving(self, followed: Followed, instrument: str) -> Generator[Step, None, Contact]:
+        """Return the contact with a target, the base moved where the arm does not reach it from here.
+
+        Raises
+        ------
+        RoverError
+            If the arm reaches it from nowhere near, with the first reason; or the target is lost on the way.
+        """
+        name, poses = followed.target.id, self.moves.wanted(followed)
+        first: RoverError | None = None
+        for _ in range(MOVES + 1):
+            try:
+                return self.hardware.reach(name, followed.update.position, instrument)
+            except RoverError as err:
+                first = first or err
+            moved = False
+            for pose in poses:
+                moved = yield from self.moves.to(followed, pose)
+                if moved:
+                    break
+            if not moved:
+                break
+        assert first is not None
+        raise first
 
     def _usual_instrument(self) -> str:
         return self.hardware.profile.usual_instrument(Use.CONTACT)

@@ -8,6 +8,7 @@ from typing import Protocol
 from executive.ports import Command
 from rover_iface.behaviour.action import Action
 from rover_iface.behaviour.arm_placing import ArmPlacing
+from rover_iface.behaviour.base_moves import BaseMoves
 from rover_iface.behaviour.driving import Driving
 from rover_iface.behaviour.following import TargetFollower
 from rover_iface.behaviour.hardware import Hardware
@@ -75,7 +76,9 @@ def subframe(hardware: Hardware, targets: Targets, tracker: str = "") -> Reperto
     aids = TrackerAids(hardware.profile.mobility.odometry_error)
     follower = TargetFollower(hardware, targets, cameras, make_tracker(tracker or "ncc", aids))
     driving = Driving(hardware, ScannedSight(hardware), follower)
-    placing = Placing(hardware, cameras, follower, KinematicHandoff(hardware, cameras))
+    placing = Placing(
+        hardware, cameras, follower, KinematicHandoff(hardware, cameras), BaseMoves(hardware, driving)
+    )
     return Repertoire(follower, driving, Imaging(hardware, cameras, follower), placing)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.cameras.model import LINEARITY_OF_TYPE, CameraModel, ModelKind
-from rover_iface.errors import CameraLabelError
+from rover_iface.errors import CameraError, CameraLabelError
 
 Label = dict[str, Any]
 
@@ -37,6 +38,8 @@ _TYPES = {
     "IEEE_REAL": ">f",
     "PC_REAL": "<f",
 }
+MOST_PX = 65_535
+"""Widest image that a label may speak of."""
 _VICAR_FORMATS = {"BYTE": ("u", 1), "HALF": ("i", 2), "FULL": ("i", 4), "REAL": ("f", 4), "DOUB": ("f", 8)}
 
 
@@ -332,11 +335,11 @@ def _camera(kind: str, parts: Mapping[str, Any], width: int, height: int, name: 
     if kind == "CAHVORE":
         if "T" not in parts:
             raise CameraLabelError(f"{name}: CAHVORE model lacks its type (T)")
-        code = int(float(parts["T"]))
+        code = int(_number(parts["T"], "type (T)", name))
         if code in LINEARITY_OF_TYPE:
             linearity = LINEARITY_OF_TYPE[code]
         elif code == 3 and "P" in parts:
-            linearity = float(parts["P"])
+            linearity = _number(parts["P"], "parameter (P)", name)
         else:
             raise CameraLabelError(f"{name}: CAHVORE type {code} is not 1, 2 or 3 with its parameter")
     try:
@@ -349,6 +352,18 @@ def _camera(kind: str, parts: Mapping[str, Any], width: int, height: int, name: 
         )
     except (TypeError, ValueError) as err:
         raise CameraLabelError(f"{name}: camera vectors are not numbers: {err}") from err
+    except CameraError as err:
+        raise CameraLabelError(f"{name}: {err}") from err
+
+
+def _number(value: Any, what: str, name: str) -> float:
+    try:
+        found = float(value)
+    except (TypeError, ValueError) as err:
+        raise CameraLabelError(f"{name}: camera model's {what} is {value!r}, not a number") from err
+    if not math.isfinite(found):
+        raise CameraLabelError(f"{name}: camera model's {what} is {value!r}, not finite")
+    return found
 
 
 # --- Mars 2020 raw feed -----------------------------------------------------------------------------------
@@ -359,6 +374,8 @@ def _m2020(path: Path, data: bytes) -> ImageProduct:
         label = json.loads(data)
     except ValueError as err:
         raise CameraLabelError(f"{path.name} is no JSON document: {err}") from err
+    if not isinstance(label, dict):
+        raise CameraLabelError(f"{path.name} holds {type(label).__name__}, not an object with the metadata")
     text, kind = label.get("camera_model_component_list"), label.get("camera_model_type")
     if not isinstance(text, str) or not isinstance(kind, str) or kind.upper() in {"", "NONE", "UNK"}:
         raise CameraLabelError(
@@ -374,6 +391,8 @@ def _m2020(path: Path, data: bytes) -> ImageProduct:
     if len(size) != 2:
         raise CameraLabelError(f"{path.name}: dimension is {label.get('dimension')!r}, not (width,height)")
     width, height = int(size[0]), int(size[1])
+    if not (0 < width <= MOST_PX and 0 < height <= MOST_PX):
+        raise CameraLabelError(f"{path.name}: dimension is {width} x {height}; 1 to {MOST_PX} are possible")
     return ImageProduct(
         name=str(label.get("imageid", path.name)),
         camera=_camera(kind, parts, width, height, path.name),
@@ -390,8 +409,11 @@ def _beside_png(path: Path, width: int, height: int) -> npt.NDArray[np.generic] 
         return None
     from PIL import Image
 
-    with Image.open(picture) as opened:
-        image = np.asarray(opened)
+    try:
+        with Image.open(picture) as opened:
+            image = np.asarray(opened)
+    except (OSError, SyntaxError, ValueError) as err:
+        raise CameraLabelError(f"{picture.name} cannot be read: {err}") from err
     if image.shape[:2] != (height, width):
         raise CameraLabelError(f"{picture.name} is {image.shape[1::-1]}, its label says {(width, height)}")
     return image

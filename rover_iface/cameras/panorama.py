@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mission.codec import Document
 from rover_iface.cameras.model import Array, CameraModel, ModelKind
 from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo
 from rover_iface.errors import CameraError
@@ -164,6 +165,21 @@ class Panorama:
             margin = np.where(better, inside, margin)
         return out, {"left_azimuth_rad": 0.0, "top_elevation_rad": high, "rad_per_px": step}
 
+    def cut_mosaic(self, width_px: int) -> tuple[Grey, dict[str, float]]:
+        """Return the mosaic without the widest gap that no wedge fills, and its edges; a full circle would
+        have `width_px`.
+        """
+        mosaic, edges = self.mosaic(width_px)
+        seen = np.flatnonzero(mosaic.any(axis=0))
+        if len(seen) == 0:
+            seen = np.arange(mosaic.shape[1])
+        gaps = np.diff(np.append(seen, seen[0] + mosaic.shape[1]))
+        widest = int(gaps.argmax())
+        first = int(seen[(widest + 1) % len(seen)])
+        width = mosaic.shape[1] - int(gaps[widest]) + 1
+        left = (edges["left_azimuth_rad"] + first * edges["rad_per_px"]) % math.tau
+        return np.roll(mosaic, -first, axis=1)[:, :width], {**edges, "left_azimuth_rad": left}
+
     def save(self, folder: Path | str) -> Path:
         """Write the panorama to a folder and return it."""
         from PIL import Image
@@ -228,9 +244,9 @@ def load_panorama(folder: Path | str) -> Panorama:
         raise CameraError(f"panorama {folder} cannot be read: {err}") from err
 
 
-def camera_document(camera: CameraModel) -> dict[str, Any]:
+def camera_document(camera: CameraModel) -> dict[str, object]:
     """Return a camera model as JSON."""
-    document: dict[str, Any] = {"model": str(camera.kind), "width": camera.width, "height": camera.height}
+    document: dict[str, object] = {"model": str(camera.kind), "width": camera.width, "height": camera.height}
     for letter in camera.kind:
         document[letter] = [float(v) for v in getattr(camera, letter)]
     if camera.kind is ModelKind.CAHVORE:
@@ -238,7 +254,7 @@ def camera_document(camera: CameraModel) -> dict[str, Any]:
     return document
 
 
-def camera_from_document(document: Mapping[str, Any]) -> CameraModel:
+def camera_from_document(document: Document) -> CameraModel:
     """Return a camera model from its JSON form."""
     try:
         kind = ModelKind(document["model"])

@@ -16,6 +16,8 @@ from rover_iface.cameras.model import Array, CameraModel, ModelKind
 from rover_iface.errors import CameraError
 
 Image = npt.NDArray[np.float32]
+NARROWER = 0.5
+"""Of a patch: what is compared with the whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +31,15 @@ class PointMatch:
     score
         Normalised cross-correlation of the two patches, -1 to 1.
     point
-        (3,), frame of the cameras, metres.
+        (3,), frame of the cameras, metres: on the ray of the left pixel, whatever the rows disagree by.
     covariance
         (3, 3), m^2, from `sigma_px` in each of the four coordinates.
     normal
         (3,), of the surface patch, towards the left camera.
+    disparity_px2
+        Variance of the disparity, px^2, by what the parts of the patch disagree by.
+    surface_covariance
+        (3, 3), m^2, of the surface under exactly this left pixel: from `disparity_px2` alone.
     """
 
     left_px: Array
@@ -42,6 +48,8 @@ class PointMatch:
     point: Array
     covariance: Array
     normal: Array
+    disparity_px2: float
+    surface_covariance: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +63,8 @@ class PointStereo:
     plane_px: int = 31
     slant_sigma: float = 1.0
     sigma_px: float = 0.30
+    least_px: float = 0.04
+    """What a disparity is never better than: bias of bilinear interpolation (Stein and others 2006)."""
 
     def __post_init__(self) -> None:
         if self.template_px < 5 or self.template_px % 2 == 0 or self.plane_px % 2 == 0:
@@ -133,13 +143,14 @@ def point_stereo(
         return None
     plane = np.array([inverse, 0.0, 0.0])
     right_px = np.empty(2)
+    wide = min(options.plane_px // 2, int(_room(at, left_image.shape)))
     score = k.refine_plane(
         left_image,
         right_image,
         left.packed,
         right.packed,
         at,
-        min(options.plane_px // 2, int(_room(at, left_image.shape))),
+        wide,
         row_offset,
         options.slant_sigma,
         plane,
@@ -148,11 +159,49 @@ def point_stereo(
     if not score > -1.0:
         return None
     points, covariances = triangulate(left, right, at[None], right_px[None], sigma_px=options.sigma_px)
-    if not np.isfinite(points).all():
+    origin, direction = left.back_project(at)
+    point = origin + direction / plane[0]
+    beside = right.project(point)
+    if not (np.isfinite(points).all() and np.isfinite(beside).all()):
         return None
+    row = float(right_px[1] - beside[1])
     normal = np.empty(3)
     triangulation_kernels.plane_normal(left.packed, float(at[0]), float(at[1]), plane, normal)
-    return PointMatch(at, right_px, float(score), points[0], covariances[0], normal)
+    ray = point - left.C
+    variance = k.disparity_spread(
+        left_image,
+        right_image,
+        left.packed,
+        right.packed,
+        at,
+        wide,
+        row,
+        options.slant_sigma,
+        plane,
+    )
+    variance = float(variance) + options.least_px**2 if variance >= 0.0 else (0.5 * wide) ** 2
+    # what surrounds the point leads a wide patch: a narrower one tells by how much
+    inner, narrow_px = plane.copy(), np.empty(2)
+    narrow = k.refine_plane(
+        left_image,
+        right_image,
+        left.packed,
+        right.packed,
+        at,
+        max(4, round(NARROWER * wide)),
+        row,
+        options.slant_sigma,
+        inner,
+        narrow_px,
+    )
+    if narrow > -1.0:
+        variance += float((narrow_px - right_px) @ (narrow_px - right_px))
+    # rows that do not meet tell of a calibration that is off, and columns are off as easily
+    variance += row**2
+    # pixels of disparity per metre along the ray
+    per_m = float(np.linalg.norm(right.jacobian(point) @ ray)) / float(np.linalg.norm(ray))
+    along = np.outer(ray, ray) / float(ray @ ray) * variance / max(per_m, 1e-9) ** 2
+    return PointMatch(at, right_px, float(score), point, covariances[0], normal, variance, along)
 
 
 def _room(at: Array, shape: tuple[int, ...]) -> float:

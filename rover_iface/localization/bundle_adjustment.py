@@ -9,7 +9,6 @@ with the rock's own covariance, so that the long tail of its range is kept.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -389,8 +388,3 @@ def small_motion(reference: Transform, other: Transform) -> Array:
     import gtsam
 
     return np.asarray(gtsam.Pose3.Logmap(_pose3(reference.inverse() * other)))
-
-
-def heading_sigma(pose: AdjustedPose) -> float:
-    """Return the standard deviation of the heading of a pose that stands about level, radians."""
-    return math.sqrt(float(pose.covariance[2, 2]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +27,7 @@ class StopPicture:
     top_elevation_rad: float
     rad_per_px: float
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Return all but the image, with its size."""
         values = {name: value for name, value in asdict(self).items() if name != "image"}
         return {"width": self.image.shape[1], "height": self.image.shape[0], **values}
@@ -36,21 +35,8 @@ class StopPicture:
 
 def picture_of_panorama(panorama: Panorama, *, width_px: int = 4096) -> StopPicture:
     """Return the mosaic of a panorama, cut to what it shows; `width_px` is a full circle."""
-    mosaic, edges = panorama.mosaic(width_px)
-    seen = np.flatnonzero((mosaic > 0).any(axis=0))
-    if len(seen) == 0:
-        seen = np.arange(mosaic.shape[1])
-    gaps = np.diff(np.append(seen, seen[0] + mosaic.shape[1]))
-    widest = int(gaps.argmax())
-    left = int(seen[(widest + 1) % len(seen)])
-    count = mosaic.shape[1] - int(gaps[widest]) + 1
-    step = edges["rad_per_px"]
-    return StopPicture(
-        np.ascontiguousarray(np.roll(mosaic, -left, axis=1)[:, :count]),
-        edges["left_azimuth_rad"] + left * step,
-        edges["top_elevation_rad"],
-        step,
-    )
+    mosaic, edges = panorama.cut_mosaic(width_px)
+    return StopPicture(np.ascontiguousarray(mosaic), **edges)
 
 
 def picture_of_points(seen: GroundPoints) -> StopPicture:

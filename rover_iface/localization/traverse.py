@@ -7,9 +7,8 @@ refused leg is held by odometry alone. Each stop stands level in the axes of the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -87,8 +86,11 @@ class Traverse:
     legs: tuple[LocalisedLeg, ...]
     rocks: tuple[tuple[SeenRock, ...], ...]
 
-    def document(self) -> dict[str, Any]:
-        """Return the result as JSON (`localization/1`); positions east, north, up, metres."""
+    def document(self, pictures: Sequence[Mapping[str, object]] = ()) -> dict[str, object]:
+        """Return the result as JSON (`localization/1`), with a picture of each stop where there are any.
+
+        Positions are east, north, up, metres.
+        """
         stops = []
         for k, name in enumerate(self.names):
             pose = self.adjustment.poses[name]
@@ -101,17 +103,18 @@ class Traverse:
                     "adjusted_covariance_m2": np.round(pose.position_covariance, 6).tolist(),
                     "heading_correction_rad": round(_heading(pose.site_from_rover), 6),
                     "rocks": len(self.rocks[k]),
+                    **({"picture": pictures[k]} if pictures else {}),
                 }
             )
         return {"format": FORMAT, "stops": stops, "legs": [self._leg_document(leg) for leg in self.legs]}
 
-    def _leg_document(self, leg: LocalisedLeg) -> dict[str, Any]:
+    def _leg_document(self, leg: LocalisedLeg) -> dict[str, object]:
         match = leg.result.match
         pairs = () if match is None else match.pairs
         one, two = self.rocks[self.names.index(leg.first)], self.rocks[self.names.index(leg.second)]
         start, end = (self.before[self.names.index(name)] for name in (leg.first, leg.second))
 
-        def pair_document(pair: RockPair) -> dict[str, Any]:
+        def pair_document(pair: RockPair) -> dict[str, object]:
             first, second = one[pair.first], two[pair.second]
             return {
                 "first_m": [round(float(v), 3) for v in start + first.position],

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
 
 from rover_iface.frames import Pose
 from rover_iface.placement.cloud import Array
@@ -105,7 +104,7 @@ class Finding:
             f"{side} {self.limit * scale:{form}}{unit} is allowed"
         )
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the JSON form."""
         return {
             "reason": self.reason.value,
@@ -243,7 +242,7 @@ class PlacementVerdict:
             case Decision.REFUSE:
                 return f"refused: {why}"
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the JSON form."""
         move = self.base_move
         return {

@@ -37,13 +37,13 @@ from rover_iface.simulator.engine import along, milliseconds, route_length
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.model import AbstractModel, Future
 from rover_iface.simulator.routine import RoutineRover
-from rover_iface.simulator.world import World, load_world
+from rover_iface.simulator.world import World, WorldSource, load_world
 from rover_iface.telemetry import TrackState
 from rover_iface.terrain.terrain import Terrain
 
 
 def make_rover(
-    world: World | Mapping[str, Any] | Path | str,
+    world: WorldSource,
     *,
     out: Path | None = None,
     seed: int | None = None,
@@ -65,7 +65,7 @@ def make_rover(
     seed
         Draws one future of the problem; 0 or the seed of the world when absent. Ignored with `draws`.
     draws
-        One future as plain arrays, a mapping or an object with the names of `model.Future`: `leg_time_s`
+        One future: a `model.Future`, or plain arrays, a mapping or an object with its names: `leg_time_s`
         [n+1, n+1], `leg_energy_j`, `leg_loss_u` [n+1, n+1, n+1], `obs_time_s` [m], `obs_energy_j`,
         `obs_success_u`; a leading axis of length 1 is allowed. Places are 0 = start, then the targets in
         order.
@@ -100,12 +100,15 @@ def make_rover(
     )
 
 
+@lru_cache(maxsize=8)
 def _model(world: World) -> AbstractModel:
     return AbstractModel.from_problem(world.problem_document())
 
 
 def _future(world: World, seed: int | None, draws: Any) -> Future | None:
     model = _model(world)
+    if isinstance(draws, Future):
+        return draws
     if draws is not None:
         return Future.from_arrays(draws, model)
     if world.future is not None and seed is None:
@@ -152,7 +155,6 @@ class AbstractRover(RoutineRover):
         self._index = model.index
         self._tracked: list[int] = []
         self._made: set[int] = set()
-        self._arm_out = False
         self.set_pose(self.pose)
         self.set("tilt", 0.0)
         self.set("novelty", 0.0)
@@ -426,9 +428,13 @@ class AbstractRover(RoutineRover):
     # ---- products
 
     def _picture(self, command: Command, kind: str, target: str, label: Mapping[str, Any]) -> int:
-        """Write a picture of the ground round the target (or the rover); return how many were written."""
+        """Write a picture of the ground round the target (or the rover); return how many there are.
+
+        Without a folder nothing is written and the answer is the same, so that a plan that asks for the
+        products of a task runs as it would with one.
+        """
         if self.out is None:
-            return 0
+            return 1
         if self._terrain is None and self._load_terrain is not None:
             self._terrain = self._load_terrain()
             self._load_terrain = None

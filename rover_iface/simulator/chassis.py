@@ -29,12 +29,10 @@ class Driven:
 
     duration_s: float
     energy_j: float
-    commanded_m: float
     true_m: float
     collision: str
     stuck: bool
     worst_gap_m: float
-    worst_tilt_rad: float
     track: tuple[tuple[float, float], ...]
 
 
@@ -96,7 +94,7 @@ class Chassis:
         count = max(1, math.ceil(abs(way.length_m) / INCREMENT_M))
         ds = way.length_m / count
         track = [(x, y)]
-        worst_gap, worst_tilt = math.inf, 0.0
+        worst_gap = math.inf
         collision = ""
         true_length = 0.0
         pitch, roll, z = self.pose.pitch, self.pose.roll, self.pose.z
@@ -133,7 +131,6 @@ class Chassis:
             # The height is reckoned from the attitude on the way, which the inertial sensor gives.
             bz -= expected * math.sin((pitch + pitch_before) / 2)
             worst_gap = min(worst_gap, float(standing.belly_gap[0]))
-            worst_tilt = max(worst_tilt, float(standing.tilt[0]))
             collision = self._hits(standing.belly_gap, standing.step, standing.tilt)
             true_length += abs(advance)
             track.append((x, y))
@@ -155,12 +152,10 @@ class Chassis:
         return Driven(
             duration,
             energy,
-            abs(way.length_m),
             true_length,
             collision,
             stuck,
             worst_gap,
-            worst_tilt,
             tuple(track),
         )
 

@@ -38,8 +38,6 @@ class Touch:
         (3,), surface point under the middle of the tool, true site frame; NaN without one.
     site_from_tool
         Where the tool stopped, true site frame.
-    travel_m
-        How far it moved along its axis from the stand-off.
     beyond_m
         How far beyond the expected surface it stopped (negative: before).
     """
@@ -48,7 +46,6 @@ class Touch:
     reason: str
     point: Array
     site_from_tool: Transform
-    travel_m: float
     beyond_m: float
 
 
@@ -65,7 +62,7 @@ def place_tool(
     at_standoff = site_from_rover * off * arm.tool_pose(motion.joints[motion.approach])
     hit = links_hit(scene, arm, site_from_rover, motion.joints[: motion.approach + 1])
     if hit:
-        return Touch(False, hit, np.full(3, np.nan), at_standoff, 0.0, math.nan)
+        return Touch(False, hit, np.full(3, np.nan), at_standoff, math.nan)
     axis = at_standoff.rotation[:, 0]
     angles = math.tau * np.arange(SENSORS) / SENSORS
     ring = 0.8 * profile.tool_radius_m * np.stack((np.zeros(SENSORS), np.cos(angles), np.sin(angles)), axis=1)
@@ -82,7 +79,6 @@ def place_tool(
             f"no contact within {over:.0f} mm beyond the expected surface",
             np.full(3, np.nan),
             stopped,
-            moved,
             profile.overtravel_m,
         )
     stopped = Transform(at_standoff.rotation, at_standoff.translation + travel * axis)
@@ -90,8 +86,8 @@ def place_tool(
     point = starts[0] + float(ranges[0]) * axis
     if beyond < -EARLY_M:
         why = f"contact {-1000 * beyond:.0f} mm before the expected surface; {1000 * EARLY_M:.0f} are allowed"
-        return Touch(False, why, point, stopped, travel, beyond)
-    return Touch(True, "", point, stopped, travel, beyond)
+        return Touch(False, why, point, stopped, beyond)
+    return Touch(True, "", point, stopped, beyond)
 
 
 def links_hit(scene: Scene, arm: Arm, site_from_rover: Transform, joints: npt.ArrayLike) -> str:

@@ -371,6 +371,12 @@ class SimulatedRover:
 
     # ---- faults
 
+    def add_fault(self, fault: Fault) -> None:
+        """Take a fault while the rover lives: at its time, at once if that has passed, or at its task."""
+        self.faults = (*self.faults, fault)
+        if fault.at_s is not None:
+            self._push(max(self._now, milliseconds(fault.at_s)), _FAULT, fault)
+
     def apply_fault(self, fault: Fault) -> None:
         """Bring a fault into effect now."""
         kind = fault.kind
@@ -378,11 +384,11 @@ class SimulatedRover:
             self.lose_target(fault.target, 0.1 if kind is FaultKind.LOSE_TARGET else 0.3)
             self.report()
         elif kind is FaultKind.SLOW_DRIVE or kind is FaultKind.SLIP_BURST:
-            self.slow_factor = fault.amount
+            self.slow_factor = fault.strength
         elif kind is FaultKind.STUCK_WHEEL:
             self.stuck_from_ms = self._now
         elif kind is FaultKind.LOW_BATTERY:
-            self.charged_j -= max(0.0, self.battery_j - fault.amount)
+            self.charged_j -= max(0.0, self.battery_j - fault.strength)
             self.report()
         elif kind is FaultKind.CAMERA_FAILURE:
             self.camera_failed = True
@@ -391,7 +397,7 @@ class SimulatedRover:
             for running in self._running.values():
                 running.silent = True
         elif kind is FaultKind.NOVELTY:
-            self.set("novelty", fault.amount)
+            self.set("novelty", fault.strength)
             self.report()
 
     # ---- products

@@ -11,17 +11,14 @@ A fault strikes at a time of the plan clock (`at_s`) or when the command of a ta
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
+from mission.codec import Codec, Document
+from mission.errors import MissionError
+from mission.values import NotNegative, value
 from rover_iface.errors import WorldError
-
-FORMAT = "fault/1"
 
 
 class FaultKind(StrEnum):
@@ -48,98 +45,57 @@ class FaultKind(StrEnum):
 
 
 _NEEDS_TARGET = {FaultKind.LOSE_TARGET, FaultKind.SHADOW, FaultKind.LENS_DUST}
-_NEEDS_AMOUNT = {FaultKind.SLOW_DRIVE, FaultKind.SLIP_BURST, FaultKind.LOW_BATTERY, FaultKind.NOVELTY}
+_FACTORS = {FaultKind.SLOW_DRIVE, FaultKind.SLIP_BURST}
+_NEEDS_AMOUNT = _FACTORS | {FaultKind.LOW_BATTERY, FaultKind.NOVELTY}
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Fault:
-    """One fault: when (`at_s` or `task`, exactly one) and what."""
+    """One fault: when (`at_s` or `task`, exactly one) and what; `amount` is None where its kind has none."""
 
     kind: FaultKind
-    at_s: float | None = None
+    at_s: NotNegative | None = None
     task: str = ""
     target: str = ""
-    amount: float = 0.0
+    amount: NotNegative | None = None
 
     def __post_init__(self) -> None:
         if (self.at_s is None) == (not self.task):
-            raise WorldError(f'fault "{self.kind}": exactly one of "at_s" and "task" is needed')
-        if self.at_s is not None and not (math.isfinite(self.at_s) and self.at_s >= 0):
-            raise WorldError(f'fault "{self.kind}": "at_s" is {self.at_s}; it must be at least 0')
+            raise MissionError(f'fault "{self.kind}": exactly one of "at_s" and "task" is needed')
         if self.kind in _NEEDS_TARGET and not self.target:
-            raise WorldError(f'fault "{self.kind}": "target" is missing')
-        if self.kind in (FaultKind.SLOW_DRIVE, FaultKind.SLIP_BURST) and not self.amount >= 1:
-            raise WorldError(
+            raise MissionError(f'fault "{self.kind}": "target" is missing')
+        if self.kind in _NEEDS_AMOUNT and self.amount is None:
+            raise MissionError(f'fault "{self.kind}": "amount" is missing')
+        if self.kind in _FACTORS and self.strength < 1:
+            raise MissionError(
                 f'fault "{self.kind}": "amount" is {self.amount}; a factor of at least 1 is needed'
             )
-        if not (math.isfinite(self.amount) and self.amount >= 0):
-            raise WorldError(f'fault "{self.kind}": "amount" is {self.amount}; it must be at least 0')
 
-    @staticmethod
-    def from_dict(document: object) -> Fault:
-        """Return a fault from its JSON form.
-
-        Raises
-        ------
-        WorldError
-            If a member is missing, unknown or out of range.
-        """
-        if not isinstance(document, Mapping):
-            raise WorldError(f"a fault must be an object, found {document!r:.60}")
-        unknown = set(document) - {"kind", "at_s", "task", "target", "amount"}
-        if unknown:
-            raise WorldError(f'fault: unknown member "{sorted(unknown)[0]}"')
-        try:
-            kind = FaultKind(str(document.get("kind")))
-        except ValueError:
-            known = ", ".join(k.value for k in FaultKind)
-            raise WorldError(f'fault: unknown kind "{document.get("kind")}"; known are {known}') from None
-        if kind in _NEEDS_AMOUNT and "amount" not in document:
-            raise WorldError(f'fault "{kind}": "amount" is missing')
-        at_s = document.get("at_s")
-        amount = document.get("amount", 0.0)
-        for name, value in (("at_s", at_s), ("amount", amount)):
-            if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-                raise WorldError(f'fault "{kind}": "{name}" must be a number, found {value!r}')
-        return Fault(
-            kind,
-            None if at_s is None else float(at_s),
-            str(document.get("task", "")),
-            str(document.get("target", "")),
-            float(amount),
-        )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        document: dict[str, Any] = {"kind": self.kind.value}
-        if self.at_s is not None:
-            document["at_s"] = self.at_s
-        else:
-            document["task"] = self.task
-        if self.target:
-            document["target"] = self.target
-        if self.amount:
-            document["amount"] = self.amount
-        return document
+    @property
+    def strength(self) -> float:
+        """Return the amount; 0 where there is none."""
+        return self.amount or 0.0
 
 
-def load_faults(source: Path | str | Mapping[str, Any] | Iterable[Any]) -> tuple[Fault, ...]:
-    """Return faults from a `fault/1` file or document, or from a list of faults.
+@value
+class Faults:
+    """What a `fault/1` document holds."""
+
+    faults: tuple[Fault, ...] = ()
+
+
+FAULTS = Codec(Faults, "fault/1", "faults", error=WorldError)
+
+
+def load_faults(source: Path | str | Document | Sequence[Document]) -> tuple[Fault, ...]:
+    """Return faults from a `fault/1` file or document, or from a list of what it holds.
 
     Raises
     ------
     WorldError
-        If the file cannot be read or a fault is malformed.
+        If the file cannot be read or a fault is malformed; `members` is the way to what is wrong.
     """
     if isinstance(source, Path | str):
-        try:
-            source = json.loads(Path(source).read_text(encoding="utf-8"))
-        except (OSError, ValueError) as err:
-            raise WorldError(f"faults {source}: {err}") from err
-    if isinstance(source, Mapping):
-        if source.get("format") != FORMAT:
-            raise WorldError(f'faults: "format" is {source.get("format")!r}; "{FORMAT}" is needed')
-        source = source.get("faults", ())
-    if not isinstance(source, Iterable):
-        raise WorldError(f"faults must be a list, found {source!r:.60}")
-    return tuple(item if isinstance(item, Fault) else Fault.from_dict(item) for item in source)
+        return FAULTS.read_file(Path(source)).faults
+    document = source if isinstance(source, Mapping) else {"format": FAULTS.format, "faults": list(source)}
+    return FAULTS.from_document(document).faults

@@ -13,11 +13,13 @@ from executive.ports import Value
 from mission.instrument import Instrument
 from rover_iface.behaviour.action import Doing, Step
 from rover_iface.behaviour.hardware import Drive, Look, Picture
-from rover_iface.behaviour.wrapped import WrappedHardware
 from rover_iface.navigation.navigator import Way
+from rover_iface.simulator.body import Body
 from rover_iface.simulator.engine import milliseconds
 from rover_iface.simulator.faults import Fault, FaultKind
 from rover_iface.simulator.hardware import SimulatedHardware
+from rover_iface.simulator.routine import RoutineRover
+from rover_iface.simulator.truth import Truth
 from rover_iface.telemetry import TrackState
 
 GRAINS, DUST_M, GRAIN_PX, GRAIN_GREY = 60, (0.012, 0.065), (4, 6), (0.4, 1.6)
@@ -30,12 +32,11 @@ STUCK_S = 20.0
 """How long a rover with a stuck wheel tries to drive."""
 
 
-class FaultyHardware(WrappedHardware):
+class FaultyHardware(SimulatedHardware):
     """See `Hardware`. A fault strikes what passes between behaviour and a simulated rover from then on."""
 
-    def __init__(self, inner: SimulatedHardware) -> None:
-        super().__init__(inner)
-        self.simulated = inner
+    def __init__(self, host: RoutineRover, body: Body, truth: Truth) -> None:
+        super().__init__(host, body, truth)
         self._gone: set[str] = set()
         self._shaded: set[str] = set()
         self._dusty: set[str] = set()
@@ -57,7 +58,7 @@ class FaultyHardware(WrappedHardware):
             case FaultKind.STUCK_WHEEL:
                 self._stuck = True
             case FaultKind.SLOW_DRIVE:
-                self._slow_factor = fault.amount
+                self._slow_factor = fault.strength
             case FaultKind.CAMERA_FAILURE:
                 self._blind = True
             case _:
@@ -77,10 +78,10 @@ class FaultyHardware(WrappedHardware):
 
     @property
     def cameras_work(self) -> bool:
-        return not self._blind and self.inner.cameras_work
+        return not self._blind and super().cameras_work
 
     def set(self, key: str, value: Value) -> None:
-        self.inner.set(key, value)
+        super().set(key, value)
         if value == TrackState.IDLE.value and key.startswith("trackerstate "):
             target = key.removeprefix("trackerstate ")
             self._gone.discard(target)
@@ -90,7 +91,7 @@ class FaultyHardware(WrappedHardware):
         if self._stuck:
             yield Step(milliseconds(STUCK_S), self.profile.power.drive_w * STUCK_S)
             return Drive(stuck=True)
-        driving = self.inner.drive(way)
+        driving = super().drive(way)
         while True:
             try:
                 step = next(driving)
@@ -104,14 +105,14 @@ class FaultyHardware(WrappedHardware):
                 yield Step(round(slow * step.duration_ms), slow * step.energy_j, step.route)
 
     def look(self, look: Look) -> Sequence[Picture]:
-        first, *others = self.inner.look(look)
+        first, *others = super().look(look)
         if look.track in self._gone or (self._blind and look.track):
-            noise = self.simulated.body.rng.random(first.unit.shape).astype(np.float32)
+            noise = self.body.rng.random(first.unit.shape).astype(np.float32)
             first = replace(first, unit=noise)
         elif look.track in self._shaded:
             shade = np.linspace(0.15, 1.6, first.unit.shape[1], dtype=np.float32)[None, :] ** 2
             first = replace(first, unit=np.clip(first.unit * shade, 0, 1))
-        if self._dusty and others and self.simulated.rig.mounted(look.cameras[1]).mount == "body":
+        if self._dusty and others and self.rig.mounted(look.cameras[1]).mount == "body":
             others[0] = replace(others[0], unit=self._dusted(others[0]))
         return [first, *others]
 
@@ -119,7 +120,7 @@ class FaultyHardware(WrappedHardware):
         """Return a picture with grains scattered before the dusty targets."""
         import cv2
 
-        body, camera = self.simulated.body, self.simulated.truth.camera(picture.number)
+        body, camera = self.body, self.truth.camera(picture.number)
         image = picture.unit.copy()
         for name in sorted(self._dusty):
             point = np.array(body.targets[name].point)
@@ -137,4 +138,4 @@ class FaultyHardware(WrappedHardware):
         return image
 
     def instrument_delivers(self, instrument: Instrument) -> bool:
-        return self.inner.instrument_delivers(instrument) and self.cameras_work
+        return super().instrument_delivers(instrument) and self.cameras_work

@@ -10,42 +10,10 @@ faults are those of the `subframe` rover.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 from rover_iface.behaviour import repertoire
-from rover_iface.behaviour.repertoire import MakeRepertoire
-from rover_iface.simulator.faults import Fault
-from rover_iface.simulator.subframe_rover import body_of
-from rover_iface.simulator.terrain_rover import TerrainRover
-from rover_iface.simulator.world import World, load_world
-from rover_iface.terrain.terrain import Terrain
+from rover_iface.simulator import subframe_rover
 
-
-def make_rover(
-    world: World | Mapping[str, Any] | Path | str,
-    *,
-    out: Path | None = None,
-    seed: int | None = None,
-    faults: Sequence[Fault] = (),
-    progress_s: float | None = None,
-    terrain: Terrain | None = None,
-    battery_j: float | None = None,
-    make: MakeRepertoire | None = None,
-    tracker: str = "",
-) -> TerrainRover:
-    """Return a full rover; the entry point `full` of the group `outcrop.rovers`.
-
-    Parameters and errors are those of the `subframe` rover's `make_rover`.
-    """
-    place = load_world(world)
-    return TerrainRover(
-        body_of(place, terrain, seed, own_shadow=True),
-        make or repertoire.full,
-        out=out,
-        faults=(*place.faults, *faults),
-        progress_s=place.progress_s if progress_s is None else progress_s,
-        battery_j=battery_j if battery_j is not None else place.battery_j,
-        tracker=tracker or place.tracker,
-    )
+make_rover = partial(subframe_rover.make_rover, make=repertoire.full, own_shadow=True)
+"""The entry point `full` of the group `outcrop.rovers`; see `subframe_rover.make_rover`."""

@@ -39,8 +39,6 @@ class CloseUp:
         Of the view itself, with its truth.
     stack
         The single pictures, nearest plane first, float32 in 0..1.
-    planes_m
-        Their planes of focus, distance from the lens.
     sharp
         Share of pixels within `DEPTH_M` of the plane they were taken from.
     pixel_m
@@ -50,7 +48,6 @@ class CloseUp:
     image: npt.NDArray[np.uint8]
     frame: Frame
     stack: tuple[npt.NDArray[np.float32], ...]
-    planes_m: tuple[float, ...]
     sharp: float
     pixel_m: float
 
@@ -96,4 +93,4 @@ def close_up(
     sharp = float((np.abs(depth - planes[best]) < DEPTH_M).mean())
     image = np.round(255.0 * (merged if sensor.bits == 8 else np.sqrt(merged))).astype(np.uint8)
     pixel_m = middle / camera.hs
-    return CloseUp(image, frame, tuple(stack), tuple(float(p) for p in planes), sharp, float(pixel_m))
+    return CloseUp(image, frame, tuple(stack), sharp, float(pixel_m))

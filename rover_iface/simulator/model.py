@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mission.codec import Document
 from mission.instrument import Use
+from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose
 from rover_iface.profile import RoverProfile
@@ -70,8 +73,17 @@ class AbstractModel:
         """Return place numbers by target id."""
         return {target: k + 1 for k, target in enumerate(self.targets)}
 
+    @cached_property
+    def spreads(self) -> tuple[LogNormal, LogNormal, LogNormal, LogNormal]:
+        """Return the distributions of leg times, leg energies, observation times, observation energies."""
+        m = len(self.observations)
+        times = np.array([o.time_s for o in self.observations], dtype=float).reshape(m, 2)
+        energies = np.array([o.energy_j for o in self.observations], dtype=float).reshape(m, 2)
+        tables = (self.leg_time_s, self.leg_energy_j, times, energies)
+        return tuple(LogNormal.of(table) for table in tables)  # type: ignore[return-value]  # four of them
+
     @staticmethod
-    def from_problem(document: Mapping[str, Any]) -> AbstractModel:
+    def from_problem(document: Document) -> AbstractModel:
         """Return the model of a problem document.
 
         Raises
@@ -142,32 +154,73 @@ class Future:
 
         Durations are whole milliseconds, energies whole thousandths of a joule.
         """
+        return Noise.draw(model, seed).future(model)
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """What chance gives to one future, apart from the problem's odds: standard normal numbers behind times
+    and energies, uniform ones behind losses and successes. Arrays as in `Future`.
+
+    Two problems with the same places and observations that are given the same noise share their future.
+    """
+
+    leg_time_z: Array
+    leg_energy_z: Array
+    leg_loss_u: Array
+    obs_time_z: Array
+    obs_energy_z: Array
+    obs_success_u: Array
+
+    @staticmethod
+    def draw(model: AbstractModel, seed: int) -> Noise:
+        """Return the noise of a seed; each array has a stream of its own."""
         n, m = len(model.targets) + 1, len(model.observations)
         streams = [np.random.default_rng([seed, k]) for k in range(6)]
-        leg_time = _log_normal(streams[0], model.leg_time_s)
-        leg_energy = _log_normal(streams[1], model.leg_energy_j)
-        times = np.array([o.time_s for o in model.observations], dtype=float).reshape(m, 2)
-        energies = np.array([o.energy_j for o in model.observations], dtype=float).reshape(m, 2)
-        return Future(
-            leg_time,
-            leg_energy,
+        return Noise(
+            streams[0].standard_normal((n, n)),
+            streams[1].standard_normal((n, n)),
             streams[2].random((n, n, n)),
-            _log_normal(streams[3], times),
-            _log_normal(streams[4], energies),
+            streams[3].standard_normal(m),
+            streams[4].standard_normal(m),
             streams[5].random(m),
         )
 
+    def future(self, model: AbstractModel) -> Future:
+        """Return what comes of it in a problem."""
+        spread = model.spreads
+        return Future(
+            spread[0].amounts(self.leg_time_z),
+            spread[1].amounts(self.leg_energy_z),
+            self.leg_loss_u,
+            spread[2].amounts(self.obs_time_z),
+            spread[3].amounts(self.obs_energy_z),
+            self.obs_success_u,
+        )
 
-def _log_normal(rng: np.random.Generator, mean_sd: Array) -> Array:
-    mean, sd = np.nan_to_num(mean_sd[..., 0]), np.nan_to_num(mean_sd[..., 1])
-    z = rng.standard_normal(mean.shape)
-    safe = np.where(mean > 0, mean, 1.0)
-    spread = np.sqrt(np.log1p((sd / safe) ** 2))
-    value = np.exp(np.log(safe) - spread**2 / 2 + spread * z)
-    return np.round(np.where(mean > 0, value, 0.0), 3)
+
+@dataclass(frozen=True, eq=False)
+class LogNormal:
+    """Log-normal amounts: `middle` and `spread` are mean and standard deviation of the logarithm."""
+
+    middle: Array
+    spread: Array
+    positive: NDArray[np.bool_]
+
+    @staticmethod
+    def of(mean_sd: Array) -> LogNormal:
+        """Return the distribution with means and deviations `[..., 2]`; NaN counts as 0."""
+        mean, sd = np.nan_to_num(mean_sd[..., 0]), np.nan_to_num(mean_sd[..., 1])
+        safe = np.where(mean > 0, mean, 1.0)
+        spread = np.sqrt(np.log1p((sd / safe) ** 2))
+        return LogNormal(np.log(safe) - spread**2 / 2, spread, mean > 0)
+
+    def amounts(self, z: Array) -> Array:
+        """Return amounts, rounded to thousandths, for standard normal numbers."""
+        return np.round(np.where(self.positive, np.exp(self.middle + self.spread * z), 0.0), 3)
 
 
-def _amount(value: Mapping[str, Any]) -> tuple[float, float]:
+def _amount(value: Document) -> tuple[float, float]:
     return float(value["mean"]), float(value.get("sd", 0.0))
 
 
@@ -188,11 +241,11 @@ def _pose(value: Any) -> Pose | None:
     return Pose(float(value[0]), float(value[1]))
 
 
-def _read(document: Mapping[str, Any], *, legacy: bool) -> AbstractModel:
+def _read(document: Document, *, legacy: bool) -> AbstractModel:
     targets: list[str] = []
     points: list[tuple[float, float, float] | None] = []
     poses: list[Pose | None] = [_pose(document.get("start")) or Pose(0.0, 0.0)]
-    raw: list[tuple[str, int, Mapping[str, Any]]] = []
+    raw: list[tuple[str, int, Document]] = []
     for place, target in enumerate(document["targets"], start=1):
         targets.append(str(target["id"]))
         points.append(_point(target.get("target_m" if legacy else "point_m", target.get("point_m"))))
@@ -252,8 +305,8 @@ def _read(document: Mapping[str, Any], *, legacy: bool) -> AbstractModel:
 
 
 def problem_from_targets(
-    targets: Sequence[Mapping[str, Any]], profile: RoverProfile, start: Pose, *, loss_per_m: float = 0.004
-) -> dict[str, Any]:
+    targets: Sequence[DesignatedTarget], profile: RoverProfile, start: Pose, *, loss_per_m: float = 0.004
+) -> Document:
     """Return a `problem/1` document for targets with observation points, with times from a rover profile.
 
     It serves worlds that come without a planning problem: legs are straight lines, each target has one
@@ -264,34 +317,23 @@ def problem_from_targets(
     places: list[tuple[str, float, float]] = [(START, start.x, start.y)]
     listed = []
     for target in targets:
-        pose = target.get("observation_point") or {}
-        point = target.get("point_m") or (0.0, 0.0, 0.0)
-        east = float(pose.get("east_m", point[0]))
-        north = float(pose.get("north_m", point[1]))
-        places.append((str(target["id"]), east, north))
-        kind = str(target.get("kind", "place"))
-        instrument = profile.usual_instrument(Use.CONTACT if kind == "place" else Use.REMOTE)
+        stand = target.observation_point or Pose(target.point[0], target.point[1])
+        places.append((target.id, stand.x, stand.y))
+        instrument = profile.usual_instrument(Use.CONTACT if target.kind == "place" else Use.REMOTE)
         figures = profile.instrument(instrument)
         listed.append(
             {
-                "id": str(target["id"]),
-                "point_m": list(point),
-                "observation_point": {
-                    "east_m": east,
-                    "north_m": north,
-                    "heading_rad": float(pose.get("heading_rad", 0.0)),
-                },
+                "id": target.id,
+                "point_m": list(target.point),
+                "observation_point": {"east_m": stand.x, "north_m": stand.y, "heading_rad": stand.heading},
                 "observations": [
                     {
-                        "id": f"{target['id']}-{instrument}",
+                        "id": f"{target.id}-{instrument}",
                         "instrument": instrument,
-                        "kind": kind,
-                        "utility": float(target.get("utility", 1.0)),
+                        "kind": target.kind,
+                        "utility": 1.0,
                         "p_success": figures.p_success,
-                        "observe": {
-                            "time_s": {"mean": figures.time_s.mean, "sd": figures.time_s.sd},
-                            "energy_j": {"mean": figures.energy_j.mean, "sd": figures.energy_j.sd},
-                        },
+                        "observe": {"time_s": asdict(figures.time_s), "energy_j": asdict(figures.energy_j)},
                     }
                 ],
             }
@@ -309,8 +351,8 @@ def problem_from_targets(
                     "from": a,
                     "to": b,
                     "length_m": length,
-                    "time_s": {"mean": time.mean, "sd": time.sd},
-                    "energy_j": {"mean": energy.mean, "sd": energy.sd},
+                    "time_s": asdict(time),
+                    "energy_j": asdict(energy),
                     "p_lose": {t[0]: lost for t in places[1:]},
                 }
             )

@@ -12,9 +12,8 @@ together over hardware, and `TerrainRover` joins them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rover_iface.behaviour import repertoire
 from rover_iface.behaviour.repertoire import MakeRepertoire
@@ -22,12 +21,12 @@ from rover_iface.errors import WorldError
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.terrain_rover import TerrainRover
-from rover_iface.simulator.world import World, load_world
+from rover_iface.simulator.world import World, WorldSource, load_world
 from rover_iface.terrain.terrain import Terrain
 
 
 def make_rover(
-    world: World | Mapping[str, Any] | Path | str,
+    world: WorldSource,
     *,
     out: Path | None = None,
     seed: int | None = None,
@@ -35,8 +34,9 @@ def make_rover(
     progress_s: float | None = None,
     terrain: Terrain | None = None,
     battery_j: float | None = None,
-    make: MakeRepertoire | None = None,
+    make: MakeRepertoire = repertoire.subframe,
     tracker: str = "",
+    own_shadow: bool = False,
 ) -> TerrainRover:
     """Return a subframe rover; the entry point `subframe` of the group `outcrop.rovers`.
 
@@ -57,6 +57,9 @@ def make_rover(
     tracker
         Name of another tracker than that of the world, or of the rover; see `rover_iface.vision.trackers`.
 
+    own_shadow
+        Whether the rover's shadow is in its pictures.
+
     Raises
     ------
     WorldError
@@ -64,8 +67,8 @@ def make_rover(
     """
     place = load_world(world)
     return TerrainRover(
-        body_of(place, terrain, seed),
-        make or repertoire.subframe,
+        body_of(place, terrain, seed, own_shadow=own_shadow),
+        make,
         out=out,
         faults=(*place.faults, *faults),
         progress_s=place.progress_s if progress_s is None else progress_s,

@@ -13,7 +13,6 @@ from rover_iface.simulator.body import Body
 from rover_iface.simulator.engine import milliseconds
 from rover_iface.simulator.faults import Fault, FaultKind
 from rover_iface.simulator.faulty_hardware import FaultyHardware
-from rover_iface.simulator.hardware import SimulatedHardware
 from rover_iface.simulator.routine import RoutineRover
 from rover_iface.simulator.truth import Truth
 
@@ -51,10 +50,9 @@ class TerrainRover(RoutineRover):
         self.set("novelty", 0.0)
         self.set("heartbeat", 0.0)
         self.truth = Truth(body)
-        simulated = SimulatedHardware(self, body, self.truth)
-        self.hardware = FaultyHardware(simulated)
+        self.hardware = FaultyHardware(self, body, self.truth)
         self.repertoire = make(self.hardware, body.targets, tracker)
-        simulated.tell_pose()
+        self.hardware.tell_pose()
         self.report()
 
     def act(self, command: Command) -> Action:
@@ -108,6 +106,6 @@ class TerrainRover(RoutineRover):
     def apply_fault(self, fault: Fault) -> None:
         """Bring a fault into effect now; a burst of slip is the soil's here."""
         if fault.kind is FaultKind.SLIP_BURST:
-            self.body.chassis.extra_slip = 1.0 - 1.0 / fault.amount
+            self.body.chassis.extra_slip = 1.0 - 1.0 / fault.strength
         elif not self.hardware.strike(fault):
             super().apply_fault(fault)

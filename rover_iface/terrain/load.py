@@ -20,19 +20,46 @@ import json
 import math
 import re
 import warnings
+from dataclasses import field
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+from annotated_types import MinLen
 from numpy.typing import NDArray
 
+from mission.codec import Codec, Document, read_object
+from mission.values import value
 from rover_iface.errors import TerrainFormatError
 from rover_iface.terrain.grid import Bounds, HeightLayer, Ortho
-from rover_iface.terrain.rocks import Rock
+from rover_iface.terrain.mesh import MESHES, load_mesh_terrain
+from rover_iface.terrain.rocks import ROCKS, Rock, RockList
 from rover_iface.terrain.terrain import Terrain
 
-FORMAT = "terrain/1"
-_MESHES = {".glb", ".gltf", ".obj", ".ply"}
+
+@value
+class LayerFiles:
+    """Files of one raster of heights, in the terrain's folder."""
+
+    dem: str
+    ground: str | None = None
+    ortho: str | None = None
+    mask: str | None = None
+
+
+@value
+class TerrainFile:
+    """What a `terrain/1` document holds; `origin` is where the site frame lies, as its author counts."""
+
+    name: str = ""
+    credits: str = ""
+    origin: Document = field(default_factory=dict)
+    layers: Annotated[tuple[LayerFiles, ...], MinLen(1)] = ()
+    rocks: str | None = None
+
+
+TERRAINS = Codec(TerrainFile, "terrain/1", "terrain", error=TerrainFormatError)
+
 _IMAGES = {".png", ".jpg", ".jpeg", ".tif", ".tiff"}
 
 
@@ -50,54 +77,32 @@ def load_terrain(path: Path | str) -> Terrain:
     if path.is_file():
         if path.name == "terrain.json":
             return load_terrain(path.parent)
-        if path.suffix.lower() in _MESHES:
-            from rover_iface.terrain.mesh import load_mesh_terrain
-
+        if path.suffix.lower() in MESHES:
             return load_mesh_terrain(path)
-        return _assemble(path.stem, path.parent, [{"dem": path.name}], {})
+        return _assemble(path.stem, path.parent, TerrainFile(layers=(LayerFiles(path.name),)))
     description = path / "terrain.json"
     if description.exists():
-        document = _read_json(description)
-        if document.get("format") != FORMAT:
-            raise TerrainFormatError(
-                f'{description}: "format" is {document.get("format")!r}; "{FORMAT}" is readable'
-            )
-        entries = document.get("layers")
-        if entries is None and "dem" in document:
-            entries = [{k: document[k] for k in ("dem", "ground", "ortho", "mask") if k in document}]
-        if not isinstance(entries, list) or not entries:
-            raise TerrainFormatError(f'{description}: "layers" must list at least one DEM')
-        for entry in entries:
-            if not isinstance(entry, dict) or not isinstance(entry.get("dem"), str):
-                raise TerrainFormatError(
-                    f'{description}: each layer needs a member "dem"; found {entry!r:.80}'
-                )
-        return _assemble(str(document.get("name", path.name)), path, entries, document)
+        document = read_object(description, TerrainFormatError)
+        if "layers" not in document:
+            single = {
+                name: document.pop(name) for name in ("dem", "ground", "ortho", "mask") if name in document
+            }
+            document["layers"] = [single] if single else []
+        return _assemble(path.name, path, TERRAINS.from_document(document, str(description)))
     entries = _by_names(path)
     if not entries:
         for mesh in sorted(path.iterdir()):
-            if mesh.suffix.lower() in _MESHES:
+            if mesh.suffix.lower() in MESHES:
                 return load_terrain(mesh)
         raise TerrainFormatError(
             f"folder {path} holds no terrain: neither terrain.json nor a DEM (dem_*.tif) nor a mesh"
         )
     credit = path.parent / "CREDITS"
-    return _assemble(
-        path.name, path, entries, {"credits": credit.read_text().strip()} if credit.is_file() else {}
-    )
+    credits = credit.read_text().strip() if credit.is_file() else ""
+    return _assemble(path.name, path, TerrainFile(layers=entries, credits=credits))
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as err:
-        raise TerrainFormatError(f"{path}: {err}") from err
-    if not isinstance(document, dict):
-        raise TerrainFormatError(f"{path}: an object is needed, found {document!r:.60}")
-    return document
-
-
-def _by_names(folder: Path) -> list[dict[str, str]]:
+def _by_names(folder: Path) -> tuple[LayerFiles, ...]:
     """Return layers from the file names of a folder, in no order."""
     files = sorted(p.name for p in folder.iterdir() if p.is_file())
     dems = [f for f in files if re.match(r"dem.*\.tiff?$", f, re.IGNORECASE)]
@@ -114,18 +119,17 @@ def _by_names(folder: Path) -> list[dict[str, str]]:
                     if (same and size and same.group(1) == size.group(1)) or (not same and len(dems) == 1):
                         entry[kind] = name
                         break
-        entries.append(entry)
-    return entries
+        entries.append(LayerFiles(**entry))
+    return tuple(entries)
 
 
-def _assemble(name: str, folder: Path, entries: list[dict[str, Any]], document: dict[str, Any]) -> Terrain:
+def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
     digest = hashlib.sha256()
-    read: list[tuple[HeightLayer, dict[str, Any]]] = []
+    read: list[tuple[HeightLayer, LayerFiles]] = []
     shift: tuple[float, float] | None = None
-    origin = document.get("origin")
-    origin = dict(origin) if isinstance(origin, dict) else {}
-    for entry in entries:
-        heights, west, south, spacing = read_dem(folder / entry["dem"])
+    origin = dict(described.origin)
+    for entry in described.layers:
+        heights, west, south, spacing = read_dem(folder / entry.dem)
         if shift is None:
             # A map projection counts from far away: the site frame then starts in the middle of the first
             # DEM.
@@ -138,38 +142,38 @@ def _assemble(name: str, folder: Path, entries: list[dict[str, Any]], document: 
             if far:
                 origin.update({"east_m": middle[0], "north_m": middle[1]})
         ground = None
-        if entry.get("ground"):
-            ground, *place = read_dem(folder / entry["ground"])
+        if entry.ground:
+            ground, *place = read_dem(folder / entry.ground)
             if ground.shape != heights.shape or not np.allclose(place, (west, south, spacing)):
                 raise TerrainFormatError(
-                    f"{entry['ground']} has another grid than {entry['dem']}: {ground.shape} posts at {place}"
+                    f"{entry.ground} has another grid than {entry.dem}: {ground.shape} posts at {place}"
                 )
-        mask = _read_mask(folder / entry["mask"], heights.shape) if entry.get("mask") else None
+        mask = _read_mask(folder / entry.mask, heights.shape) if entry.mask else None
         digest.update(heights.tobytes())
         layer = HeightLayer(
-            heights, west - shift[0], south - shift[1], spacing, ground, mask, Path(entry["dem"]).stem
+            heights, west - shift[0], south - shift[1], spacing, ground, mask, Path(entry.dem).stem
         )
         read.append((layer, entry))
     read.sort(key=lambda item: item[0].spacing)
     orthos = []
     for layer, entry in read:
-        if entry.get("ortho"):
-            image = folder / entry["ortho"]
+        if entry.ortho:
+            image = folder / entry.ortho
             if not image.is_file():
                 raise TerrainFormatError(f"ortho image {image} does not exist")
             orthos.append(Ortho(_ortho_bounds(image, layer, shift or (0.0, 0.0)), path=image))
             digest.update(image.read_bytes())
     rocks: tuple[Rock, ...] = ()
-    if document.get("rocks"):
-        listing = _read_json(folder / str(document["rocks"]))
-        rocks = tuple(Rock.from_dict(item) for item in listing.get("rocks", []))
+    if described.rocks:
+        listing = read_object(folder / described.rocks, TerrainFormatError)
+        rocks = ROCKS.from_document(listing, str(folder / described.rocks)).rocks
         digest.update(json.dumps(listing, sort_keys=True).encode())
     return Terrain(
-        name,
+        described.name or name,
         tuple(layer for layer, _ in read),
         tuple(orthos),
         rocks,
-        str(document.get("credits", "")),
+        described.credits,
         origin,
         digest.hexdigest(),
     )
@@ -274,11 +278,11 @@ def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    entries = []
+    entries: list[LayerFiles] = []
     for layer in terrain.layers:
         tag = f"{layer.heights.shape[1] * layer.spacing:g}m"
         west, _, _, north = layer.bounds
-        entry: dict[str, Any] = {}
+        entry: dict[str, str] = {}
         for kind, data in (("dem", layer.heights), ("ground", layer.ground)):
             if data is None or (kind == "ground" and not terrain.rocks):
                 continue
@@ -312,19 +316,14 @@ def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
             Image.fromarray((layer.mask[::-1] * np.uint8(255)).astype(np.uint8)).convert("1").save(
                 folder / entry["mask"]
             )
-        entries.append(entry)
-    document: dict[str, Any] = {
-        "format": FORMAT,
-        "name": terrain.name,
-        "credits": terrain.credits,
-        "origin": dict(terrain.origin),
-        "layers": entries,
-    }
+        entries.append(LayerFiles(**entry))
+    described = TerrainFile(
+        terrain.name, terrain.credits, terrain.origin, tuple(entries), "rocks.json" if terrain.rocks else None
+    )
     if terrain.rocks:
-        document["rocks"] = "rocks.json"
-        listing = {"format": "rocks/1", "rocks": [rock.as_dict() for rock in terrain.rocks]}
+        listing = ROCKS.document(RockList(terrain.rocks))
         (folder / "rocks.json").write_text(
             json.dumps(listing, separators=(",", ":")) + "\n", encoding="utf-8"
         )
-    (folder / "terrain.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    (folder / "terrain.json").write_text(TERRAINS.write(described, indent=1) + "\n", encoding="utf-8")
     return folder

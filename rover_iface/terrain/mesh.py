@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,12 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_iface.errors import TerrainFormatError
-from rover_iface.terrain.gltf import Part, read_gltf
 from rover_iface.terrain.grid import HeightLayer
 from rover_iface.terrain.rocks import Mesh
 from rover_iface.terrain.terrain import Terrain
 
 Array = NDArray[np.floating]
+
+MESHES = (".glb", ".gltf", ".obj", ".ply")
+"""Endings of the files that are read."""
 
 HOLE_LIMIT = 0.01
 """Share of posts inside the outline that may be unknown."""
@@ -135,22 +136,31 @@ def _axes(text: str) -> Array:
 def read_mesh(path: Path, *, skip: Sequence[str] = ()) -> Mesh:
     """Return all triangles of a mesh file in its own axes and units.
 
+    Nodes and meshes of the names in `skip` are left out, with what hangs on them. Where a glTF file gives
+    several nodes one name, the second is known as `name_1`.
+
     Raises
     ------
     TerrainFormatError
         If the file is malformed or holds no triangles.
     """
+    import trimesh
+
     suffix = path.suffix.lower()
+    if suffix not in MESHES:
+        raise TerrainFormatError(f'mesh {path}: "{suffix}" is not among {", ".join(s[1:] for s in MESHES)}')
     try:
-        if suffix in (".glb", ".gltf"):
-            parts = list(read_gltf(path, skip))
-        elif suffix == ".obj":
-            parts = [_read_obj(path)]
-        elif suffix == ".ply":
-            parts = [_read_ply(path)]
-        else:
-            raise TerrainFormatError(f'mesh {path}: "{suffix}" is not among glb, gltf, obj, ply')
-    except (OSError, ValueError, KeyError, IndexError, TypeError, struct.error) as err:
+        scene = trimesh.load_scene(path, process=False, skip_materials=True)
+        parts = [
+            (
+                trimesh.transform_points(scene.geometry[geometry].vertices, matrix),
+                np.asarray(scene.geometry[geometry].faces),
+            )
+            for node in scene.graph.nodes_geometry
+            for matrix, geometry in (scene.graph[node],)
+            if isinstance(scene.geometry[geometry], trimesh.Trimesh) and not _skipped(scene, node, skip)
+        ]
+    except Exception as err:  # a malformed file fails anywhere in the reader
         raise TerrainFormatError(f"mesh {path}: {err}") from err
     parts = [p for p in parts if len(p[1])]
     if not parts:
@@ -165,94 +175,10 @@ def read_mesh(path: Path, *, skip: Sequence[str] = ()) -> Mesh:
     return Mesh(vertices, triangles, path.stem)
 
 
-def _read_obj(path: Path) -> Part:
-    points: list[list[float]] = []
-    faces: list[tuple[int, int, int]] = []
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        words = line.split()
-        if not words:
-            continue
-        if words[0] == "v":
-            points.append([float(w) for w in words[1:4]])
-        elif words[0] == "f":
-            ids = [int(w.split("/")[0]) for w in words[1:]]
-            ids = [i - 1 if i > 0 else len(points) + i for i in ids]
-            faces += [(ids[0], ids[k], ids[k + 1]) for k in range(1, len(ids) - 1)]
-    return np.array(points, dtype=float).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
-
-
-_PLY_TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
-    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
-    "double": "f8", "float64": "f8",
-}  # fmt: skip
-
-
-def _read_ply(path: Path) -> Part:
-    raw = path.read_bytes()
-    end = raw.find(b"end_header")
-    if not raw.startswith(b"ply") or end < 0:
-        raise TerrainFormatError(f"mesh {path} is no PLY file")
-    header = raw[:end].decode("ascii", errors="replace").split("\n")
-    body = raw[raw.index(b"\n", end) + 1 :]
-    form = "ascii"
-    elements: list[tuple[str, int, list[list[str]]]] = []
-    for line in header:
-        words = line.split()
-        if words[:1] == ["format"]:
-            form = words[1]
-        elif words[:1] == ["element"]:
-            elements.append((words[1], int(words[2]), []))
-        elif words[:1] == ["property"]:
-            elements[-1][2].append(words[1:])
-    read = _ply_ascii if form == "ascii" else _ply_binary
-    tables = read(body, elements, "<" if "little" in form else ">")
-    points = tables.get("vertex", np.zeros((0, 3)))
-    faces = tables.get("face", np.zeros((0, 3)))
-    return np.asarray(points, dtype=float), np.asarray(faces, dtype=np.int64)
-
-
-def _fan(ids: Sequence[int]) -> list[tuple[int, int, int]]:
-    return [(ids[0], ids[k], ids[k + 1]) for k in range(1, len(ids) - 1)]
-
-
-def _ply_ascii(body: bytes, elements: list[tuple[str, int, list[list[str]]]], _: str) -> dict[str, Any]:
-    lines = iter(body.decode("ascii", errors="replace").splitlines())
-    tables: dict[str, Any] = {}
-    for name, count, properties in elements:
-        rows = [next(lines, "").split() for _ in range(count)]
-        if name == "vertex":
-            at = [next(k for k, p in enumerate(properties) if p[-1] == axis) for axis in "xyz"]
-            tables[name] = np.array([[float(row[k]) for k in at] for row in rows]).reshape(-1, 3)
-        elif name == "face":
-            faces = [f for row in rows for f in _fan([int(w) for w in row[1 : 1 + int(row[0])]])]
-            tables[name] = np.array(faces, dtype=np.int64).reshape(-1, 3)
-    return tables
-
-
-def _ply_binary(body: bytes, elements: list[tuple[str, int, list[list[str]]]], order: str) -> dict[str, Any]:
-    tables: dict[str, Any] = {}
-    position = 0
-    for name, count, properties in elements:
-        if all(p[0] != "list" for p in properties):
-            kind = np.dtype([(p[-1], order + _PLY_TYPES[p[0]]) for p in properties])
-            table = np.frombuffer(body, dtype=kind, count=count, offset=position)
-            position += kind.itemsize * count
-            if name == "vertex":
-                tables[name] = np.column_stack([table[axis].astype(float) for axis in "xyz"])
-            continue
-        faces: list[tuple[int, int, int]] = []
-        for _ in range(count):
-            for p in properties:
-                if p[0] != "list":
-                    position += np.dtype(_PLY_TYPES[p[0]]).itemsize
-                    continue
-                size, item = np.dtype(order + _PLY_TYPES[p[1]]), np.dtype(order + _PLY_TYPES[p[2]])
-                length = int(np.frombuffer(body, size, 1, position)[0])
-                position += size.itemsize
-                if name == "face":
-                    faces += _fan(np.frombuffer(body, item, length, position).tolist())
-                position += item.itemsize * length
-        if name == "face":
-            tables[name] = np.array(faces, dtype=np.int64).reshape(-1, 3)
-    return tables
+def _skipped(scene: Any, node: str, skip: Sequence[str]) -> bool:
+    """Return whether a node of a trimesh scene, its mesh or a node that it hangs on is left out."""
+    mesh = scene.graph[node][1]
+    if scene.geometry[mesh].metadata.get("from_gltf_primitive"):
+        mesh = re.sub(r"_\d+$", "", mesh)  # the primitives of one mesh are numbered
+    above = scene.graph.transforms.shortest_path(scene.graph.base_frame, node)
+    return not {mesh, *above}.isdisjoint(skip)

@@ -11,19 +11,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mission.codec import Codec
+from mission.values import Positive, value
 from rover_iface.errors import TerrainFormatError
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Rock:
     """One rock: middle of its foot on the ground (x, y, z), largest width and height above ground, metres."""
 
@@ -31,35 +32,24 @@ class Rock:
     x: float
     y: float
     z: float
-    diameter: float
-    height: float
+    diameter: Positive
+    height: Positive
     yaw: float = 0.0
     elongation: float = 0.8
     burial: float = 0.3
     seed: int = 0
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return asdict(self)
 
-    @staticmethod
-    def from_dict(document: dict[str, Any]) -> Rock:
-        """Return a rock from its JSON form.
+@value
+class RockList:
+    """What a `rocks/1` document holds."""
 
-        Raises
-        ------
-        TerrainFormatError
-            If a member is missing or unknown, or a size is not positive.
-        """
-        try:
-            rock = Rock(**document)
-        except TypeError as err:
-            raise TerrainFormatError(f"rock {document!r:.80}: {err}") from err
-        if not (rock.diameter > 0 and rock.height > 0):
-            raise TerrainFormatError(
-                f'rock "{rock.id}" measures {rock.diameter} x {rock.height} m; both must be positive'
-            )
-        return rock
+    rocks: tuple[Rock, ...] = ()
+
+
+ROCKS = Codec(
+    RockList, "rocks/1", "list of rocks", upgrades={"": ("rocks/1", dict)}, error=TerrainFormatError
+)
 
 
 @dataclass(frozen=True, eq=False)

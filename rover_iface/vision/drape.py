@@ -169,7 +169,7 @@ def find_draped(
         if patch.normal @ toward <= 0.2 * np.linalg.norm(toward):
             return None
     away = float(np.linalg.norm(patch.point - camera.C))
-    source = Template(image, camera, source_px, patch.point, patch.normal, away, 0.0)
+    source = Template(image, camera, source_px, patch.point, patch.normal, away)
     matcher = TemplateMatcher(
         NccOptions(search_px=search_px, template_px=TEMPLATE_PX, context_px=context_px, coarse=False)
     )
@@ -178,9 +178,9 @@ def find_draped(
     if template is None:
         return None
     found = matcher.search(scene.left, template, expected)
-    if found is None or np.abs(found[0] - expected).max() > search_px + 1.0:
+    if found is None or np.abs(found.pixel - expected).max() > search_px + 1.0:
         return None
-    return found
+    return found.pixel, found.score
 
 
 def on_plane(camera: CameraModel, pixel: Array, patch: PointMatch) -> Array | None:

@@ -293,17 +293,17 @@ def scaled_window(
     expected = np.asarray(navcam_camera.project(place))
     if not np.isfinite(expected).all():
         return None
-    source = Template(smooth, pancam_camera, at, place, toward / away, away, 0.0)
+    source = Template(smooth, pancam_camera, at, place, toward / away, away)
     matcher = TemplateMatcher(NccOptions(template_px=WINDOW_PX, context_px=CONTEXT_PX, search_px=search_px))
     template = matcher.predict(source, navcam_camera, expected, place)
     match = None if template is None else matcher.search(navcam, template, expected)
     if template is None or match is None:
         return None
     along = _range_line(pancam_camera, at, navcam_camera, away)
-    one, two = (align_relief(navcam, template, match[0], along, options) for options in WINDOWS)
+    one, two = (align_relief(navcam, template, match.pixel, along, options) for options in WINDOWS)
     if one is None or two is None or float(np.hypot(*(one.pixel - two.pixel))) > WINDOWS_AGREE_PX:
         return None
-    if float(np.hypot(*(one.pixel - match[0]))) > SEARCH_OFF_PX:
+    if float(np.hypot(*(one.pixel - match.pixel))) > SEARCH_OFF_PX:
         return None
     return Found(one.pixel, one.score)
 

@@ -17,13 +17,27 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import PointMatch, point_stereo
 from rover_iface.errors import TrackerError
-from rover_iface.vision.template import NccOptions, Template, TemplateMatcher, template_roll, template_scale
+from rover_iface.vision.coverage_watch import CoverageWatch
+from rover_iface.vision.designation import require_range
+from rover_iface.vision.template import (
+    Found,
+    NccOptions,
+    Template,
+    TemplateMatcher,
+    grown_drift,
+    template_roll,
+    template_scale,
+)
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
+Drift = tuple[Array, Array]
+"""Covariance (3, 3), m^2, and parallax (3, 2), metres: see `Template`."""
 NOWHERE = np.full(2, np.nan)
+FOUND_AGAIN = 0.75
+"""Most confidence in a target at the stop at which it is found again."""
 KEY_TURN_RAD = 0.35
 """A key template is replaced when the line of sight has turned by more than this."""
 
@@ -35,6 +49,7 @@ class _Target:
     update: TrackUpdate
     start_point: Array
     start_range_m: float
+    start_depth_m2: float
     start_travel_m: float
     travelled_m: float
     normal_weight: float
@@ -43,11 +58,15 @@ class _Target:
 
 @dataclass(slots=True)
 class _Judgement:
-    """What speaks for and against a match: figures, margins to the limits, the limits that were passed."""
+    """What speaks for and against a match: figures, margins to the limits, the limits that were passed.
+
+    `alike` is the margin by which its texture is that of the target.
+    """
 
     scores: dict[str, float] = field(default_factory=dict)
     margins: list[float] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
+    alike: float = 0.0
 
     def limit(self, margin: float, reason: str) -> None:
         """Take a margin, 1 at perfect; below 0 the match is not believed for the reason given."""
@@ -73,6 +92,7 @@ class NccTracker:
     def __init__(self, options: NccOptions | None = None) -> None:
         self.options = options or NccOptions()
         self.matcher = TemplateMatcher(self.options)
+        self.watch = CoverageWatch()
         self._targets: dict[str, _Target] = {}
 
     @property
@@ -113,16 +133,18 @@ class NccTracker:
             raise TrackerError(
                 f'target "{target}": stereo found {found}; {self.options.stereo_limit} is needed'
             )
+        if position is not None:
+            require_range(target, view, np.asarray(position, dtype=np.float64), match)
         distance = float(np.linalg.norm(match.point - view.left_camera.C))
         view_template = Template(
-            view.left, view.left_camera, at, match.point, match.normal, distance, drift_px2=0.0
+            view.left, view.left_camera, at, match.point, match.normal, distance, depth_m2=_depth_m2(match)
         )
         judged = _Judgement(margins=[(match.score - self.options.stereo_limit) / 0.3])
         update = TrackUpdate(
             target=target,
             state=TrackState.TRACKED,
             position=match.point,
-            covariance=match.covariance,
+            covariance=match.surface_covariance + self._pointing(view, match),
             confidence=judged.confidence,
             pixel=at,
             scores={
@@ -140,6 +162,7 @@ class NccTracker:
             update,
             match.point,
             distance,
+            _depth_m2(match),
             view.travelled_m,
             view.travelled_m,
             normal_weight=distance**-4,
@@ -200,12 +223,14 @@ class NccTracker:
             judged.limit(-1.0, "stereo finds no partner")
             return judged
         self._judge_position(track, view, match, distance, judged)
+        if self.options.surroundings_px:
+            self._judge_identity(judged)
         if judged.reasons:
             return judged
         return self._accept(target, track, view, at, match, drift, judged)
 
-    def _match(self, track: _Target, view: StereoView, judged: _Judgement) -> tuple[Array, float] | None:
-        """Return the pixel of the best match and its drift variance, px^2; None when there is no match."""
+    def _match(self, track: _Target, view: StereoView, judged: _Judgement) -> tuple[Array, Drift] | None:
+        """Return the pixel of the best match and what it has drifted; None when there is no match."""
         options, last, camera = self.options, track.last, view.left_camera
         prediction = camera.project(last.point)
         judged.scores["template_px"] = float(options.template_px)
@@ -227,26 +252,57 @@ class NccTracker:
         if found is None:
             judged.limit(-1.0, "no contrast to correlate")
             return None
-        at, score = found
-        drift = last.drift_px2 * scores["scale"] ** 2 + 0.18**2
+        at, score = found.pixel, found.score
+        drift = grown_drift(last, camera, last.point, last.normal, found.spread)
         if options.key_template and track.key is not last:
-            better = self._with_key(track, view, prediction, at, distance)
+            better = self._with_key(track, view, prediction, found)
             if better is not None:
                 at, scores["key"], drift = better
         scores["ncc"] = score
         scores["correction_px"] = float(np.hypot(*(at - prediction)))
+        judged.alike = (score - options.score_limit) / (1.0 - options.score_limit)
         judged.limit(
-            (score - options.score_limit) / (1.0 - options.score_limit),
+            judged.alike,
             f"correlation {score:.2f} is below {options.score_limit}",
         )
+        if options.surroundings_px:
+            self._judge_surroundings(track, view, at, judged)
         if math.isfinite(options.back_check_px):
-            now = Template(view.left, camera, at, last.point, last.normal, distance, 0.0)
+            now = Template(view.left, camera, at, last.point, last.normal, distance)
             back = scores["back_px"] = self.matcher.back_error(now, last)
             judged.limit(
                 1.0 - back / options.back_check_px,
                 f"matching back ends {back:.1f} px away, over {options.back_check_px}",
             )
         return at, drift
+
+    def _judge_surroundings(self, track: _Target, view: StereoView, at: Array, judged: _Judgement) -> None:
+        """Hold what lies round the match against what lay round the target: the neighbours tell stones apart.
+
+        A target that was lost must agree with both templates that are left of it.
+        """
+        sources = (track.last,) if not track.misses or track.key is track.last else (track.last, track.key)
+        seen = [self.matcher.surroundings(source, view, at) for source in sources]
+        known = [score for score in seen if score is not None]
+        if not known:
+            if track.misses:
+                judged.limit(-1.0, "its surroundings are out of the picture: no telling which stone it is")
+            return
+        score = judged.scores["surroundings"] = min(known)
+        limit = self.options.surroundings_limit
+        judged.limit((score - limit) / (1.0 - limit), f"its surroundings agree by {score:.2f}, below {limit}")
+
+    def _judge_identity(self, judged: _Judgement) -> None:
+        """Hold texture, surroundings and range together: another stone may pass each of them by a hair."""
+        options, scores = self.options, judged.scores
+        near = 1.0 - abs(scores["range_correction_m"]) / scores["range_tolerance_m"]
+        limit = options.surroundings_limit
+        round_it = (scores.get("surroundings", limit) - limit) / (1.0 - limit)
+        identity = scores["identity"] = (near + judged.alike + round_it) / 3.0
+        judged.limit(
+            (identity - options.identity_limit) / (1.0 - options.identity_limit),
+            f"texture, surroundings and range together give {identity:.2f}, below {options.identity_limit}",
+        )
 
     def _judge_position(
         self, track: _Target, view: StereoView, match: PointMatch, distance: float, judged: _Judgement
@@ -261,7 +317,11 @@ class NccTracker:
         measured = float(np.linalg.norm(match.point - view.left_camera.C))
         moved = abs(view.travelled_m - track.travelled_m) or abs(track.last.range_m - distance)
         tolerance = (
-            math.hypot(self._range_error(view, track.last.range_m), self._range_error(view, distance))
+            math.hypot(
+                self._range_error(view, track.last.range_m),
+                self._range_error(view, distance),
+                3.0 * math.sqrt(track.last.depth_m2 + _depth_m2(match)),
+            )
             + options.odometry_share * moved
             + 0.01
         )
@@ -275,7 +335,10 @@ class NccTracker:
         )
         total = float(np.linalg.norm(match.point - track.start_point))
         allowed = (
-            self._range_error(view, track.start_range_m)
+            math.hypot(
+                self._range_error(view, track.start_range_m),
+                3.0 * math.sqrt(track.start_depth_m2 + _depth_m2(match)),
+            )
             + options.odometry_share * abs(view.travelled_m - track.start_travel_m)
             + 0.05
         )
@@ -292,15 +355,15 @@ class NccTracker:
         view: StereoView,
         at: Array,
         match: PointMatch,
-        drift: float,
+        drift: Drift,
         judged: _Judgement,
     ) -> TrackUpdate:
         """Replace the template by what is seen now, and return the answer."""
         camera, measured = view.left_camera, judged.scores["range_m"]
         normal = self._blend_normal(track, match, measured)
-        track.misses = 0
+        found_again, track.misses = track.misses > 0, 0
         track.travelled_m = view.travelled_m
-        track.last = Template(view.left, camera, at, match.point, normal, measured, drift)
+        track.last = Template(view.left, camera, at, match.point, normal, measured, *drift, _depth_m2(match))
         nearer = max(track.key.range_m / measured, measured / track.key.range_m)
         if nearer > self.options.key_scale or _turned(track.key, track.last) > KEY_TURN_RAD:
             track.key = track.last
@@ -308,27 +371,44 @@ class NccTracker:
             target=target,
             state=TrackState.TRACKED,
             position=match.point,
-            covariance=match.covariance + _drift_covariance(camera, match.point, normal, drift),
-            confidence=judged.confidence,
+            covariance=self.watch.factor
+            * (match.surface_covariance + track.last.uncertainty + self._pointing(view, match)),
+            confidence=min(judged.confidence, FOUND_AGAIN) if found_again else judged.confidence,
             pixel=at,
-            scores=judged.scores,
+            scores=judged.scores | {"watched": self.watch.coverage, "widened": self.watch.factor},
         )
 
     def _with_key(
-        self, track: _Target, view: StereoView, prediction: Array, at: Array, distance: float
-    ) -> tuple[Array, float, float] | None:
-        """Return the match of the key template beside `at`, its score and its drift, if the two agree."""
-        key, last = track.key, track.last
-        template = self.matcher.predict(key, view.left_camera, prediction, last.point)
+        self, track: _Target, view: StereoView, prediction: Array, found: Found
+    ) -> tuple[Array, float, Drift] | None:
+        """Return the match of the key template beside `found`, its score and its drift, if the two agree.
+
+        Whether they agree as well as both are told to is what the tracker's coverage is watched by.
+        """
+        key, last, camera = track.key, track.last, view.left_camera
+        template = self.matcher.predict(key, camera, prediction, last.point)
         if template is None:
             return None
-        spot = at.copy()
+        spot = found.pixel.copy()
         half = min(self.options.context_px // 2, self.options.template_px // 2 + 4)
-        score = self.matcher.align(view.left, template, spot, half)
-        if score < 0.75 or float(np.hypot(*(spot - at))) > 2.0:
+        score, spread = self.matcher.align(view.left, template, spot, half)
+        if score < 0.75:
             return None
-        scale = key.range_m / distance
-        return spot, score, key.drift_px2 * scale**2 + 0.25**2
+        drift = grown_drift(key, camera, last.point, last.normal, spread)
+        other = grown_drift(last, camera, last.point, last.normal, found.spread)
+        gap, jacobian = spot - found.pixel, camera.jacobian(last.point)
+        # the last template comes from the key one: what that had drifted is common to both
+        apart = sum((d + q @ q.T for d, q in (drift, other)), -2.0 * key.uncertainty)
+        told = jacobian @ apart @ jacobian.T + self.options.least_px**2 * np.eye(2)
+        self.watch.see(float(gap @ np.linalg.solve(told, gap)), 2)
+        return None if float(np.hypot(*gap)) > 2.0 else (spot, score, drift)
+
+    def _pointing(self, view: StereoView, match: PointMatch) -> Array:
+        """Return the covariance (3, 3), m^2, of a place across the line of sight that no pixel tells."""
+        ray = match.point - view.left_camera.C
+        away = float(np.linalg.norm(ray))
+        across = np.eye(3) - np.outer(ray, ray) / away**2
+        return np.asarray((self.options.least_px * away / view.left_camera.hs) ** 2 * across)
 
     def _stereo(
         self, view: StereoView, at: Array, distance: float | None, *, spread: float
@@ -376,16 +456,6 @@ def _turned(a: Template, b: Template) -> float:
     return math.acos(max(-1.0, min(1.0, float(one @ two))))
 
 
-def _drift_covariance(camera: CameraModel, point: Array, normal: Array, drift_px2: float) -> Array:
-    """Return the covariance (3, 3) of a point that may sit `drift_px2` off in the image, on its plane."""
-    jacobian = camera.jacobian(point)
-    toward = camera.C - point
-    toward = toward / np.linalg.norm(toward)
-    if toward @ normal < 0.3:
-        normal = toward
-    helper = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    first = np.cross(normal, helper)
-    first /= np.linalg.norm(first)
-    along = np.stack((first, np.cross(normal, first)), axis=1)
-    spread = along @ np.linalg.inv(jacobian @ along)
-    return np.asarray(drift_px2 * spread @ spread.T)
+def _depth_m2(match: PointMatch) -> float:
+    """Return the variance of a point's depth against its surroundings: what its parts disagree by."""
+    return float(np.trace(match.surface_covariance))

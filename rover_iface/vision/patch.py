@@ -10,7 +10,7 @@ from numba import njit
 
 from rover_iface.cameras.kernels import back_project_one, project_one
 from rover_iface.cameras.model import Array
-from rover_iface.cameras.stereo_kernels import bilinear
+from rover_iface.cameras.stereo_kernels import bilinear, few_parts
 
 Image = npt.NDArray[np.float32]
 
@@ -158,69 +158,152 @@ def correlation(image: Image, template: Image, x: float, y: float, half: int) ->
     return (sab - sa * sb / n) / math.sqrt(va * vb)
 
 
-@njit(cache=True, nogil=True)
-def align(image: Image, template: Image, at: Array, half: int) -> float:
-    """Move `at` to where the template fits best, to a few hundredths of a pixel; return the score there.
+WEIGHT = 0.30
+"""Spread of the weights over a window, of its half side. Narrow: what lies at another depth than the target
+moves otherwise. 0.45, 0.30, 0.22 leave 95 % of the errors below 1.9, 0.8, 1.0 cm on the tuning seeds."""
+BLOCKS = 5
+"""Blocks of a window to a side, of which each tells for itself where the template should go."""
+SHAPE = 8
+"""Parameters of an alignment: shift, four of shape, gain, offset."""
 
-    Gauss and Newton on shift, gain and offset, the middle weighing most (a narrow weight takes a
-    fifth off the end error on rocks smaller than the window); `at` stays where it was if that wanders off
-    by over 2.5 pixels.
+
+@njit(cache=True, nogil=True)
+def align_shape(
+    image: Image, template: Image, at: Array, half: int, shape_sd: float, most_px: float, spread: Array
+) -> float:
+    """Move `at` to where the template fits best, its shape left free; return the score there, -2 for no fit.
+
+    Gauss and Newton on shift, the four of an affine shape (each kept within about `shape_sd` unless the
+    pictures say otherwise: what a wrong slant does), gain and offset, the middle weighing most. `spread`
+    (2, 2) is filled with the covariance of the shift, px^2: the sandwich of Liang and Zeger 1986,
+    curvature of the fit on both sides, between them what the blocks of the window disagree by.
+    Independent noise of pixels, grain that is correlated over a block, relief, and a background that
+    moves otherwise all show in it, whatever made the picture.
     """
     middle = template.shape[0] // 2
-    x, y = at[0], at[1]
-    gain, offset = 1.0, 0.0
-    M = np.zeros((4, 4))
-    g = np.zeros(4)
-    for iteration in range(15):
+    size = 2 * half + 1
+    p = np.zeros(6)
+    p[0], p[1] = at[0], at[1]
+    gain, offset = _gain_and_offset(image, template, at[0], at[1], half)
+    M = np.zeros((SHAPE, SHAPE))
+    scores = np.zeros((BLOCKS * BLOCKS, SHAPE))
+    weights = np.zeros(BLOCKS * BLOCKS)
+    t = np.zeros(SHAPE)
+    g = np.zeros(SHAPE)
+    energy, total = 0.0, 0.0
+    prior = 0.0
+    for iteration in range(16):
         M[:, :] = 0.0
-        g[:] = 0.0
-        used = 0
+        scores[:, :] = 0.0
+        weights[:] = 0.0
+        energy, total, used = 0.0, 0.0, 0
         for j in range(-half, half + 1):
             for i in range(-half, half + 1):
                 a = float(template[middle + j, middle + i])
-                b = bilinear(image, x + i, y + j)
+                x = p[0] + (1.0 + p[2]) * i + p[3] * j
+                y = p[1] + p[4] * i + (1.0 + p[5]) * j
+                b = bilinear(image, x, y)
                 if math.isnan(a) or math.isnan(b):
                     continue
-                bx = 0.5 * (bilinear(image, x + i + 1.0, y + j) - bilinear(image, x + i - 1.0, y + j))
-                by = 0.5 * (bilinear(image, x + i, y + j + 1.0) - bilinear(image, x + i, y + j - 1.0))
+                bx = 0.5 * (bilinear(image, x + 1.0, y) - bilinear(image, x - 1.0, y))
+                by = 0.5 * (bilinear(image, x, y + 1.0) - bilinear(image, x, y - 1.0))
                 if math.isnan(bx) or math.isnan(by):
                     continue
-                q = math.exp(-0.5 * (i * i + j * j) / (0.45 * half) ** 2)
-                r = q * (a - gain * b - offset)
-                t0, t1 = gain * bx, gain * by
-                g[0] += t0 * r
-                g[1] += t1 * r
-                g[2] += b * r
-                g[3] += r
-                M[0, 0] += q * t0 * t0
-                M[0, 1] += q * t0 * t1
-                M[0, 2] += q * t0 * b
-                M[0, 3] += q * t0
-                M[1, 1] += q * t1 * t1
-                M[1, 2] += q * t1 * b
-                M[1, 3] += q * t1
-                M[2, 2] += q * b * b
-                M[2, 3] += q * b
-                M[3, 3] += q
+                q = math.exp(-0.5 * (i * i + j * j) / (WEIGHT * half) ** 2)
+                r = a - gain * b - offset
+                t[0], t[1] = gain * bx, gain * by
+                t[2], t[3], t[4], t[5] = t[0] * i, t[0] * j, t[1] * i, t[1] * j
+                t[6], t[7] = b, 1.0
+                block = ((j + half) * BLOCKS // size) * BLOCKS + (i + half) * BLOCKS // size
+                weights[block] += q
+                for c in range(SHAPE):
+                    scores[block, c] += q * t[c] * r
+                    for d in range(c, SHAPE):
+                        M[c, d] += q * t[c] * t[d]
+                energy += q * r * r
+                total += q
                 used += 1
-        if used < 30:
-            break
-        for c in range(4):
-            M[c, c] = M[c, c] * (1.0 + 1e-6) + 1e-9
+        if used < 60:
+            return -2.0
+        prior = energy / total / shape_sd**2
+        for c in range(SHAPE):
+            g[c] = 0.0
+            for n in range(BLOCKS * BLOCKS):
+                g[c] += scores[n, c]
             for d in range(c):
                 M[c, d] = M[d, c]
+        for c in range(2, 6):
+            M[c, c] += prior
+            g[c] -= prior * p[c]
+        for c in range(SHAPE):
+            M[c, c] = M[c, c] * (1.0 + 1e-6) + 1e-9
         s = np.linalg.solve(M, g)
-        x += max(-1.0, min(1.0, s[0]))
-        y += max(-1.0, min(1.0, s[1]))
-        gain = min(5.0, max(0.2, gain + s[2]))
-        offset += s[3]
-        if math.hypot(x - at[0], y - at[1]) > 2.5:
-            x, y = at[0], at[1]
-            break
+        for c in range(2):
+            p[c] += max(-1.0, min(1.0, s[c]))
+        for c in range(2, 6):
+            p[c] = max(-0.5, min(0.5, p[c] + s[c]))
+        gain = min(5.0, max(0.2, gain + s[6]))
+        offset += s[7]
+        if math.hypot(p[0] - at[0], p[1] - at[1]) > most_px:
+            return -2.0
         if iteration > 1 and abs(s[0]) + abs(s[1]) < 3e-3:
             break
-    score = correlation(image, template, x, y, half)
-    if score >= correlation(image, template, at[0], at[1], half) - 0.02:
-        at[0], at[1] = x, y
-        return score
-    return correlation(image, template, at[0], at[1], half)
+    inverse = np.linalg.inv(M)
+    between = np.zeros((SHAPE, SHAPE))
+    for n in range(BLOCKS * BLOCKS):
+        for c in range(SHAPE):
+            for d in range(SHAPE):
+                between[c, d] += scores[n, c] * scores[n, d]
+    whole = inverse @ between @ inverse
+    more = few_parts(weights)
+    for c in range(2):
+        for d in range(2):
+            spread[c, d] = more * whole[c, d]
+    at[0], at[1] = p[0], p[1]
+    return _shaped_correlation(image, template, p, half)
+
+
+@njit(cache=True, nogil=True)
+def _shaped_correlation(image: Image, template: Image, p: Array, half: int) -> float:
+    middle = template.shape[0] // 2
+    n, sa, sb, saa, sbb, sab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(-half, half + 1):
+        for i in range(-half, half + 1):
+            a = float(template[middle + j, middle + i])
+            b = bilinear(image, p[0] + (1.0 + p[2]) * i + p[3] * j, p[1] + p[4] * i + (1.0 + p[5]) * j)
+            if math.isnan(a) or math.isnan(b):
+                continue
+            n += 1.0
+            sa += a
+            sb += b
+            saa += a * a
+            sbb += b * b
+            sab += a * b
+    va, vb = saa - sa * sa / max(n, 1.0), sbb - sb * sb / max(n, 1.0)
+    if va < 1e-7 or vb < 1e-7:
+        return -2.0
+    return (sab - sa * sb / n) / math.sqrt(va * vb)
+
+
+@njit(cache=True, nogil=True)
+def _gain_and_offset(image: Image, template: Image, x: float, y: float, half: int) -> tuple[float, float]:
+    """Return gain and offset that make an image most like the template, the middle weighing most."""
+    middle = template.shape[0] // 2
+    n, sa, sb, sbb, sab = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(-half, half + 1):
+        for i in range(-half, half + 1):
+            a = float(template[middle + j, middle + i])
+            b = bilinear(image, x + i, y + j)
+            if math.isnan(a) or math.isnan(b):
+                continue
+            q = math.exp(-0.5 * (i * i + j * j) / (WEIGHT * half) ** 2)
+            n += q
+            sa += q * a
+            sb += q * b
+            sbb += q * b * b
+            sab += q * a * b
+    spread = sbb - sb * sb / max(n, 1e-9)
+    if n <= 0.0 or spread < 1e-12:
+        return 1.0, 0.0
+    gain = (sab - sa * sb / n) / spread
+    return gain, (sa - gain * sb) / n

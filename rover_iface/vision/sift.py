@@ -23,6 +23,7 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import triangulate
 from rover_iface.errors import TrackerError
+from rover_iface.vision.coverage_watch import CoverageWatch
 from rover_iface.vision.narrow_range import KnownRange
 from rover_iface.vision.sift_anchor import Anchor, AnchorOptions, Looks
 from rover_iface.vision.sift_features import Features, find_features, match_moved
@@ -155,6 +156,7 @@ class SiftTracker:
     def __init__(self, options: SiftOptions | None = None) -> None:
         self.options = options or SiftOptions()
         self.looks = Looks(self.options.anchor)
+        self.watch = CoverageWatch()
         self._targets: dict[str, _Target] = {}
         self._found: tuple[StereoView, Features] | None = None
 
@@ -196,10 +198,10 @@ class SiftTracker:
             )
         anchored = None
         if self.shipped:
-            anchored = point, spread, _ = self._ranged(target, pair[0], given, view, known)
+            anchored = point, spread, _ = self.looks.begin(target, view, pair[0], given, known)
         else:
             if pixel is not None:
-                point = self._ranged(target, pair[0], given, view, known)[0]
+                point = self.looks.begin(target, view, pair[0], given, known)[0]
                 pair = pair[0], np.asarray(view.right_camera.project(point))
             point, spread = self._triangulated(target, pair, view)
         track = (
@@ -238,6 +240,8 @@ class SiftTracker:
             track.position, track.covariance = self.looks.take(
                 view, track.position, track.covariance, track.anchor
             )
+            self.watch.see(track.anchor.scores["range_sigma"] ** 2, 1)
+            self.watch.see(2.0 * track.anchor.scores["look_sigma"] ** 2, 2)
         confidence = self._confidence(track, view, chain.motion)
         if self.shipped and confidence < 0.5:
             track.misses += 1
@@ -272,7 +276,8 @@ class SiftTracker:
         across = np.eye(3) - np.outer(ray, ray) / away**2
         track.covariance = track.covariance + (error_px * away / view.left_camera.hs) ** 2 * across
         if isinstance(track, _Anchored):
-            track.anchor.key = replace(track.anchor.key, drift_px2=error_px**2)
+            off = (error_px * away / view.left_camera.hs) ** 2 * across
+            track.anchor.key = replace(track.anchor.key, drift=off)
         track.answer = self._answer(target, view, track.covariance, len(track.chain.features), ())
         return track.answer
 
@@ -335,24 +340,6 @@ class SiftTracker:
         return best if best is not None and best.inliers >= options.least else None
 
     # ---- steps of an update
-
-    def _ranged(
-        self, target: str, pixel: Array, given: Array | None, view: StereoView, known: KnownRange | None
-    ) -> tuple[Array, Array, Anchor]:
-        """Return position, covariance and anchor of the surface under a pixel.
-
-        Raises
-        ------
-        TrackerError
-            If its own patch cannot be ranged: what is not seen by stereo is not tracked.
-        """
-        expected = None if given is None else float(np.linalg.norm(given - view.left_camera.C))
-        found = self.looks.begin(view, pixel, expected, known)
-        if found is None:
-            raise TrackerError(
-                f'target "{target}" at pixel ({pixel[0]:.1f}, {pixel[1]:.1f}) could not be ranged'
-            )
-        return found
 
     def _triangulated(self, target: str, pair: tuple[Array, Array], view: StereoView) -> tuple[Array, Array]:
         """Return position and covariance by the pixels of both images (eq. 4)."""
@@ -423,7 +410,7 @@ class SiftTracker:
         options = self.options
         grounds = {f"{motion.inliers} features agree": self._count(motion.inliers)}
         if isinstance(track, _Anchored):
-            told = self.looks.told(view, track.position, track.covariance, track.anchor)
+            told = self.watch.factor * self.looks.told(track.covariance, track.anchor)
             chance = _within(told, view, track.position, options.error_m)
             grounds[f"the chance of {100 * options.error_m:.0f} cm is {chance:.2f}"] = chance
         return grounds
@@ -452,7 +439,8 @@ class SiftTracker:
             scores["residual"] = track.chain.motion.residual_px
         if isinstance(track, _Anchored):
             scores |= track.anchor.scores
-            spread = self.looks.told(view, track.position, spread, track.anchor)
+            scores |= {"watched": self.watch.coverage, "widened": self.watch.factor}
+            spread = self.watch.factor * self.looks.told(spread, track.anchor)
         return TrackUpdate(
             target=target,
             state=track.state,
@@ -501,6 +489,10 @@ def _designated(
 def _move_key(anchor: Anchor, motion: Motion) -> None:
     """Carry the template's camera and point into the frame as it is believed now."""
     key = anchor.key
+    if anchor.drift is not None:
+        drift, parallax = anchor.drift
+        turn = motion.new_from_old
+        anchor.drift = np.asarray(turn.covariance(drift)), np.asarray(turn.rotation @ parallax)
     anchor.key = type(key)(
         key.image,
         key.camera.transformed(motion.new_from_old),
@@ -508,7 +500,9 @@ def _move_key(anchor: Anchor, motion: Motion) -> None:
         np.asarray(motion.new_from_old.apply(key.point)),
         np.asarray(motion.new_from_old.rotate(key.normal)),
         key.range_m,
-        key.drift_px2,
+        np.asarray(motion.new_from_old.covariance(key.drift)),
+        np.asarray(motion.new_from_old.rotation @ key.parallax),
+        key.depth_m2,
     )
 
 

@@ -16,11 +16,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_iface.cameras.model import Array
-from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo, triangulate
+from rover_iface.cameras.stereo import PointMatch, point_stereo
+from rover_iface.errors import TrackerError
+from rover_iface.vision.designation import require_range
 from rover_iface.vision.narrow_range import KnownRange
-from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
+from rover_iface.vision.template import (
+    Found,
+    NccOptions,
+    Template,
+    TemplateMatcher,
+    grown_drift,
+    parallax_px,
+)
 from rover_iface.vision.tracker import StereoView
 
+Drift = tuple[Array, Array]
 KEY_SCALE = 1.5
 TEMPLATE_PX = 21
 GATE_SIGMAS, MOST_SEARCH_PX = 3.0, 20
@@ -33,15 +43,6 @@ class AnchorOptions:
 
     Attributes
     ----------
-    range_px
-        Error of a patch's disparity, pixels.
-    rough_m
-        How far the surface may depart from the plane that stereo fits.
-    look_px
-        Error of the place of a template.
-    bias_px
-        What all disparities of a scene are off together. More looks do not shrink it, so it is kept out of
-        the weights and added to the covariance that is told; so is what a template was off when cut.
     least_stereo, least_look
         Correlation below which a look says nothing.
     good_look
@@ -54,10 +55,6 @@ class AnchorOptions:
         compared.
     """
 
-    range_px: float = 0.15
-    rough_m: float = 0.002
-    look_px: float = 0.25
-    bias_px: float = 0.09
     least_stereo: float = 0.7
     least_look: float = 0.6
     good_look: float = 0.9
@@ -67,10 +64,16 @@ class AnchorOptions:
 
 @dataclass(slots=True)
 class Anchor:
-    """What is remembered of a target's looks: its face and the template of an earlier stop."""
+    """What is remembered of a target's looks: its face and the template of an earlier stop.
+
+    `shared` (3, 3), m^2, is what the latest looks err by together with those before them: more looks do not
+    shrink it, so it is kept out of the weights and added to the covariance that is told.
+    """
 
     normal: Array
     key: Template
+    shared: Array
+    drift: Drift | None = None
     scores: dict[str, float] = field(default_factory=dict)
 
 
@@ -83,38 +86,52 @@ class Looks:
     def _stereo(
         self, view: StereoView, pixel: Array, range_m: float | None, spread: float
     ) -> PointMatch | None:
-        settings = PointStereo(sigma_px=self.options.range_px / math.sqrt(2.0))
         match = point_stereo(
             view.left,
             view.right,
             view.left_camera,
             view.right_camera,
             pixel,
-            options=settings,
             expected_range_m=range_m,
             range_spread=spread,
         )
         return match if match is not None and match.score >= self.options.least_stereo else None
 
     def begin(
-        self, view: StereoView, pixel: Array, expected_m: float | None, known: KnownRange | None = None
-    ) -> tuple[Array, Array, Anchor] | None:
-        """Return position, covariance and anchor of the surface under a pixel; None where stereo fails.
+        self,
+        target: str,
+        view: StereoView,
+        pixel: Array,
+        given: Array | None,
+        known: KnownRange | None = None,
+    ) -> tuple[Array, Array, Anchor]:
+        """Return position, covariance and anchor of the surface under a pixel.
 
         A range that is `known` better from elsewhere moves the position along the line of sight.
+
+        Raises
+        ------
+        TrackerError
+            If its own patch cannot be ranged, or is ranged elsewhere than where the target was designated
+            (`given` (3,)): what is not seen by stereo is not tracked.
         """
-        match = self._stereo(view, pixel, expected_m if known is None else known.range_m, 0.9)
+        expected = None if given is None else float(np.linalg.norm(given - view.left_camera.C))
+        match = self._stereo(view, pixel, expected if known is None else known.range_m, 0.9)
         if match is None:
-            return None
-        point, covariance = match.point, match.covariance + self.options.rough_m**2 * np.eye(3)
+            raise TrackerError(
+                f'target "{target}" at pixel ({pixel[0]:.1f}, {pixel[1]:.1f}) could not be ranged'
+            )
+        if given is not None and known is None:
+            require_range(target, view, given, match)
+        point, covariance = match.point, match.surface_covariance + _pointing(view, match.point)
         if known is not None:
             ray = point - view.left_camera.C
             away = float(np.linalg.norm(ray))
             point, covariance, _ = _along(
                 point, covariance, ray / away, known.range_m - away, known.sigma_m**2
             )
-        key = self._template(view, pixel, point, match.normal, 0.0)
-        return point, covariance, Anchor(match.normal, key)
+        key = _template(view, pixel, match)
+        return point, covariance, Anchor(match.normal, key, np.zeros((3, 3)))
 
     def take(
         self, view: StereoView, position: Array, covariance: Array, anchor: Anchor
@@ -132,23 +149,15 @@ class Looks:
         position, covariance, looked = self._look(view, position, covariance, anchor)
         ranged = self._range(view, position, covariance, anchor)
         if ranged is not None:
-            position, covariance, normal = ranged
+            position, covariance, match = ranged
             if looked:
-                self._renew(view, position, normal, anchor)
+                self._renew(view, position, match, anchor)
         return position, covariance
 
-    def told(self, view: StereoView, position: Array, covariance: Array, anchor: Anchor) -> Array:
+    def told(self, covariance: Array, anchor: Anchor) -> Array:
         """Return the covariance with what looks share, so that repeating them does not shrink it."""
-        left, right = view.left_camera.project(position), view.right_camera.project(position)
-        if not (np.isfinite(left).all() and np.isfinite(right).all()):
-            return covariance
-        cameras = view.left_camera, view.right_camera
-        shared = triangulate(*cameras, left[None], right[None], sigma_px=self.options.bias_px)[1][0]
-        ray = position - view.left_camera.C
-        distance = float(np.linalg.norm(ray))
-        across = np.eye(3) - np.outer(ray, ray) / distance**2
-        drift = anchor.key.drift_px2 * (anchor.key.range_m / view.left_camera.hs) ** 2
-        return np.asarray(covariance + np.nan_to_num(shared) + drift * across)
+        drift, parallax = anchor.drift or (anchor.key.drift, anchor.key.parallax)
+        return np.asarray(covariance + anchor.shared + drift + parallax @ parallax.T)
 
     def _look(
         self, view: StereoView, position: Array, covariance: Array, anchor: Anchor
@@ -159,48 +168,50 @@ class Looks:
         found = self._aligned(view, pixel, position, anchor, min(MOST_SEARCH_PX, math.ceil(reach) + 3))
         if found is None:
             return position, covariance, False
-        at, score = found
+        at, score = found.pixel, found.score
         anchor.scores["look"] = score
         if score < self.options.least_look:
             return position, covariance, False
-        growth = anchor.key.range_m / float(np.linalg.norm(position - view.left_camera.C))
-        noise = (self._look_px2(score) + anchor.key.drift_px2 * growth**2) * np.eye(2)
+        aside_px = parallax_px(anchor.key, view.left_camera, position)
+        own = jacobian @ anchor.key.uncertainty @ jacobian.T
+        noise = found.spread + aside_px**2 * np.eye(2) + own
         gap = at - pixel
         spread = jacobian @ covariance @ jacobian.T + noise
         anchor.scores["look_sigma"] = float(math.sqrt(0.5 * gap @ np.linalg.solve(spread, gap)))
         if anchor.scores["look_sigma"] > self.options.gate_sigma:
             return position, covariance, False
+        anchor.drift = grown_drift(anchor.key, view.left_camera, position, anchor.normal, found.spread)
         gain = covariance @ jacobian.T @ np.linalg.inv(spread)
         rest = np.eye(3) - gain @ jacobian
         return position + gain @ gap, rest @ covariance @ rest.T + gain @ noise @ gain.T, True
 
     def _aligned(
         self, view: StereoView, pixel: Array, position: Array, anchor: Anchor, reach_px: int
-    ) -> tuple[Array, float] | None:
-        """Return where the template is found near a pixel, and its correlation; None where it cannot be.
+    ) -> Found | None:
+        """Return where the template is found near a pixel; None where it cannot be.
 
         A normal from afar may be off by tens of degrees. Where the template, warped over it, is not seen as
         it should be, that of the present pair is tried, and a face that looks at the template's camera.
         """
         matcher = TemplateMatcher(NccOptions(template_px=TEMPLATE_PX, search_px=reach_px, coarse=False))
-        best: tuple[Array, float] | None = None
+        best: Found | None = None
         for normal in self._normals(view, pixel, position, anchor):
             key = replace(anchor.key, normal=normal)
             template = matcher.predict(key, view.left_camera, pixel, position)
             if template is None:
                 continue
             at = pixel.copy()
-            score = matcher.align(view.left, template, at, TEMPLATE_PX // 2)
+            score, spread = matcher.align(view.left, template, at, TEMPLATE_PX // 2)
+            found: Found | None = Found(at, score, spread)
             if np.array_equal(at, pixel):
                 # it wandered off: the prediction is no measurement of itself
                 found = matcher.search(view.left, template, pixel)
-                if found is None:
-                    continue
-                at, score = found
-            if best is None or score > best[1]:
-                best = at, score
+            if found is None:
+                continue
+            if best is None or found.score > best.score:
+                best = found
                 anchor.normal = normal
-            if best[1] >= self.options.good_look:
+            if best.score >= self.options.good_look:
                 break
         return best
 
@@ -212,14 +223,9 @@ class Looks:
         toward = anchor.key.camera.C - anchor.key.point
         yield np.asarray(toward / np.linalg.norm(toward))
 
-    def _look_px2(self, score: float) -> float:
-        """Return the variance of a template's place: noise over signal, as the correlation tells it."""
-        good = self.options.good_look
-        return self.options.look_px**2 * max(1.0, (1.0 - score) / score * good / (1.0 - good))
-
     def _range(
         self, view: StereoView, position: Array, covariance: Array, anchor: Anchor
-    ) -> tuple[Array, Array, Array] | None:
+    ) -> tuple[Array, Array, PointMatch] | None:
         pixel = np.asarray(view.left_camera.project(position))
         if not np.isfinite(pixel).all():
             return None
@@ -229,31 +235,42 @@ class Looks:
         anchor.scores["stereo"] = match.score
         normal = match.normal
         before = float(normal @ covariance @ normal)
-        noise = float(normal @ match.covariance @ normal) + self.options.rough_m**2
+        noise = float(normal @ match.surface_covariance @ normal)
         gap = float(normal @ (match.point - position))
         weighed = _along(position, covariance, normal, gap, noise)
         anchor.scores["range_sigma"] = weighed[2]
         if abs(weighed[2]) > self.options.gate_sigma:
             return None
         if noise > self.options.sharper**2 * before:
-            return position, covariance, normal
-        return weighed[0], weighed[1], normal
+            return position, covariance, match
+        anchor.shared = match.surface_covariance
+        return weighed[0], weighed[1], match
 
-    def _renew(self, view: StereoView, position: Array, normal: Array, anchor: Anchor) -> None:
+    def _renew(self, view: StereoView, position: Array, match: PointMatch, anchor: Anchor) -> None:
         """Take a new template once the old one has been enlarged too far."""
         distance = float(np.linalg.norm(position - view.left_camera.C))
         growth = anchor.key.range_m / distance
-        anchor.normal = normal
-        if growth > KEY_SCALE or growth < 1.0 / KEY_SCALE:
-            drift = anchor.key.drift_px2 * growth**2 + self._look_px2(anchor.scores["look"])
+        anchor.normal = match.normal
+        if (growth > KEY_SCALE or growth < 1.0 / KEY_SCALE) and anchor.drift is not None:
             pixel = np.asarray(view.left_camera.project(position))
-            anchor.key = self._template(view, pixel, position, normal, drift)
+            fresh = _template(view, pixel, match)
+            anchor.key = replace(fresh, point=position, drift=anchor.drift[0], parallax=anchor.drift[1])
 
-    def _template(
-        self, view: StereoView, pixel: Array, point: Array, normal: Array, drift: float
-    ) -> Template:
-        distance = float(np.linalg.norm(point - view.left_camera.C))
-        return Template(view.left, view.left_camera, pixel, point, normal, distance, drift)
+
+def _template(view: StereoView, pixel: Array, match: PointMatch) -> Template:
+    distance = float(np.linalg.norm(match.point - view.left_camera.C))
+    depth_m2 = float(np.trace(match.surface_covariance))
+    return Template(
+        view.left, view.left_camera, pixel, match.point, match.normal, distance, depth_m2=depth_m2
+    )
+
+
+def _pointing(view: StereoView, point: Array) -> Array:
+    """Return the covariance (3, 3), m^2, of a designated point across the line of sight."""
+    ray = point - view.left_camera.C
+    away = float(np.linalg.norm(ray))
+    across = np.eye(3) - np.outer(ray, ray) / away**2
+    return np.asarray((NccOptions().least_px * away / view.left_camera.hs) ** 2 * across)
 
 
 def _along(

@@ -102,6 +102,7 @@ def detect(image: Image, count: int, cells: int = 6) -> tuple[Array, Descriptors
     """
     import cv2
 
+    image = np.nan_to_num(image)
     low, high = np.percentile(image[::3, ::3], (0.5, 99.5))
     grey = np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255).astype(np.uint8)
     found, descriptors = cv2.SIFT.create().detectAndCompute(grey, None)

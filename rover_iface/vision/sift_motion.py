@@ -184,11 +184,47 @@ def settle(
     # few residuals tell little of the noise: the expected one counts like twenty matches in two images
     count = max(float(seen.shape[1] * best.sum()) - 6.0, 1.0)
     scale = (variance * count + 80.0 * sigma_px**2) / (count + 80.0)
-    covariance = np.asarray(scale * np.linalg.inv(normal))
+    inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    covariance = np.asarray(
+        scale * inverse + _disagreement(fit, p[best], unit[best], seen[best], cameras, inverse)
+    )
     count_in = int(best.sum())
     pixels = seen[best, :2]
     residual = math.sqrt(variance)
     return Motion(fit, covariance, now.mean(axis=0), count_in, len(p), now, pixels, residual), best
+
+
+CELLS = 4
+"""Parts of the image to a side, of which each tells for itself what the motion should be."""
+
+
+def _disagreement(
+    fit: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras, inverse: Array
+) -> Array:
+    """Return the covariance (6, 6) of a motion by what the parts of the image disagree on.
+
+    The sandwich of Liang and Zeger 1986: features that lie together err together (stereo's bias on one
+    surface, a camera model that is off at one edge), which residuals taken one by one do not show.
+    """
+    from rover_iface.cameras.stereo_kernels import few_parts
+
+    moved = np.asarray(fit.apply(p), dtype=np.float64)
+    r, slope = seen - _project(cameras, moved), _jacobian(cameras, moved)
+    good = np.isfinite(r).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
+    r, slope, moved, unit, pixels = r[good], slope[good], moved[good], unit[good], seen[good, :2]
+    turn = -np.stack([cross(v) for v in moved - moved.mean(axis=0)])
+    j = np.concatenate((slope @ turn, slope), axis=2)
+    w = _weights(np.asarray(fit.rotation, np.float64), unit, slope)
+    distance = np.sqrt(np.einsum("na,nab,nb->n", r, w, r) / seen.shape[1])
+    w = w / np.maximum(1.0, distance / 0.5)[:, None, None]
+    scores = (np.swapaxes(j, 1, 2) @ (w @ r[..., None]))[..., 0]
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    cell = np.minimum((CELLS * (pixels - low) / np.maximum(high - low, 1e-9)).astype(np.int64), CELLS - 1)
+    index = cell @ np.array([1, CELLS])
+    parts = np.zeros((CELLS * CELLS, 6))
+    np.add.at(parts, index, scores)
+    counts = np.bincount(index, minlength=CELLS * CELLS).astype(np.float64)
+    return np.asarray(few_parts(counts) * inverse @ (parts.T @ parts) @ inverse)
 
 
 def find_motion_published(

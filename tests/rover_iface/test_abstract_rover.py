@@ -340,15 +340,15 @@ def test_slow_drive_low_battery_camera_failure_and_silence() -> None:
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ({"kind": "gremlin", "at_s": 1}, 'unknown kind "gremlin"; known are lose-target'),
+        ({"kind": "gremlin", "at_s": 1}, "faults[0].kind is \"gremlin\"; it must be 'lose-target'"),
         ({"kind": "silent"}, 'exactly one of "at_s" and "task"'),
-        ({"kind": "silent", "at_s": -1}, '"at_s" is -1.0; it must be at least 0'),
+        ({"kind": "silent", "at_s": -1}, "faults[0].at_s is -1; it must be at least 0"),
         ({"kind": "lose-target", "at_s": 1}, '"target" is missing'),
         ({"kind": "slow-drive", "at_s": 1}, '"amount" is missing'),
         ({"kind": "slow-drive", "at_s": 1, "amount": 0.5}, "a factor of at least 1"),
-        ({"kind": "silent", "at_s": "noon"}, '"at_s" must be a number'),
-        ({"kind": "silent", "at_s": 1, "why": "?"}, 'unknown member "why"'),
-        ("silent", "a fault must be an object"),
+        ({"kind": "silent", "at_s": "noon"}, 'faults[0].at_s must be a number, found "noon"'),
+        ({"kind": "silent", "at_s": 1, "why": "?"}, "faults[0].why is no member that is known"),
+        ("silent", 'faults[0] must be an object, found "silent"'),
     ],
 )
 def test_a_malformed_fault_is_refused(fault: object, message: str) -> None:
@@ -376,12 +376,12 @@ def test_a_world_of_targets_alone_is_a_problem_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("world", "message"),
     [
-        ({"format": "moon/1"}, "'moon/1'"),
-        ({"format": "world/1", "colour": "red"}, 'unknown member "colour"'),
-        ({"format": "world/1", "start": [0, 0]}, '"start" must be an object'),
-        ({"format": "world/1", "targets": [{"id": "A"}]}, "must hold three numbers"),
-        ({"format": "world/1", "soil": {"colour": 1}}, 'unknown member "colour"'),
-        ({"format": "world/1", "seed": "x"}, '"seed" must be a number'),
+        ({"format": "moon/1"}, '"moon/1"; it must be "world/1"'),
+        ({"format": "world/1", "colour": "red"}, "colour is no member that is known"),
+        ({"format": "world/1", "start": [0, 0]}, "start must be an object, found [0, 0]"),
+        ({"format": "world/1", "targets": [{"id": "A"}]}, "targets[A].point_m is missing"),
+        ({"format": "world/1", "soil": {"colour": 1}}, "soil.colour is no member that is known"),
+        ({"format": "world/1", "seed": "x"}, 'seed must be a whole number, found "x"'),
         ({"format": "problem/1", "name": "x"}, "malformed member"),
         ("nowhere.json", "No such file"),
     ],

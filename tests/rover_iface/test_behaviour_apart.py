@@ -47,10 +47,10 @@ def test_a_process_that_cannot_import_the_world_flies_the_same_day(
 ) -> None:
     made: list[ApartRepertoire] = []
     journals = []
-    for name, make in (("together", None), ("apart", apart(kind, made))):
+    for name, given in (("together", {}), ("apart", {"make": apart(kind, made)})):
         out = tmp_path / name
         fault = Fault(FaultKind.SHADOW, at_s=30.0, target="T1")
-        rover = find_rover(kind)(world, seed=4, out=out, faults=[fault], make=make)
+        rover = find_rover(kind)(world, seed=4, out=out, faults=[fault], **given)
         fly(PLAN, rover, out, run_id="day", sync=False)
         journals.append((out / "journal.jsonl").read_bytes())
     assert made[0].close() == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,32 @@ def test_gltf_is_y_up_and_its_node_transforms_count(tmp_path: Path) -> None:
     y_up = v[:, [0, 2, 1]] * [1, 1, -1]
     ground = load_terrain(write_glb(tmp_path / "a.glb", y_up, t, scale=[2, 2, 2], translation=[0, 1, 0]))
     assert float(ground.height(2.0, 0.6)) == pytest.approx(2.0, abs=1e-3)
+
+
+def test_a_skipped_node_takes_what_hangs_on_it_along_and_a_skipped_mesh_all_its_parts(tmp_path: Path) -> None:
+    v, t = sheet()
+    path = write_glb(tmp_path / "a.glb", v, t)
+    raw = path.read_bytes()
+    size = int.from_bytes(raw[12:16], "little")
+    document = json.loads(raw[20 : 20 + size])
+    uri = "data:application/octet-stream;base64," + b64encode(raw[28 + size :]).decode()
+    document["buffers"][0]["uri"] = uri
+    part = document["meshes"][0]["primitives"][0]
+    document["meshes"] = [
+        {"name": "plain", "primitives": [part]},
+        {"name": "split", "primitives": [part, part]},
+    ]
+    document["nodes"] += [{"name": "far", "mesh": 1, "translation": [9, 0, 0]}]
+    document["nodes"][0]["children"] = [1, 2]
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(document))
+    assert len(read_mesh(path).triangles) == 3 * len(t)
+    assert len(read_mesh(path, skip=["far"]).triangles) == len(t)
+    assert len(read_mesh(path, skip=["split"]).triangles) == len(t)
+    assert len(read_mesh(path, skip=["plain"]).triangles) == 2 * len(t)
+    assert len(read_mesh(path, skip=["none"]).triangles) == 3 * len(t)
+    with pytest.raises(TerrainFormatError, match="holds no triangles"):
+        read_mesh(path, skip=["root"])
 
 
 def test_axes_and_scale_are_taken_as_told(tmp_path: Path) -> None:

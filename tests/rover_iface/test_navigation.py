@@ -19,8 +19,9 @@ from rover_iface.navigation.registration import RegistrationParameters, register
 from rover_iface.navigation.sensor import GroundRaster, StereoSensor
 from rover_iface.profile import load_profile
 from rover_iface.simulator.chassis import Chassis
-from rover_iface.simulator.traverse import drive, traverse_study
+from rover_iface.simulator.traverse import drive
 from rover_iface.simulator.world import Soil
+from studies.common.random_drives import traverse_study
 from tests.rover_iface.worlds import bumpy, plane
 
 K9 = load_profile("k9")

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from executive.crl.dictionary import ValueType
 from mission.plugins import Registry
-from rover_iface import profile as profile_module
 from rover_iface import profiles
 from rover_iface.errors import ProfileError
+from rover_iface.profile import load as profile_load
 from rover_iface.profile import load_profile, profile_names, standard_dictionary
 from rover_iface.telemetry import TrackState, key
 from rover_iface.vision.handoffs import HANDOFFS
@@ -93,7 +94,7 @@ def test_the_mer_profile_takes_as_long_as_the_flight_checkout_of_table_iv() -> N
 
 
 def broken(tmp_path: Path, old: str, new: str) -> Path:
-    source = Path(load_profile.__code__.co_filename).parent / "profiles" / "k9.toml"
+    source = profiles.FOLDER / "k9.toml"
     text = source.read_text()
     assert old in text
     path = tmp_path / "rover.toml"
@@ -230,6 +231,47 @@ def test_a_profile_whose_package_cannot_be_imported_says_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     broken = Registry("rover profile", "outcrop.profiles", {"ghost": "no_such_package:PROFILE"})
-    monkeypatch.setattr(profile_module, "_NAMED", broken)
+    monkeypatch.setattr(profile_load, "_NAMED", broken)
     with pytest.raises(ProfileError, match=r'rover profile "ghost" .*cannot be loaded: ModuleNotFoundError'):
         load_profile("ghost")
+
+
+def test_a_rover_of_the_operators_own_folder_needs_no_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shipped = profiles.FOLDER.parent
+    words = (shipped / "dictionaries" / "outcrop-rover.toml").read_text()
+    (tmp_path / "words.toml").write_text(words.replace('name = "outcrop-rover"', 'name = "mine"', 1))
+    text = (profiles.FOLDER / "k9.toml").read_text()
+    (tmp_path / "pebble.toml").write_text(text.replace('"outcrop-rover"', '"words.toml"'))
+    (tmp_path / "broken.toml").write_text("format = ")
+    with pytest.raises(ProfileError, match=r'unknown rover profile "pebble"; known are .*k9'):
+        load_profile("pebble")
+    monkeypatch.setenv(profile_load.OWN_FOLDER, str(tmp_path))
+    assert set(profile_names()) >= {"k9", "mer", "pebble", "broken"}
+    assert "words" not in profile_names()
+    assert load_profile("pebble").language.name == "mine"
+    assert load_profile("k9").language.name == "outcrop-rover"
+    with pytest.raises(ProfileError, match=r"broken\.toml: not TOML"):
+        load_profile("broken")
+    with pytest.raises(ProfileError, match=r"known are .*pebble"):
+        load_profile("granite")
+    with pytest.raises(ProfileError, match="unknown rover profile"):
+        load_profile(f"../{tmp_path.name}/pebble")
+    monkeypatch.setenv(profile_load.OWN_FOLDER, str(tmp_path / "nowhere"))
+    with pytest.raises(ProfileError, match=r"OUTCROP_PROFILES is .*nowhere, which is no folder"):
+        load_profile("k9")
+
+
+def test_commands_take_a_folder_of_profiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ground.cli.main import app, register_all
+
+    monkeypatch.setenv(profile_load.OWN_FOLDER, "")
+    register_all()
+    (tmp_path / "pebble.toml").write_text((profiles.FOLDER / "k9.toml").read_text())
+    (tmp_path / "broken.toml").write_text("format = ")
+    told = CliRunner().invoke(app, ["--profiles", str(tmp_path), "rover", "list"])
+    assert told.exit_code == 0
+    assert "profile  pebble: NASA Ames K9" in told.output
+    assert "profile  broken: cannot be used: " in told.output
+    assert "--profiles" in CliRunner().invoke(app, ["--profiles", "nowhere", "rover", "list"]).output

@@ -262,7 +262,7 @@ def test_a_rover_that_is_led_off_again_beside_its_goal_has_arrived(
         x, y = next(places)
         body = rover.body.chassis
         body.believed = replace(body.believed, x=x, y=y)
-        return Driven(10.0, 10.0, 0.5, 0.5, "", False, 1.0, 0.0, ())
+        return Driven(10.0, 10.0, 0.5, "", False, 1.0, ())
 
     monkeypatch.setattr(rover.body.chassis, "follow", led)
     target = rover.body.targets["T1"]
@@ -360,8 +360,8 @@ def test_a_point_designated_in_a_picture_is_where_later_pictures_show_it(
     rover = make_rover(world, seed=1)
     cameras, point = MastCameras(rover.hardware), np.array(rover.body.targets["T1"].point)
     bias = np.array((0.012, -0.007))
-    monkeypatch.setattr(rover.hardware.simulated, "_bias", bias)
-    monkeypatch.setattr(rover.hardware.simulated, "_jitter", lambda: bias)
+    monkeypatch.setattr(rover.hardware, "_bias", bias)
+    monkeypatch.setattr(rover.hardware, "_jitter", lambda: bias)
 
     def off_px(position: np.ndarray) -> float:
         """Return how far the pixel that a position is looked for at is from that which shows the point."""

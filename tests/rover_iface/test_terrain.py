@@ -401,9 +401,9 @@ def test_a_projected_dem_gets_its_origin_in_the_middle(tmp_path: Path) -> None:
     ("document", "message"),
     [
         ("{", "terrain.json"),
-        ({"format": "terrain/9"}, "'terrain/9'"),
-        ({"format": "terrain/1"}, "must list at least one DEM"),
-        ({"format": "terrain/1", "layers": [{"ortho": "x.png"}]}, 'needs a member "dem"'),
+        ({"format": "terrain/9"}, '"terrain/9"'),
+        ({"format": "terrain/1"}, "layers has 0 entries; it needs at least 1"),
+        ({"format": "terrain/1", "layers": [{"ortho": "x.png"}]}, r"layers\[0\].dem is missing"),
         ({"format": "terrain/1", "dem": "nothing.tif"}, "does not exist"),
     ],
 )

@@ -50,7 +50,7 @@ def test_an_error_in_an_action_ends_it_with_its_reason_and_is_logged(
 def test_an_error_while_an_action_is_given_up_does_not_get_out(
     rover: TerrainRover, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    inner = rover.hardware.simulated.drive
+    inner = rover.hardware.drive
 
     def drive(way: Any) -> Any:
         try:
@@ -58,7 +58,7 @@ def test_an_error_while_an_action_is_given_up_does_not_get_out(
         finally:
             raise RuntimeError("brakes")
 
-    monkeypatch.setattr(rover.hardware.simulated, "drive", drive)
+    monkeypatch.setattr(rover.hardware, "drive", drive)
     going = Command(CommandId("run", "go", 1), "navigate", {"x": 5.0, "y": 0.0, "mode": "blind"})
     rover.send(going)
     while rover.next_event(5_000) is not None:

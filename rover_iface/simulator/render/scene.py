@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,16 @@ class Material(IntEnum):
     SOIL = 0
     ROCK = 1
     PLAIN = 2
+
+
+class Hits(TypedDict):
+    """First hits of n rays: distance (1e37: none), triangle, barycentric coordinates, normal (n, 3)."""
+
+    tfar: npt.NDArray[np.float32]
+    primID: npt.NDArray[np.int32]
+    u: npt.NDArray[np.float32]
+    v: npt.NDArray[np.float32]
+    Ng: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,15 +132,13 @@ class Scene:
         """Return the number of triangles."""
         return len(self.triangles)
 
-    def cast(self, origins: npt.ArrayLike, directions: npt.ArrayLike) -> dict[str, Any]:
+    def cast(self, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Hits:
         """Return first hits of rays (n, 3), site frame: `tfar` (1e37: none), `primID`, `u`, `v`, `Ng`."""
         o = np.ascontiguousarray(np.asarray(origins, dtype=np.float64) - self.origin, dtype=np.float32)
         d = np.ascontiguousarray(directions, dtype=np.float32)
         return self._embree.run(o, d, query="INTERSECT", output=1)  # type: ignore[attr-defined]
 
-    def cast_local(
-        self, origins: npt.NDArray[np.float32], directions: npt.NDArray[np.float32]
-    ) -> dict[str, Any]:
+    def cast_local(self, origins: npt.NDArray[np.float32], directions: npt.NDArray[np.float32]) -> Hits:
         """Return first hits of rays that are float32 and relative to `origin` already."""
         return self._embree.run(origins, directions, query="INTERSECT", output=1)  # type: ignore[attr-defined]
 

@@ -147,3 +147,41 @@ def test_a_damaged_number_of_a_mars_2020_label_is_named(tmp_path: Path) -> None:
     file.write_text(json.dumps(document))
     with pytest.raises(CameraLabelError, match="camera_model_component_list"):
         read_product(file)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"camera_model_component_list": "T"}, "lacks vector"),
+        ({"dimension": "(0,968)"}, "0 x 968"),
+        ({"dimension": "(12880000,968)"}, "12880000 x 968"),
+        ({"camera_model_type": "FISHEYE"}, "FISHEYE"),
+    ],
+)
+def test_damaged_metadata_of_mars_2020_say_what_is_wrong(
+    tmp_path: Path, change: dict[str, str], told: str
+) -> None:
+    label = json.loads(shared(CASES[6][0]).read_text()) | change
+    path = tmp_path / "damaged-metadata.json"
+    path.write_text(json.dumps(label))
+    with pytest.raises(CameraLabelError, match=told):
+        read_product(path)
+
+
+@pytest.mark.parametrize("at", range(8))
+@pytest.mark.parametrize("damage", ["(1,2)", "x", "nan", "(1,2,x)", "", "(1e999,0,0)"])
+def test_no_damaged_vector_escapes_as_another_error(tmp_path: Path, at: int, damage: str) -> None:
+    label = json.loads(shared(CASES[6][0]).read_text())
+    fields = label["camera_model_component_list"].split(";")
+    fields[at] = damage
+    path = tmp_path / "damaged-metadata.json"
+    path.write_text(json.dumps(label | {"camera_model_component_list": ";".join(fields)}))
+    with pytest.raises(CameraLabelError, match="damaged"):
+        read_product(path)
+
+
+def test_metadata_that_are_no_object_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "list-metadata.json"
+    path.write_text("[1, 2]")
+    with pytest.raises(CameraLabelError, match="list"):
+        read_product(path)

@@ -34,13 +34,13 @@ def offsets(options: NccOptions, spacing: int) -> npt.NDArray[np.float64]:
             if not np.isfinite(there).all() or not (75 <= there[0] <= 948 and 75 <= there[1] <= 948):
                 continue
             away = [float(np.linalg.norm(point - c.C)) for c in (second.camera, first.camera)]
-            before = Template(images[1], second.camera, np.array([x, y], float), point, up, away[0], 0.0)
+            before = Template(images[1], second.camera, np.array([x, y], float), point, up, away[0])
             template = matcher.predict(before, first.camera, there, point)
             assert template is not None
             found = matcher.search(images[0], template, there)
             assert found is not None
-            now = Template(images[0], first.camera, found[0], point, up, away[1], 0.0)
-            rows.append((*there, *(found[0] - there), found[1], matcher.back_error(now, before)))
+            now = Template(images[0], first.camera, found.pixel, point, up, away[1])
+            rows.append((*there, *(found.pixel - there), found.score, matcher.back_error(now, before)))
     return np.array(rows)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rover_iface.vision.patch import align
+from rover_iface.vision.patch import align_shape
 from rover_iface.vision.relief import ReliefOptions, align_relief
 from rover_iface.vision.tracker import Image
 
@@ -69,7 +69,7 @@ def test_a_bent_surface_is_followed_where_a_plane_is_dragged_along(seed: int) ->
     seen = displaced(picture, bend, (0.0, 0.0))
     found = align_relief(seen, template(picture), np.full(2, MIDDLE), ALONG, ReliefOptions())
     plane = np.full(2, MIDDLE)
-    align(seen, template(picture), plane, 20)
+    align_shape(seen, template(picture), plane, 20, 0.1, 2.5, np.empty((2, 2)))
     assert found is not None
     assert np.hypot(*(found.pixel - MIDDLE)) < 0.12
     assert np.hypot(*(plane - MIDDLE)) > 2.0 * np.hypot(*(found.pixel - MIDDLE))

@@ -122,9 +122,7 @@ def test_a_designated_pixel_is_ranged_and_its_range_gets_sharper_on_the_way() ->
 
 def test_a_prediction_that_is_off_by_more_than_alignment_follows_is_no_measurement_of_itself() -> None:
     looks, at = SiftTracker().looks, view(-6.0)
-    begun = looks.begin(at, np.array([150.0, 150.0]), None)
-    assert begun is not None
-    point, covariance, anchor = begun
+    point, covariance, anchor = looks.begin("A", at, np.array([150.0, 150.0]), None)
     camera = at.left_camera
     away = float(np.linalg.norm(point - camera.C))
     off = point + 6.0 * away / camera.hs * camera.horizontal
