@@ -1,0 +1,110 @@
+"""Campaigns over REST: a job, what its runs say so far, the runs behind a bar, and a flight rule."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ground.app.job_kinds import job_kinds
+from ground.campaigns.result import RESULTS
+from ground.jobs.worker import Worker
+from ground.resources.campaigns import work as campaign_work
+from ground.resources.campaigns.order import ORDERS
+from ground.settings import Settings
+from tests.ground.conftest import Api, yard
+from tests.ground.test_day_over_rest import file_requests, planned
+from tests.ground.test_missions_api import problem
+
+
+def flown(api: Api, terrain_folder: Path, **order: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    mission = yard(api.repo, terrain_folder)
+    file_requests(api, mission)
+    plan = planned(api, mission)
+    body = {"plan_id": plan["id"], "runs": 150, "seed": 5, **order}
+    job = api.post(f"/missions/{mission.id}/campaigns", body, status=202)
+    assert api.jobs() == 1
+    return plan, api.get(f"/campaigns/{job['subject_id']}")
+
+
+def test_a_plan_is_flown_many_times(api: Api, terrain_folder: Path) -> None:
+    plan, campaign = flown(api, terrain_folder, help_runs=20)
+    at = f"/campaigns/{campaign['id']}"
+    assert (campaign["state"], campaign["runs_done"]) == ("succeeded", 150)
+    document = api.get(f"{at}/result")
+    result = RESULTS.from_document(document)
+    assert campaign["mean_utility"] == result.utility.mean
+    assert result.utility.predicted == plan["expected_utility"]
+    assert abs(result.utility.mean - plan["expected_utility"]) < 6 * result.utility.standard_error + 0.5
+    table = list(csv.DictReader(io.StringIO(api("GET", f"{at}/runs.csv").text)))
+    assert [int(row["seed"]) for row in table] == list(range(5, 155))
+
+    worst = result.worst[0]
+    found = api.get(f"{at}/runs?high={worst.utility}")
+    assert found["total"] == sum(float(row["utility"]) <= worst.utility for row in table)
+    assert {"seed": worst.seed, "why": worst.why}.items() <= found["items"][0].items() or found["total"] > 1
+    mode = result.failures[0] if result.failures else None
+    if mode is not None and mode.task != "plan":
+        assert api.get(f"{at}/runs?task={mode.task}&limit=1")["total"] >= mode.runs
+    page = api("GET", f"{at}/report")
+    assert page.status_code == 200
+    assert "What would help most" in page.text
+    assert [c["id"] for c in api.get(f"/missions/{campaign['mission_id']}/campaigns")["items"]] == [
+        campaign["id"]
+    ]
+
+
+def test_a_campaign_that_was_stopped_tells_what_it_has(sqlite_api: Api, terrain_folder: Path) -> None:
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    file_requests(api, mission)
+    plan = planned(api, mission)
+    body = {"plan_id": plan["id"], "runs": 400}
+    job = api.post(f"/missions/{mission.id}/campaigns", body, status=202)
+    at = f"/campaigns/{job['subject_id']}"
+    assert "has no runs yet" in problem(api("GET", f"{at}/result"), 409, "wrong-state")["detail"]
+    work = campaign_work.work
+    asked = []
+
+    def stopped(order: Any, report: Any, _stop: Any) -> Any:
+        return work(order, report, lambda: len(asked) >= 2 or asked.append(1) or False)
+
+    kinds = {n: replace(k, work=stopped) if n == "fly_campaign" else k for n, k in job_kinds().items()}
+    Worker(api.repo, kinds, slots=1).run_until_idle()
+    document = api.get(f"{at}/result")
+    assert 0 < document["runs"] < 400
+    assert api.get(f"{at}/runs")["total"] >= document["runs"]
+    assert problem(api("GET", f"{at}/runs.csv"), 409, "wrong-state")
+
+
+def test_approval_asks_for_a_campaign_where_it_is_set(sqlite_api: Api, terrain_folder: Path) -> None:
+    api = sqlite_api
+    plan, _campaign = flown(api, terrain_folder)
+
+    def rule() -> dict[str, Any] | None:
+        rules = api.get(f"/plans/{plan['id']}/flight-rules")
+        rows = rules["items"] if isinstance(rules, dict) else rules
+        return next((r for r in rows if r["rule"] == "FR-CAMPAIGN"), None)
+
+    assert rule() is None
+    settings: Settings = api.repo.settings
+    object.__setattr__(api.repo, "settings", settings.model_copy(update={"approval_runs": 1000}))
+    asked = rule()
+    assert asked is not None
+    assert (asked["holds"], "150 runs; 1,000 are asked for" in asked["detail"]) == (False, True)
+    object.__setattr__(api.repo, "settings", settings.model_copy(update={"approval_runs": 100}))
+    met = rule()
+    assert met is not None
+    assert "of 150 runs end over a budget" in met["detail"]
+    assert met["holds"] is (met["value"] <= 0.05)
+
+
+def test_an_order_is_read_as_it_was_written() -> None:
+    document = {"folder": "f", "terrain_dir": "t", "crl_text": "", "problem": {}, "rover": "abstract"}
+    order = ORDERS.from_document(
+        {"format": "campaign-work/1", **document, "rover_profile": "k9", "seed": 1, "runs": 2}
+    )
+    assert ORDERS.read(json.dumps(ORDERS.document(order))) == order
