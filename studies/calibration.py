@@ -30,13 +30,13 @@ from ground.day.prepare import calibration_of, network_heights, rover_parameters
 from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
 from ground.uplink.flight import fly
 from planner.path_network import (
+    CALIBRATIONS,
     Calibration,
     NetworkRequest,
     ObservationPoint,
     Pose,
     Target,
     build_network,
-    write_calibration,
 )
 from rover_iface.errors import PlacementError, WorldError
 from rover_iface.frames import Pose as Stand
@@ -398,7 +398,7 @@ def main() -> None:
         name="subframe",
         source=f"{len(train)} recorded runs of the subframe rover on generated sites",
     )
-    write_calibration(model, cache / "calibration.json")
+    (cache / "calibration.json").write_text(CALIBRATIONS.write(model, indent=2) + "\n", encoding="utf-8")
     odds, times = evaluated(test, prior, model)
     text = table(model, odds, times, (len(train), len(test)))
     print(text)

@@ -41,7 +41,6 @@ from planner.problem import problem_to_dict
 from planner.solve import solve
 from rover_iface.behaviour.repertoire import FullRepertoire
 from rover_iface.profile import RoverProfile, load_profile
-from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.full_rover import make_rover
 from rover_iface.simulator.hardware import designated, mast_bias
 from rover_iface.simulator.subframe_rover import body_of
@@ -171,7 +170,7 @@ def _faults(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> list[dict[st
     found = [] if lost is None else [lost]
     if others:
         found.append({"kind": "lens-dust", "target": others[0], "at_s": 1.0})
-    return [Fault.from_dict(f).as_dict() for f in found]
+    return [{name: f[name] for name in ("kind", "at_s", "target")} for f in found]
 
 
 def _travelled(rover: TerrainRover) -> list[tuple[float, float]]:

@@ -104,7 +104,7 @@ def draw(request: NetworkRequest, network: PathNetwork, full: PathNetwork, path:
         for ring in net.hazards:
             axes.fill(*zip(*ring, strict=True), color="C3", alpha=0.35, lw=0)
         for keep_out in request.keep_outs:
-            axes.fill(*zip(*keep_out.vertices, strict=True), color="C1", alpha=0.8)
+            axes.fill(*zip(*keep_out.polygon_m, strict=True), color="C1", alpha=0.8)
         lines = LineCollection([(s.a, s.b) for s in net.segments], lw=1.1, cmap="viridis")
         if net is network:
             lines.set_array(np.array([s.p_lose[aim] for s in net.segments]))

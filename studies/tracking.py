@@ -321,15 +321,15 @@ def wedge_study() -> dict[str, Any] | None:
         rows = []
         for pixel, point, there in targets:
             distance = float(np.linalg.norm(point - second.camera.C))
-            before = Template(images[1], second.camera, pixel, point, up, distance, 0.0)
+            before = Template(images[1], second.camera, pixel, point, up, distance)
             template = matcher.predict(before, first.camera, there, point)
             found = None if template is None else matcher.search(images[0], template, there)
             if found is None:
                 rows.append((np.nan, np.nan, -1.0, 99.0))
                 continue
-            at, score = found
+            at, score = found.pixel, found.score
             now = Template(
-                images[0], first.camera, at, point, up, float(np.linalg.norm(point - first.camera.C)), 0.0
+                images[0], first.camera, at, point, up, float(np.linalg.norm(point - first.camera.C))
             )
             rows.append((*(at - there), score, matcher.back_error(now, before)))
         results[name] = np.array(rows)

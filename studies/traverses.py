@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from rover_iface.profile import load_profile
-from rover_iface.simulator.traverse import Traverse, counted, random_traverses
+from rover_iface.simulator.traverse import Traverse
 from studies.common.pages import write_section
+from studies.common.random_drives import counted, random_traverses
 
 
 def table(found: list[Traverse], seed: int) -> str:
