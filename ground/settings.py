@@ -46,6 +46,8 @@ class Settings(BaseSettings):
 
     data_dir: Path = Field(default_factory=default_data_dir)
     """Folder of the embedded database, terrains, products and runs."""
+    profiles: Path | None = None
+    """Folder of rover profiles of one's own, found by name beside those of the program."""
     database_url: str = ""
     """SQLAlchemy address; empty = SQLite file `outcrop.db` in the data folder."""
     auth: Authentication = Authentication.PROFILES
@@ -66,8 +68,12 @@ class Settings(BaseSettings):
     job_lease_s: float = Field(default=15.0, gt=0.1, le=3600.0)
     job_time_limit_s: float = Field(default=1800.0, gt=0.1, le=86400.0)
     job_attempts: int = Field(default=3, ge=1, le=20)
+    approval_runs: int = Field(default=0, ge=0, le=1_000_000)
+    """Runs of a campaign that an approval needs (flight rule FR-CAMPAIGN); 0 asks for none."""
     max_body_mib: float = Field(default=256.0, gt=0.0, le=65536.0)
     session_hours: float = Field(default=12.0, gt=0.0, le=720.0)
+    trusted_proxies: str = ""
+    """Comma-separated addresses of proxies whose X-Forwarded-For is believed; guesses count by address."""
     cookie_secure: bool = False
     """Send session cookies over https only."""
     log_level: str = "info"
@@ -75,6 +81,13 @@ class Settings(BaseSettings):
     """`text` or `json`."""
     stream_seconds: float = Field(default=15.0, gt=0.05, le=300.0)
     """A comment is sent on a silent event stream this often, so that proxies keep it open."""
+
+    @field_validator("profiles")
+    @classmethod
+    def _a_folder(cls, folder: Path | None) -> Path | None:
+        if folder is not None and not folder.is_dir():
+            raise ValueError("there is no such folder of rover profiles")
+        return folder
 
     @field_validator("database_url")
     @classmethod

@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+import shutil
+import tempfile
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import orjson
 from fastapi import APIRouter, Depends, Header, Path, Query, Request
 from fastapi.routing import APIRoute
+from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, Response
 
-from ground.api.problems import responses
+from ground.api.problems import Answers, responses
 from ground.errors import InvalidInputError, PreconditionRequiredError
+from ground.gdr.database import in_act
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.change_resource import change_resource
 from ground.records.delete_resource import delete_resource
 from ground.records.forms import Body
 from ground.records.get_resource import get_resource
+from ground.records.idempotency import Answer, Once, StoredAnswer
 from ground.records.kind import Kind
 from ground.records.list_resources import list_resources
 
@@ -43,7 +49,9 @@ FilterId = Annotated[str | None, Query(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
 
 
 async def call(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """Run a service in a thread: the one hop of a request."""
+    """Run a service in a thread, the one hop of a request; part of an act is in its thread already."""
+    if in_act():
+        return function(*args, **kwargs)
     return await run_in_threadpool(function, *args, **kwargs)
 
 
@@ -54,6 +62,8 @@ round (64 connections: 1.3 to 1.5 times the CPU of a request). Long work has oth
 
 async def look(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
     """Run a service that only reads a few rows in one of a few threads."""
+    if in_act():
+        return function(*args, **kwargs)
     return await asyncio.get_running_loop().run_in_executor(_READERS, partial(function, *args, **kwargs))
 
 
@@ -105,7 +115,7 @@ class Ask:
 
     repo: Repository
     who: Actor
-    kinds: Mapping[str, Kind]
+    kinds: Mapping[str, Kind[Any]]
 
     async def do(
         self,
@@ -114,7 +124,7 @@ class Ask:
         **kwargs: P.kwargs,
     ) -> R:
         """Run a service for who asks."""
-        return await run_in_threadpool(service, self.repo, self.who, *args, **kwargs)
+        return await call(service, self.repo, self.who, *args, **kwargs)
 
     async def one(self, kind: str, identifier: str) -> Response:
         """Answer with one resource and its ETag.
@@ -177,6 +187,49 @@ def operation_id(route: APIRoute) -> str:
     return route.name
 
 
+def replayed(stored: StoredAnswer) -> Response:
+    """Return an answer that was kept, marked as a repeat."""
+    return Response(stored.body, stored.status, headers={**stored.headers, "Idempotent-Replay": "true"})
+
+
+class Queued(Response):
+    """The answer to a request for long work; `later` gives the one after the wait that was preferred."""
+
+    later: Callable[[], Awaitable[Response]]
+
+
+ONCE: ContextVar[Once | None] = ContextVar("once", default=None)
+"""The key of the request that is being answered, where it has one."""
+
+
+class _Route(APIRoute):
+    """A route whose endpoint runs in one thread and one transaction where the request carries a key."""
+
+    def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
+        @wraps(endpoint)
+        async def once(**given: Any) -> Any:
+            kept = ONCE.get()
+            if kept is None:
+                return await endpoint(**given)
+            answer = await run_in_threadpool(kept.run, lambda: _at_once(endpoint(**given)))
+            if isinstance(answer, StoredAnswer):
+                return replayed(answer)
+            return await answer.later() if isinstance(answer, Queued) else answer
+
+        super().__init__(path, once, **options)
+
+
+def _at_once(endpoint: Coroutine[Any, Any, Answer]) -> Answer:
+    """Return what an endpoint answers whose use cases run where they are called: it waits for nothing."""
+    try:
+        endpoint.send(None)
+    except StopIteration as end:
+        answer: Answer = end.value
+        return answer
+    endpoint.close()
+    raise RuntimeError("an endpoint that waits cannot be one transaction")
+
+
 def api_router(tag: str) -> APIRouter:
     """Return the router of one kind of resource; its routes are whole, so that none is looked for twice."""
     return APIRouter(
@@ -184,6 +237,7 @@ def api_router(tag: str) -> APIRouter:
         tags=[tag],
         responses=responses(401, 403),
         generate_unique_id_function=operation_id,
+        route_class=_Route,
     )
 
 
@@ -194,7 +248,7 @@ Repo = Annotated[Repository, Depends(repository)]
 SEALED = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox"
 
 
-def media_answers(*media: str) -> dict[int | str, dict[str, Any]]:
+def media_answers(*media: str) -> Answers:
     return {
         200: {
             "content": {
@@ -208,11 +262,26 @@ def attachment(name: str) -> dict[str, str]:
     return {"Content-Disposition": f'attachment; filename="{name}"'}
 
 
-PRODUCT_FILE: dict[int | str, dict[str, Any]] = {
+PRODUCT_FILE: Answers = {
     200: {"content": {"application/octet-stream": {}}},
     206: {"description": "A part, as asked for with Range"},
     416: {"description": "There is no such part"},
 }
+
+
+ZIP: Answers = {200: {"content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}}}}
+
+
+async def archive(name: str, write: Callable[[FilePath], Awaitable[None]]) -> FileResponse:
+    """Answer with an archive that is written for this one answer, under a name."""
+    folder = FilePath(tempfile.mkdtemp(prefix="outcrop-archive-"))
+    try:
+        await write(folder / name)
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
+    tidy = BackgroundTask(shutil.rmtree, folder)
+    return FileResponse(folder / name, media_type="application/zip", filename=name, background=tidy)
 
 
 class StoredProduct(Protocol):

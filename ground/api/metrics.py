@@ -24,6 +24,9 @@ DURATION = Histogram(
 )
 JOBS = Gauge("outcrop_jobs", "Jobs by kind and state", ["kind", "state"], registry=REGISTRY)
 MISSIONS = Gauge("outcrop_missions", "Missions in the repository", registry=REGISTRY)
+ENGINE_UP = Gauge("outcrop_engine_up", "1 while this worker's engine takes work", registry=REGISTRY)
+ENGINE_FAILURES = Gauge("outcrop_engine_failures", "Failures of this worker's engine", registry=REGISTRY)
+WORKER_UP = Gauge("outcrop_worker_up", "1 while this worker looks for jobs", registry=REGISTRY)
 STREAMS = Gauge("outcrop_event_streams", "Open event streams", registry=REGISTRY)
 
 

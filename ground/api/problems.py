@@ -20,6 +20,11 @@ logger = logging.getLogger(__name__)
 
 MEDIA = "application/problem+json"
 BASE = "urn:outcrop:problem:"
+Members = dict[str, Any]
+"""Members of a JSON document."""
+
+Answers = dict[int | str, dict[str, Any]]
+"""Answers of an operation by their status, as the framework takes them."""
 
 STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
     errors.NotFoundError: (404, "not-found", "There is no such thing"),
@@ -81,7 +86,7 @@ def problem(
     detail: str,
     *,
     instance: str = "",
-    wrong: list[dict[str, Any]] | None = None,
+    wrong: list[Members] | None = None,
     headers: dict[str, str] | None = None,
     **extra: Any,
 ) -> Response:
@@ -98,7 +103,7 @@ def problem(
     return Response(orjson.dumps(content, default=str), status, media_type=MEDIA, headers=headers)
 
 
-def describe_error(error: errors.GroundError) -> tuple[int, dict[str, Any]]:
+def describe_error(error: errors.GroundError) -> tuple[int, Members]:
     """Return the status and the members of the problem document of an error."""
     status, kind, title = next(STATUS[c] for c in type(error).__mro__ if c in STATUS)
     wrong = [{"detail": error.message, "pointer": error.pointer}] if error.pointer else []
@@ -214,7 +219,7 @@ _TITLES = {
 }
 
 
-def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+def responses(*statuses: int) -> Answers:
     """Return the documentation of problem answers, for a router's `responses`."""
     return {
         status: {
@@ -225,7 +230,7 @@ def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
-def state_once(document: dict[str, Any]) -> None:
+def state_once(document: Members) -> None:
     """Put the problem answers of an OpenAPI document under its components; the operations refer to them."""
     components = document.setdefault("components", {})
     schemas = components.setdefault("schemas", {})

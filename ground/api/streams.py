@@ -13,6 +13,7 @@ from starlette.responses import StreamingResponse
 
 from ground.api import metrics
 from ground.api.context import call, look
+from ground.api.problems import Answers
 from ground.gdr.repository import Repository
 from ground.jobs.kind import JOB
 from ground.jobs.value import JobState
@@ -25,9 +26,7 @@ LastEventId = Annotated[
 ]
 
 
-EVENT_STREAM: dict[int | str, dict[str, Any]] = {
-    200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}
-}
+EVENT_STREAM: Answers = {200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}}
 LOOK_S = 0.2
 FINISHED = {JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED}
 

@@ -13,6 +13,7 @@ from ground.api.context import PREFIX
 from ground.app import health
 from ground.resources.approvals.routes import router as approvals
 from ground.resources.calibrations.routes import router as calibrations
+from ground.resources.campaigns.routes import router as campaigns
 from ground.resources.comments.routes import router as comments
 from ground.resources.downlinks.routes import router as ingest
 from ground.resources.frames.routes import router as frames
@@ -56,6 +57,7 @@ ROUTERS = (
     problems,
     plans,
     runs,
+    campaigns,
     approvals,
     packages,
     geometry_files,

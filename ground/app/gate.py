@@ -15,11 +15,11 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ground.api import metrics
-from ground.api.context import call
+from ground.api.context import ONCE, call, replayed
 from ground.api.problems import MEDIA, describe_error, from_anything, problem
 from ground.errors import AuthenticationError, ForbiddenError, GroundError, InvalidInputError, TooLargeError
 from ground.gdr.repository import Repository
-from ground.records import idempotency
+from ground.records.idempotency import Once
 from ground.resources.people.authentication import SAFE, Identities
 
 logger = logging.getLogger(__name__)
@@ -28,6 +28,8 @@ API = "/api/v1/"
 OPEN = {"/api/v1/session", "/api/v1/openapi.json", "/api/v1/docs"}
 """Paths that need nobody in particular."""
 UPLOADS = "/api/v1/uploads"
+REPEATABLE = {UPLOADS, "/api/v1/session", "/api/v1/api-keys"}
+"""What takes no Idempotency-Key: bodies too large to keep, and answers with secrets, which nobody keeps."""
 SMALL_BODY = 8 * 2**20
 IDEMPOTENT_BODY = 1 << 20
 _LOOPBACK = {"localhost", "127.0.0.1", "::1", "[::1]", "testserver"}
@@ -140,7 +142,7 @@ class Gate:
                     raise HTTPException(413, f"the body has more than {limit} bytes")
             return message
 
-        key = headers.get("idempotency-key") if method == "POST" and path != UPLOADS else None
+        key = headers.get("idempotency-key") if method == "POST" and path not in REPEATABLE else None
         if key is None:
             await self.app(scope, counted, send)
         else:
@@ -191,15 +193,12 @@ class Gate:
             if len(body) > IDEMPOTENT_BODY:
                 raise TooLargeError(f"with an Idempotency-Key a body has at most {IDEMPOTENT_BODY} bytes")
         actor = scope["state"].get("actor")
-        who = "" if actor is None else actor.name
         line = f"{scope['path']}?{scope['query_string'].decode('latin-1')}\n"
         digest = hashlib.sha256(line.encode() + body).hexdigest()
-        stored = await call(idempotency.begin, self.repo, who, key, digest)
+        once = Once(self.repo, "" if actor is None else actor.name, key, digest)
+        stored = await call(once.find)
         if stored is not None:
-            response = Response(
-                stored.body, stored.status, headers={**stored.headers, "Idempotent-Replay": "true"}
-            )
-            await response(scope, receive, send)
+            await replayed(stored)(scope, receive, send)
             return
         start: Message | None = None
         parts: list[bytes] = []
@@ -217,20 +216,13 @@ class Gate:
                 parts.append(message.get("body", b""))
             await send(message)
 
-        done = False
+        mark = ONCE.set(once)
         try:
             await self.app(scope, replay, keep)
-            done = start is not None and start["status"] < 500
         finally:
-            if done and start is not None:
-                kept = {
-                    k.decode("latin-1"): v.decode("latin-1")
-                    for k, v in start["headers"]
-                    if k.lower() in {b"content-type", b"location", b"etag", b"content-disposition"}
-                }
-                await call(idempotency.finish, self.repo, who, key, start["status"], kept, b"".join(parts))
-            else:
-                await call(idempotency.forget, self.repo, who, key)
+            ONCE.reset(mark)
+        if not once.answered and start is not None and start["status"] < 500:
+            await call(once.keep, start["status"], list(start["headers"]), b"".join(parts))
 
     def _refuse(self, error: GroundError, path: str) -> Response:
         status, members = describe_error(error)

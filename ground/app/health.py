@@ -12,16 +12,21 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.responses import Response
 
 from ground.api.context import Repo, answer, call, operation_id
-from ground.api.metrics import JOBS, MISSIONS, REGISTRY
+from ground.api.metrics import ENGINE_FAILURES, ENGINE_UP, JOBS, MISSIONS, REGISTRY, WORKER_UP
 from ground.api.problems import problem, responses
-from ground.app.check_readiness import check_readiness
+from ground.app.check_readiness import DEGRADED, OK, check_readiness
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
+from ground.jobs.worker import Worker
 from ground.resources.missions.row import MissionRow
 
 
-def exposition(repo: Repository) -> tuple[bytes, str]:
+def exposition(repo: Repository, worker: Worker | None = None) -> tuple[bytes, str]:
     """Return the metrics as text and their media type."""
+    if worker is not None:
+        ENGINE_UP.set(0.0 if worker.engine.trouble else 1.0)
+        ENGINE_FAILURES.set(worker.engine.failures)
+        WORKER_UP.set(1.0 if worker.alive else 0.0)
     with repo.database.read() as session:
         JOBS.clear()
         for kind, state, count in session.execute(
@@ -49,13 +54,18 @@ async def healthz() -> Response:
 
 @router.get("/readyz", response_model=Health, responses=responses(503))
 async def readyz(repo: Repo, request: Request) -> Response:
-    """Say whether the database answers, is migrated, and the data folder takes files."""
+    """Say whether the database answers, is migrated, and the data folder takes files.
+
+    `degraded` answers requests, but its worker's engine is away: jobs wait.
+    """
     try:
-        checks = await call(check_readiness, repo)
+        checks = await call(check_readiness, repo, request.app.state.worker)
     except SQLAlchemyError as err:
         checks = {"database": type(err).__name__}
-    ready = all(word == "ok" for word in checks.values())
-    content = {"status": "ok" if ready else "not ready", "version": version("outcrop"), "checks": checks}
+    degraded = any(word.startswith(DEGRADED) for word in checks.values())
+    ready = all(word == OK or word.startswith(DEGRADED) for word in checks.values())
+    status = "not ready" if not ready else "degraded" if degraded else OK
+    content = {"status": status, "version": version("outcrop"), "checks": checks}
     if ready:
         return answer(content)
 
@@ -64,7 +74,7 @@ async def readyz(repo: Repo, request: Request) -> Response:
 
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
-async def metrics(repo: Repo) -> Response:
+async def metrics(repo: Repo, request: Request) -> Response:
     """Give counters and gauges in the form of Prometheus."""
-    content, media = await call(exposition, repo)
+    content, media = await call(exposition, repo, request.app.state.worker)
     return Response(content, media_type=media)

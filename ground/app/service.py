@@ -23,6 +23,7 @@ from ground.jobs.worker import Worker
 from ground.resources.kinds import KINDS
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.people.authentication import Identities
+from ground.resources.people.log_in_limits import LogInLimits
 from ground.settings import Settings, load_settings
 
 logger = logging.getLogger(__name__)
@@ -62,6 +63,7 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
     app.state.repository = repo
     app.state.kinds = KINDS
     app.state.identities = identities
+    app.state.limits = LogInLimits()
     app.state.worker = worker
     install_pages(app)
     app.add_middleware(Gate, repo=repo, identities=identities)

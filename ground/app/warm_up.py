@@ -7,13 +7,15 @@ import time
 from importlib import import_module
 from typing import Any
 
+from mission.codec import Document
+
 logger = logging.getLogger(__name__)
 
 PLACES = {"A": (3.0, 1.0), "B": (4.0, -3.0), "C": (-2.0, 2.5)}
 """Observation points of the small day, metres from the start."""
 
 
-def small_day() -> dict[str, Any]:
+def small_day() -> Document:
     """Return a problem (`contingency/1`) of three targets, two of them tracked."""
 
     def spread(mean: float) -> dict[str, float]:

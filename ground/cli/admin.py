@@ -2,65 +2,161 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypeVar
 
 import typer
 
 from ground.cli.failure import fail
 from ground.cli.resources import group_of
 
+T = TypeVar("T")
+PHRASE = "Passphrase of the secrets"
+
 
 def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    _audit(app)
+    _backups(app)
+    _people(app)
+
+
+def refused(work: Callable[[], T]) -> T:
+    """Return what work gives; its refusal ends the command."""
+    from ground.errors import GroundError
+
+    try:
+        return work()
+    except GroundError as err:
+        fail(err.message)
+
+
+def _audit(app: typer.Typer) -> None:
     audit = typer.Typer(help="The history of every change.", no_args_is_help=True)
     app.add_typer(audit, name="audit")
 
     @audit.command("verify")
-    def verify() -> None:
-        """Check the hash chain of every history; exit status 1 if one is broken. Needs no server."""
-        from ground.cli.repository import open_or_fail
-        from ground.gdr.history import verify_chains
+    def verify(
+        against: Path | None = typer.Option(None, help="file of `outcrop audit head`, kept elsewhere"),
+        key: str | None = typer.Option(None, help="public key, or its file, that must have signed it"),
+    ) -> None:
+        """Check the hash chain of every history; exit status 1 if one is broken. Needs no server.
 
+        With --against every chain must go on from where it was when that file was written.
+        """
+        from ground.cli.repository import open_or_fail
+        from ground.gdr.history import verify_against, verify_chains
+        from ground.uplink.audit_head import read_head
+
+        if key is not None and against is None:
+            fail("--key is for the file of --against")
+        heads = None if against is None else refused(lambda: read_head(against, key))
         repo = open_or_fail()
         with repo.database.read() as session:
             count, faults = verify_chains(session)
+            faults += verify_against(session, heads or {})
         for fault in faults:
             typer.echo(f"{fault.chain_id} event {fault.seq}: {fault.reason}", err=True)
-        typer.echo(f"{count} events checked, {len(faults)} faults")
+        kept = "" if heads is None else f", {len(heads)} histories held against {against}"
+        typer.echo(f"{count} events checked, {len(faults)} faults{kept}")
         if faults:
             raise typer.Exit(1)
 
+    @audit.command("head")
+    def head(
+        out: Path = typer.Argument(..., help="file to write; keep it where nobody of this machine writes"),
+        key: Path = typer.Option(..., "--key", envvar="OUTCROP_KEY", help="private key of who vouches"),
+    ) -> None:
+        """Write the heads of all histories, signed, for `audit verify --against`. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.gdr.history import heads_of, verify_chains
+        from ground.uplink.audit_head import write_head
+
+        repo = open_or_fail()
+        with repo.database.read() as session:
+            faults = verify_chains(session)[1]
+            if faults:
+                fail(f"{faults[0].chain_id} event {faults[0].seq}: {faults[0].reason}; nothing is signed")
+            heads = heads_of(session)
+        refused(lambda: write_head(out, heads, key))
+        typer.echo(f"{out}: the heads of {len(heads)} histories")
+
+
+def _backups(app: typer.Typer) -> None:
+
     @app.command("backup")
-    def backup_command(target: Path = typer.Argument(..., help="tar file to write")) -> None:
-        """Write database and files into one tar file, also while a server runs. Needs no server."""
+    def backup_command(
+        target: Path = typer.Argument(..., help="tar file to write"),
+        secrets: bool = typer.Option(
+            False, "--secrets", help="with hashes of passwords and API keys, sealed with a passphrase"
+        ),
+    ) -> None:
+        """Write database and files into one tar file, also while a server runs. Needs no server.
+
+        Every stored file is held against its hash; exit status 1 if one is damaged.
+        """
         from ground.cli.repository import open_or_fail
         from ground.resources.backups.backup import backup
 
-        counts = backup(open_or_fail(), target)
-        typer.echo(f"{target}: {sum(counts.values())} rows, {target.stat().st_size} bytes")
+        phrase = typer.prompt(PHRASE, hide_input=True, confirmation_prompt=True) if secrets else None
+        saved = backup(open_or_fail(), target, passphrase=phrase)
+        typer.echo(f"{target}: {sum(saved.rows.values())} rows, {target.stat().st_size} bytes")
+        for name in saved.damaged:
+            typer.echo(f"{name} is damaged, and so in the backup", err=True)
+        if saved.damaged:
+            raise typer.Exit(1)
 
     @app.command("restore")
-    def restore_command(source: Path = typer.Argument(..., help="tar file of `outcrop backup`")) -> None:
-        """Fill an empty data folder and database from a backup. Needs no server."""
+    def restore_command(
+        source: Path = typer.Argument(..., help="tar file of `outcrop backup`"),
+        until: datetime | None = typer.Option(
+            None, help="as it was then, in UTC; the backup may be of any time after it"
+        ),
+        secrets: bool = typer.Option(False, "--secrets", help="with the secrets, by their passphrase"),
+        test: bool = typer.Option(
+            False, "--drill", help="restore into a scratch place, compare, and remove it again"
+        ),
+    ) -> None:
+        """Fill an empty data folder and database from a backup. Needs no server.
+
+        The backup is checked bit by bit first. Exit status 1 if something cannot come back as it was.
+        """
         from ground.cli.repository import settings_or_fail
         from ground.errors import GroundError
         from ground.gdr.repository import open_repository
-        from ground.resources.backups.backup import restore
+        from ground.resources.backups.restore import drill, restore
 
+        repo = open_repository(settings_or_fail())
+        phrase = typer.prompt(PHRASE, hide_input=True) if secrets else None
+        moment = None if until is None else until.replace(tzinfo=until.tzinfo or UTC)
         try:
-            counts = restore(open_repository(settings_or_fail()), source)
+            if test:
+                missing = drill(repo, source, passphrase=phrase)
+                typer.echo(f"{source}: drilled, {len(missing)} faults")
+            else:
+                done = restore(repo, source, until=moment, passphrase=phrase)
+                missing = done.missing
+                count, missions = sum(done.rows.values()), done.rows.get("missions", 0)
+                typer.echo(f"{count} rows restored, {missions} missions")
         except GroundError as err:
             fail(err.message)
-        typer.echo(f"{sum(counts.values())} rows restored, {counts.get('missions', 0)} missions")
+        for sentence in missing:
+            typer.echo(sentence, err=True)
+        if missing:
+            raise typer.Exit(1)
 
     @app.command("check")
     def check_command(
         sweep: bool = typer.Option(
             False, "--sweep", help="remove what no record names and is older than an hour"
         ),
+        contents: bool = typer.Option(False, "--contents", help="hold every file against its hash"),
     ) -> None:
         """Look for records without their file and files that no record names. Needs no server."""
         from ground.cli.repository import open_or_fail
-        from ground.resources.backups.check_files import check_files, sweep_files
+        from ground.resources.backups.check_files import check_files, damaged_files, sweep_files
 
         repo = open_or_fail()
         gone = sweep_files(repo) if sweep else []
@@ -71,9 +167,14 @@ def register(app: typer.Typer) -> None:
             f"{report.files} files, {len(report.unnamed)} of them named by no record, "
             f"{len(report.stray_runs)} folders of no run" + (f", {len(gone)} removed" if sweep else "")
         )
-        if report.without_file:
+        damaged = damaged_files(repo) if contents else []
+        for name in damaged:
+            typer.echo(f"{name} is damaged: its content is not what its hash says", err=True)
+        if report.without_file or damaged:
             raise typer.Exit(1)
 
+
+def _people(app: typer.Typer) -> None:
     person = group_of(app, "person")
 
     @person.command("add")
@@ -102,3 +203,16 @@ def register(app: typer.Typer) -> None:
         except GroundError as err:
             fail(err.message)
         typer.echo(f"{made.id} {made.name} {made.role.value}")
+
+    @person.command("password")
+    def set_password_command(name: str = typer.Argument(...)) -> None:
+        """Give somebody a password, and end their sessions. Needs no server."""
+        from ground.cli.repository import open_or_fail
+        from ground.records.actor import SYSTEM_ACTOR
+        from ground.resources.people.accounts import set_password
+
+        secret = typer.prompt("Password", hide_input=True, confirmation_prompt=True)
+        if len(secret) < 8:
+            fail("a password needs 8 characters")
+        refused(lambda: set_password(open_or_fail(), SYSTEM_ACTOR, name, secret))
+        typer.echo(f"{name} has a new password; sessions are ended")

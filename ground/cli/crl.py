@@ -1,4 +1,4 @@
-"""Commands about plan texts: check, format. Another module adds `run` to the same group."""
+"""Commands about plan texts: check, expand, format. Another module adds `run` to the same group."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.failure import fail
+from ground.cli.failure import fail, refusals
 
 if TYPE_CHECKING:
     from executive.crl import Finding, Plan
@@ -61,6 +61,31 @@ def check(
         raise typer.Exit(1)
 
 
+@crl_app.command()
+def expand(
+    file: Annotated[Path, typer.Argument(help="CRL text with macros, repetition and arithmetic")],
+    readable: Annotated[bool, typer.Option(help="the readable text instead of the canonical one")] = False,
+    limit: Annotated[
+        int | None, typer.Option(min=1, help="how many items an expansion may have (default: 1,000,000)")
+    ] = None,
+) -> None:
+    """Print the plain plan that a source stands for; findings point into the source. Exit 1 on an error."""
+    from functools import partial
+
+    from executive.crl import canonical_text, readable_text
+    from executive.crl import check as check_text
+    from executive.crl.expand import EXPANSION_LIMIT, expand_items
+
+    text = _read(file)
+    report = check_text(text, front=partial(expand_items, limit=limit or EXPANSION_LIMIT))
+    lines = text.removeprefix("\ufeff").split("\n")
+    for finding in report.findings:
+        typer.echo(_show(finding, str(file), lines), err=True)
+    if report.plan is None or not report.valid:
+        raise typer.Exit(1)
+    typer.echo(readable_text(report.plan) if readable else canonical_text(report.plan), nl=not readable)
+
+
 @crl_app.command("format")
 def format_(
     file: Annotated[Path, typer.Argument(help="CRL text, or its JSON form (.json)")],
@@ -96,13 +121,10 @@ def format_(
 
 def dictionary_of(name: str) -> Dictionary:
     """Return the dictionary that `--dictionary` names; `outcrop` is that of the program's rovers."""
-    from executive.crl.errors import DictionaryError
     from rover_iface.profile import STANDARD_DICTIONARY, dictionary_file
 
-    try:
+    with refusals():
         return dictionary_file(STANDARD_DICTIONARY if name == "outcrop" else name)
-    except DictionaryError as error:
-        fail(str(error))
 
 
 def _from_json(file: Path, text: str) -> Plan:

@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from ground.cli.connection import PERSON, SERVER, connected, follow, show, uploaded, written
-from ground.cli.failure import fail
+from ground.cli.failure import fail, refusals
 from ground.cli.resources import group_of
 
 
@@ -144,14 +144,11 @@ def _run(app: typer.Typer) -> None:
         person: str | None = PERSON,
     ) -> None:
         """Run a plan on a simulated rover on the server. Needs a server."""
-        from ground.errors import GroundError
         from ground.uplink.rehearsal import Sent
 
         order: dict[str, Any] = {} if light_time is None else {"light_time_s": light_time}
-        try:
+        with refusals():
             sent = [Sent.parse(text) for text in command]
-        except GroundError as err:
-            fail(err.message)
         order["commands"] = [{"operation": c.operation.value, "sent_s": c.sent_s} for c in sent]
         with connected(server, person) as client:
             job = client.create_run(mission, plan_id=plan, rover=rover, seed=seed, **order)
@@ -164,7 +161,7 @@ def _run(app: typer.Typer) -> None:
     @group_of(app, "run").command("control")
     def control(
         run: str = typer.Argument(...),
-        act: str = typer.Argument(..., help="pause, resume, step, abort, or pace=SECONDS"),
+        act: str = typer.Argument(..., help="pause, resume, step, abort, stop (live), or pace=SECONDS"),
         server: str = SERVER,
         person: str | None = PERSON,
     ) -> None:
@@ -174,6 +171,7 @@ def _run(app: typer.Typer) -> None:
             "resume": {"paused": False},
             "step": {"step": True},
             "abort": {"abort": True},
+            "stop": {"stop": True},
         }
         name, _, text = act.partition("=")
         try:

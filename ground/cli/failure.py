@@ -19,14 +19,17 @@ def fail(message: str, code: int = BAD_INPUT) -> NoReturn:
 
 @contextlib.contextmanager
 def refusals() -> Iterator[None]:
-    """End with one line what the ground, a rover, the executive or the disk refuses."""
+    """End with one line what the ground, the planner, a rover, the executive or the disk refuses."""
+    from executive.crl.errors import CrlError
     from executive.errors import ExecutiveError
     from ground.errors import GroundError
+    from mission.errors import MissionError
+    from planner.errors import PlannerError
     from rover_iface.errors import RoverError
 
     try:
         yield
-    except (GroundError, RoverError, ExecutiveError) as err:
+    except (GroundError, PlannerError, RoverError, ExecutiveError, CrlError, MissionError) as err:
         fail(str(err))
     except OSError as err:
         fail(f"{err.filename or 'a file'}: {err.strerror or err}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.failure import fail
+from ground.cli.failure import fail, refusals
 
 if TYPE_CHECKING:
     from rover_iface.localization.ground_points import GroundPoints
@@ -36,11 +36,10 @@ def localize(
     longest: Annotated[float, typer.Option(help="longest leg, metres")] = 30.0,
 ) -> None:
     """Match rocks between stops, judge every leg and adjust the traverse. Exit 3 if no leg is accepted."""
-    from rover_iface.errors import RoverError
     from rover_iface.localization.leg import FaultLimits
     from rover_iface.localization.traverse import TraverseOptions, localise_traverse
 
-    try:
+    with refusals():
         stops = [(name, _points(path)) for name, path in _stops(runs)]
         options = TraverseOptions(
             share=odometry,
@@ -50,8 +49,6 @@ def localize(
         found = localise_traverse(
             stops, options, limits=FaultLimits(longest_m=longest), report=lambda line: typer.echo(line)
         )
-    except (RoverError, OSError) as err:
-        fail(str(err))
     for k, name in enumerate(found.names):
         pose = found.adjustment.poses[name]
         x, y, z = pose.site_from_rover.translation
@@ -143,7 +140,6 @@ def sites(
     ] = None,
 ) -> None:
     """Chain site frames, carry a target from one site to another, and write frames out again."""
-    from rover_iface.errors import RoverError
     from rover_iface.localization.site_frames import (
         SITE,
         FrameFile,
@@ -153,7 +149,7 @@ def sites(
         site,
     )
 
-    try:
+    with refusals():
         read = [read_frame_file(path) for path in files]
         frames = SiteFrames.of(read)
         known = [frame.counter[0] for frame in frames.frames if frame.name == SITE]
@@ -181,8 +177,6 @@ def sites(
             merged = FrameFile(read[0].mission, read[0].variant, read[0].counter, frames.priority, records)
             out.write_text(print_frame_file(merged), encoding="utf-8")
             typer.echo(f"{out}: {len(frames.frames)} frames, {len(frames.solutions)} solutions")
-    except (RoverError, OSError) as err:
-        fail(str(err))
 
 
 def _numbers(text: str) -> list[float]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
+from pathlib import Path
 
 import typer
 
@@ -25,11 +27,17 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def outcrop(
-    version: bool = typer.Option(
+    _version: bool = typer.Option(
         False, "--version", callback=_show_version, is_eager=True, help="Show the version."
+    ),
+    profiles: Path | None = typer.Option(
+        None, exists=True, file_okay=False, help="Folder of rover profiles of your own (OUTCROP_PROFILES)."
     ),
 ) -> None:
     """Plan a rover's day on the ground and carry it out."""
+    if profiles is not None:
+        # in the environment, as the processes that do jobs and every room look there
+        os.environ["OUTCROP_PROFILES"] = str(profiles.resolve())
 
 
 def register_all() -> None:

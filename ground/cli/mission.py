@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from ground.cli.failure import fail
+from ground.cli.failure import refusals
 from ground.cli.resources import group_of
 
 
@@ -21,14 +21,11 @@ def register(app: typer.Typer) -> None:
     ) -> None:
         """File the demo mission unless it is there. Needs no server."""
         from ground.cli.repository import open_or_fail
-        from ground.errors import GroundError
         from ground.records.actor import SYSTEM_ACTOR
         from ground.resources.mission_setup.load_demo import load_demo
 
-        try:
+        with refusals():
             mission, new = load_demo(open_or_fail(), SYSTEM_ACTOR, name=name, terrain=terrain, seed=seed)
-        except GroundError as err:
-            fail(err.message)
         count = mission.counts
         word = "filed" if new else "is there"
         typer.echo(
@@ -51,15 +48,12 @@ def register(app: typer.Typer) -> None:
         import json
 
         from ground.cli.repository import open_or_fail
-        from ground.errors import GroundError
         from ground.records.actor import SYSTEM_ACTOR
         from ground.resources.calibrations.calibrate_from_folders import calibrate_from_folders
 
         repo = open_or_fail()
-        try:
+        with refusals():
             done = calibrate_from_folders(repo, SYSTEM_ACTOR, mission, runs or (), name=name)
-        except GroundError as err:
-            fail(err.message)
         found = done.calibration or {}
         if out is not None:
             out.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
@@ -78,26 +72,20 @@ def register(app: typer.Typer) -> None:
     ) -> None:
         """Write a whole mission into one archive. Needs no server."""
         from ground.cli.repository import open_or_fail
-        from ground.errors import GroundError
         from ground.records.actor import SYSTEM_ACTOR
         from ground.resources.mission_archives.mission_archive import export_mission
 
-        try:
+        with refusals():
             export_mission(open_or_fail(), SYSTEM_ACTOR, mission, target)
-        except GroundError as err:
-            fail(err.message)
         typer.echo(f"{target}: {target.stat().st_size} bytes")
 
     @group.command("import")
     def import_command(source: Path = typer.Argument(..., help="archive of a mission")) -> None:
         """Take in the archive of a mission. Needs no server."""
         from ground.cli.repository import open_or_fail
-        from ground.errors import GroundError
         from ground.records.actor import SYSTEM_ACTOR
         from ground.resources.mission_archives.import_mission import import_mission
 
-        try:
+        with refusals():
             mission = import_mission(open_or_fail(), SYSTEM_ACTOR, source)
-        except GroundError as err:
-            fail(err.message)
         typer.echo(f"{mission.id} {mission.name}")

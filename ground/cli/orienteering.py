@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from ground.cli.failure import fail
+from ground.cli.failure import fail, refusals
 
 
 def register(app: typer.Typer) -> None:
@@ -34,10 +34,9 @@ def orienteering(
         fail(f"--time-limit is {time_limit:g}; it must be > 0")
     import json
 
-    from planner.errors import PlannerError
     from planner.orienteering import read_routing_file, solution_document, solve
 
-    try:
+    with refusals():
         read = read_routing_file(file)
         solution = solve(
             read.problem,
@@ -47,8 +46,6 @@ def orienteering(
             threads=threads,
             engine=engine,
         )
-    except PlannerError as err:
-        fail(str(err))
     document = solution_document(read, solution)
     try:
         out.write_text(json.dumps(document) + "\n", encoding="utf-8")

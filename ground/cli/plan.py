@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
-from ground.cli.failure import BAD_INPUT, fail
+from ground.cli.failure import BAD_INPUT, fail, refusals
+from ground.cli.terminal import Interrupt, ProgressLine
 
 if TYPE_CHECKING:
     from planner.problem import Problem
@@ -44,28 +45,24 @@ def plan(
     Exit status 0: a plan (perhaps an empty one that says why), 2: bad input, 3: infeasible, 4: no plan in
     time.
     """
-    from planner.errors import PlannerError
     from planner.options import load_options
     from planner.problem import load_problem
     from planner.solve import PlanStatus, solve
 
-    with _Interrupt() as interrupt, _Line() as line:
-        try:
-            problem = load_problem(file)
-            result = solve(
-                problem,
-                strategy=strategy,
-                max_branches=max_branches,
-                time_limit_s=time_limit,
-                iterations=iterations,
-                seed=seed,
-                least_taken=least_taken,
-                options=None if options is None else load_options(options),
-                report=line.show,
-                should_stop=interrupt.wanted,
-            )
-        except PlannerError as err:
-            fail(str(err), BAD_INPUT)
+    with Interrupt() as interrupt, ProgressLine() as line, refusals():
+        problem = load_problem(file)
+        result = solve(
+            problem,
+            strategy=strategy,
+            max_branches=max_branches,
+            time_limit_s=time_limit,
+            iterations=iterations,
+            seed=seed,
+            least_taken=least_taken,
+            options=None if options is None else load_options(options),
+            report=lambda progress: line.show(progress.fraction, _told(progress)),
+            should_stop=interrupt.wanted,
+        )
     try:
         write_plan(problem, result, out)
     except OSError as err:
@@ -87,33 +84,6 @@ def plan(
     )
 
 
-def summary(problem: Problem, result: PlanResult, crl_digest: str) -> dict[str, Any]:
-    """Return the content of summary.json."""
-    check = result.check
-    return {
-        "format": "plan-summary/1",
-        "status": result.status.value,
-        "strategy": result.strategy,
-        "evaluator": result.evaluator,
-        "expected_utility": result.expected_utility,
-        "standard_error": check.standard_error if check is not None else 0.0,
-        "monte_carlo": check.mean if check is not None else 0.0,
-        "overrun_probability": check.overrun if check is not None else 0.0,
-        "max_overrun_probability": problem.max_overrun_probability,
-        "lower": result.lower,
-        "upper": result.upper,
-        "optimum_estimate": result.optimum_estimate,
-        "branches": result.branches,
-        "value_by_branches": list(result.curve),
-        "wall_s": round(result.wall_s, 3),
-        "first_plan_s": round(result.first_plan_s, 3),
-        "seed": result.seed,
-        "reasons": list(result.reasons),
-        "problem_sha256": problem.digest(),
-        "crl_sha256": crl_digest,
-    }
-
-
 def write_plan(problem: Problem, result: PlanResult, out: Path) -> None:
     """Write plan.crl, plan_tree.json and summary.json into a folder, made if absent.
 
@@ -122,6 +92,7 @@ def write_plan(problem: Problem, result: PlanResult, out: Path) -> None:
     import json
 
     from executive.crl.printer import digest, readable_text
+    from ground.resources.plans.work import summary_of
     from planner.emit_crl import emit
     from planner.plan_tree import plan_tree_to_dict
     from planner.solve import PlanStatus
@@ -134,58 +105,10 @@ def write_plan(problem: Problem, result: PlanResult, out: Path) -> None:
         (out / "plan.crl").write_text(readable_text(crl), encoding="utf-8")
         document = plan_tree_to_dict(result.tree, problem)
         (out / "plan_tree.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    text = json.dumps(summary(problem, result, crl_digest), indent=1)
+    text = json.dumps(summary_of(problem, result, crl_digest), indent=1)
     (out / "summary.json").write_text(text + "\n", encoding="utf-8")
 
 
-class _Interrupt:
-    """Turns the first Ctrl-C into a wish to stop with the best plan so far; the second ends the program."""
-
-    def __init__(self) -> None:
-        self._wanted = False
-
-    def wanted(self) -> bool:
-        return self._wanted
-
-    def __enter__(self) -> _Interrupt:
-        import signal
-
-        self._before = signal.getsignal(signal.SIGINT)
-
-        def handler(_number: int, _frame: object) -> None:
-            if self._wanted:
-                raise KeyboardInterrupt
-            self._wanted = True
-
-        signal.signal(signal.SIGINT, handler)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        import signal
-
-        signal.signal(signal.SIGINT, self._before)
-
-
-class _Line:
-    """One line of progress on stderr, rewritten in place; nothing where stderr is no terminal."""
-
-    def __init__(self) -> None:
-        import sys
-
-        self._stream = sys.stderr
-        self._on = sys.stderr.isatty()
-
-    def show(self, progress: Progress) -> None:
-        if not self._on:
-            return
-        value = "" if progress.value is None else f"  best {progress.value:.3f}, {progress.branches} branches"
-        self._stream.write(f"\r\x1b[K{100 * progress.fraction:3.0f} %  {progress.phase}{value}")
-        self._stream.flush()
-
-    def __enter__(self) -> _Line:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._on:
-            self._stream.write("\r\x1b[K")
-            self._stream.flush()
+def _told(progress: Progress) -> str:
+    value = "" if progress.value is None else f"  best {progress.value:.3f}, {progress.branches} branches"
+    return f"{progress.phase}{value}"

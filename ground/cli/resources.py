@@ -41,6 +41,7 @@ ABOUT = {
     "traverse": "Stops adjusted together.",
     "problem": "Planning problems.",
     "product": "Data products.",
+    "campaign": "One plan flown many times: what goes wrong, how often, and why.",
     "job": "Jobs.",
     "approval": "Approvals.",
     "person": "People and their roles.",

@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+CERT = Annotated[Path | None, typer.Option("--cert", help="mutual TLS: own certificate, PEM")]
+KEY = Annotated[Path | None, typer.Option("--key", help="mutual TLS: its key, PEM")]
+CA = Annotated[Path | None, typer.Option("--ca", help="mutual TLS: the authority of both ends, PEM")]
+
 rover = typer.Typer(
     name="rover", help="List rovers and check that one keeps the contract.", no_args_is_help=True
 )
@@ -19,14 +23,18 @@ def register(app: typer.Typer) -> None:
 
 @rover.command("list")
 def list_rovers() -> None:
-    """List the rovers that are installed and the profiles that come with the program."""
+    """List the rovers that are installed, and the profiles of the program, of packages and of your own."""
+    from rover_iface.errors import ProfileError
     from rover_iface.profile import load_profile, profile_names
     from rover_iface.registry import rover_names
 
     for name in rover_names():
         typer.echo(f"rover    {name}")
     for name in profile_names():
-        typer.echo(f"profile  {name}: {load_profile(name).doc}")
+        try:
+            typer.echo(f"profile  {name}: {load_profile(name).doc}")
+        except ProfileError as err:
+            typer.echo(f"profile  {name}: cannot be used: {err}")
 
 
 @rover.command()
@@ -46,8 +54,37 @@ def show(name: Annotated[str, typer.Argument(help="name of the rover profile")])
 
 
 @rover.command()
-def check(
+def serve(
     name: Annotated[str, typer.Argument(help="name of the rover (entry point group outcrop.rovers)")],
+    listen: Annotated[str, typer.Option(help="unix:/path or tcp://host:port")],
+    world: Annotated[Path, typer.Option(help="folder of the rover's world")],
+    out: Annotated[Path | None, typer.Option(help="folder into which the rover writes its products")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="seed of a simulated rover")] = None,
+    speed: Annotated[float, typer.Option(help="seconds of the rover's clock in a second")] = 1.0,
+    linger: Annotated[
+        float | None, typer.Option(help="end when no executive has been there for so many seconds")
+    ] = None,
+    cert: CERT = None,
+    key: KEY = None,
+    ca: CA = None,
+) -> None:
+    """Put a rover behind the wire, in this process, until it is interrupted."""
+    from executive.runtime.wire import Address, Keys
+    from ground.cli.failure import refusals
+    from ground.uplink.serve_rover import Serving, serve_rover
+
+    with refusals():
+        serving = Serving(
+            name, world, Address.parse(listen), Keys.of(cert, key, ca), out, seed, speed, linger
+        )
+        serve_rover(serving, lambda line: typer.echo(line))
+
+
+@rover.command()
+def check(
+    name: Annotated[
+        str, typer.Argument(help="name of the rover (entry point group outcrop.rovers)")
+    ] = "rover",
     world: Annotated[
         Path | None, typer.Option(help="world with targets T1 and T2; a made one if absent")
     ] = None,
@@ -55,9 +92,23 @@ def check(
     dictionary: Annotated[
         str | None, typer.Option(help="dictionary to hold it to: name or file; that of the profile if absent")
     ] = None,
+    hardware: Annotated[
+        bool, typer.Option("--hardware", help="on the wall clock, over the wire: needs --connect")
+    ] = False,
+    connect: Annotated[str | None, typer.Option(help="unix:/path or tcp://host:port")] = None,
+    patience: Annotated[
+        float, typer.Option(help="seconds that an answer may take: more than the link is ever away")
+    ] = 20.0,
+    cert: CERT = None,
+    key: KEY = None,
+    ca: CA = None,
 ) -> None:
     """Run the contract suite against a rover; exit 1 if a check fails."""
     import tempfile
+
+    if hardware or connect is not None:
+        _check_hardware(name, connect, patience, (cert, key, ca))
+        return
 
     from executive.crl.errors import DictionaryError
     from rover_iface.contract import check_rover, write_contract_world
@@ -83,4 +134,21 @@ def check(
     broken = sum(not finding.passed for finding in findings)
     typer.echo(f"{name}: {len(findings) - broken} of {len(findings)} checks passed")
     if broken:
+        raise typer.Exit(1)
+
+
+def _check_hardware(
+    name: str, connect: str | None, patience_s: float, files: tuple[Path | None, Path | None, Path | None]
+) -> None:
+    from executive.runtime.wire import Address, Keys
+    from executive.runtime.wire.contract import as_lines, check_wire
+    from ground.cli.failure import fail, refusals
+
+    if connect is None:
+        fail("--hardware needs --connect, the address at which the rover listens")
+    with refusals():
+        findings = check_wire(Address.parse(connect), keys=Keys.of(*files), patience_s=patience_s)
+    for line in as_lines(findings, connect if name == "rover" else name):
+        typer.echo(line)
+    if not all(finding.passed for finding in findings):
         raise typer.Exit(1)

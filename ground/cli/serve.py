@@ -53,6 +53,8 @@ def register(app: typer.Typer) -> None:
             access_log=False,
             timeout_graceful_shutdown=5,
             server_header=False,
+            proxy_headers=bool(settings.trusted_proxies),
+            forwarded_allow_ips=settings.trusted_proxies or None,
         )
         uvicorn.Server(config).run(sockets=[listener])
 

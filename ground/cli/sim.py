@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ground.cli.failure import refusals
+
 if TYPE_CHECKING:
     from rover_iface.cameras.rig import CameraRig
     from rover_iface.frames import Pose
@@ -35,11 +37,6 @@ LatitudeOption = Annotated[float, typer.Option(help="degrees north")]
 def register(app: typer.Typer) -> None:
     """Add the group to the program."""
     app.add_typer(sim)
-
-
-def _fail(error: Exception) -> typer.Exit:
-    typer.echo(f"outcrop: {error}", err=True)
-    return typer.Exit(2)
 
 
 def _world(terrain: Path | None, seed: int, rover: str) -> tuple[Terrain, CameraRig]:
@@ -105,9 +102,8 @@ def render(
     import math
 
     from rover_iface.cameras.panorama import camera_document
-    from rover_iface.errors import RoverError
 
-    try:
+    with refusals():
         light = _sun(sun_azimuth, sun_elevation, lmst, ls, latitude)
         ground, rig = _world(terrain, seed, rover)
         rig.mounted(camera)
@@ -120,8 +116,6 @@ def render(
             seed=seed,
             samples=samples,
         )
-    except RoverError as err:
-        raise _fail(err) from err
     _write_png(out, frame.image8)
     label: dict[str, Any] = {
         "format": "image/1",
@@ -168,10 +162,9 @@ def panorama(
     """Render a stereo panorama in which targets can be picked."""
     import math
 
-    from rover_iface.errors import RoverError
     from rover_iface.simulator.render.panorama import take_panorama
 
-    try:
+    with refusals():
         light = _sun(sun_azimuth, sun_elevation, lmst, ls, latitude)
         ground, rig = _world(terrain, seed, rover)
         pose = _pose(ground, x, y, heading)
@@ -185,8 +178,6 @@ def panorama(
             name=ground.name,
             seed=seed,
         )
-    except RoverError as err:
-        raise _fail(err) from err
     taken.save(out)
     _write_png(out / "mosaic.png", taken.mosaic(4096)[0])
     typer.echo(f"{out}: {len(taken.wedges)} stereo wedges")
@@ -216,12 +207,12 @@ def track(
 
     import numpy as np
 
-    from rover_iface.errors import RoverError, TerrainFormatError
+    from rover_iface.errors import TerrainFormatError
     from rover_iface.frames import Pose
     from rover_iface.simulator.approach import ApproachOptions, approach
     from rover_iface.streams import stream
 
-    try:
+    with refusals():
         light = _sun(sun_azimuth, sun_elevation, lmst, ls, latitude)
         ground, rig = _world(terrain, seed, rover)
         near = sorted(ground.rocks_near(0.0, 0.0, 4.0), key=lambda r: -r.diameter)
@@ -249,8 +240,6 @@ def track(
             rng=stream("approach", seed),
             options=ApproachOptions(step_share=step, odometry_error=odometry),
         )
-    except RoverError as err:
-        raise _fail(err) from err
     typer.echo("stop  range m  state    conf.  ncc   stereo  sigma cm  error cm  why")
     rows = []
     for number, stop in enumerate(stops):

@@ -1,4 +1,4 @@
-"""`outcrop sim drive`: the navigator at work, alone or as a study of many drives."""
+"""`outcrop sim drive`: the navigator at work."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ground.cli.failure import refusals
 from ground.cli.sim import sim
 
 
@@ -25,37 +26,22 @@ def drive(
     rock_cover: Annotated[float, typer.Option(help="of the generated terrain")] = 0.07,
     softer: Annotated[float, typer.Option(help="factor on the slip of the soil")] = 1.0,
     out: Annotated[Path | None, typer.Option(help="PNG: hazard map beside the way over the ground")] = None,
-    study: Annotated[int, typer.Option(help="instead: so many random traverses of 20 m, counted")] = 0,
 ) -> None:
     """Drive from the origin to a goal by stereo ranges, with slip and drift."""
     import math
 
     import numpy as np
 
-    from rover_iface.errors import RoverError
     from rover_iface.frames import Pose
     from rover_iface.navigation.navigator import Navigator
     from rover_iface.navigation.sensor import GroundRaster
     from rover_iface.profile import load_profile
     from rover_iface.simulator.chassis import Chassis
     from rover_iface.simulator.traverse import drive as traverse
-    from rover_iface.simulator.traverse import traverse_study
     from rover_iface.terrain import generate_terrain, load_terrain
 
-    try:
+    with refusals():
         profile = load_profile(rover)
-        if study:
-            counts, _ = traverse_study(profile, runs=study, seed=seed)
-            typer.echo(f"drives      {counts.runs}")
-            typer.echo(f"arrived     {counts.arrived} ({100 * counts.arrived / counts.runs:.1f} %)")
-            typer.echo(f"collisions  {counts.collided}")
-            for reason, number in sorted(counts.reasons.items(), key=lambda item: -item[1]):
-                typer.echo(f"            {number:4d} {reason}")
-            median, worst = counts.update_ms_median, counts.update_ms_worst
-            typer.echo(f"map update  {median:.1f} ms in the mean of a drive, {worst:.1f} ms in the worst")
-            typer.echo(f"way         {counts.length_ratio_median:.2f} of the straight line")
-            typer.echo(f"end error   {100 * counts.error_share_median:.1f} % of the distance")
-            return
         ground = load_terrain(terrain) if terrain else generate_terrain(seed, rock_cover=rock_cover)
         ground.require_inside(x, y, "goal")
         raster = GroundRaster.of(ground, max(20.0, abs(x) + 8.0, abs(y) + 8.0))
@@ -63,9 +49,6 @@ def drive(
         chassis = Chassis(raster, profile, start, softer=softer, rng=np.random.default_rng(seed))
         navigator = Navigator.fresh(profile, (0.0, 0.0), (x, y))
         went = traverse(chassis, raster, (x, y), navigator=navigator)
-    except RoverError as err:
-        typer.echo(f"outcrop: {err}", err=True)
-        raise typer.Exit(2) from err
     typer.echo(f"{went.reason} after {went.looks} looks and {went.length_m:.1f} m")
     typer.echo(f"time    {went.duration_s / 60:.0f} min, energy {went.energy_j / 1000:.0f} kJ")
     typer.echo(f"error   {went.error_m:.2f} m from the goal, least clearance {100 * went.worst_gap_m:.0f} cm")

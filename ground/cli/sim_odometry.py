@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.failure import fail
+from ground.cli.failure import refusals
 from ground.cli.sim import sim
 
 if TYPE_CHECKING:
@@ -38,11 +38,10 @@ def odometry(
     """Drive straight on from the origin, and compare wheels, visual odometry and truth at each step."""
     import numpy as np
 
-    from rover_iface.errors import RoverError
     from rover_iface.localization.visual_odometry import drive
     from rover_iface.terrain import generate_terrain, load_terrain
 
-    try:
+    with refusals():
         ground = load_terrain(terrain) if terrain else generate_terrain(seed, ortho=False)
         typer.echo("step   wheels m  pictures m  truth m  off mm  features  state  why")
         told = []
@@ -54,8 +53,6 @@ def odometry(
             off = 1000 * float(np.linalg.norm(step.old_from_new.translation - true.translation))
             columns = " ".join(f"{value:10.3f}" for value in lengths)
             typer.echo(f"{number:4d} {columns} {off:7.1f} {step.features:9d}  {step.state:<5}  {step.reason}")
-    except RoverError as err:
-        fail(str(err))
     whole, covariance = drive(told)
     sigma = 1000 * float(np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:]).max()))
     typer.echo(f"{np.linalg.norm(whole.translation):.3f} m by pictures, sigma {sigma:.1f} mm")

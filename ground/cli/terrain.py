@@ -7,17 +7,14 @@ from typing import Annotated
 
 import typer
 
+from ground.cli.failure import fail, refusals
+
 terrain = typer.Typer(name="terrain", help="Make, import and look at terrain.", no_args_is_help=True)
 
 
 def register(app: typer.Typer) -> None:
     """Add the group to the program."""
     app.add_typer(terrain)
-
-
-def _fail(error: Exception) -> typer.Exit:
-    typer.echo(f"outcrop: {error}", err=True)
-    return typer.Exit(2)
 
 
 @terrain.command()
@@ -32,10 +29,9 @@ def generate(
     tracks: Annotated[bool, typer.Option(help="with the tracks of an earlier drive to the start")] = False,
 ) -> None:
     """Generate a terrain from a seed."""
-    from rover_iface.errors import TerrainError
     from rover_iface.terrain import Recipe, generate_terrain, write_terrain
 
-    try:
+    with refusals():
         made = generate_terrain(
             recipe=Recipe(
                 seed=seed,
@@ -49,8 +45,6 @@ def generate(
             )
         )
         write_terrain(made, out)
-    except (TerrainError, OSError) as err:
-        raise _fail(err) from err
     typer.echo(f"{out}: {size:g} m, {len(made.rocks)} rocks, sha256 {made.sha256[:16]}")
 
 
@@ -66,11 +60,10 @@ def import_mesh(
     allow_holes: Annotated[bool, typer.Option(help="take a mesh with holes")] = False,
 ) -> None:
     """Make a terrain folder from a mesh."""
-    from rover_iface.errors import TerrainError
     from rover_iface.terrain import write_terrain
     from rover_iface.terrain.mesh import load_mesh_terrain
 
-    try:
+    with refusals():
         made = load_mesh_terrain(
             mesh,
             axes=axes,
@@ -81,8 +74,6 @@ def import_mesh(
             allow_holes=allow_holes,
         )
         write_terrain(made, out)
-    except (TerrainError, OSError) as err:
-        raise _fail(err) from err
     layer = made.layers[0]
     typer.echo(f"{out}: {layer.heights.shape[1]} x {layer.heights.shape[0]} posts of {layer.spacing:g} m")
 
@@ -92,13 +83,10 @@ def info(path: Annotated[Path, typer.Argument(help="terrain folder, GeoTIFF or m
     """Say what a terrain is."""
     import numpy as np
 
-    from rover_iface.errors import TerrainError
     from rover_iface.terrain import load_terrain
 
-    try:
+    with refusals():
         ground = load_terrain(path)
-    except TerrainError as err:
-        raise _fail(err) from err
     west, south, east, north = ground.bounds
     typer.echo(f"name     {ground.name}")
     typer.echo(f"extent   ({west:g}, {south:g}) to ({east:g}, {north:g}) m, east and north of the origin")
@@ -135,14 +123,11 @@ def query(
     """Tell height, slope and roughness of a place."""
     import math
 
-    from rover_iface.errors import TerrainError
     from rover_iface.terrain import load_terrain
 
-    try:
+    with refusals():
         ground = load_terrain(path)
         height = ground.height_at(east, north)
-    except TerrainError as err:
-        raise _fail(err) from err
     normal = ground.normal(east, north)
     typer.echo(f"height     {height:.3f} m")
     typer.echo(f"normal     {normal[0]:.3f} {normal[1]:.3f} {normal[2]:.3f}")
@@ -186,5 +171,5 @@ def picture(
         ortho = fits[0] if fits else ground.orthos[-1]
         Image.fromarray(ortho.crop(east, north, size, pixels)).save(out)
     except (TerrainError, OSError, ValueError) as err:
-        raise _fail(err) from err
+        fail(str(err))
     typer.echo(str(out))

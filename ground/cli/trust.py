@@ -210,7 +210,7 @@ def _use(group: typer.Typer) -> None:
         world: Path = typer.Option(..., help="folder of the rover's world"),
     ) -> None:
         """Bind a rover to a trust file and its later versions, for good. Needs no server."""
-        from ground.uplink.execute import commission
+        from ground.uplink.admission import commission
 
         with refusals():
             trust = commission(world, file)

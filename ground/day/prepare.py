@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ground.errors import InvalidInputError
-from mission import Day, KeepOut, MissionError, Pose, Request, Target, TerrainGrid
+from mission import Day, KeepOut, Pose, Request, Target, TerrainGrid
 
 if TYPE_CHECKING:
-    from planner.path_network import Calibration, NetworkRequest, PathNetwork, RoverParameters
+    from planner.day_problem import Refusal
+    from planner.path_network import Calibration, PathNetwork, RoverParameters
     from planner.problem import Problem
     from rover_iface.profile import RoverProfile
     from rover_iface.terrain import Terrain
@@ -24,15 +25,6 @@ NETWORK_POSTS_M = 0.25
 
 NETWORK_MARGIN_M = 15.0
 """How far beyond start and targets the path network may look for a route round an obstacle."""
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """A request that cannot enter the problem, and why."""
-
-    request_id: str
-    target_id: str
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -66,8 +58,8 @@ def prepare_day(
     NetworkError, TerrainError
         If the start or a keep-out is impossible on this terrain.
     """
+    from planner.day_problem import RoverCosts, network_request_of, problem_of
     from planner.path_network import build_network
-    from planner.problem import problem_from_dict
 
     tell = report or (lambda _share, _what: None)
     day = named_as_in(profile, day)
@@ -75,27 +67,15 @@ def prepare_day(
     tell(0.0, "observation points")
     poses, refused = _observation_points(terrain, profile, day)
     tell(0.3, "path network")
-    network = build_network(_network_request(terrain, profile, day, poses, calibration))
+    places = [(day.start.east_m, day.start.north_m), *(t.point_site[:2] for t in day.targets)]
+    heights = network_heights(terrain, places)
+    model = calibration or calibration_of(profile)
+    network = build_network(network_request_of(day, poses, heights, rover_parameters(profile), model))
     tell(0.8, "planning problem")
-    best = network.best_points()
-    unreachable = {point.target: point.reason for point in network.unreachable}
-    for request in day.requests:
-        if request.target_id in poses and request.target_id not in best:
-            reason = unreachable.get(request.target_id, "no drive leads to its observation point")
-            refused.append(Refusal(request.id, request.target_id, reason))
-    stands = {target: network.places[point] for target, point in best.items()}
-    standing = {t: Pose(p.east_m, p.north_m, p.heading_rad) for t, p in stands.items()}
-    gone = {refusal.request_id for refusal in refused}
-    windows: dict[str, tuple[tuple[float, float], ...] | None] = {}
-    for request in day.requests:
-        if request.id in gone:
-            continue
-        try:
-            windows[request.id] = request.windows_s(day.sky, day.limits.time_s)
-        except MissionError as err:
-            refused.append(Refusal(request.id, request.target_id, str(err)))
-    problem = problem_from_dict(_problem(profile, day, network, standing, best, windows))
-    return PreparedDay(problem, network, standing, tuple(refused))
+    tracking = profile.activity("trackstart")
+    costs = RoverCosts(profile.instruments, tracking.fixed_s, tracking.fixed_j)
+    found = problem_of(day, network, costs)
+    return PreparedDay(found.problem, network, found.observation_points, (*refused, *found.refused))
 
 
 def named_as_in(profile: RoverProfile, day: Day) -> Day:
@@ -126,43 +106,6 @@ def check_requests(profile: RoverProfile, day: Day) -> None:
             raise InvalidInputError(
                 f"observation request {request.id}: {request.instrument} {why}, so its target must be tracked"
             )
-
-
-def _network_request(
-    terrain: Terrain,
-    profile: RoverProfile,
-    day: Day,
-    poses: Mapping[str, Sequence[Pose]],
-    calibration: Calibration | None,
-) -> NetworkRequest:
-    from planner.path_network import START, DriveRule, NetworkRequest, ObservationPoint
-    from planner.path_network import KeepOut as NetworkKeepOut
-    from planner.path_network import Pose as NetworkPose
-    from planner.path_network import Target as NetworkTarget
-
-    tracked = {r.target_id for r in day.requests if r.tracked}
-    known = {None, *poses}
-    places = [(day.start.east_m, day.start.north_m), *(t.point_site[:2] for t in day.targets)]
-    return NetworkRequest(
-        start=NetworkPose(day.start.east_m, day.start.north_m, day.start.heading_rad),
-        targets=tuple(
-            NetworkTarget(t.id, *t.point_site, t.id in tracked) for t in day.targets if t.id in poses
-        ),
-        observation_points=tuple(
-            ObservationPoint(f"{target}.{k + 1}", target, NetworkPose(p.east_m, p.north_m, p.heading_rad))
-            for target, stands in poses.items()
-            for k, p in enumerate(stands)
-        ),
-        keep_outs=tuple(NetworkKeepOut(k.id, k.polygon_m) for k in day.keep_outs),
-        terrain=network_heights(terrain, places),
-        rover=rover_parameters(profile),
-        calibration=calibration or calibration_of(profile),
-        drive_rules=tuple(
-            DriveRule(rule.from_target_id or START, rule.to_target_id, rule.via_m)
-            for rule in day.drive_rules
-            if {rule.from_target_id, rule.to_target_id} <= known
-        ),
-    )
 
 
 def rover_parameters(profile: RoverProfile) -> RoverParameters:
@@ -244,6 +187,7 @@ def _observation_points(
     terrain: Terrain, profile: RoverProfile, day: Day
 ) -> tuple[dict[str, list[Pose]], list[Refusal]]:
     """Return candidate poses per target: those of the arm serve its remote observations too."""
+    from planner.day_problem import Refusal
     from rover_iface.errors import PlacementError
 
     poses: dict[str, list[Pose]] = {}
@@ -290,107 +234,3 @@ def network_heights(terrain: Terrain, points: Sequence[tuple[float, float]]) -> 
         spacing_m=grid.spacing_m,
         heights_m=grid.heights_m[::-1],
     )
-
-
-def _problem(
-    profile: RoverProfile,
-    day: Day,
-    network: PathNetwork,
-    stands: Mapping[str, Pose],
-    points: Mapping[str, str],
-    windows: Mapping[str, tuple[tuple[float, float], ...] | None],
-) -> dict[str, Any]:
-    """Return the `problem/1` document of the requests in `windows`; targets without any are not in it."""
-    asked: dict[str, list[Request]] = {}
-    for request in day.requests:
-        if request.id in windows:
-            asked.setdefault(request.target_id, []).append(request)
-    tracking = profile.activity("trackstart")
-    limits = day.limits
-    document: dict[str, Any] = {
-        "format": "problem/1",
-        "name": day.name,
-        "budget": {"time_s": limits.time_s, "energy_j": limits.energy_j},
-        "hotel_w": profile.power.hotel_w,
-        "overrun_penalty": limits.overrun_penalty,
-        "track_start": {"time_s": tracking.fixed_s, "energy_j": tracking.fixed_j},
-        "track_overhead_s_per_leg": network.track_overhead_s,
-        "start": _pose_document(day.start),
-        "targets": [
-            {
-                "id": t,
-                "point_m": [round(v, 4) for v in day.target(t).point_site],
-                "observation_point": _pose_document(stands[t]),
-                "refs": {"target": t, "name": day.target(t).name},
-                "observations": [_observation(profile, r, windows[r.id]) for r in requests],
-            }
-            for t, requests in asked.items()
-        ],
-        "legs": _legs(network, {t: points[t] for t in asked}),
-        "precedence": [[a, r.id] for r in day.requests if r.id in windows for a in r.after if a in windows],
-        "refs": dict(day.refs),
-    }
-    if limits.data_mbit is not None:
-        document["budget"]["data_mbit"] = limits.data_mbit
-    if limits.max_overrun_probability is not None:
-        document["max_overrun_probability"] = limits.max_overrun_probability
-    return document
-
-
-def _pose_document(pose: Pose) -> dict[str, float]:
-    return {
-        "east_m": round(pose.east_m, 4),
-        "north_m": round(pose.north_m, 4),
-        "heading_rad": round(pose.heading_rad, 5),
-    }
-
-
-def _observation(
-    profile: RoverProfile, request: Request, windows: tuple[tuple[float, float], ...] | None
-) -> dict[str, Any]:
-    instrument = profile.instrument(request.instrument)
-    document: dict[str, Any] = {
-        "id": request.id,
-        "instrument": request.instrument,
-        "kind": "place" if instrument.contact else "image",
-        "utility": request.value,
-        "p_success": instrument.p_success,
-        "observe": {
-            "time_s": {"mean": instrument.time_s.mean + (request.dwell_s or 0.0), "sd": instrument.time_s.sd},
-            "energy_j": {"mean": instrument.energy_j.mean, "sd": instrument.energy_j.sd},
-        },
-        "must_do": request.must_do,
-        "data_mbit": instrument.data_mbit,
-        "tracked": request.tracked and not instrument.contact,
-        "refs": {"request": request.id},
-    }
-    if instrument.action:
-        document["action"] = instrument.action
-    if windows:
-        # `problem/1` holds one window; of several the longest is planned with.
-        opens_s, closes_s = max(windows, key=lambda w: w[1] - w[0])
-        document["window_s"] = [opens_s, closes_s]
-    return document
-
-
-def _legs(network: PathNetwork, points: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return the drives between the places of the problem; a target stands for its observation point."""
-    target_of = {point: target for target, point in points.items()}
-    legs = []
-    for route in network.routes:
-        origin = "start" if route.origin == "start" else target_of.get(route.origin)
-        destination = target_of.get(route.destination)
-        if origin is None or destination is None or origin == destination:
-            continue
-        legs.append(
-            {
-                "from": origin,
-                "to": destination,
-                "length_m": round(route.length_m, 3),
-                "time_s": {"mean": round(route.duration_mean_s, 3), "sd": round(route.duration_sd_s, 3)},
-                "energy_j": {"mean": round(route.energy_mean_j, 1), "sd": round(route.energy_sd_j, 1)},
-                "p_lose": {t: round(p, 6) for t, p in route.p_lose.items() if t in points},
-                "route": [[round(x, 3), round(y, 3)] for x, y in route.points],
-            }
-        )
-    return legs

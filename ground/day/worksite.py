@@ -12,6 +12,9 @@ from mission import Day
 from mission.codec import Document
 from mission.values import value
 
+Payload = dict[str, Any]
+"""Members of a job's order, as a database holds them."""
+
 
 @value
 class Worksite:
@@ -40,10 +43,8 @@ class Worksite:
         JobFailedError
             If start, keep-outs or requests are impossible on this terrain or for this rover.
         """
-        import json
-
         from planner.errors import PlannerError
-        from planner.path_network import calibration_from_json
+        from planner.path_network import CALIBRATIONS
         from rover_iface.errors import RoverError
         from rover_iface.profile import load_profile
 
@@ -53,7 +54,7 @@ class Worksite:
                 load_cached(Path(self.terrain_dir)),
                 load_profile(self.rover_profile),
                 day,
-                calibration=None if learned is None else calibration_from_json(json.dumps(learned)),
+                calibration=None if learned is None else CALIBRATIONS.from_document(learned),
                 report=report,
             )
         except (PlannerError, RoverError) as err:
@@ -62,7 +63,7 @@ class Worksite:
             raise JobFailedError(err.message) from err
 
 
-def from_version_0(payload: dict[str, Any]) -> dict[str, Any]:
+def from_version_0(payload: Payload) -> Payload:
     """Return the members `site` and `day` of a job that version 0.1 left in a database without a format."""
     limits = payload["limits"]
     return {

@@ -6,6 +6,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,11 +15,13 @@ from ground.day.prepare import PreparedDay, prepare_day
 from ground.demo.mission import demo_mission
 from ground.errors import InvalidInputError
 from ground.reports.figures import draw_day
+from ground.reports.plan_drawing import describe_when
 from ground.uplink.flight import Flight, fly
 from ground.uplink.package import json_text, manifest_text
 from ground.uplink.training import PEOPLE, make_team, sign_package
 from ground.uplink.verify import read_trust, verify_package
 from mission import Day
+from mission.codec import Document
 
 if TYPE_CHECKING:
     from ground.uplink.verify import Package
@@ -31,7 +34,6 @@ LEAST_TAKEN = 0.02
 """Options that fewer futures take are left out: nobody reviews what never happens."""
 
 PROGRESS_S = 20.0
-GENERATED_TERRAIN = "generated"
 
 Report = Callable[[str, float], None]
 
@@ -89,7 +91,7 @@ def run_day(
     from planner.solve import solve
     from rover_iface.profile import load_profile
     from rover_iface.registry import find_rover
-    from rover_iface.simulator.faults import Fault
+    from rover_iface.simulator.faults import load_faults
     from rover_iface.terrain import generate_terrain, load_terrain
 
     _check_folder(out)
@@ -126,7 +128,7 @@ def run_day(
             document,
             out=out,
             seed=seed,
-            faults=() if fault is None else (Fault.from_dict(fault),),
+            faults=() if fault is None else load_faults([fault]),
             progress_s=PROGRESS_S,
             terrain=terrain,
             **({"tracker": tracker} if tracker else {}),
@@ -208,26 +210,16 @@ class _Stages:
         self._report = report
         self.seconds: dict[str, float] = {}
 
-    def stage(self, name: str) -> _Stage:
-        return _Stage(self, name)
-
-    def tell(self, name: str, share: float) -> None:
-        self._report(name, share)
-
-
-class _Stage:
-    def __init__(self, stages: _Stages, name: str) -> None:
-        self._stages, self._name = stages, name
-        self._begin = 0.0
-
-    def __enter__(self) -> Callable[[float], None]:
-        self._begin = time.monotonic()
-        self._stages.tell(self._name, 0.0)
-        return lambda share: self._stages.tell(self._name, share)
-
-    def __exit__(self, *_: object) -> None:
-        self._stages.seconds[self._name] = time.monotonic() - self._begin
-        self._stages.tell(self._name, 1.0)
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[float], None]]:
+        """Give what is told the share of a stage that is done."""
+        began = time.monotonic()
+        self._report(name, 0.0)
+        try:
+            yield lambda share: self._report(name, share)
+        finally:
+            self.seconds[name] = time.monotonic() - began
+            self._report(name, 1.0)
 
 
 def _check_folder(out: Path) -> None:
@@ -243,7 +235,7 @@ def _write_json(path: Path, document: Mapping[str, Any]) -> None:
     path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
-def loss_to_inject(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> dict[str, Any] | None:
+def loss_to_inject(problem: Document, tree: Document) -> Document | None:
     """Return a fault that makes the plan show what it holds: a track lost in the middle of the first drive.
 
     Preferred is the target whose loss has the branch that gains most, then one on whose track a branch asks,
@@ -276,7 +268,7 @@ def _asked_tracks(steps: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, flo
             yield from _asked_tracks(option["plan"])
 
 
-def tie_products(folder: Path, asked: Day) -> tuple[dict[str, tuple[Mapping[str, Any], ...]], int]:
+def tie_products(folder: Path, asked: Day) -> tuple[dict[str, tuple[Document, ...]], int]:
     """Return the data products of a run by observation request, and how many match none."""
     known = {request.id for request in asked.requests}
     tied: dict[str, list[Mapping[str, Any]]] = {}
@@ -318,8 +310,7 @@ def _plan_lines(day: DayRecord, names: Mapping[str, str]) -> Iterator[str]:
         f"{plan.branches} branch options"
     )
     for option in _options(day.tree["plan"]):
-        when = " and ".join(_words(condition, names) for condition in option["when"]) or "always"
-        yield f"              {option.get('p_taken', 0.0):6.1%}  if {when}"
+        yield f"              {option.get('p_taken', 0.0):6.1%}  if {describe_when(option['when'], names)}"
 
 
 def _run_lines(day: DayRecord, names: Mapping[str, str]) -> Iterator[str]:
@@ -353,18 +344,3 @@ def _options(steps: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
         for option in step.get("options", ()):
             yield option
             yield from _options(option["plan"])
-
-
-def _words(condition: Mapping[str, Any], names: Mapping[str, str]) -> str:
-    limit = condition.get("ge", condition.get("lt"))
-    match condition["var"]:
-        case "time_s":
-            return f"{'later than' if 'ge' in condition else 'before'} {limit:.0f} s"
-        case "energy_j":
-            return f"{'over' if 'ge' in condition else 'under'} {limit / 3600:.0f} Wh used"
-        case "tracked":
-            name = names.get(condition["target"], condition["target"])
-            return f"{name} {'tracked' if condition['is'] else 'lost'}"
-        case _:
-            what = condition.get("observation", condition.get("target"))
-            return f"{what} {'done' if condition['is'] else 'not done'}"

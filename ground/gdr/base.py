@@ -7,10 +7,11 @@ together with an event in the same transaction. Composite values (poses, polygon
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, get_args
 
 from sqlalchemy import (
     JSON,
+    BigInteger,
     Boolean,
     DateTime,
     Float,
@@ -18,6 +19,7 @@ from sqlalchemy import (
     Integer,
     MetaData,
     String,
+    Text,
 )
 from sqlalchemy.engine import Dialect
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
@@ -56,12 +58,30 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
+Text20 = Annotated[str, 20]
+Text40 = Annotated[str, 40]
+Text80 = Annotated[str, 80]
+Text200 = Annotated[str, 200]
+Text300 = Annotated[str, 300]
+"""Texts of at most so many characters; ids of resources have at most 40."""
+
+Sha256 = Annotated[str, 64]
+Long = Annotated[str, mapped_column(Text)]
+Notes = Annotated[str, mapped_column(Text, default="")]
+Large = Annotated[int, mapped_column(BigInteger)]
+
+
+Columns = dict[str, Any]
+"""Columns of a row, by name."""
+
+
 class Base(DeclarativeBase):
     metadata = MetaData(naming_convention=CONVENTION)
     type_annotation_map: ClassVar[dict[Any, Any]] = {
         dict[str, Any]: JSON(none_as_null=True),
         list[Any]: JSON(none_as_null=True),
         datetime: Utc(),
+        **{text: String(get_args(text)[1]) for text in (Text20, Text40, Sha256, Text80, Text200, Text300)},
         str: String(),
         int: Integer(),
         float: Float(),
@@ -77,8 +97,8 @@ class Row(Base):
     mission_key: ClassVar[str] = "mission_id"
     """The column with the mission that it belongs to, if it belongs to one."""
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    author: Mapped[str] = mapped_column(String(80))
+    id: Mapped[Text40] = mapped_column(primary_key=True)
+    author: Mapped[Text80]
     created_utc: Mapped[datetime] = mapped_column(default=utc_now)
     modified_utc: Mapped[datetime] = mapped_column(default=utc_now)
     revision: Mapped[int] = mapped_column(default=1)

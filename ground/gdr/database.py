@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+import os
 import select
 import sqlite3
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import orjson
 from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import DisconnectionError
 from sqlalchemy.orm import Session
+
+from ground.errors import UnavailableError
+from ground.gdr.durable import FILE_MODE, make_folder
 
 if TYPE_CHECKING:
     import psycopg
@@ -33,6 +39,82 @@ def _loads(text: str | bytes) -> Any:
         return json.loads(text)
 
 
+class _Queue:
+    """A lock of the process that is given out in the order of asking.
+
+    A plain lock goes back to whoever asks next, which is mostly the thread that has just let it go: one that
+    writes often would keep all others out.
+    """
+
+    PATIENCE_S = 30.0
+    """As long as SQLite waits for another process; who waits longer is told so, and is no thread less."""
+
+    def __init__(self) -> None:
+        self._state = threading.Lock()
+        self._waiting: deque[threading.Event] = deque()
+        self._taken = False
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """Wait for the lock and hold it.
+
+        Raises
+        ------
+        UnavailableError
+            If it is not free in time.
+        """
+        with self._state:
+            mine = None if not self._taken else threading.Event()
+            self._taken = True
+            if mine is not None:
+                self._waiting.append(mine)
+        try:
+            if mine is not None and not mine.wait(self.PATIENCE_S):
+                raise UnavailableError(
+                    f"the database was busy with other writes for {self.PATIENCE_S:g} s; try again"
+                )
+            yield
+        finally:
+            with self._state:
+                if mine is not None and not mine.is_set():  # it gave up
+                    self._waiting.remove(mine)
+                elif self._waiting:
+                    self._waiting.popleft().set()
+                else:
+                    self._taken = False
+
+
+class Act:
+    """Everything that a request writes, as one transaction that begins with the first write."""
+
+    def __init__(self, first: Callable[[Session], None]) -> None:
+        self.session: Session | None = None
+        self._first = first
+        self._stack = ExitStack()
+
+    def join(self, transaction: Callable[[], AbstractContextManager[Session]]) -> Session:
+        """Return the session of the act, begun now if nothing was written before."""
+        if self.session is None:
+            self.session = self._stack.enter_context(transaction())
+            self._first(self.session)
+        return self.session
+
+    def __enter__(self) -> Self:
+        self._stack.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._stack.__exit__(*error)
+
+
+_ACT: ContextVar[Act | None] = ContextVar("act", default=None)
+
+
+def in_act() -> bool:
+    """Return whether what runs now is part of an act, and so has to stay in its thread."""
+    return _ACT.get() is not None
+
+
 class Database:
     """The way to the rows.
 
@@ -45,10 +127,11 @@ class Database:
     def __init__(self, address: str) -> None:
         self.url = make_url(address)
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
-        self._writer = threading.RLock()
+        self._writer = _Queue()
         if self.is_sqlite:
-            if self.url.database:
-                Path(self.url.database).parent.mkdir(parents=True, exist_ok=True)
+            if self.url.database and self.url.database != ":memory:":
+                make_folder(Path(self.url.database).parent)
+                os.close(os.open(self.url.database, os.O_CREAT | os.O_RDWR, FILE_MODE))
             self.engine = create_engine(
                 self.url,
                 connect_args=_SQLITE_ARGUMENTS,
@@ -88,21 +171,69 @@ class Database:
     @contextmanager
     def read(self) -> Iterator[Session]:
         """Give a session that sees one state of the database and changes nothing."""
+        act = _ACT.get()
+        if act is not None and act.session is not None:  # what the act has written is seen by it alone
+            yield act.session
+            return
         with Session(self.engine, autoflush=False, expire_on_commit=False) as session:
             yield session
 
     @contextmanager
     def connection(self) -> Iterator[Connection]:
         """Give a bare connection for a single hot read, without a transaction round it."""
+        act = _ACT.get()
+        if act is not None and act.session is not None:
+            yield act.session.connection()
+            return
         with self._plain_engine.connect() as connection:
             yield connection
 
     @contextmanager
     def write(self) -> Iterator[Session]:
-        """Give a session whose changes are committed at the end, all or none."""
+        """Give a session whose changes are committed at the end, all or none.
+
+        Within an act they are committed with it.
+        """
+        act = _ACT.get()
+        if act is None:
+            with self._transaction() as session:
+                yield session
+        else:
+            with act.join(self._transaction).begin_nested() as savepoint:
+                yield savepoint.session
+
+    @contextmanager
+    def act(self, first: Callable[[Session], None]) -> Iterator[Act]:
+        """Make one transaction of all that is written inside, in this thread; `first` is done at its head.
+
+        Nothing is locked before the first write. What was written is committed at the end, or never.
+        """
+        act = Act(first)
+        mark = _ACT.set(act)
+        try:
+            with act:
+                yield act
+        finally:
+            _ACT.reset(mark)
+
+    @contextmanager
+    def apart(self) -> Iterator[None]:
+        """Let what is written inside be committed by itself, before the act that it prepares."""
+        act = _ACT.get()
+        if act is not None and act.session is not None:
+            yield  # too late: the act holds the database
+            return
+        mark = _ACT.set(None)
+        try:
+            yield
+        finally:
+            _ACT.reset(mark)
+
+    @contextmanager
+    def _transaction(self) -> Iterator[Session]:
         if self.is_sqlite:
             with (
-                self._writer,
+                self._writer.turn(),
                 Session(self.write_engine, expire_on_commit=False) as session,
                 session.begin(),
             ):

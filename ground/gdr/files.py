@@ -9,6 +9,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ground.gdr.durable import FILE_MODE, make_folder, put_in_place
+
+
+def _private(path: str, flags: int) -> int:
+    return os.open(path, flags, FILE_MODE)
+
 
 @dataclass(frozen=True, slots=True)
 class StoredFile:
@@ -19,8 +25,9 @@ class StoredFile:
 class FileStore:
     """Content-addressed files under one folder, `ab/cd/<sha256>`.
 
-    A file is written beside its place, synchronised and renamed: it is there whole or not at all. Files come
-    before the rows that name them, so a crash leaves at most a file without a record, which `sweep` removes.
+    A file is written beside its place, synchronised and renamed, and its name is synchronised too: it is
+    there whole or not at all, and takes the place of one that was damaged. Files come before the rows that
+    name them, so a crash leaves at most a file without a record, which `sweep` removes.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -34,23 +41,16 @@ class FileStore:
 
     def put(self, chunks: Iterable[bytes]) -> StoredFile:
         """Store a file and return its hash and size."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        make_folder(self.folder)
         draft = self.folder / f".draft-{os.getpid()}-{secrets.token_hex(6)}"
         digest, size = hashlib.sha256(), 0
         try:
-            with draft.open("wb") as out:
+            with open(draft, "wb", opener=_private) as out:
                 for chunk in chunks:
                     digest.update(chunk)
                     size += len(chunk)
                     out.write(chunk)
-                out.flush()
-                os.fsync(out.fileno())
-            target = self.path(digest.hexdigest())
-            try:
-                os.utime(target)  # as young as the row that is about to name it, so that no sweep takes it
-            except FileNotFoundError:
-                target.parent.mkdir(parents=True, exist_ok=True)
-                draft.replace(target)
+            put_in_place(draft, self.path(digest.hexdigest()))
         finally:
             draft.unlink(missing_ok=True)
         return StoredFile(digest.hexdigest(), size)
@@ -65,6 +65,14 @@ class FileStore:
 
     def read(self, sha256: str) -> bytes:
         return self.path(sha256).read_bytes()
+
+    def is_sound(self, sha256: str) -> bool:
+        """Return whether the file is there and has the content that its name says."""
+        try:
+            with self.path(sha256).open("rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+        except OSError:
+            return False
 
     def hashes(self) -> Iterator[str]:
         """Yield the hash of every stored file."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+
+from mission.codec import Document
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,6 @@ class Bounds:
     north_max_m: float
 
 
-def pose_of(document: Mapping[str, Any]) -> Pose:
+def pose_of(document: Document) -> Pose:
     """Return a pose from its JSON form."""
     return Pose(float(document["east_m"]), float(document["north_m"]), float(document["heading_rad"]))

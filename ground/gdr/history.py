@@ -22,7 +22,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from ground.gdr.base import Base, utc_now
+from ground.gdr.base import Base, Columns, utc_now
+from ground.gdr.ids import new_id
 
 SYSTEM = "system"
 GENESIS = "0" * 64
@@ -40,10 +41,9 @@ class Change:
     after: dict[str, Any] | None
     reason: str = ""
     undoes: int | None = None
-    group: str = ""
 
 
-def dump_row(row: Base) -> dict[str, Any]:
+def dump_row(row: Base) -> Columns:
     """Return the columns of a row as JSON values."""
     out: dict[str, Any] = {}
     for column in row.__mapper__.column_attrs:
@@ -79,7 +79,7 @@ def open_chain(session: Session, chain_id: str) -> None:
 
 
 def record(session: Session, chain_id: str, change: Change) -> EventRow:
-    """Append an event to a chain, in the caller's transaction.
+    """Append an event to a chain, in the caller's transaction: all events of one are one act for undo.
 
     The head is counted up first: that locks it, so events of one chain are written one after the other.
     """
@@ -100,7 +100,7 @@ def record(session: Session, chain_id: str, change: Change) -> EventRow:
         subject_id=change.subject_id,
         reason=change.reason,
         undoes=change.undoes,
-        group=change.group or f"{chain_id}/{head.seq}",
+        group=session.info.setdefault("act", new_id("act")),
         before=change.before,
         after=change.after,
         sha256="",
@@ -123,6 +123,30 @@ class ChainFault:
     chain_id: str
     seq: int
     reason: str
+
+
+Heads = dict[str, tuple[int, str]]
+"""Number and SHA-256 of the newest event of each chain."""
+
+
+def heads_of(session: Session) -> Heads:
+    """Return the heads of all chains: what is to be kept where who owns the database cannot reach it."""
+    query = select(ChainRow.id, ChainRow.seq, ChainRow.sha256).order_by(ChainRow.id)
+    return {row.id: (row.seq, row.sha256) for row in session.execute(query)}
+
+
+def verify_against(session: Session, heads: Heads) -> list[ChainFault]:
+    """Return every chain that does not go on from a head that was kept: rewritten, cut off or gone."""
+    faults = []
+    for chain_id, (seq, sha256) in heads.items():
+        if seq == 0:
+            continue
+        event = session.get(EventRow, (chain_id, seq))
+        if event is None:
+            faults.append(ChainFault(chain_id, seq, "the event that was the head is not there any more"))
+        elif event.sha256 != sha256:
+            faults.append(ChainFault(chain_id, seq, "the event is not the one that was the head"))
+    return faults
 
 
 def verify_chains(session: Session) -> tuple[int, list[ChainFault]]:
@@ -180,7 +204,7 @@ class EventRow(Base):
     reason: Mapped[str] = mapped_column(Text, default="")
     undoes: Mapped[int | None] = mapped_column(BigInteger)
     group: Mapped[str] = mapped_column("group_id", String(40))
-    """Changes made by one act; undo takes them back together."""
+    """Changes made by one act, that is in one transaction; undo takes them back together."""
     before: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     after: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     sha256: Mapped[str] = mapped_column(String(64))

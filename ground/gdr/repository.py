@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
 from ground.gdr.database import Database
+from ground.gdr.durable import FOLDER_MODE, make_folder
 from ground.gdr.files import FileStore
 from ground.settings import Settings
 
@@ -30,12 +32,21 @@ class Repository:
         """Return the folder in which a run writes journal, telemetry and products while it goes on."""
         return self.data_dir / "runs" / run_id
 
+    def campaign_dir(self, campaign_id: str) -> Path:
+        """Return the folder of a campaign's runs."""
+        return self.data_dir / "campaigns" / campaign_id
+
     def job_dir(self) -> Path:
         """Return the folder in which jobs leave word of their progress."""
         return self.data_dir / "jobs"
 
 
 def open_repository(settings: Settings) -> Repository:
-    """Return the repository of these settings; folders are made, the database is not migrated."""
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
+    """Return the repository of these settings; the database is not migrated.
+
+    The data folder is its owner's alone: it holds what a person of the same machine may not read.
+    """
+    make_folder(settings.data_dir)
+    with contextlib.suppress(PermissionError):  # of another owner, who answers for it
+        settings.data_dir.chmod(FOLDER_MODE)
     return Repository(settings, Database(settings.database_address), FileStore(settings.data_dir / "files"))

@@ -39,7 +39,7 @@ class _Channel:
         return (Path(self.folder) / f"{self.name}.stop").exists()
 
 
-def run_work(work: Work, orders: Codec[Any], payload: Document, folder: str, name: str) -> dict[str, Any]:
+def run_work(work: Work, orders: Codec[Any], payload: Document, folder: str, name: str) -> Document:
     """Do the work in this process; BLAS keeps to one thread.
 
     Raises

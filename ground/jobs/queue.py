@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import and_, or_, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ColumnElement, and_, case, event, func, or_, select
+from sqlalchemy.orm import Session, aliased
 
 from ground.errors import GroundError, JobFailedError
 from ground.gdr.base import utc_now
@@ -30,7 +30,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.settings import Settings
-from mission.codec import Codec
+from mission.codec import Codec, Document
 
 logger = logging.getLogger(__name__)
 
@@ -41,10 +41,10 @@ Report = Callable[[float, str], None]
 ShouldStop = Callable[[], bool]
 
 
-Work = Callable[[Any, Report, ShouldStop], dict[str, Any]]
+Work = Callable[[Any, Report, ShouldStop], Document]
 
 
-Settle = Callable[[Repository, Session, JobRow, dict[str, Any]], str | None]
+Settle = Callable[[Repository, Session, JobRow, Document], str | None]
 
 
 Abandon = Callable[[Session, JobRow], None]
@@ -57,8 +57,17 @@ WAKE = threading.Event()
 """Set when a job was queued in this process, so that its worker need not wait for the next look."""
 
 
+def wake_after(session: Session) -> None:
+    """Wake the worker of this process as soon as the transaction is committed."""
+    event.listen(session, "after_commit", lambda _session: WAKE.set())
+
+
 class WorkStoppedError(Exception):
     """Raised by work that was asked to stop and did."""
+
+
+def _nothing(_session: Session, _row: JobRow) -> None:
+    """Leave the subject as it is: without a result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +76,17 @@ class JobKind:
 
     `orders` reads what stands in the job's row. `work` must be importable by name (it is sent to another
     process). `settle` writes the result into the repository and returns its address; `abandon` is called when
-    the job ends without a result, `begin` when a worker takes it up.
+    the job ends without a result, `begin` when a worker takes it up. `interactive` work is short and somebody
+    waits for it: it goes before all other and has a slot of its own.
     """
 
     name: str
     orders: Codec[Any]
     work: Work
     settle: Settle
-    abandon: Abandon
+    abandon: Abandon = _nothing
     begin: Abandon | None = None
+    interactive: bool = False
 
 
 def enqueue(
@@ -86,7 +97,7 @@ def enqueue(
     mission_id: str | None,
     subject_kind: str,
     subject_id: str,
-    payload: Mapping[str, Any],
+    payload: Document,
     author: str,
     job_id: str | None = None,
 ) -> JobRow:
@@ -106,6 +117,7 @@ def enqueue(
     )
     session.add(row)
     session.flush()
+    wake_after(session)
     return row
 
 
@@ -125,8 +137,8 @@ def _log(row: JobRow, text: str) -> None:
     row.log = [*row.log, {"at_utc": utc_now().isoformat(), "text": text}][-LOG_LINES:]
 
 
-def _end(row: JobRow, state: str, message: str, problem: dict[str, Any] | None = None) -> None:
-    row.state, row.message, row.problem = state, message, problem
+def _end(row: JobRow, state: str, message: str, problem: Document | None = None) -> None:
+    row.state, row.message, row.problem = state, message, None if problem is None else dict(problem)
     row.finished_utc, row.lease_until_utc = utc_now(), None
     row.revision += 1
     row.modified_utc = utc_now()
@@ -134,8 +146,10 @@ def _end(row: JobRow, state: str, message: str, problem: dict[str, Any] | None =
 
 
 def claim_job(repo: Repository, kinds: Mapping[str, JobKind], worker: str) -> Claim | None:
-    """Return the oldest job that waits or whose lease has run out, now leased to `worker`; None if there
-    is none.
+    """Return the next job that waits or whose lease has run out, now leased to `worker`; None without one.
+
+    Interactive work comes first, then missions take turns: the one with the fewest jobs running, and of its
+    jobs the oldest.
 
     A job that was begun too often is ended as failed; one that was to be cancelled is cancelled.
     """
@@ -144,16 +158,10 @@ def claim_job(repo: Repository, kinds: Mapping[str, JobKind], worker: str) -> Cl
             now = utc_now()
             query = (
                 select(JobRow)
-                .where(
-                    JobRow.kind.in_(list(kinds)),
-                    or_(
-                        JobRow.state == "queued",
-                        and_(JobRow.state == "running", JobRow.lease_until_utc < now),
-                    ),
-                )
-                .order_by(JobRow.id)
+                .where(_claimable(kinds))
+                .order_by(*turn(kinds))
                 .limit(1)
-                .with_for_update(skip_locked=True)
+                .with_for_update(skip_locked=True, of=JobRow)
             )
             row = session.scalars(query).first()
             if row is None:
@@ -183,6 +191,40 @@ def claim_job(repo: Repository, kinds: Mapping[str, JobKind], worker: str) -> Cl
             return Claim(row.id, row.kind, row.token, row.attempt, dict(row.payload), row.time_limit_s)
 
 
+def waiting(repo: Repository, kinds: Mapping[str, JobKind]) -> bool:
+    """Return whether there is a job to be claimed."""
+    with repo.database.read() as session:
+        return session.scalar(select(JobRow.id).where(_claimable(kinds)).limit(1)) is not None
+
+
+def _claimable(kinds: Mapping[str, JobKind]) -> ColumnElement[bool]:
+    over = and_(JobRow.state == "running", JobRow.lease_until_utc < utc_now())
+    return and_(JobRow.kind.in_(list(kinds)), or_(JobRow.state == "queued", over))
+
+
+def turn(kinds: Mapping[str, JobKind]) -> tuple[ColumnElement[Any], ...]:
+    """Return the order in which waiting jobs are taken."""
+    other = aliased(JobRow)
+    running = (
+        select(func.count())
+        .select_from(other)
+        .where(other.state == "running", other.mission_id == JobRow.mission_id, other.id != JobRow.id)
+        .scalar_subquery()
+    )
+    interactive = [kind.name for kind in kinds.values() if kind.interactive]
+    return case((JobRow.kind.in_(interactive), 0), else_=1), running, JobRow.id.expression
+
+
+def extend(repo: Repository, claim: Claim) -> tuple[bool, bool]:
+    """Renew the lease; return (still ours, cancel wanted)."""
+    with repo.database.write() as session:
+        row = _ours(session, claim)
+        if row is None:
+            return False, True
+        row.lease_until_utc = utc_now() + timedelta(seconds=repo.settings.job_lease_s)
+        return True, row.cancel_requested
+
+
 def renew(repo: Repository, claim: Claim, progress: float, message: str) -> tuple[bool, bool]:
     """Renew the lease and note the progress; return (still ours, cancel wanted)."""
     with repo.database.write() as session:
@@ -206,7 +248,7 @@ def _ours(session: Session, claim: Claim) -> JobRow | None:
     return session.scalars(query.with_for_update()).first()
 
 
-def settle(repo: Repository, kind: JobKind, claim: Claim, result: dict[str, Any]) -> bool:
+def settle(repo: Repository, kind: JobKind, claim: Claim, result: Document) -> bool:
     """Write a result if the claim still holds; return whether it did.
 
     Work that was asked to stop may still have a result; then its member `stopped` says in words what it is.
@@ -223,7 +265,7 @@ def settle(repo: Repository, kind: JobKind, claim: Claim, result: dict[str, Any]
 
 
 def give_up(
-    repo: Repository, kind: JobKind, claim: Claim, state: str, message: str, problem: dict[str, Any] | None
+    repo: Repository, kind: JobKind, claim: Claim, state: str, message: str, problem: Document | None
 ) -> bool:
     """End a job without a result if the claim still holds; return whether it did."""
     with repo.database.write() as session:
@@ -235,17 +277,21 @@ def give_up(
         return True
 
 
-def hand_back(repo: Repository, claim: Claim, reason: str) -> None:
-    """Queue a job again whose worker process died or is about to stop."""
+def hand_back(repo: Repository, claim: Claim, reason: str, *, tried: bool = True) -> None:
+    """Queue a job again whose worker process died or is about to stop.
+
+    Without `tried` the attempt does not count: the engine failed, not the work.
+    """
     with repo.database.write() as session:
         row = _ours(session, claim)
         if row is not None:
+            row.attempt -= 0 if tried else 1
             row.state, row.lease_until_utc, row.message = "queued", None, reason
             row.revision += 1
             _log(row, reason)
 
 
-def problem_of(error: BaseException) -> dict[str, Any]:
+def problem_of(error: BaseException) -> Document:
     """Return the problem document of work that failed."""
     if isinstance(error, GroundError):
         kind, detail = str(error.extra.get("type", "job-failed")), error.message

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import socket
@@ -10,15 +11,17 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
 
 from ground.errors import GroundError, JobFailedError
+from ground.gdr.base import utc_now
 from ground.gdr.repository import Repository
 from ground.jobs.executors import _Channel, make_executor, run_work
+from ground.jobs.leases import Held, LeaseKeeper
 from ground.jobs.queue import (
     WAKE,
     Claim,
@@ -30,35 +33,61 @@ from ground.jobs.queue import (
     problem_of,
     renew,
     settle,
+    waiting,
 )
 from ground.jobs.row import JobRow
 from ground.settings import ExecutorKind
+from mission.codec import Document
 
 
 @dataclass(slots=True)
 class _Running:
     claim: Claim
-    future: Future[dict[str, Any]]
+    future: Future[Document]
     channel: _Channel
     deadline: float
     renewed: float
+    lease: Held
     seen: tuple[float, str] = (0.0, "begun")
     stopping_since: float | None = None
     timed_out: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class EngineState:
+    """How the engine of a worker fares: an empty `trouble` is well; `failures` since the worker began."""
+
+    trouble: str = ""
+    since_utc: datetime | None = None
+    failures: int = 0
+    retry_at: float = 0.0
+    wait_s: float = 0.0
+
+
 class Worker:
-    """Claims jobs and sees them through, each slot with an executor of its own that can be replaced."""
+    """Claims jobs and sees them through, each slot with an executor of its own that can be replaced.
+
+    The last slot takes interactive work only, so that long work cannot keep it waiting. No error of an
+    engine, a file or the database ends a worker: it says so, waits and tries again; a job whose engine failed
+    is queued again and its attempt does not count.
+    """
 
     GRACE_S = 15.0
     """For work that was asked to stop, to hand in what it has."""
 
     LOOK_S = 0.5
 
+    RETRY_S = (0.5, 10.0)
+    """First and longest wait before an engine that failed is tried again."""
+
     def __init__(self, repo: Repository, kinds: Mapping[str, JobKind], *, slots: int | None = None) -> None:
         self.repo, self.kinds = repo, dict(kinds)
         self.name = f"{socket.gethostname()}:{os.getpid()}"
-        self._slots: list[_Running | None] = [None] * (slots or repo.settings.workers)
+        self._interactive = {name: kind for name, kind in self.kinds.items() if kind.interactive}
+        count = (slots or repo.settings.workers) + (1 if self._interactive else 0)
+        self._slots: list[_Running | None] = [None] * count
+        self._leases = LeaseKeeper(repo)
+        self.engine = EngineState()
         self._executors: list[Executor | None] = [None] * len(self._slots)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -68,8 +97,9 @@ class Worker:
 
     def start(self, warm_up: Callable[[], None] | None = None) -> None:
         """Begin to look for jobs, in a thread; the first process runs `warm_up` until it has one."""
-        if warm_up is not None and self.repo.settings.executor is ExecutorKind.PROCESS:
-            executor = self._executors[0] = make_executor(self.repo.settings)
+        if warm_up is not None and self.repo.settings.executor is ExecutorKind.PROCESS and self._ready(0):
+            executor = self._executors[0]
+            assert executor is not None
             executor.submit(warm_up)
         self._thread = threading.Thread(target=self.run, name="worker", daemon=True)
         self._thread.start()
@@ -83,13 +113,17 @@ class Worker:
 
     def run(self) -> None:
         """Look for jobs until stopped."""
-        self.folder.mkdir(parents=True, exist_ok=True)
         try:
             while not self._stop.is_set():
                 try:
+                    self.folder.mkdir(parents=True, exist_ok=True)
                     busy = self.step()
                 except SQLAlchemyError:
                     logger.exception("the worker cannot reach the database")
+                    busy = False
+                    self._stop.wait(1.0)
+                except Exception:  # noqa: BLE001 - a full disk, a lost folder: no reason to leave the other jobs alone
+                    logger.exception("the worker met an error and goes on")
                     busy = False
                     self._stop.wait(1.0)
                 WAKE.wait(0.05 if busy else self.LOOK_S)
@@ -128,34 +162,94 @@ class Worker:
     def _claim(self) -> int:
         count = 0
         for index, running in enumerate(self._slots):
-            if running is None:
-                claim = claim_job(self.repo, self.kinds, self.name)
-                if claim is None:
-                    break
-                self._begin(index, claim)
+            if running is not None:
+                continue
+            reserved = bool(self._interactive) and index == len(self._slots) - 1
+            kinds = self._interactive if reserved else self.kinds
+            if not waiting(self.repo, kinds):
+                continue
+            if not self._ready(index):
+                break
+            claim = claim_job(self.repo, kinds, self.name)
+            if claim is not None and self._begin(index, claim):
                 count += 1
+                begun = self._slots[index]
+                if (
+                    begun is not None and begun.future.done()
+                ):  # work in this process: over before the next begins
+                    self._finish(index, begun)
         return count
 
-    def _begin(self, index: int, claim: Claim) -> None:
+    def _ready(self, index: int) -> bool:
+        """Return whether a slot has an executor, making one if it is time to try."""
+        if self._executors[index] is not None:
+            return True
+        if time.monotonic() < self.engine.retry_at:
+            return False
+        try:
+            self._executors[index] = make_executor(self.repo.settings)
+        except Exception as err:  # noqa: BLE001 - whatever an engine's library raises when it is not there
+            self._engine_failed(err)
+            return False
+        self._engine_well()
+        return True
+
+    def _engine_failed(self, err: BaseException) -> None:
+        first, longest = self.RETRY_S
+        wait_s = min(longest, max(first, 2 * self.engine.wait_s))
+        self.engine = EngineState(
+            f"{type(err).__name__}: {err}".rstrip(": "),
+            self.engine.since_utc or utc_now(),
+            self.engine.failures + 1,
+            time.monotonic() + wait_s,
+            wait_s,
+        )
+        logger.error("the engine failed", extra={"executor": str(self.repo.settings.executor)}, exc_info=err)
+
+    def _engine_well(self) -> None:
+        if self.engine.trouble:
+            logger.warning("the engine is there again", extra={"failures": self.engine.failures})
+            self.engine = EngineState(failures=self.engine.failures)
+
+    @property
+    def alive(self) -> bool:
+        """Return whether the thread that `start` began still looks for jobs."""
+        return self._thread is None or self._thread.is_alive()
+
+    def _begin(self, index: int, claim: Claim) -> bool:
+        """Send a job to the slot's executor; return whether it was taken. If not, the job waits again."""
         channel = _Channel(str(self.folder), f"{claim.job_id}-{claim.token}")
         now = time.monotonic()
         kind = self.kinds[claim.kind]
         logger.info("job begun", extra={"job_id": claim.job_id, "kind": claim.kind, "attempt": claim.attempt})
+        lease = self._leases.hold(claim)
+        try:
+            future = self._sent(index, kind, claim, channel)
+        except Exception as err:  # noqa: BLE001 - whatever an engine's library raises: the work has not begun
+            self._engine_failed(err)
+            self._replace_executor(index)
+            self._leases.release(lease)
+            hand_back(
+                self.repo, claim, f"its engine failed ({self.engine.trouble}); queued again", tried=False
+            )
+            return False
+        future.add_done_callback(lambda _: WAKE.set())
+        self._slots[index] = _Running(claim, future, channel, now + claim.time_limit_s, now, lease)
+        return True
+
+    def _sent(self, index: int, kind: JobKind, claim: Claim, channel: _Channel) -> Future[Document]:
         for last in (False, True):
             executor = self._executors[index] or make_executor(self.repo.settings)
             self._executors[index] = executor
             try:
-                future = executor.submit(
+                return executor.submit(
                     run_work, kind.work, kind.orders, claim.payload, channel.folder, channel.name
                 )
             except BrokenExecutor:  # the process died while it had nothing to do
                 self._replace_executor(index)
                 if last:
                     raise
-            else:
-                break
-        future.add_done_callback(lambda _: WAKE.set())
-        self._slots[index] = _Running(claim, future, channel, now + claim.time_limit_s, now)
+        raise AssertionError("unreachable")
 
     def _attend(self, index: int, running: _Running) -> None:
         now = time.monotonic()
@@ -163,7 +257,9 @@ class Worker:
             self._finish(index, running)
             return
         seen = self._progress(running)
-        if seen != running.seen or now - running.renewed > self.repo.settings.job_lease_s / 3:
+        if not running.lease.ours and running.stopping_since is None:
+            self._ask_to_stop(running)
+        if seen != running.seen:
             ours, cancel = renew(self.repo, running.claim, *seen)
             running.seen, running.renewed = seen, now
             if (cancel or not ours) and running.stopping_since is None:
@@ -179,6 +275,7 @@ class Worker:
     def _cancel_wanted(self, running: _Running, now: float) -> bool:
         if now - running.renewed < 0.3:
             return False
+        running.renewed = now
         with self.repo.database.read() as session:
             return bool(
                 session.scalar(select(JobRow.cancel_requested).where(JobRow.id == running.claim.job_id))
@@ -186,7 +283,10 @@ class Worker:
 
     def _ask_to_stop(self, running: _Running) -> None:
         running.stopping_since = time.monotonic()
-        (Path(running.channel.folder) / f"{running.channel.name}.stop").touch()
+        try:
+            (Path(running.channel.folder) / f"{running.channel.name}.stop").touch()
+        except OSError:
+            logger.exception("work cannot be asked to stop; its process is ended instead")
 
     def _progress(self, running: _Running) -> tuple[float, str]:
         path = Path(running.channel.folder) / f"{running.channel.name}.progress"
@@ -199,6 +299,7 @@ class Worker:
     def _finish(self, index: int, running: _Running) -> None:
         claim, kind = running.claim, self.kinds[running.claim.kind]
         self._slots[index] = None
+        self._leases.release(running.lease)
         try:
             error = running.future.exception()
         except CancelledError as err:
@@ -214,6 +315,11 @@ class Worker:
             elif isinstance(error, BrokenExecutor):
                 self._replace_executor(index)
                 hand_back(self.repo, claim, "its process died; queued again")
+            elif of_engine(error):
+                self._engine_failed(error)
+                self._replace_executor(index)
+                why = f"its engine failed ({self.engine.trouble}); queued again"
+                hand_back(self.repo, claim, why, tried=False)
             else:
                 problem = problem_of(error)
                 if not isinstance(error, GroundError):
@@ -228,7 +334,10 @@ class Worker:
             give_up(self.repo, kind, claim, "failed", problem_of(err)["detail"], problem_of(err))
         finally:
             for suffix in ("progress", "stop", "draft"):
-                (Path(running.channel.folder) / f"{running.channel.name}.{suffix}").unlink(missing_ok=True)
+                with contextlib.suppress(OSError):
+                    (Path(running.channel.folder) / f"{running.channel.name}.{suffix}").unlink(
+                        missing_ok=True
+                    )
 
     def _replace_executor(self, index: int) -> None:
         """End the processes of a slot, whatever they are doing."""
@@ -237,7 +346,10 @@ class Worker:
             return
         for process in list((getattr(executor, "_processes", None) or {}).values()):
             process.kill()
-        executor.shutdown(wait=False, cancel_futures=True)
+        try:
+            executor.shutdown(wait=False, cancel_futures=True)
+        except Exception:  # noqa: BLE001 - a lost connection cannot be ended in order
+            logger.exception("an executor did not end in order")
 
     def _wind_down(self) -> None:
         for index, running in enumerate(self._slots):
@@ -245,8 +357,20 @@ class Worker:
                 if running.future.done():
                     self._finish(index, running)
                 else:
+                    self._leases.release(running.lease)
                     self._replace_executor(index)
                     hand_back(self.repo, running.claim, "its server stopped; queued again")
                     self._slots[index] = None
             else:
                 self._replace_executor(index)
+
+
+def of_engine(error: BaseException) -> bool:
+    """Return whether an error came from the engine and not from the work: a lost cluster, a cancelled future.
+
+    A cluster that gives up on work that killed its workers again and again (`KilledWorker`) blames the work.
+    """
+    if isinstance(error, CancelledError):
+        return True
+    family = type(error)
+    return family.__module__.partition(".")[0] == "distributed" and family.__name__ != "KilledWorker"

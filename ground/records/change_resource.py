@@ -15,7 +15,7 @@ from ground.records.kind import Kind
 def change_resource(
     repo: Repository,
     actor: Actor,
-    kind: Kind,
+    kind: Kind[Any],
     resource_id: str,
     given: Body,
     revision: int | None,
@@ -46,4 +46,4 @@ def change_resource(
             update(session, actor, kind, row, changed.columns, reason=reason)
             for other_kind, other, columns in changed.followers:
                 update(session, actor, other_kind, other, columns)
-            return kind.show(session, [row])[0]
+            return kind.show_one(session, row)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ground.gdr.ids import new_id
+from typing import Any
+
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.edit import open_for_change, remove
@@ -10,7 +11,13 @@ from ground.records.kind import Kind
 
 
 def delete_resource(
-    repo: Repository, actor: Actor, kind: Kind, resource_id: str, revision: int | None, *, reason: str = ""
+    repo: Repository,
+    actor: Actor,
+    kind: Kind[Any],
+    resource_id: str,
+    revision: int | None,
+    *,
+    reason: str = "",
 ) -> None:
     """Delete a resource and what goes with it, all in one undoable act.
 
@@ -23,7 +30,6 @@ def delete_resource(
         actor.require(kind.delete, resource_id)
     with repo.database.write() as session:
         row = open_for_change(session, actor, kind, resource_id, revision)
-        group = new_id("act")
         for forget in kind.forget:
-            forget(session, actor, row, group, reason)
-        remove(session, actor, kind, row, reason=reason, group=group)
+            forget(session, actor, row, reason)
+        remove(session, actor, kind, row, reason=reason)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from sqlalchemy import func, select
@@ -11,13 +10,14 @@ from sqlalchemy.orm import Session
 from ground.errors import (
     StaleRevisionError,
 )
-from ground.gdr.base import Row, utc_now
+from ground.gdr.base import Columns, Row, utc_now
 from ground.gdr.history import SYSTEM, Change, dump_row, record
 from ground.gdr.ids import new_id
 from ground.records.actor import Actor
 from ground.records.forms import Body
 from ground.records.get_resource import find_row, mission_of
 from ground.records.kind import Kind, plain
+from mission.codec import Document
 
 
 def chain_of(row: Row) -> str:
@@ -25,7 +25,7 @@ def chain_of(row: Row) -> str:
     return mission_of(row) or SYSTEM
 
 
-def new_row(kind: Kind, actor: Actor, mission_id: str, given: Body, **columns: object) -> Any:
+def new_row(kind: Kind[Any], actor: Actor, mission_id: str, given: Body, /, **columns: object) -> Any:
     """Return a row of a mission from what a person gave, and from columns that take its place."""
     names = set(kind.row.__table__.c.keys())
     members = {n: plain(getattr(given, n)) for n in type(given).model_fields if n in names}
@@ -33,18 +33,16 @@ def new_row(kind: Kind, actor: Actor, mission_id: str, given: Body, **columns: o
     return kind.row(**{**head, **members, **columns})
 
 
-def insert(
-    session: Session, actor: Actor, kind: Kind, row: Row, *, reason: str = "", group: str = ""
-) -> None:
+def insert(session: Session, actor: Actor, kind: Kind[Any], row: Row, *, reason: str = "") -> None:
     """Add a row and write the event."""
     session.add(row)
     session.flush()
-    change = Change(actor.name, "create", kind.name, row.id, None, public(row), reason, group=group)
+    change = Change(actor.name, "create", kind.name, row.id, None, public(row), reason)
     record(session, chain_of(row), change)
 
 
 def open_for_change(
-    session: Session, actor: Actor, kind: Kind, resource_id: str, revision: int | None
+    session: Session, actor: Actor, kind: Kind[Any], resource_id: str, revision: int | None
 ) -> Any:
     """Return a row locked for change.
 
@@ -58,7 +56,7 @@ def open_for_change(
     if revision is not None and row.revision != revision:
         raise StaleRevisionError(
             f"{kind.title} {resource_id} is at revision {row.revision}; the change was meant for {revision}",
-            current=kind.show(session, [row])[0],
+            current=kind.show_one(session, row),
         )
     return row
 
@@ -66,13 +64,12 @@ def open_for_change(
 def update(
     session: Session,
     actor: Actor,
-    kind: Kind,
+    kind: Kind[Any],
     row: Row,
-    changes: Mapping[str, Any],
+    changes: Document,
     *,
     action: str = "change",
     reason: str = "",
-    group: str = "",
 ) -> None:
     """Set columns, count the revision up and write the event; nothing happens if nothing is new."""
     if all(getattr(row, name) == value for name, value in changes.items()):
@@ -86,24 +83,22 @@ def update(
     record(
         session,
         chain_of(row),
-        Change(actor.name, action, kind.name, row.id, before, public(row), reason, group=group),
+        Change(actor.name, action, kind.name, row.id, before, public(row), reason),
     )
 
 
-def remove(
-    session: Session, actor: Actor, kind: Kind, row: Row, *, reason: str = "", group: str = ""
-) -> None:
+def remove(session: Session, actor: Actor, kind: Kind[Any], row: Row, *, reason: str = "") -> None:
     """Delete a row and write the event, which keeps the whole row."""
     before, chain = public(row), chain_of(row)
     session.delete(row)
     session.flush()
-    record(session, chain, Change(actor.name, "delete", kind.name, row.id, before, None, reason, group=group))
+    record(session, chain, Change(actor.name, "delete", kind.name, row.id, before, None, reason))
 
 
 _BULKY = frozenset({"tree", "summary", "crl_text", "document", "geometry", "payload", "log", "password_hash"})
 
 
-def public(row: Row) -> dict[str, Any]:
+def public(row: Row) -> Columns:
     """Return a row as it stands in the history: without secrets and without the bulk of computed results."""
     return {name: value for name, value in dump_row(row).items() if name not in _BULKY}
 

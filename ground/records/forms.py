@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime
+from types import NoneType
 from typing import Annotated, Any, Generic, TypeVar, get_args, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
+from pydantic.fields import FieldInfo
 
 from ground.gdr.geometry import Pose
 
@@ -21,7 +24,36 @@ class Page(BaseModel, Generic[T]):
 
 
 class Body(BaseModel):
+    """A form that a person fills in.
+
+    The form by which a thing is changed is made of that by which it was made, as in
+    `class TargetChange(TargetCreate, partial=True)`: every member may be left out. Those that cannot be
+    changed are named in `without`; in `never_null` those that the program fills in when one is made, and that
+    stay filled in.
+    """
+
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def __init_subclass__(
+        cls, *, partial: bool = False, without: Collection[str] = (), never_null: Collection[str] = ()
+    ) -> None:
+        super().__init_subclass__()
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        if not kwargs.get("partial"):
+            return
+        without, never_null = kwargs.get("without", ()), kwargs.get("never_null", ())
+        hints = get_type_hints(cls, include_extras=True)
+        for name in [name for name in cls.__pydantic_fields__ if name not in cls.__annotations__]:
+            if name in without:
+                del cls.__pydantic_fields__[name]
+                continue
+            options = [part for part in get_args(hints[name]) if part is not NoneType]
+            hint = options[0] if name in never_null else hints[name]
+            default = Field(default=None) if NoneType in get_args(hint) else Field(default_factory=unset)
+            cls.__pydantic_fields__[name] = FieldInfo.from_annotated_attribute(hint, default)
+        cls.model_rebuild(force=True)
 
 
 @dataclass(frozen=True, slots=True)

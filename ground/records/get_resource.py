@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 from sqlalchemy import Connection, Select, bindparam, column, select, table
 from sqlalchemy.orm import Session
 
-from ground.errors import NotFoundError
+from ground.errors import InvalidInputError, NotFoundError
 from ground.gdr.base import Row
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.kind import Kind
 
+V = TypeVar("V")
 _MISSIONS = table("missions", column("id"))
 
 
@@ -23,7 +24,7 @@ def mission_of(row: Row) -> str | None:
 
 
 @lru_cache(maxsize=64)
-def _one_of(kind: Kind) -> Select[Any]:
+def _one_of(kind: Kind[Any]) -> Select[Any]:
     return kind.shown().where(kind.row.__table__.c.id == bindparam("wanted"))
 
 
@@ -39,21 +40,41 @@ def require_mission(session: Session | Connection, mission_id: str) -> None:
         raise NotFoundError(f"there is no mission {mission_id}")
 
 
-def find_row(session: Session, kind: Kind, resource_id: str, *, lock: bool = False) -> Any:
+def find_row(
+    session: Session, kind: Kind[Any], resource_id: str, *, lock: bool = False, pointer: str | None = None
+) -> Any:
     """Return a row, locked until the end of the transaction where it is about to change.
 
     Raises
     ------
     NotFoundError
-        If there is none.
+        If there is none; `pointer` is the member of the form that names it.
     """
     row = session.get(kind.row, resource_id, with_for_update=True if lock else None)
     if row is None:
-        raise NotFoundError(f"there is no {kind.title} {resource_id}")
+        raise NotFoundError(f"there is no {kind.title} {resource_id}", pointer=pointer)
     return row
 
 
-def get_resource(repo: Repository, actor: Actor, kind: Kind, resource_id: str) -> Any:
+def row_in_mission(
+    session: Session, kind: Kind[Any], resource_id: str | None, mission_id: str, pointer: str
+) -> Any:
+    """Return a row that a form about a mission names.
+
+    Raises
+    ------
+    InvalidInputError
+        If the mission has no such resource; `pointer` is the member of the form.
+    """
+    row = session.get(kind.row, resource_id)
+    if row is None or mission_of(row) != mission_id:
+        raise InvalidInputError(
+            f"there is no {kind.title} {resource_id} in mission {mission_id}", pointer=pointer
+        )
+    return row
+
+
+def get_resource(repo: Repository, actor: Actor, kind: Kind[V], resource_id: str) -> V:
     """Return the value of one resource.
 
     Raises
@@ -66,4 +87,4 @@ def get_resource(repo: Repository, actor: Actor, kind: Kind, resource_id: str) -
         if row is None:
             raise NotFoundError(f"there is no {kind.title} {resource_id}")
         actor.require(Action.READ, getattr(row, kind.row.mission_key, None))
-        return kind.show(reader, [row])[0]
+        return kind.show_one(reader, row)

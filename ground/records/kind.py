@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, is_dataclass
-from typing import Any
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from pydantic import BaseModel
 from sqlalchemy import Select, select
@@ -14,6 +14,9 @@ from ground.gdr.base import Row
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.forms import Body
+from ground.records.show import value_of
+
+V = TypeVar("V")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,20 +31,26 @@ class Prepared:
     points: Mapping[tuple[str, str], Mapping[str, Any] | None] = field(default_factory=dict)
 
 
+Follower: TypeAlias = "tuple[Kind[Any], Any, Mapping[str, Any]]"
+"""A row that changes with another, and its new columns."""
+
+
 @dataclass(frozen=True, slots=True)
 class Changed:
     """The columns that a change sets, and those of other rows that follow it."""
 
     columns: Mapping[str, Any]
-    followers: Sequence[tuple[Kind, Any, Mapping[str, Any]]] = ()
+    followers: Sequence[Follower] = ()
 
 
 Prepare = Callable[[Repository, Session, Any, Any], Prepared]
 """Work out for a row and the form with the members to set what takes long, before the database is locked."""
 Apply = Callable[[Repository, Session, Any, Any, Prepared], Changed | None]
 """Check the members to set and return what follows; None if the rows are others than was prepared for."""
-Forget = Callable[[Session, Actor, Any, str, str], None]
-"""Take a row that is about to go out of what names it; with the act's group and the reason."""
+Related = Callable[[Any, Sequence[Any]], Callable[[Any], Mapping[str, object]]]
+"""Read once what belongs to many rows; return what says the related members of each."""
+Forget = Callable[[Session, Actor, Any, str], None]
+"""Take a row that is about to go out of what names it; with the reason."""
 
 
 def _nothing_to_prepare(_repo: Repository, _session: Session, row: Row, _members: object) -> Prepared:
@@ -68,36 +77,42 @@ def plain(value: Any) -> Any:
     return getattr(value, "value", value)
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """How one kind of resource is stored and shown.
-
-    `show` maps rows to values, many at once so that names of related rows cost one query; rows of the mapper
-    and plain result rows of `shown()` will both do. `edit` is the right needed to change it.
-    """
+@dataclass(frozen=True, slots=True, eq=False)
+class Kind(Generic[V]):
+    """How one kind of resource is stored and shown; `edit` is the right needed to change it."""
 
     name: str
-    title: str
     prefix: str
     collection: str
     row: type[Row]
-    show: Callable[[Any, Sequence[Any]], list[Any]]
+    value: type[V]
+    """What is told of one: its members are columns of the same name, but for those below."""
     edit: Action
+    title: str = ""
+    """What people call one; its name in words unless it is said."""
     make: type[Body] | None = None
     """What a person gives to make one."""
     change: type[Body] | None = None
     """What a person may set of one; everything else is computed."""
     undoable: bool = False
-    related: bool = False
-    """Whether `show` reads other rows too, and so needs a session that sees one state of the database."""
+    computed: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
+    """Members of the value that follow from the row."""
+    related: Related | None = None
+    """Those that follow from other rows too; they are read in a session that sees one state of the database.
+    """
     unseen: frozenset[str] = frozenset()
-    """Columns that `show` has no use for; the large ones would cost more than all the others."""
+    """Columns that the value has no use for; the large ones would cost more than all the others."""
 
     delete: Action | None = None
     """The right needed to delete it, where that is not `edit`."""
     prepare: Prepare = _nothing_to_prepare
     apply: Apply = _as_given
     forget: tuple[Forget, ...] = ()
+    hold: Callable[[Session, Any], None] | None = None
+    """Raise unless a row fits with the others; asked after an undo, whose changes are no form's."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "title", self.title or self.name.replace("_", " "))
 
     @property
     def fields(self) -> frozenset[str]:
@@ -107,3 +122,20 @@ class Kind:
     def shown(self) -> Select[Any]:
         """Return the query for the columns that `show` needs, without conditions."""
         return select(*(c for c in self.row.__table__.c if c.name not in self.unseen))
+
+    def show(self, session: Any, rows: Sequence[Any]) -> list[V]:
+        """Return the values of rows of the mapper or of `shown()`."""
+        related = None if self.related is None else self.related(session, rows)
+        return [
+            value_of(
+                self.value,
+                row,
+                **{name: compute(row) for name, compute in self.computed.items()},
+                **({} if related is None else related(row)),
+            )
+            for row in rows
+        ]
+
+    def show_one(self, session: Any, row: Any) -> V:
+        """Return the value of a row."""
+        return self.show(session, [row])[0]

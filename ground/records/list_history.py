@@ -13,6 +13,7 @@ from ground.gdr.history import ChainRow, EventRow
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.paging import Page
+from ground.records.show import value_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,19 +35,7 @@ class Event:
 
 def show_event(row: EventRow) -> Event:
     """Return the value of an event's row."""
-    return Event(
-        seq=row.seq,
-        at_utc=row.at_utc,
-        actor=row.actor,
-        action=row.action,
-        kind=row.kind,
-        subject_id=row.subject_id,
-        reason=row.reason,
-        undoes=row.undoes,
-        before=row.before,
-        after=row.after,
-        sha256=row.sha256,
-    )
+    return value_of(Event, row)
 
 
 def last_event(repo: Repository, actor: Actor, mission_id: str) -> int:

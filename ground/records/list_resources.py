@@ -15,7 +15,7 @@ from ground.records.paging import Page, decode_cursor, encode_cursor
 def list_resources(
     repo: Repository,
     actor: Actor,
-    kind: Kind,
+    kind: Kind[Any],
     mission_id: str | None,
     *,
     limit: int,

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from mission.codec import Document
+
 
 @dataclass(frozen=True, slots=True)
 class FailureMode:
@@ -82,7 +84,7 @@ class _Walk:
 
 
 def failure_modes(
-    tree: Mapping[str, Any], problem: Mapping[str, Any], names: Mapping[str, str], *, most: int = 10
+    tree: Document, problem: Document, names: Mapping[str, str], *, most: int = 10
 ) -> list[FailureMode]:
     """Return the ways to lose value, the largest expected loss first.
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mission.codec import Document
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -29,7 +31,7 @@ class Ribbon:
     branch: bool
 
 
-def ribbons(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> Iterator[Ribbon]:
+def ribbons(problem: Document, tree: Document) -> Iterator[Ribbon]:
     """Yield the drives of a plan tree along the routes of its problem."""
     routes = {
         (leg["from"], leg["to"]): tuple((float(x), float(y)) for x, y in leg.get("route", ()))
@@ -55,8 +57,8 @@ def ribbons(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> Iterator[Rib
 def draw_day(
     path: Path,
     terrain: Terrain,
-    problem: Mapping[str, Any],
-    tree: Mapping[str, Any],
+    problem: Document,
+    tree: Document,
     *,
     driven_m: Sequence[tuple[float, float]] = (),
     observed: Mapping[str, int] | None = None,

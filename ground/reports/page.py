@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ground.reports.failure_modes import failure_modes
 from ground.reports.figures import draw_day
 from ground.reports.plan_drawing import boxes, target_names, to_svg
+from mission.codec import Document
 
 if TYPE_CHECKING:
     from rover_iface.terrain import Terrain
@@ -63,9 +64,7 @@ def number(value: float | None, unit: str = "") -> str:
     return "-" if value is None else f"{value:.1f}{unit}"
 
 
-def map_picture(
-    terrain: Terrain, problem: Mapping[str, Any], tree: Mapping[str, Any], alt: str, **shown: Any
-) -> str:
+def map_picture(terrain: Terrain, problem: Document, tree: Document, alt: str, **shown: Any) -> str:
     """Return the map as an image inside the page; `shown` goes to `draw_day`."""
     with tempfile.TemporaryDirectory(prefix="outcrop-report-") as work:
         picture = Path(work) / "map.png"
@@ -74,12 +73,12 @@ def map_picture(
     return f'<img alt="{safe(alt)}" src="data:image/png;base64,{image}">'
 
 
-def tree_drawing(tree: Mapping[str, Any], problem: Mapping[str, Any]) -> str:
+def tree_drawing(tree: Document, problem: Document) -> str:
     """Return the plan tree as a drawing."""
     return f'<div class="tree">{to_svg(boxes(tree, target_names(problem)))}</div>'
 
 
-def failure_table(tree: Mapping[str, Any], problem: Mapping[str, Any]) -> str:
+def failure_table(tree: Document, problem: Document) -> str:
     """Return what is most likely to go wrong with a plan, with what hangs on it."""
     modes = failure_modes(tree, problem, target_names(problem))
     rows = [

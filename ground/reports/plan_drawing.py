@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from mission.codec import Document
+
 BOX_W, LINE_H, PAD, GAP_X, GAP_Y = 210.0, 15.0, 7.0, 18.0, 46.0
 COMPARED = {"ge": "≥", "lt": "<", "le": "≤", "gt": ">"}
 
@@ -23,6 +25,8 @@ class Box:
     x: float = 0.0
     y: float = 0.0
     width: float = BOX_W
+    shade: float | None = None
+    """Share from 0 to 1 that colours the box; None is not coloured."""
 
     @property
     def height(self) -> float:
@@ -33,12 +37,12 @@ class Box:
         return [self, *(box for option in self.options for box in option.walk())]
 
 
-def target_names(problem: Mapping[str, Any]) -> dict[str, str]:
+def target_names(problem: Document) -> dict[str, str]:
     """Return the names that people gave to the targets of a problem."""
     return {t["id"]: str(t.get("refs", {}).get("name", t["id"])) for t in problem.get("targets", ())}
 
 
-def describe_step(step: Mapping[str, Any], names: Mapping[str, str]) -> str:
+def describe_step(step: Document, names: Mapping[str, str]) -> str:
     """Return a step in a few words."""
     place = step.get("to", step.get("target", step.get("observation", "")))
     words = {"track_start": "track", "track_stop": "stop tracking", "navigate": "drive to"}
@@ -48,24 +52,28 @@ def describe_step(step: Mapping[str, Any], names: Mapping[str, str]) -> str:
     return text.strip()
 
 
-def describe_when(when: Sequence[Mapping[str, Any]], names: Mapping[str, str]) -> str:
-    """Return an option's condition in a few words."""
-    parts = []
-    for term in when:
-        if term["var"] == "tracked":
-            name = names.get(term["target"], term["target"])
-            parts.append(f"{name} {'tracked' if term['is'] else 'lost'}")
-        else:
-            what, unit = ("time", "s") if term["var"] == "time_s" else ("energy", "J")
-            parts += [
+def describe_when(when: Sequence[Document], names: Mapping[str, str]) -> str:
+    """Return an option's condition in a few words; `else` where there is none."""
+    return " and ".join(_describe_term(term, names) for term in when) or "else"
+
+
+def _describe_term(term: Document, names: Mapping[str, str]) -> str:
+    match term["var"]:
+        case "tracked":
+            return f"{names.get(term['target'], term['target'])} {'tracked' if term['is'] else 'lost'}"
+        case "done":
+            return f"{term.get('observation', term.get('target'))} {'done' if term['is'] else 'not done'}"
+        case name:
+            what, unit = ("time", "s") if name == "time_s" else ("energy", "J")
+            bounds = (
                 f"{what} {sign} {float(term[key]):.0f} {unit}"
                 for key, sign in COMPARED.items()
                 if key in term
-            ]
-    return " and ".join(parts) or "else"
+            )
+            return " and ".join(bounds)
 
 
-def boxes(tree: Mapping[str, Any], names: Mapping[str, str]) -> Box:
+def boxes(tree: Document, names: Mapping[str, str]) -> Box:
     """Return the tree as boxes: a branch ends one; its options, and what follows else, begin others."""
 
     def build(steps: Sequence[Mapping[str, Any]], box: Box) -> Box:
@@ -115,6 +123,14 @@ def _text(text: str) -> str:
     return html.escape("".join(c if c >= " " else " " for c in text))
 
 
+def _fill(shade: float | None) -> str:
+    """Return the colour of a box: the more runs came there, the deeper the blue; text stays readable."""
+    if shade is None:
+        return "#f4f7f9"
+    red, green, blue = (round(255 + (deep - 255) * shade**0.5) for deep in (158, 202, 225))
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
 def _cut(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
@@ -145,7 +161,7 @@ def to_svg(root: Box) -> str:
     for box in root.walk():
         parts.append(
             f'<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" height="{box.height:.1f}" rx="5" '
-            'fill="#f4f7f9" stroke="#44545f"/>'
+            f'fill="{_fill(box.shade)}" stroke="#44545f"/>'
         )
         parts += [
             f'<text x="{box.x + PAD:.1f}" y="{box.y + PAD + LINE_H * (n + 0.75):.1f}" fill="#14202a">'

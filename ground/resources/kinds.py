@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from ground.jobs.kind import JOB
 from ground.records.kind import Kind
 from ground.resources.approvals.kind import APPROVAL
+from ground.resources.campaigns.kind import CAMPAIGN
 from ground.resources.comments.kind import COMMENT
 from ground.resources.frames.kind import FRAME
 from ground.resources.keep_outs.change_keep_out import change_keep_out
@@ -17,6 +19,7 @@ from ground.resources.missions.kind import MISSION
 from ground.resources.observation_requests.change_request import (
     change_request,
     forget_precedence,
+    hold_order,
     prepare_request,
 )
 from ground.resources.observation_requests.change_target import change_target, forget_requests, prepare_target
@@ -42,7 +45,13 @@ _ALL = (
     replace(MISSION, apply=change_mission),
     replace(SOL, apply=change_sol, forget=(keep_planned_sol,)),
     replace(TARGET, prepare=prepare_target, apply=change_target, forget=(forget_requests, forget_drives)),
-    replace(OBSERVATION_REQUEST, prepare=prepare_request, apply=change_request, forget=(forget_precedence,)),
+    replace(
+        OBSERVATION_REQUEST,
+        prepare=prepare_request,
+        apply=change_request,
+        forget=(forget_precedence,),
+        hold=hold_order,
+    ),
     replace(KEEP_OUT, apply=change_keep_out),
     FRAME,
     SOLUTION,
@@ -53,6 +62,7 @@ _ALL = (
     PROBLEM,
     replace(PLAN, forget=(keep_approved_plan, keep_run_plan)),
     RUN,
+    CAMPAIGN,
     PRODUCT,
     COMMENT,
     JOB,
@@ -60,4 +70,4 @@ _ALL = (
     PERSON,
     UPLOAD,
 )
-KINDS: Mapping[str, Kind] = {kind.name: kind for kind in _ALL}
+KINDS: Mapping[str, Kind[Any]] = {kind.name: kind for kind in _ALL}

@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from executive.ports import Command, CommandId, CommandStatus, Event, Rover
-from ground.errors import AlreadyExecutedError, ArchiveError, ForbiddenError, InvalidInputError
+from ground.errors import InvalidInputError
+from ground.uplink.admission import Admitted, admitted, check_plan, utc_now
 from ground.uplink.flight import Flight, Sample, fly
-from ground.uplink.ledger import Entry, Ledger, begun, locked_ledger, pinned
 from ground.uplink.link import Link
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
-from ground.uplink.trust import checked as checked_trust
-from ground.uplink.trust import read_file, refusals
-from ground.uplink.verify import (
-    PACKAGE,
-    Package,
-    Trust,
-    read_package,
-    verify_package,
-)
+from ground.uplink.verify import Package
 from rover_iface.registry import find_rover
 
 INTERRUPTED = "interrupted"
@@ -49,7 +41,7 @@ def execute_package(
     commands: Sequence[Sent] = (),
     on_sample: Callable[[Sample], None] | None = None,
     on_repair: Callable[[str], None] = lambda _what: None,
-    clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+    clock: Callable[[], datetime] = utc_now,
 ) -> tuple[Package, Flight]:
     """Return what came of a package; its folder `out` has the form `run/1`.
 
@@ -76,41 +68,30 @@ def execute_package(
     StateError
         If the rover does not repeat what the interrupted journal holds.
     """
-    content = read_file(package, "the package")
-    with refusals():
-        opened = read_package(content)
-    name = f"package {opened.counter} of {opened.mission}"
-    with locked_ledger(place.world, name) as ledger:
-        if ledger.repaired:
-            on_repair(ledger.repaired)
-        earlier = _begun(ledger, opened, name)
-        trust = _trust(ledger, place.trust)
-        now_utc = _now(clock(), ledger.entries)
-        if resume and earlier is not None:  # it was begun in time
-            now_utc = min(now_utc, _time(earlier) or now_utc)
-        with refusals():
-            checked = verify_package(content, trust, now_utc)
-        _check_plan(checked, place.world)
-        if pinned(ledger.entries) is None:
-            pin(ledger, trust)
-        if earlier is not None and not resume:
-            raise AlreadyExecutedError(f"{name} was executed before")
-        if resume and earlier is None:
-            raise InvalidInputError(f"{name} was not begun here: there is nothing to resume")
-        return checked, _run(checked, place, out, ledger, earlier, link, commands, on_sample, now_utc)
+
+    def check(opened: Package) -> None:
+        from rover_iface.simulator.world import load_world
+
+        language = load_world(place.world).profile.language
+        check_plan(opened, (language.name, language.version, language.sha256))
+
+    with admitted(
+        package, place.world, place.trust, check=check, resume=resume, on_repair=on_repair, clock=clock
+    ) as given:
+        if resume and given.earlier is None:
+            raise InvalidInputError(f"{given.name} was not begun here: there is nothing to resume")
+        return given.package, _run(given, place, out, link, commands, on_sample)
 
 
 def _run(
-    package: Package,
+    given: Admitted,
     place: Place,
     out: Path,
-    ledger: Ledger,
-    earlier: Entry | None,
     link: Link | None,
     commands: Sequence[Sent],
     on_sample: Callable[[Sample], None] | None,
-    now_utc: datetime,
 ) -> Flight:
+    package, earlier = given.package, given.earlier
     run_id = f"execution-{package.counter}"
     seed = place.seed if earlier is None else _same_rover(earlier, place)
     records: list[Any] = []
@@ -120,15 +101,8 @@ def _run(
         raise InvalidInputError(f"{out} is a file or a folder in use; give a new one as --out")
     out.mkdir(parents=True, exist_ok=True)
     rover = find_rover(place.rover)(place.world, out=out, **({} if seed is None else {"seed": seed}))
-    entry = {
-        "mission": package.mission,
-        "sequence": package.counter,
-        "sha256": package.sha256,
-        "rover": place.rover,
-        "seed": place.seed,
-        "begun_utc": now_utc.isoformat(timespec="seconds"),
-    }
-    marking = _Marking(rover, (lambda: ledger.append(entry)) if earlier is None else None)
+    entry = given.entry(place.rover, place.seed)
+    marking = _Marking(rover, (lambda: given.ledger.append(entry)) if earlier is None else None)
     about = {
         "kind": "execution",
         "rover": place.rover,
@@ -183,94 +157,6 @@ class _Marking:
 
     def next_event(self, until_ms: int | None) -> Event | None:
         return self._rover.next_event(until_ms)
-
-
-def commission(world: Path, trust_file: Path) -> Trust:
-    """Bind a rover to a trust file for good, one for training too; return what it says.
-
-    Raises
-    ------
-    ForbiddenError
-        If the rover is bound to another one.
-    ArchiveError
-        If the trust file does not hold together.
-    """
-    with locked_ledger(world, "commissioning") as ledger:
-        trust = checked_trust(read_file(trust_file, "the trust file"))
-        known = pinned(ledger.entries)
-        if known is not None and known["trust"] not in trust.chain:
-            raise ForbiddenError(f"the rover of {world} is bound to another trust file")
-        if known is None or known["trust"] != trust.chain[-1]:
-            pin(ledger, trust)
-        return trust
-
-
-def pin(ledger: Ledger, trust: Trust) -> None:
-    """Write into the ledger which version of the trust file is used from now on, and none before it."""
-    ledger.append({"trust": trust.chain[-1], "version": trust.version})
-
-
-def _trust(ledger: Ledger, path: Path) -> Trust:
-    """Return the trust file, bound to the one that was used before; a later version is bound to at once."""
-    known = pinned(ledger.entries)
-    last = None if known is None else str(known["trust"])
-    trust = checked_trust(read_file(path, "the trust file"), pinned=last)
-    if known is None and trust.training:
-        raise ArchiveError(
-            "the trust file is for training; only a rover that was commissioned with it accepts it "
-            "(`outcrop trust install`)"
-        )
-    if last is not None and last != trust.chain[-1]:
-        pin(ledger, trust)
-    return trust
-
-
-def _check_plan(package: Package, world: Path) -> None:
-    from executive.crl import CrlError, digest, parse
-    from rover_iface.simulator.world import load_world
-
-    language = load_world(world).profile.language
-    found = package.manifest.get("dictionary")
-    wanted = found if isinstance(found, dict) else {}
-    same = (wanted.get("name"), wanted.get("version")) == (language.name, language.version)
-    if not same or (package.format == PACKAGE and wanted.get("sha256") != language.sha256):
-        raise ArchiveError(
-            f"the package is for the command dictionary {wanted.get('name')!a} {wanted.get('version')!a}; "
-            f"this rover has {language.name} {language.version}" + (" of another text" if same else "")
-        )
-    try:
-        same = digest(parse(package.crl_text)) == package.manifest["crl_sha256"]
-    except (CrlError, RecursionError) as err:
-        raise ArchiveError(f"the plan of the package is no CRL: {err}") from err
-    if not same:
-        raise ArchiveError("the plan of the package is not the one that was approved (SHA-256 differs)")
-
-
-def _begun(ledger: Ledger, package: Package, name: str) -> Entry | None:
-    """Return what the ledger says of a package that was begun here; refuse one that is older than another."""
-    found: Entry | None = None
-    for entry in begun(ledger.entries):
-        if entry["sha256"] == package.sha256:
-            found = entry
-        elif entry["mission"] == package.mission and int(str(entry["sequence"])) >= package.counter:
-            raise AlreadyExecutedError(
-                f"{name} is older than package {entry['sequence']}, which was executed before, or the same "
-                "in another file"
-            )
-    return found
-
-
-def _time(entry: Entry) -> datetime | None:
-    try:
-        return datetime.fromisoformat(str(entry.get("begun_utc")))
-    except ValueError:
-        return None
-
-
-def _now(clock_utc: datetime, entries: Sequence[Entry]) -> datetime:
-    """Return the time, never before that of an execution in the ledger: a clock set back revives nothing."""
-    times = [t for t in map(_time, begun(entries)) if t is not None and t.tzinfo is not None]
-    return max([clock_utc, *times])
 
 
 def _same_rover(begun: Mapping[str, Any], place: Place) -> int | None:

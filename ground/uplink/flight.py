@@ -60,6 +60,57 @@ class Sample:
         }
 
 
+class SampleBook:
+    """Makes a sample of each change of state that a rover reports."""
+
+    def __init__(self) -> None:
+        self.samples: list[Sample] = []
+        self._state: dict[str, Any] = {}
+        self._running: dict[CommandId, str] = {}
+
+    def sent(self, command: CommandId) -> None:
+        self._running[command] = command.task
+
+    def heard(self, event: Event) -> Sample | None:
+        """Return the sample of an event, None of one that reports no state."""
+        match event:
+            case Update(values=values):
+                self._state.update(values)
+            case Result(command=command, updates=values) | Acknowledgement(command=command, updates=values):
+                self._state.update(values)
+                self._running.pop(command, None)
+            case _:
+                return None
+        self.samples.append(self._sample(event.t_ms))
+        return self.samples[-1]
+
+    def _sample(self, t_ms: int) -> Sample:
+        state = self._state
+        trackers = {
+            key.removeprefix("trackerstate "): (
+                str(value),
+                self._number(f"trackerconfidence {key.removeprefix('trackerstate ')}"),
+            )
+            for key, value in state.items()
+            if key.startswith("trackerstate ")
+        }
+        return Sample(
+            t_ms / 1000,
+            self._number("pose x"),
+            self._number("pose y"),
+            self._number("pose heading"),
+            self._number("battery-energy"),
+            self._number("energy-used"),
+            next(iter(self._running.values()), ""),
+            trackers,
+        )
+
+    def _number(self, key: str) -> float:
+        """Return a number of the state; what a rover reports there that is none counts as 0."""
+        value = self._state.get(key, 0.0)
+        return float(value) if isinstance(value, int | float) else 0.0
+
+
 class Recorder:
     """A rover that remembers what it reported: every change of state becomes a sample."""
 
@@ -70,14 +121,15 @@ class Recorder:
         on_product: Callable[[Product], None] | None = None,
     ) -> None:
         self.rover = rover
-        self.samples: list[Sample] = []
+        self.book = SampleBook()
         self._listener, self._on_product = listener, on_product
-        self._state: dict[str, Any] = {}
-        self._running: dict[CommandId, str] = {}
-        self._now_ms = 0
+
+    @property
+    def samples(self) -> list[Sample]:
+        return self.book.samples
 
     def send(self, command: Command) -> None:
-        self._running[command.id] = command.id.task
+        self.book.sent(command.id)
         self.rover.send(command)
 
     def abort(self, command: CommandId) -> None:
@@ -90,43 +142,12 @@ class Recorder:
         event = self.rover.next_event(until_ms)
         if event is None:
             return None
-        match event:
-            case Update(values=values):
-                self._state.update(values)
-            case Result(command=command, updates=values) | Acknowledgement(command=command, updates=values):
-                self._state.update(values)
-                self._running.pop(command, None)
-            case Product() if self._on_product is not None:
-                self._on_product(event)
-                return event
-            case _:
-                return event
-        self._note(event.t_ms)
-        return event
-
-    def _note(self, t_ms: int) -> None:
-        state = self._state
-        trackers = {
-            key.removeprefix("trackerstate "): (
-                str(value),
-                float(state.get(f"trackerconfidence {key.removeprefix('trackerstate ')}", 0.0)),
-            )
-            for key, value in state.items()
-            if key.startswith("trackerstate ")
-        }
-        sample = Sample(
-            t_ms / 1000,
-            float(state.get("pose x", 0.0)),
-            float(state.get("pose y", 0.0)),
-            float(state.get("pose heading", 0.0)),
-            float(state.get("battery-energy", 0.0)),
-            float(state.get("energy-used", 0.0)),
-            next(iter(self._running.values()), ""),
-            trackers,
-        )
-        self.samples.append(sample)
-        if self._listener is not None:
+        if isinstance(event, Product) and self._on_product is not None:
+            self._on_product(event)
+        sample = self.book.heard(event)
+        if sample is not None and self._listener is not None:
             self._listener(sample)
+        return event
 
 
 @dataclass(frozen=True)
@@ -158,7 +179,7 @@ def fly(
     folder: Path,
     *,
     run_id: str,
-    about: Mapping[str, Any] | None = None,
+    about: Mapping[str, object] | None = None,
     on_sample: Callable[[Sample], None] | None = None,
     on_trace: Callable[[TraceRecord], None] | None = None,
     on_product: Callable[[Product], None] | None = None,
@@ -201,9 +222,21 @@ def fly(
         outcome = session.result()
     finally:
         journal.close()
+    about = {"stopped": stopped, **(about or {})}
+    return write_run(folder, outcome, recorder.samples, outcome.products, about)
+
+
+def write_run(
+    folder: Path,
+    outcome: RunOutcome,
+    samples: Sequence[Sample],
+    products: Sequence[Product],
+    about: Mapping[str, object],
+) -> Flight:
+    """Write what came of a run into its folder, the form `run/1`, and return it."""
     document = {
         "format": FORMAT,
-        "run": run_id,
+        "run": outcome.run_id,
         "plan_digest": outcome.plan_digest,
         "outcome": outcome.outcome,
         "reason": outcome.reason,
@@ -211,15 +244,14 @@ def fly(
         "utility": outcome.utility,
         "reward": outcome.reward,
         "over_budget": outcome.over_budget,
-        "stopped": stopped,
         "outcomes": dict(outcome.outcomes),
-        **(about or {}),
+        **about,
     }
     _write_lines(folder / "trace.jsonl", ([r.t_ms / 1000, r.event, *r.arguments] for r in outcome.trace))
-    _write_lines(folder / "telemetry.jsonl", (s.as_dict() for s in recorder.samples))
-    _write_lines(folder / "products.jsonl", map(product_line, outcome.products))
+    _write_lines(folder / "telemetry.jsonl", (s.as_dict() for s in samples))
+    _write_lines(folder / "products.jsonl", map(product_line, products))
     (folder / "run.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    return Flight(folder, outcome, tuple(recorder.samples), document)
+    return Flight(folder, outcome, tuple(samples), document)
 
 
 class _Repeating:

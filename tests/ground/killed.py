@@ -20,6 +20,7 @@ from ground.jobs.queue import JobKind, enqueue
 from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
 from ground.records.actor import Actor, Role
+from ground.resources.comments.bodies import CommentCreate
 from ground.resources.comments.create_comment import create_comment
 from ground.resources.comments.row import CommentRow
 from ground.resources.downlinks.ingest_run import ingest_run
@@ -140,7 +141,8 @@ def main(folder: str, address: str, mission_id: str, plan_id: str, tell: Connect
     number = 0
 
     def comment() -> None:
-        made = create_comment(repo, PLANNER, mission_id, MISSION, subject_id=mission_id, text=f"{number}")
+        remark = CommentCreate(subject_kind="mission", subject_id=mission_id, text=f"{number}")
+        made = create_comment(repo, PLANNER, mission_id, MISSION, remark)
         tell.send(("comment", made.id))
 
     def job() -> None:

@@ -15,8 +15,9 @@ from ground.errors import ArchiveError, ConflictError
 from ground.gdr.history import verify_chains
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR
-from ground.resources.backups.backup import backup, restore
+from ground.resources.backups.backup import backup
 from ground.resources.backups.check_files import check_files
+from ground.resources.backups.restore import restore
 from ground.resources.mission_archives.import_mission import import_mission
 from ground.resources.mission_archives.mission_archive import export_mission
 from ground.resources.missions.value import Mission

@@ -13,6 +13,7 @@ from ground.errors import InvalidInputError
 from ground.gdr.repository import Repository
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.calibrations import calibrate_mission as service
+from ground.resources.calibrations.bodies import MissionCalibrate
 from ground.resources.calibrations.calibrate_from_folders import calibrate_from_folders
 from ground.resources.calibrations.calibrate_mission import calibrate_mission
 from ground.resources.calibrations.work import work
@@ -141,7 +142,7 @@ def test_what_holds_no_legs_is_named(
     with pytest.raises(InvalidInputError, match="0 legs"):
         calibrate_from_folders(repo, PLANNER, mission.id)
     with pytest.raises(InvalidInputError, match="there is no run gone"):
-        calibrate_mission(repo, PLANNER, mission.id, run_ids=["gone"])
+        calibrate_mission(repo, PLANNER, mission.id, MissionCalibrate(run_ids=["gone"]))
 
 
 def test_over_the_interface_it_is_a_job_that_gives_the_mission_its_calibration(

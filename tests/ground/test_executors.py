@@ -17,6 +17,7 @@ from ground.jobs.executors import InlineExecutor
 from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
 from ground.resources.missions.value import Mission
+from ground.resources.path_networks.bodies import PathNetworkCreate
 from ground.resources.path_networks.build_path_network import build_path_network
 from ground.settings import ExecutorKind, SettingsError, load_settings
 from tests.ground.conftest import PLANNER, yard
@@ -26,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_a_worker_of_its_own_does_the_jobs_of_the_same_database(repo: Repository, mission: Mission) -> None:
-    job = build_path_network(repo, PLANNER, mission.id, sol_id=None)
+    job = build_path_network(repo, PLANNER, mission.id, PathNetworkCreate())
     environment = {
         **os.environ,
         "OUTCROP_DATA_DIR": str(repo.data_dir),

@@ -222,7 +222,10 @@ def test_undo_refuses_what_somebody_else_changed_since(api: Api, mission: Missio
     api("PATCH", f"/targets/{target['id']}", {"notes": "mine"}, headers={"If-Match": "*"})
     api("PATCH", f"/targets/{target['id']}", {"notes": "theirs"}, headers={"If-Match": "*"}, who="Scientist")
     answer = api("POST", f"/missions/{mission.id}/undo", {})
-    assert "changed since by somebody else" in problem(answer, 409, "wrong-state")["detail"]
+    refused = problem(answer, 409, "wrong-state")
+    newest = api.get(f"/missions/{mission.id}/history?newest_first=true&limit=1")["items"][0]
+    assert refused["event"] == newest["seq"]
+    assert f"{target['id']} by Scientist) rests on it" in refused["detail"]
 
 
 def test_the_history_is_complete_and_shows_any_tampering(api: Api, mission: Mission) -> None:

@@ -30,7 +30,16 @@ from ground.uplink.trust import allow, change_trust, new_trust, write_trust
 from tests.ground.conftest import Api, open_api, settings_for
 
 OLD = Path(__file__).parent / "fixtures" / "v0.1.0"
+SINCE = {"fly_campaign", "live"}
+"""Kinds of jobs that the old version did not have."""
 EXPECTED: dict[str, Any] = json.loads((OLD / "expected.json").read_text(encoding="utf-8"))
+
+
+def nearly(document: Any) -> Any:
+    """Return a document with numbers of ten digits: the last bits of a fit are the processor's."""
+    if isinstance(document, dict):
+        return {name: nearly(member) for name, member in document.items()}
+    return float(f"{document:.9e}") if isinstance(document, float) else document
 
 
 @pytest.fixture
@@ -49,8 +58,8 @@ def old_api(tmp_path: Path) -> Iterator[Api]:
 
 
 def test_a_job_of_each_kind_queued_by_the_old_version_ends_as_it_did_there(old_api: Api) -> None:
-    assert set(EXPECTED["jobs"]) == set(JOB_KINDS)
-    assert old_api.jobs() == len(JOB_KINDS)
+    assert set(JOB_KINDS) - set(EXPECTED["jobs"]) == SINCE
+    assert old_api.jobs() == len(EXPECTED["jobs"])
     for kind, expected in EXPECTED["jobs"].items():
         job = old_api.get(f"/jobs/{expected['job']}")
         assert (job["kind"], job["state"]) == (kind, expected["state"]), job["problem"]
@@ -61,7 +70,7 @@ def test_a_job_of_each_kind_queued_by_the_old_version_ends_as_it_did_there(old_a
         result = old_api.get(job["result_url"].removeprefix("/api/v1"))
         result["segments"] = len(result.get("segments", ()))
         made = {name: value for name, value in expected.items() if name not in {"job", "state", "result_url"}}
-        assert {name: result[name] for name in made} == made, kind
+        assert nearly({name: result[name] for name in made}) == nearly(made), kind
 
 
 def test_old_history_still_agrees_with_itself(old_api: Api) -> None:

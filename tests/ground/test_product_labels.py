@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ground.gdr.files import FileStore
-from ground.resources.runs.work import MAX_LABEL_BYTES, _store_product
+from ground.resources.runs.work import MAX_LABEL_BYTES, store_product
 
 CAMERA = {"kind": "CAHV", "width": 4, "height": 3, "C": [0.0, 0.0, 1.0]}
 
@@ -36,7 +36,7 @@ def _row(folder: Path, beside: str | None) -> dict[str, Any]:
 def _label(tmp_path: Path, beside: str | None) -> dict[str, Any]:
     folder = tmp_path / "run"
     folder.mkdir()
-    stored = _store_product(folder, FileStore(tmp_path / "files"), _row(folder, beside))
+    stored = store_product(folder, FileStore(tmp_path / "files"), _row(folder, beside))
     return dict(stored["label"])
 
 

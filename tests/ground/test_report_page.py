@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from ground.reports.page import confidence_chart
+from ground.reports.plan_drawing import describe_when
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -29,3 +30,10 @@ def test_confidence_is_drawn_over_the_distance_and_breaks_where_nothing_is_track
 def test_without_a_track_there_is_no_chart() -> None:
     assert confidence_chart([0.0, 1.0], {"T1": [0.0, 0.0]}, "confidence") == ""
     assert confidence_chart([None, None], {"T1": [1.0, 1.0]}, "confidence") == ""
+
+
+def test_an_option_that_asks_what_was_done_says_so() -> None:
+    late = [{"var": "done", "observation": "R1", "is": False}, {"var": "time_s", "ge": 3600.0}]
+    assert describe_when(late, {}) == "R1 not done and time ≥ 3600 s"
+    assert describe_when([{"var": "tracked", "target": "T1", "is": False}], {"T1": "Clovis"}) == "Clovis lost"
+    assert describe_when([], {}) == "else"

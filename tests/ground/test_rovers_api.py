@@ -13,8 +13,8 @@ from ground.resources.missions.value import Mission
 from ground.resources.rovers.routes import EXAMPLE
 from ground.resources.rovers.value import Rover
 from mission.plugins import Registry
-from rover_iface import profile as profile_module
 from rover_iface import profiles
+from rover_iface.profile import load as profile_load
 from rover_iface.profile import load_profile
 from tests.ground.conftest import Api, yard
 from tests.ground.test_missions_api import problem
@@ -126,7 +126,7 @@ def test_requests_are_told_of_another_rover_and_none_is_lost(
     monkeypatch.setattr(profiles, "FOLDER", tmp_path)
     known = Registry("rover profile", "outcrop.profiles", {n: f"rover_iface.profiles:{n}" for n in ("bare",)})
     whole = load_profile("k9")
-    monkeypatch.setattr(profile_module, "_NAMED", known)
+    monkeypatch.setattr(profile_load, "_NAMED", known)
     assert whole.name == "k9"
     request = _request(sqlite_api, site, instrument="microscopic_imager")
     api = sqlite_api
@@ -148,7 +148,7 @@ def test_a_package_that_cannot_be_imported_is_listed_with_its_error(
     sqlite_api: Api, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = {"k9": "rover_iface.profiles:k9", "ghost": "no_such_package:PROFILE"}
-    monkeypatch.setattr(profile_module, "_NAMED", Registry("rover profile", "outcrop.profiles", names))
+    monkeypatch.setattr(profile_load, "_NAMED", Registry("rover profile", "outcrop.profiles", names))
     listed = {r["name"]: r["problem"] for r in sqlite_api.get("/rovers")["items"]}
     assert listed["k9"] == ""
     assert "no_such_package:PROFILE) cannot be loaded: ModuleNotFoundError" in listed["ghost"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import logging
 import re
@@ -9,29 +10,32 @@ import shutil
 import stat
 import time
 import zipfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from argon2 import PasswordHasher
 from sqlalchemy import select, text, update
 
 from ground.app.api import build_api
 from ground.app.logs import JsonFormatter
-from ground.errors import ArchiveError
+from ground.errors import ArchiveError, TooManyAttemptsError
 from ground.gdr.archives import extract_zip
 from ground.gdr.base import utc_now
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository, open_repository
 from ground.jobs.row import JobRow
-from ground.records.actor import ALLOWED, Action, Role
+from ground.records.actor import ALLOWED, SYSTEM_ACTOR, Action, Role
 from ground.resources.comments.row import CommentRow
 from ground.resources.frames.row import FrameRow, SolutionRow
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.missions.value import Mission
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.people.accounts import ensure_profiles
+from ground.resources.people.accounts import ensure_profiles, set_password
+from ground.resources.people.log_in_limits import LogInLimits, address_of
 from ground.resources.people.row import CredentialRow, PersonRow
 from ground.resources.plans.row import PlanRow
 from ground.resources.runs.row import RunRow
@@ -285,6 +289,54 @@ def test_the_door_closes_after_five_failed_logins(accounts: Api) -> None:
     log_in(accounts, "planner")
 
 
+def test_a_new_password_ends_sessions_and_the_old_one(accounts: Api) -> None:
+    headers = log_in(accounts, "viewer")
+    accounts._client.cookies.clear()
+    set_password(accounts.repo, SYSTEM_ACTOR, "viewer", "another horse battery")
+    accounts._client._transport.app.state.identities.forget()  # type: ignore[attr-defined]
+    problem(accounts("GET", "/missions", headers=headers), 401, "not-authenticated")
+    answer = accounts("POST", "/session", {"name": "viewer", "password": PASSWORD})
+    problem(answer, 401, "not-authenticated")
+    log_in(accounts, "viewer", "another horse battery")
+
+
+def test_guesses_at_the_same_time_are_five_and_another_address_still_enters(accounts: Api) -> None:
+    app = accounts._client._transport.app  # type: ignore[attr-defined]
+
+    async def guess(host: str, password: str, times: int) -> list[int]:
+        transport = httpx.ASGITransport(app=app, client=(host, 1))
+        async with httpx.AsyncClient(transport=transport, base_url="http://testserver") as client:
+            given = {"name": "admin", "password": password}
+            sent = [client.post("/api/v1/session", json=given) for _ in range(times)]
+            return [answer.status_code for answer in await asyncio.gather(*sent)]
+
+    counts = Counter(accounts._portal.call(guess, "10.0.0.1", "wrong-password", 60))
+    assert counts[401] <= 5
+    assert counts[401] + counts[429] == 60
+    assert accounts._portal.call(guess, "10.0.0.1", PASSWORD, 1) == [429]
+    assert accounts._portal.call(guess, "10.0.0.2", PASSWORD, 1) == [201]
+    app.state.limits = LogInLimits()  # another server, or this one after a restart
+    assert accounts._portal.call(guess, "10.0.0.1", PASSWORD, 1) == [429]
+
+
+def test_one_guess_for_each_of_many_names_is_limited_by_address() -> None:
+    now = 0.0
+    limits = LogInLimits(clock=lambda: now)
+    for number in range(50):
+        limits.knock(f"name {number}", "10.0.0.1")
+    with pytest.raises(TooManyAttemptsError):
+        limits.knock("another", "10.0.0.1")
+    limits.knock("another", "10.0.0.2")
+    now = 301.0
+    limits.knock("another", "10.0.0.1")
+
+
+def test_an_address_is_a_whole_network_in_ipv6() -> None:
+    assert address_of("2001:db8::1") == address_of("2001:db8::ffff:2") != address_of("2001:db8:0:1::1")
+    assert address_of("::ffff:10.0.0.1") == address_of("10.0.0.1") == "10.0.0.1"
+    assert address_of(None) == "unknown"
+
+
 def test_passwords_never_reach_rows_or_logs(accounts: Api, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.DEBUG):
         log_in(accounts, "admin")
@@ -313,9 +365,9 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("POST", r"/geometry$", Action.EDIT_SCIENCE),
     ("(POST|PATCH|DELETE)", r"/(sols|keep-outs)(/\{[a-z_]+\})?$", Action.EDIT_MISSION),
     ("(POST|PATCH|DELETE)", r"/comments(/\{[a-z_]+\})?$", Action.COMMENT),
-    ("POST", r"/(path-networks|plans|runs)$", Action.PLAN),
+    ("POST", r"/(path-networks|plans|runs|campaigns)$", Action.PLAN),
     ("(PATCH|DELETE)", r"/(plans|runs)/\{[a-z_]+\}$", Action.PLAN),
-    ("POST", r"/runs/\{[a-z_]+\}/control$", Action.PLAN),
+    ("POST", r"/runs/\{[a-z_]+\}/(control|faults)$", Action.PLAN),
     ("POST", r"/plans/\{[a-z_]+\}/what-if$", Action.READ),
     ("POST", r"/jobs/.*(cancel|retry)$", Action.PLAN),
     ("POST", r"/(frames|solutions|frame-files|site-maps)$", Action.EDIT_MISSION),
@@ -362,6 +414,8 @@ BODIES: dict[str, Any] = {
     "create_plan": {"iterations": 1},
     "create_run": {"plan_id": "P"},
     "control_run": {"paused": True},
+    "inject_fault": {"kind": "novelty", "amount": 0.5},
+    "create_campaign": {"plan_id": "P", "runs": 10},
     "sign_plan": {
         "role": "approver",
         "sha256": "0" * 64,

@@ -162,9 +162,8 @@ def test_a_run_is_asked_for_its_panorama_by_name(
     sqlite_api: Api, sqlite_repo: Repository, terrain_folder: Path
 ) -> None:
     from ground.errors import InvalidInputError
-
-    pass
-    from ground.resources.traverses.adjust_traverse import Stop, _source
+    from ground.resources.traverses.adjust_traverse import _source
+    from ground.resources.traverses.bodies import StopBody
 
     mission = yard(sqlite_repo, terrain_folder).id
     for name in ("a", "b"):
@@ -176,6 +175,9 @@ def test_a_run_is_asked_for_its_panorama_by_name(
             return RunRow(id="run-1", mission_id=mission)
 
     rows: Any = Rows()
-    assert _source(sqlite_repo, rows, mission, Stop("f", "run-1", None, "b"), "")[1] == "b"
+    assert (
+        _source(sqlite_repo, rows, mission, StopBody(frame_id="f", run_id="run-1", panorama="b"), "")[1]
+        == "b"
+    )
     with pytest.raises(InvalidInputError, match="has no panorama ''; it has a, b"):
-        _source(sqlite_repo, rows, mission, Stop("f", "run-1"), "")
+        _source(sqlite_repo, rows, mission, StopBody(frame_id="f", run_id="run-1"), "")

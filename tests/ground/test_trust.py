@@ -17,7 +17,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from ground.errors import AlreadyExecutedError, ArchiveError, ForbiddenError, InvalidInputError
 from ground.uplink import verify
-from ground.uplink.execute import Place, commission, execute_package
+from ground.uplink.admission import commission
+from ground.uplink.execute import Place, execute_package
 from ground.uplink.keys import id_of, load_key, make_key, public_text, sign
 from ground.uplink.package import Signature, write_package
 from ground.uplink.training import ROOT, Team, make_team

@@ -11,12 +11,24 @@ import pytest
 
 from mission.codec import Codec
 from mission.day import DAYS
+from planner.path_network.calibration import CALIBRATIONS
+from planner.plan_tree_document import TREES
+from planner.problem_document import PROBLEMS
 from rover_iface.profile import PROFILES
+from rover_iface.simulator.faults import FAULTS
+from rover_iface.simulator.world import WORLDS
+from rover_iface.terrain.load import TERRAINS
+from rover_iface.terrain.rocks import ROCKS
 
 FORMATS = Path(__file__).parents[2] / "docs/formats"
 
 
-@pytest.mark.parametrize("codec", [DAYS, PROFILES], ids=lambda codec: str(codec.format))
+CODECS: list[Codec[Any]] = [
+    DAYS, PROFILES, FAULTS, WORLDS, TERRAINS, ROCKS, PROBLEMS, TREES, CALIBRATIONS
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("codec", CODECS, ids=lambda codec: str(codec.format))
 def test_a_published_schema_is_that_of_its_codec(codec: Codec[Any]) -> None:
     path = FORMATS / f"{codec.format.replace('/', '-')}.schema.json"
     text = json.dumps(codec.schema(), indent=2) + "\n"

@@ -18,16 +18,20 @@ from ground.errors import InvalidInputError, StateError
 from ground.gdr.history import Change, record
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
+from ground.jobs.value import JobState
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
 from ground.resources.approvals.row import WaiverRow
 from ground.resources.approvals.value import FlightRuleResult
+from ground.resources.campaigns.row import CampaignRow
 from ground.resources.missions.terrain import mission_terrain
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.read_plan import computed_plan
 from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow
 from ground.resources.sols.row import SolRow
+from ground.settings import Settings
+from mission.codec import Document
 
 if TYPE_CHECKING:
     from rover_iface.terrain import Terrain
@@ -55,8 +59,11 @@ class Case:
     sol: SolRow
     problem: Mapping[str, Any]
     terrain: Terrain
+    campaign: CampaignRow | None
+    """The largest campaign of the plan that has ended."""
+    least_runs: int
 
-    def planned(self) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    def planned(self) -> Iterator[tuple[Document, Document]]:
         """Yield each planned observation with its target."""
         wanted = set(self.plan.planned_request_ids)
         for target in self.problem["targets"]:
@@ -131,6 +138,18 @@ def _crl(case: Case, limit: float) -> Verdict:
     )
 
 
+def _campaign(case: Case, limit: float) -> Verdict:
+    flown = case.campaign
+    if flown is None or flown.result is None:
+        return False, None, f"the plan was not flown in a campaign; {case.least_runs:,} runs are asked for"
+    over = next(f for f in flown.result["frequencies"] if f["what"] == "over budget")
+    share, runs = float(over["interval"]["high"]), int(flown.result["runs"])
+    if runs < case.least_runs:
+        return False, share, f"its largest campaign has {runs:,} runs; {case.least_runs:,} are asked for"
+    told = f"{over['runs']:,} of {runs:,} runs end over a budget; the value is the upper end of the interval"
+    return share <= limit, share, told
+
+
 CHECKS: Mapping[str, Callable[[Case, float], Verdict]] = {
     "tilt": _tilt,
     "energy_floor": _energy_floor,
@@ -139,6 +158,7 @@ CHECKS: Mapping[str, Callable[[Case, float], Verdict]] = {
     "instrument": _instrument,
     "time_of_day": _time_of_day,
     "crl": _crl,
+    "campaign": _campaign,
 }
 
 
@@ -153,6 +173,20 @@ def flight_rules() -> tuple[Rule, ...]:
     return rules
 
 
+def asked_rules(settings: Settings) -> tuple[Rule, ...]:
+    """Return the rules that an approval asks for: that of a campaign only where a number of runs is set."""
+    return tuple(rule for rule in flight_rules() if rule.check != "campaign" or settings.approval_runs)
+
+
+def _largest_campaign(session: Session, plan: PlanRow) -> CampaignRow | None:
+    query = select(CampaignRow).where(
+        CampaignRow.plan_id == plan.id,
+        CampaignRow.crl_sha256 == plan.crl_sha256,
+        CampaignRow.state == JobState.SUCCEEDED.value,
+    )
+    return session.scalars(query.order_by(CampaignRow.runs.desc(), CampaignRow.id.desc()).limit(1)).first()
+
+
 def hold_rules(repo: Repository, session: Session, plan: PlanRow) -> list[FlightRuleResult]:
     """Return how each rule stands for a computed plan."""
     assert plan.problem_id is not None
@@ -161,12 +195,14 @@ def hold_rules(repo: Repository, session: Session, plan: PlanRow) -> list[Flight
         session.get_one(SolRow, plan.sol_id),
         session.get_one(ProblemRow, plan.problem_id).document,
         mission_terrain(repo, session, plan.mission_id),
+        _largest_campaign(session, plan),
+        repo.settings.approval_runs,
     )
     waived = {
         w.rule: w.author for w in session.scalars(select(WaiverRow).where(WaiverRow.plan_id == plan.id))
     }
     results = []
-    for rule in flight_rules():
+    for rule in asked_rules(repo.settings):
         holds, value, detail = CHECKS[rule.check](case, rule.limit)
         value = value if value is not None and math.isfinite(value) else None
         results.append(

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import Asked, Cursor, Id, Limit, answer, api_router
+from ground.api.context import Asked, Id, answer
 from ground.api.problems import responses
-from ground.records.forms import Page
+from ground.api.resource_routes import resource_routes
 from ground.resources.approvals.bodies import WaiverCreate
 from ground.resources.approvals.check_flight_rules import check_flight_rules, waive_rule
-from ground.resources.approvals.value import Approval, FlightRuleResult
+from ground.resources.approvals.kind import APPROVAL
+from ground.resources.approvals.value import FlightRuleResult
 
-router = api_router("uplink")
-
-
-@router.get("/missions/{mission_id}/approvals", response_model=Page[Approval], responses=responses(404, 422))
-async def list_approvals(ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None) -> Response:
-    """List approvals, with those that are void."""
-    return await ask.page("approval", mission_id, limit, cursor)
+router = resource_routes(APPROVAL, "uplink", lists="List approvals, with those that are void.")
 
 
 @router.get(

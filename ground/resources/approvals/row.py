@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from sqlalchemy import (
-    ForeignKey,
-    String,
-    Text,
-    UniqueConstraint,
-)
+from sqlalchemy import ForeignKey, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.gdr.base import Row, mission_column
+from ground.gdr.base import Long, Notes, Row, Sha256, Text80, mission_column
 
 
 class ApprovalRow(Row):
@@ -18,11 +13,11 @@ class ApprovalRow(Row):
 
     mission_id: Mapped[str] = mission_column()
     plan_id: Mapped[str] = mapped_column(ForeignKey("plans.id", ondelete="CASCADE"), index=True)
-    note: Mapped[str] = mapped_column(Text, default="")
-    crl_sha256: Mapped[str] = mapped_column(String(64))
-    terrain_sha256: Mapped[str] = mapped_column(String(64))
-    dictionary_sha256: Mapped[str] = mapped_column(String(64))
-    models_sha256: Mapped[str] = mapped_column(String(64))
+    note: Mapped[Notes]
+    crl_sha256: Mapped[Sha256]
+    terrain_sha256: Mapped[Sha256]
+    dictionary_sha256: Mapped[Sha256]
+    models_sha256: Mapped[Sha256]
 
 
 class WaiverRow(Row):
@@ -33,5 +28,5 @@ class WaiverRow(Row):
 
     mission_id: Mapped[str] = mission_column()
     plan_id: Mapped[str] = mapped_column(ForeignKey("plans.id", ondelete="CASCADE"), index=True)
-    rule: Mapped[str] = mapped_column(String(80))
-    reason: Mapped[str] = mapped_column(Text)
+    rule: Mapped[Text80]
+    reason: Mapped[Long]

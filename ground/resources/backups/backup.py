@@ -1,130 +1,98 @@
-"""Back up a whole repository into one file, and restore it."""
+"""Back up a whole repository into one file."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import shutil
-import tarfile
 import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import insert, select, text
+from sqlalchemy import select, text
+from sqlalchemy.orm import Session
 
-from ground.errors import ArchiveError, ConflictError
-from ground.gdr.base import Utc, utc_now
-from ground.gdr.migrate import current_revision, migrate
+from ground.gdr.base import utc_now
+from ground.gdr.migrate import current_revision
 from ground.gdr.repository import Repository
+from ground.resources.backups.check_files import damaged_files
+from ground.resources.backups.container import Listing, Part, write_container
+from ground.resources.backups.secrets import seal
 from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
 
-FORMAT = "backup/1"
 FOLDERS = ("files", "terrains")
+ROWS, SECRETS = "rows.jsonl", "secrets.json"
+LEFT_OUT = {"credentials", "login_failures", "idempotency_keys"}
+"""Tables of sessions, keys and the day's answers; keys of API clients go with the secrets."""
 
 
-def backup(repo: Repository, target: Path) -> dict[str, int]:
-    """Write database and files into a tar file; return how many rows of each table it holds.
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """How many rows of each table a backup holds, and the files that were damaged before it was made."""
+
+    rows: dict[str, int]
+    damaged: list[str]
+
+
+def backup(repo: Repository, target: Path, *, passphrase: str | None = None) -> Saved:
+    """Write database and files into a file of its owner's alone.
 
     The database is read in one transaction, then the files it names are copied: files never change and
     come before their rows, so the copy is consistent while the server goes on. Of the folders of runs the
-    journals of those that are over go with it.
+    journals of those that are over go with it. What is damaged goes with it too, and is named.
+
+    Hashes of passwords and of API keys are left out, or sealed with `passphrase`.
     """
-    counts: dict[str, int] = {}
-    runs: list[str] = []
     with tempfile.TemporaryDirectory(prefix="outcrop-backup-") as work:
-        rows = Path(work) / "rows.jsonl"
+        rows = Path(work) / ROWS
         with repo.database.read() as session, rows.open("w", encoding="utf-8") as out:
             if not repo.database.is_sqlite:
                 session.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ, READ ONLY"))
+            counts, runs = {}, []
             for table in METADATA.sorted_tables:
-                if table.name in {"credentials", "login_failures", "idempotency_keys"}:
+                if table.name in LEFT_OUT:
                     continue
                 counts[table.name] = 0
                 for row in session.execute(select(table)).mappings():
-                    record = {k: _plain(value) for k, value in row.items()}
+                    record = plain(row)
+                    if table.name == "people":
+                        record["password_hash"] = None
                     out.write(json.dumps([table.name, record]) + "\n")
                     counts[table.name] += 1
                     if table.name == "runs" and row["state"] not in {"queued", "running"}:
                         runs.append(row["id"])
-        parts = [p for name in FOLDERS for p in sorted((repo.data_dir / name).rglob("*")) if p.is_file()]
-        parts += [p for run in runs if (p := repo.run_dir(run) / JOURNAL).is_file()]
-        head = {
-            "format": FORMAT,
-            "files": {p.relative_to(repo.data_dir).as_posix(): p.stat().st_size for p in parts},
-            "revision": current_revision(repo.database),
-            "made_utc": utc_now().isoformat(),
-            "rows": counts,
-            "rows_sha256": hashlib.sha256(rows.read_bytes()).hexdigest(),
-        }
-        draft = target.with_name(f".{target.name}.draft")
-        with tarfile.open(draft, "w") as archive:
-            manifest = Path(work) / "backup.json"
-            manifest.write_text(json.dumps(head, indent=1), encoding="utf-8")
-            archive.add(manifest, "backup.json")
-            archive.add(rows, "rows.jsonl")
-            for part in parts:
-                archive.add(part, part.relative_to(repo.data_dir).as_posix())
-        draft.replace(target)
-    return counts
+            secret = None if passphrase is None else seal(_secrets(session), passphrase)
+        damaged = damaged_files(repo)
+        digest = hashlib.sha256(rows.read_bytes()).hexdigest()
+        revision = current_revision(repo.database) or ""
+        head = Listing(revision, utc_now().isoformat(), counts, digest, tuple(damaged))
+        write_container(target, head, _parts(repo, rows, runs, secret))
+    return Saved(counts, damaged)
 
 
-def restore(repo: Repository, source: Path) -> dict[str, int]:
-    """Fill an empty repository from a backup; return how many rows of each table came back.
-
-    Raises
-    ------
-    ConflictError
-        If the repository is not empty.
-    ArchiveError
-        If the file is damaged or no backup.
-    """
-    with tempfile.TemporaryDirectory(prefix="outcrop-restore-") as work:
-        folder = Path(work)
-        try:
-            with tarfile.open(source) as archive:
-                archive.extractall(folder, filter="data")
-            head = json.loads((folder / "backup.json").read_text(encoding="utf-8"))
-            content = (folder / "rows.jsonl").read_bytes()
-        except (OSError, ValueError, KeyError, tarfile.TarError, EOFError) as err:
-            raise ArchiveError(f"{source} is no whole backup: {err}") from err
-        if head.get("format") != FORMAT:
-            raise ArchiveError(f"{source} has the format {head.get('format')!r}; {FORMAT} is readable")
-        if hashlib.sha256(content).hexdigest() != head["rows_sha256"]:
-            raise ArchiveError(f"{source} is damaged: rows.jsonl is not what backup.json says")
-        for name, size in dict(head["files"]).items():
-            part = folder / name
-            if not part.is_file() or part.stat().st_size != size:
-                raise ArchiveError(f"{source} is no whole backup: {name} is missing or cut off")
-        migrate(repo.database, str(head["revision"]))
-        tables = METADATA.tables
-        with repo.database.write() as session:
-            for name in ("missions", "terrains"):
-                if session.execute(select(tables[name].c.id).limit(1)).first() is not None:
-                    raise ConflictError(
-                        "the repository is not empty; restore into a new data folder or database"
-                    )
-            for table in reversed(METADATA.sorted_tables):
-                session.execute(table.delete())
-            for line in content.decode().splitlines():
-                name, record = json.loads(line)
-                session.execute(insert(tables[name]).values(**_typed(tables[name], record)))
-        for name in (*FOLDERS, "runs"):
-            if (folder / name).is_dir():
-                shutil.copytree(folder / name, repo.data_dir / name, dirs_exist_ok=True)
-    migrate(repo.database)
-    return {str(k): int(count) for k, count in head["rows"].items()}
+def _parts(repo: Repository, rows: Path, runs: list[str], secret: bytes | None) -> Iterator[Part]:
+    yield Part(ROWS, rows)
+    if secret is not None:
+        yield Part(SECRETS, secret)
+    paths = [p for name in FOLDERS for p in sorted((repo.data_dir / name).rglob("*")) if p.is_file()]
+    paths += [p for run in runs if (p := repo.run_dir(run) / JOURNAL).is_file()]
+    for path in paths:
+        if not path.name.startswith(".draft-"):
+            yield Part(path.relative_to(repo.data_dir).as_posix(), path)
 
 
-def _plain(value: Any) -> Any:
-    return value.isoformat() if isinstance(value, datetime) else value
-
-
-def _typed(table: Any, record: dict[str, Any]) -> dict[str, Any]:
+def _secrets(session: Session) -> dict[str, Any]:
+    people, credentials = METADATA.tables["people"], METADATA.tables["credentials"]
+    keys = select(credentials).where(credentials.c.kind == "api_key")
     return {
-        name: datetime.fromisoformat(value)
-        if isinstance(table.c[name].type, Utc) and isinstance(value, str)
-        else value
-        for name, value in record.items()
+        "passwords": dict(session.execute(select(people.c.id, people.c.password_hash)).all()),
+        "credentials": [plain(row) for row in session.execute(keys).mappings()],
     }
+
+
+def plain(row: Any) -> dict[str, object]:
+    """Return a row as JSON values."""
+    return {k: v.isoformat() if isinstance(v, datetime) else v for k, v in row.items()}

@@ -11,11 +11,13 @@ from typing import Any
 
 from sqlalchemy import select
 
+from ground.gdr.durable import SUMS, damaged_in
 from ground.gdr.repository import Repository
 from ground.resources.packages.row import PackageRow
 from ground.resources.products.row import ProductRow
 from ground.resources.runs.row import RunRow
 from ground.resources.site_maps.row import SiteMapRow
+from ground.resources.terrains.row import TerrainRow
 from ground.resources.traverses.row import TraverseRow
 from ground.resources.uploads.row import UploadRow
 
@@ -77,6 +79,37 @@ def check_files(repo: Repository) -> FileReport:
     missing = sorted(owner for sha256, owner in named.items() if sha256 not in present)
     strays = [path.name for path in stray_runs(repo)]
     return FileReport(missing, sorted(present - set(named)), len(present), strays)
+
+
+def damaged_files(repo: Repository) -> list[str]:
+    """Return every stored file, and file of a terrain or of a run that came down, that is not what it was.
+
+    Stored files are named by their content; the others were written down when they came. The files of a
+    terrain of an older version were not, and its whole is held against the record.
+    """
+    found = [f"files/{sha256}" for sha256 in sorted(repo.files.hashes()) if not repo.files.is_sound(sha256)]
+    for name in ("terrains", "runs"):
+        folder = repo.data_dir / name
+        for kept in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if kept.is_dir() and kept.name[0] != ".":
+                found += [f"{name}/{kept.name}/{odd}" for odd in damaged_in(kept)]
+    with repo.database.read() as session:
+        terrains = dict(session.execute(select(TerrainRow.id, TerrainRow.sha256)).all())
+    for identifier, sha256 in terrains.items():
+        kept = repo.terrain_dir(identifier)
+        if not (kept / SUMS).is_file() and _terrain_sha256(kept) != sha256:
+            found.append(f"terrains/{identifier}")
+    return found
+
+
+def _terrain_sha256(folder: Path) -> str:
+    from rover_iface.errors import RoverError
+    from rover_iface.terrain import load_terrain
+
+    try:
+        return load_terrain(folder).sha256
+    except (RoverError, OSError):
+        return ""
 
 
 def sweep_files(repo: Repository) -> list[str]:

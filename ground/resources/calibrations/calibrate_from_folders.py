@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ground.errors import NotFoundError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import update
+from ground.records.get_resource import find_row
 from ground.resources.calibrations.calibrate_mission import calibration_order, run_folders
 from ground.resources.calibrations.work import learn
-from ground.resources.missions.kind import MISSION, show_missions
-from ground.resources.missions.row import MissionRow
+from ground.resources.missions.kind import MISSION
 from ground.resources.missions.value import Mission
 
 
@@ -42,8 +41,6 @@ def calibrate_from_folders(
         )
     document = learn(order, lambda _share, _what: None, lambda: False)
     with repo.database.write() as session:
-        row = session.get(MissionRow, mission_id, with_for_update=True)
-        if row is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
+        row = find_row(session, MISSION, mission_id, lock=True)
         update(session, actor, MISSION, row, {"calibration": document}, action="calibrate")
-        return show_missions(session, [row])[0]
+        return MISSION.show_one(session, row)

@@ -4,39 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import InvalidInputError, NotFoundError
+from ground.errors import InvalidInputError
 from ground.gdr.repository import Repository
-from ground.jobs.kind import show_jobs
-from ground.jobs.queue import WAKE, enqueue
 from ground.jobs.row import JobRow
 from ground.jobs.value import Job
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
 from ground.records.edit import update
+from ground.records.get_resource import find_row
+from ground.resources.ask_job import ask_job
+from ground.resources.calibrations.bodies import MissionCalibrate
 from ground.resources.calibrations.order import ORDERS, CalibrationOrder
 from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import terrain_row
 from ground.resources.runs.row import RunRow
+from mission.codec import Document
 
 KIND = "calibrate_mission"
 
 
-def calibrate_mission(
-    repo: Repository, actor: Actor, mission_id: str, *, run_ids: Sequence[str] = (), name: str = ""
-) -> Job:
+def calibrate_mission(repo: Repository, actor: Actor, mission_id: str, given: MissionCalibrate) -> Job:
     """Return the job that gives the mission the calibration that its recorded runs bear out.
 
-    Plans made from then on use it.
-
-    Parameters
-    ----------
-    run_ids
-        Runs of the mission to learn from; all that a rover on terrain drove when empty.
+    Plans made from then on use it. Without runs to learn from it is all that a rover on terrain drove.
 
     Raises
     ------
@@ -47,22 +41,11 @@ def calibrate_mission(
     """
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
-        folders = run_folders(repo, session, mission_id, run_ids)
-        job = enqueue(
-            session,
-            repo.settings,
-            kind=KIND,
-            mission_id=mission_id,
-            subject_kind="mission",
-            subject_id=mission_id,
-            payload=ORDERS.document(
-                calibration_order(repo, session, mission_id, folders, strict=bool(run_ids), name=name)
-            ),
-            author=actor.name,
+        folders = run_folders(repo, session, mission_id, given.run_ids)
+        order = calibration_order(
+            repo, session, mission_id, folders, strict=bool(given.run_ids), name=given.name
         )
-        value = show_jobs(session, [job])[0]
-    WAKE.set()
-    return value
+        return ask_job(session, repo, actor, KIND, mission_id, (MISSION, mission_id), ORDERS.document(order))
 
 
 def run_folders(
@@ -101,9 +84,7 @@ def calibration_order(
     NotFoundError
         If there is no such mission.
     """
-    mission = session.get(MissionRow, mission_id)
-    if mission is None:
-        raise NotFoundError(f"there is no mission {mission_id}")
+    mission = find_row(session, MISSION, mission_id)
     return CalibrationOrder(
         folders=tuple(str(folder) for folder in folders),
         strict=strict,
@@ -113,7 +94,7 @@ def calibration_order(
     )
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, Any]) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
     """Give the mission its calibration, unless it is gone."""
     row = session.get(MissionRow, job.subject_id, with_for_update=True)
     if row is None:
@@ -127,7 +108,3 @@ def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, A
         action="calibrate",
     )
     return f"/api/v1/missions/{row.id}"
-
-
-def abandon(_session: Session, _job: JobRow) -> None:
-    """Leave the mission as it is."""

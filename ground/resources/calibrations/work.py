@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
@@ -13,12 +11,13 @@ from ground.gdr.terrain_folders import load_cached
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
 from ground.resources.calibrations.order import CalibrationOrder
+from mission.codec import Document
 
 READING = 0.3
 """Share of the work that reading the runs is."""
 
 
-def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> Document:
     """Return `calibration`, the document `calibration/1` that run folders bear out.
 
     Raises
@@ -34,9 +33,9 @@ def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool
         raise JobFailedError(err.message) from err
 
 
-def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> Document:
     """Return the document; see above, but wrong runs are an `InvalidInputError`."""
-    from planner.path_network import calibration_to_json
+    from planner.path_network import CALIBRATIONS
     from rover_iface.profile import load_profile
 
     def tell(share: float, what: str) -> None:
@@ -68,5 +67,4 @@ def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], boo
         source=f"{len(legs)} legs of {runs} of rover profile {profile.name} {profile.version}",
         report=lambda share: tell(READING + (1.0 - READING) * share, "metres in and out of view"),
     )
-    calibration_to_json(fitted)  # refuses what could not be read again
-    return {"format": "calibration/1", **asdict(fitted)}
+    return CALIBRATIONS.document(fitted)

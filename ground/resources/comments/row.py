@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from sqlalchemy import (
-    Index,
-    String,
-    Text,
-)
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy import Index
+from sqlalchemy.orm import Mapped
 
-from ground.gdr.base import Row, mission_column
+from ground.gdr.base import Long, Row, Text40, mission_column
 
 
 class CommentRow(Row):
@@ -17,6 +13,6 @@ class CommentRow(Row):
     __table_args__ = (Index("ix_comments_subject", "mission_id", "subject_kind", "subject_id"),)
 
     mission_id: Mapped[str] = mission_column()
-    subject_kind: Mapped[str] = mapped_column(String(40))
-    subject_id: Mapped[str] = mapped_column(String(40))
-    text: Mapped[str] = mapped_column(Text)
+    subject_kind: Mapped[Text40]
+    subject_id: Mapped[Text40]
+    text: Mapped[Long]

@@ -11,13 +11,15 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import AlreadyExecutedError, ArchiveError, GroundError, NotFoundError
+from ground.errors import AlreadyExecutedError, ArchiveError, GroundError
 from ground.gdr.archives import extract_zip, is_zip
+from ground.gdr.durable import copy_folder
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
 from ground.records.edit import insert, update
+from ground.records.get_resource import find_row
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.packages.row import PackageRow
@@ -25,19 +27,17 @@ from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
 from ground.resources.runs.dry_run import record_run
-from ground.resources.runs.kind import RUN, show_runs
+from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Run, RunKind
 from ground.resources.runs.work import read_run_folder
-from ground.resources.uploads.row import UploadRow
+from ground.resources.uploads.kind import UPLOAD
 
 
 def ingest_upload(repo: Repository, actor: Actor, upload_id: str) -> Run:
     """Take in an uploaded zip of a run's folder; see `ingest_run`."""
     with repo.database.read() as session:
-        upload = session.get(UploadRow, upload_id)
-        if upload is None:
-            raise NotFoundError(f"there is no upload {upload_id}", pointer="/upload_id")
+        upload = find_row(session, UPLOAD, upload_id, pointer="/upload_id")
     stored = repo.files.path(upload.sha256)
     if not is_zip(stored):
         raise ArchiveError(f"{upload.file_name} is no zip", pointer="/upload_id")
@@ -73,7 +73,7 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
         )
     run_id = new_id("run")
     kept = repo.run_dir(run_id)
-    _keep_folder(folder, kept)
+    copy_folder(folder, kept)
     try:
         return _record(repo, actor, folder, result, run_id)
     except GroundError:  # after anything else the rows may have been written: the sweep knows
@@ -81,7 +81,7 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
         raise
 
 
-def _record(repo: Repository, actor: Actor, folder: Path, result: dict[str, Any], run_id: str) -> Run:
+def _record(repo: Repository, actor: Actor, folder: Path, result: Mapping[str, Any], run_id: str) -> Run:
     document = result["document"]
     package = document["package_sha256"]
     with repo.database.write() as session:
@@ -117,19 +117,7 @@ def _record(repo: Repository, actor: Actor, folder: Path, result: dict[str, Any]
         _settle_requests(session, plan, document, {p.request_id for p in products})
         update(session, actor, PLAN, plan, {"state": PlanState.EXECUTED.value}, action="execute")
         session.flush()
-        value: Run = show_runs(session, [run])[0]
-    return value
-
-
-def _keep_folder(source: Path, target: Path) -> None:
-    """Copy the folder of a run, with its journal, to its place beside the repository: whole or not at all."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(f".draft-{target.name}")
-    try:
-        shutil.copytree(source, draft)
-        draft.rename(target)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
+        return RUN.show_one(session, run)
 
 
 def _settle_requests(

@@ -7,24 +7,23 @@ from collections.abc import Sequence
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import InvalidInputError, NameTakenError, NotFoundError
+from ground.errors import InvalidInputError, NameTakenError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, update
-from ground.resources.frames.kind import FRAME, show_frames
+from ground.records.get_resource import find_row
+from ground.resources.frames.bodies import FrameCreate
+from ground.resources.frames.kind import FRAME
 from ground.resources.frames.row import FrameFileRow, FrameRow, SolutionRow
 from ground.resources.frames.site_chain import key_of
 from ground.resources.frames.value import Frame, Level
 from ground.resources.missions.kind import MISSION
-from ground.resources.missions.row import MissionRow
 
 SITE, ROVER = "SITE_FRAME", "ROVER_FRAME"
 
 
-def create_frame(
-    repo: Repository, actor: Actor, mission_id: str, *, name: str, counter: Sequence[int], notes: str = ""
-) -> Frame:
+def create_frame(repo: Repository, actor: Actor, mission_id: str, given: FrameCreate) -> Frame:
     """Return a new frame without a solution; the first site frame of a mission becomes its anchor.
 
     Raises
@@ -36,20 +35,17 @@ def create_frame(
     """
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
-        mission = session.get(MissionRow, mission_id)
-        if mission is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
-        key = key_of(name, counter)
+        mission = find_row(session, MISSION, mission_id)
+        key = key_of(given.name, given.counter)
         taken = select(FrameRow.id).where(FrameRow.mission_id == mission_id, FrameRow.key == key)
         if session.scalars(taken).first() is not None:
             raise NameTakenError(f"there is a frame {key} already", pointer="/counter")
-        row = frame_row(actor, mission_id, name, counter)
-        row.notes = notes
-        group = new_id("act")
-        insert(session, actor, FRAME, row, group=group)
+        row = frame_row(actor, mission_id, given.name, given.counter)
+        row.notes = given.notes
+        insert(session, actor, FRAME, row)
         if row.level == Level.SITE and mission.anchor_frame_id is None:
-            update(session, actor, MISSION, mission, {"anchor_frame_id": row.id}, group=group)
-        return show_frames(session, [row])[0]
+            update(session, actor, MISSION, mission, {"anchor_frame_id": row.id})
+        return FRAME.show_one(session, row)
 
 
 def frame_row(actor: Actor, mission_id: str, name: str, counter: Sequence[int]) -> FrameRow:

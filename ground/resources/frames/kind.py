@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
@@ -10,16 +10,15 @@ from sqlalchemy.orm import Session
 from ground.errors import StateError
 from ground.records.actor import Action
 from ground.records.kind import Kind
-from ground.records.show import value_of
 from ground.resources.frames.bodies import FrameChange, FrameCreate
 from ground.resources.frames.row import FrameFileRow, FrameRow, SolutionRow
 from ground.resources.frames.site_chain import load_chain
 from ground.resources.frames.value import Frame, Level
 
 
-def show_frames(session: Session, rows: Sequence[FrameRow]) -> list[Frame]:
-    """Return frames with their places, by the chain of each mission once."""
-    chains = {i: load_chain(session, i) for i in {r.mission_id for r in rows}}
+def _places(session: Session, rows: Sequence[FrameRow]) -> Callable[[FrameRow], Mapping[str, object]]:
+    """Read the chain of each mission once."""
+    chains = {i: load_chain(session, i) for i in {row.mission_id for row in rows}}
     s = SolutionRow
     counted = select(s.frame_id, func.count()).where(s.mission_id.in_(chains)).group_by(s.frame_id)
     counts = dict(session.execute(counted).all())
@@ -28,38 +27,27 @@ def show_frames(session: Session, rows: Sequence[FrameRow]) -> list[Frame]:
     for file in session.execute(files.where(FrameFileRow.mission_id.in_(chains))):
         for alias in file.aliases:
             declared.setdefault((file.mission_id, tuple(alias["new"])), alias["old"])
-    shown = []
-    for r in rows:
-        place, reason = None, ""
+
+    def place(row: FrameRow) -> Mapping[str, object]:
+        known = declared.get((row.mission_id, tuple(row.counter))) if row.level == Level.SITE else None
+        found = {"declared_at": known, "solutions": counts.get(row.id, 0)}
         try:
-            place = chains[r.mission_id].place(r.id)
+            return {**found, "place": chains[row.mission_id].place(row.id), "reason": ""}
         except StateError as err:
-            reason = err.message
-        known = declared.get((r.mission_id, tuple(r.counter))) if r.level == "site" else None
-        shown.append(
-            value_of(
-                Frame,
-                r,
-                level=Level(r.level),
-                declared_at=known,
-                solutions=counts.get(r.id, 0),
-                place=place,
-                reason=reason,
-            )
-        )
-    return shown
+            return {**found, "place": None, "reason": err.message}
+
+    return place
 
 
 FRAME = Kind(
     "frame",
-    "frame",
     "frm",
     "frames",
     FrameRow,
-    show_frames,
+    Frame,
     Action.EDIT_MISSION,
     make=FrameCreate,
     change=FrameChange,
     undoable=True,
-    related=True,
+    related=_places,
 )

@@ -5,18 +5,10 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import (
-    JSON,
-    BigInteger,
-    ForeignKey,
-    Index,
-    String,
-    Text,
-    UniqueConstraint,
-)
+from sqlalchemy import ForeignKey, Index, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.gdr.base import Row, mission_column
+from ground.gdr.base import Large, Notes, Row, Sha256, Text40, Text80, Text300, mission_column
 
 
 class FrameRow(Row):
@@ -27,14 +19,14 @@ class FrameRow(Row):
 
     mission_id: Mapped[str] = mission_column()
     key: Mapped[str] = mapped_column(String(120))
-    """Name and motion counter, `ROVER_FRAME 137.26`."""
-    name: Mapped[str] = mapped_column(String(80))
+    """Text80 and motion counter, `ROVER_FRAME 137.26`."""
+    name: Mapped[Text80]
     counter: Mapped[list[Any]]
     level: Mapped[str] = mapped_column(String(10))
     site: Mapped[int]
     drive: Mapped[int | None]
-    notes: Mapped[str] = mapped_column(Text, default="")
-    solution_id: Mapped[str | None] = mapped_column(String(40))
+    notes: Mapped[Notes]
+    solution_id: Mapped[Text40 | None]
     chosen_utc: Mapped[datetime | None]
     """When a person chose the solution; null while the rule of the files did."""
 
@@ -45,10 +37,10 @@ class FrameFileRow(Row):
     __tablename__ = "frame_files"
 
     mission_id: Mapped[str] = mission_column()
-    file_name: Mapped[str] = mapped_column(String(300))
-    sha256: Mapped[str] = mapped_column(String(64))
-    rover: Mapped[str] = mapped_column(String(80))
-    variant: Mapped[str] = mapped_column(String(80))
+    file_name: Mapped[Text300]
+    sha256: Mapped[Sha256]
+    rover: Mapped[Text80]
+    variant: Mapped[Text80]
     counter: Mapped[list[Any]]
     priority: Mapped[list[Any]]
     aliases: Mapped[list[Any]]
@@ -67,14 +59,14 @@ class SolutionRow(Row):
     mission_id: Mapped[str] = mission_column()
     frame_id: Mapped[str] = mapped_column(ForeignKey("frames.id", ondelete="CASCADE"), index=True)
     reference_id: Mapped[str] = mapped_column(ForeignKey("frames.id", ondelete="CASCADE"), index=True)
-    file_id: Mapped[str | None] = mapped_column(String(40))
-    label: Mapped[str] = mapped_column(String(80))
+    file_id: Mapped[Text40 | None]
+    label: Mapped[Text80]
     offset_m: Mapped[list[Any]]
     quaternion: Mapped[list[Any]]
-    covariance: Mapped[list[Any] | None] = mapped_column(JSON(none_as_null=True))
+    covariance: Mapped[list[Any] | None]
     """[6, 6] of a small motion (turn in rad, shift in m) in the frame's axes."""
     added_utc: Mapped[datetime]
-    position: Mapped[int] = mapped_column(BigInteger)
+    position: Mapped[Large]
     """Place in the order of arrival, that of the files."""
     source: Mapped[dict[str, Any]]
-    notes: Mapped[str] = mapped_column(Text, default="")
+    notes: Mapped[Notes]

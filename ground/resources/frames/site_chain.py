@@ -10,21 +10,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError, StateError
+from ground.gdr.base import Columns
 from ground.resources.frames.row import FrameRow, SolutionRow
 from ground.resources.frames.value import FramePlace
 from ground.resources.missions.row import MissionRow
+from mission.codec import Document
 
 if TYPE_CHECKING:
     from rover_iface.localization.anchored_chain import AnchoredChain, Placed
     from rover_iface.localization.site_frames import FrameId
-
-Columns = dict[str, Any]
 
 
 def key_of(name: str, counter: Sequence[int]) -> str:
@@ -126,7 +126,7 @@ def tie_outline(chain: Chain, frame_id: str, outline_m: Sequence[Sequence[float]
     return {"frame_id": frame_id, "in_frame": in_frame, "sigma_m": outline_of(placed, in_frame)[1]}
 
 
-def outline_of(placed: Placed, in_frame: Mapping[str, Any]) -> tuple[list[list[float]], float]:
+def outline_of(placed: Placed, in_frame: Document) -> tuple[list[list[float]], float]:
     """Return corners [east, north] in the mission's axes, and the largest level deviation of the middle."""
     import numpy as np
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 
+from ground.records.stored import OfMission
+
 
 class Level(StrEnum):
     """What a frame stands for."""
@@ -36,14 +38,12 @@ class FramePlace:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(OfMission):
     """A site, the end of a drive or a pose; `declared_at` is the motion counter at which a site was declared.
 
     `place` is null, with the `reason`, while nothing ties the frame to the anchor.
     """
 
-    id: str
-    mission_id: str
     name: str
     counter: list[int]
     level: Level
@@ -56,7 +56,3 @@ class Frame:
     place: FramePlace | None
     reason: str
     notes: str
-    author: str
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int

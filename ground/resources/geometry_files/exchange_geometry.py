@@ -9,7 +9,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import GroundError, TooLargeError
-from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
@@ -21,17 +20,17 @@ from ground.resources.geometry_files.site_geometry import read_shapes, refuse, t
 from ground.resources.geometry_files.value import ImportedGeometry
 from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.create_keep_out import keep_out_row
-from ground.resources.keep_outs.kind import KEEP_OUT, show_keep_outs
+from ground.resources.keep_outs.kind import KEEP_OUT
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import target_columns, target_row
-from ground.resources.targets.kind import TARGET, show_targets
+from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
 from ground.resources.uploads.store_upload import uploaded_file
 
-KINDS: Mapping[str, Kind] = {kind.name: kind for kind in (TARGET, KEEP_OUT)}
+KINDS: Mapping[str, Kind[Any]] = {kind.name: kind for kind in (TARGET, KEEP_OUT)}
 Given = TargetCreate | KeepOutCreate
-REFERRED: Mapping[str, Kind] = {FRAME.name: FRAME}
+REFERRED: Mapping[str, Kind[Any]] = {FRAME.name: FRAME}
 MAX_BYTES = 16 * 2**20
 
 
@@ -52,7 +51,6 @@ def import_geometry(repo: Repository, actor: Actor, mission_id: str, upload_id: 
         actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
         require_mission(session, mission_id)
-        group = new_id("imp")
         made: dict[str, list[Any]] = {"target": [], "keep_out": []}
         wrong = []
         for shape in shapes:
@@ -61,12 +59,12 @@ def import_geometry(repo: Repository, actor: Actor, mission_id: str, upload_id: 
             except GroundError as err:
                 wrong.append((shape.row, err.message))
                 continue
-            insert(session, actor, KINDS[shape.kind], row, reason="import", group=group)
+            insert(session, actor, KINDS[shape.kind], row, reason="import")
             made[shape.kind].append(row)
         if wrong:
             raise refuse(wrong, len(shapes))
         return ImportedGeometry(
-            show_targets(session, made["target"]), show_keep_outs(session, made["keep_out"])
+            TARGET.show(session, made["target"]), KEEP_OUT.show(session, made["keep_out"])
         )
 
 

@@ -37,8 +37,11 @@ async def list_history(
     "/missions/{mission_id}/undo", response_model=list[Event], responses=responses(400, 404, 409, 422)
 )
 async def undo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
-    """Take back the last act; the answer holds the events that did it."""
-    return answer(await ask.do(undo_use_case, mission_id, anyone=body.anyone))
+    """Take back the last act, or one that is named; the answer holds the events that did it.
+
+    Where a later act rests on it the answer is 409 and its member `event` names that act.
+    """
+    return answer(await ask.do(undo_use_case, mission_id, anyone=body.anyone, event=body.event))
 
 
 @router.post(
@@ -46,4 +49,4 @@ async def undo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
 )
 async def redo(ask: Asked, mission_id: Id, body: UndoBody) -> Response:
     """Do again what was last taken back."""
-    return answer(await ask.do(redo_use_case, mission_id, anyone=body.anyone))
+    return answer(await ask.do(redo_use_case, mission_id, anyone=body.anyone, event=body.event))

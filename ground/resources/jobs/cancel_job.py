@@ -7,8 +7,8 @@ from sqlalchemy.orm import Session
 from ground.errors import StateError
 from ground.gdr.base import utc_now
 from ground.gdr.repository import Repository
-from ground.jobs.kind import JOB, show_jobs
-from ground.jobs.queue import WAKE, cancel, requeue
+from ground.jobs.kind import JOB
+from ground.jobs.queue import cancel, requeue, wake_after
 from ground.jobs.row import JobRow
 from ground.jobs.value import Job
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
@@ -25,9 +25,8 @@ def cancel_job(repo: Repository, actor: Actor, job_id: str) -> Job:
         actor.require(Action.PLAN, row.mission_id)
         cancel(session, row, mark_subject, utc_now())
         session.flush()
-        value = show_jobs(session, [row])[0]
-    WAKE.set()
-    return value
+        wake_after(session)
+        return JOB.show_one(session, row)
 
 
 def retry_job(repo: Repository, actor: Actor, job_id: str) -> Job:
@@ -46,9 +45,8 @@ def retry_job(repo: Repository, actor: Actor, job_id: str) -> Job:
         requeue(row)
         mark_subject(session, row)
         session.flush()
-        value = show_jobs(session, [row])[0]
-    WAKE.set()
-    return value
+        wake_after(session)
+        return JOB.show_one(session, row)
 
 
 def mark_subject(session: Session, job: JobRow) -> None:

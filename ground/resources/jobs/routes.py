@@ -4,35 +4,22 @@ from __future__ import annotations
 
 from starlette.responses import Response, StreamingResponse
 
-from ground.api.context import Asked, Cursor, FilterId, Id, Limit, answer, api_router
+from ground.api.context import Asked, FilterId, Id, answer
 from ground.api.problems import responses
+from ground.api.resource_routes import resource_routes
 from ground.api.streams import EVENT_STREAM, LastEventId, job_stream, mission_stream
+from ground.jobs.kind import JOB
 from ground.jobs.value import Job, JobState
-from ground.records.forms import Page
 from ground.resources.jobs.cancel_job import cancel_job as cancel_job_use_case
 from ground.resources.jobs.cancel_job import retry_job as retry_job_use_case
 
-router = api_router("jobs")
-
-
-@router.get("/missions/{mission_id}/jobs", response_model=Page[Job], responses=responses(404, 422))
-async def list_jobs(
-    ask: Asked,
-    mission_id: Id,
-    limit: Limit = 100,
-    cursor: Cursor = None,
-    state: JobState | None = None,
-    subject_id: FilterId = None,
-) -> Response:
-    """List the jobs of a mission."""
-    where = {"state": state, "subject_id": subject_id}
-    return await ask.page("job", mission_id, limit, cursor, where)
-
-
-@router.get("/jobs/{job_id}", response_model=Job, responses=responses(404, 422))
-async def get_job(ask: Asked, job_id: Id) -> Response:
-    """Read a job: state, progress, log, what came of it."""
-    return await ask.one("job", job_id)
+router = resource_routes(
+    JOB,
+    "jobs",
+    lists="List the jobs of a mission.",
+    where={"state": JobState | None, "subject_id": FilterId},
+    reads="Read a job: state, progress, log, what came of it.",
+)
 
 
 @router.post("/jobs/{job_id}/cancel", response_model=Job, responses=responses(404, 422))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ground.records.forms import Body, Corner, FrameId, Name, Text, unset
+from ground.records.forms import Body, Corner, FrameId, Name, Text
 
 
 class KeepOutCreate(Body):
@@ -18,8 +18,5 @@ class KeepOutCreate(Body):
     frame_id: FrameId | None = None
 
 
-class KeepOutChange(Body):
-    name: Name = Field(default_factory=unset)
-    notes: Text = Field(default_factory=unset)
-    polygon_m: Annotated[list[Corner], Field(min_length=3, max_length=500)] = Field(default_factory=unset)
-    frame_id: FrameId | None = None
+class KeepOutChange(KeepOutCreate, partial=True, never_null={"name"}):
+    pass

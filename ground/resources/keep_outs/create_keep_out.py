@@ -9,7 +9,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, new_row
 from ground.resources.keep_outs.bodies import KeepOutCreate
-from ground.resources.keep_outs.kind import KEEP_OUT, show_keep_outs
+from ground.resources.keep_outs.kind import KEEP_OUT
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.keep_outs.rules import require_outline
 from ground.resources.keep_outs.tie_keep_out import tied_keep_out
@@ -29,7 +29,7 @@ def create_keep_out(repo: Repository, actor: Actor, mission_id: str, given: Keep
     with repo.database.write() as session:
         row = keep_out_row(session, actor, mission_id, given)
         insert(session, actor, KEEP_OUT, row)
-        return show_keep_outs(session, [row])[0]
+        return KEEP_OUT.show_one(session, row)
 
 
 def keep_out_row(session: Session, actor: Actor, mission_id: str, given: KeepOutCreate) -> KeepOutRow:

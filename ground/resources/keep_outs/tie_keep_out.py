@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from sqlalchemy.orm import Session
 
-from ground.resources.frames.site_chain import Columns, load_chain, require_frame, tie_outline
+from ground.gdr.base import Columns
+from ground.resources.frames.site_chain import load_chain, require_frame, tie_outline
 from ground.resources.keep_outs.row import KeepOutRow
+from mission.codec import Document
 
 
-def tied_keep_out(session: Session, row: KeepOutRow, columns: Mapping[str, Any]) -> Columns:
+def tied_keep_out(session: Session, row: KeepOutRow, columns: Document) -> Columns:
     """Return the columns that follow for a keep-out when its outline or frame is changed.
 
     Raises

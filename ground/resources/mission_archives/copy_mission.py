@@ -8,23 +8,23 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import NotFoundError
 from ground.gdr.base import utc_now
 from ground.gdr.history import open_chain
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, update
+from ground.records.get_resource import find_row
 from ground.resources.kinds import KINDS
-from ground.resources.missions.kind import MISSION, show_missions
-from ground.resources.missions.row import MissionRow
+from ground.resources.missions.kind import MISSION
 from ground.resources.missions.value import Mission
+from mission.codec import Document
 
 COPIED = ("frame", "solution", "frame_file", "site_map", "sol", "target", "observation_request", "keep_out")
 """Kinds that a copy has, in the order in which they refer to each other."""
 
 
-def copy_row(row: Any, changes: Mapping[str, Any]) -> Any:
+def copy_row(row: Any, changes: Document) -> Any:
     """Return a new row with the columns of another, some changed."""
     columns = {c.key: getattr(row, c.key) for c in row.__mapper__.column_attrs}
     now = utc_now()
@@ -38,9 +38,7 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
     """
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
-        source = session.get(MissionRow, mission_id)
-        if source is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
+        source = find_row(session, MISSION, mission_id)
         copy = copy_row(
             source,
             {
@@ -63,7 +61,7 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
         if source.anchor_frame_id is not None:
             anchored = {"anchor_frame_id": new_ids[source.anchor_frame_id]}
             update(session, actor, MISSION, copy, anchored)
-        return show_missions(session, [copy])[0]
+        return MISSION.show_one(session, copy)
 
 
 def _rules(rules: Sequence[Mapping[str, Any]], new_ids: Mapping[str, str]) -> list[dict[str, Any]]:

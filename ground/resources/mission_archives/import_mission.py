@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from ground.errors import ArchiveError, ConflictError
 from ground.gdr.archives import extract_zip
+from ground.gdr.durable import copy_file, copy_folder
 from ground.gdr.history import ChainRow, Change, open_chain
 from ground.gdr.history import record as write_event
 from ground.gdr.ids import new_id
@@ -28,7 +28,7 @@ from ground.resources.mission_archives.mission_archive import (
     read_archive,
     typed,
 )
-from ground.resources.missions.kind import show_missions
+from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import ElsewhereRow, MissionRow
 from ground.resources.missions.value import Mission
 from ground.resources.packages.row import CounterRow
@@ -74,7 +74,7 @@ def import_mission(repo: Repository, actor: Actor, source: Path, *, name: str | 
                 if name is not None:
                     mission.name = name
                 session.flush()
-                return show_missions(session, [mission])[0]
+                return MISSION.show_one(session, mission)
         except (SQLAlchemyError, ValueError, TypeError, LookupError, AttributeError) as err:
             cause = str(getattr(err, "orig", None) or err).splitlines()[0]
             raise ArchiveError(f"the rows of the archive do not fit in here: {cause[:160]}") from err
@@ -121,14 +121,11 @@ def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows
     heads = {"events": len(rows["events"]), "head": rows["event_chains"][0]["sha256"], "elsewhere": els.id}
     write_event(session, mission_id, Change(actor.name, "import", "mission", mission_id, None, heads))
     if known is None:  # whatever lies there is of an import that failed
-        place = repo.terrain_dir(terrain["id"])
-        shutil.rmtree(place, ignore_errors=True)
-        shutil.copytree(folder / "terrain", place)
+        copy_folder(folder / "terrain", repo.terrain_dir(terrain["id"]))
     for run in rows["runs"]:
-        journal, kept = folder / "runs" / run["id"] / JOURNAL, repo.run_dir(run["id"]) / JOURNAL
+        journal = folder / "runs" / run["id"] / JOURNAL
         if journal.is_file():
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(journal, kept)
+            copy_file(journal, repo.run_dir(run["id"]) / JOURNAL)
     return session.get_one(MissionRow, mission_id)
 
 

@@ -13,13 +13,13 @@ from typing import Any
 from sqlalchemy import JSON, select
 from sqlalchemy.orm import Session
 
-from ground.errors import ArchiveError, NotFoundError
+from ground.errors import ArchiveError
 from ground.gdr.base import Utc
 from ground.gdr.history import GENESIS, EventRow, event_digest
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
+from ground.records.get_resource import require_mission
 from ground.resources.backups.check_files import pictures_of
-from ground.resources.missions.row import MissionRow
 from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
 from ground.uplink.verify import MAX_COUNTER
@@ -72,8 +72,7 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
     """Write a mission into a zip archive."""
     actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
-        if session.get(MissionRow, mission_id) is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
+        require_mission(session, mission_id)
         rows = _rows(session, mission_id)
     terrain_dir = repo.terrain_dir(rows["terrains"][0]["id"])
     files = {f"terrain/{p.name}": p for p in sorted(terrain_dir.iterdir()) if p.name[0] != "."}

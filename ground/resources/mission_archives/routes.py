@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-from pathlib import Path
+from starlette.responses import Response
 
-from starlette.background import BackgroundTask
-from starlette.responses import FileResponse, Response
-
-from ground.api.context import Asked, Id, answer, api_router, call, created
+from ground.api.context import ZIP, Asked, Id, answer, api_router, archive, call, created
 from ground.api.problems import responses
 from ground.resources.mission_archives.bodies import ArchiveImport, MissionCopy
 from ground.resources.mission_archives.copy_mission import copy_mission as copy_mission_use_case
@@ -35,24 +30,13 @@ async def copy_mission(ask: Asked, mission_id: Id, body: MissionCopy) -> Respons
 
 
 @router.get(
-    "/missions/{mission_id}/archive",
-    response_class=Response,
-    responses={
-        200: {"content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}}},
-        **responses(404, 422),
-    },
+    "/missions/{mission_id}/archive", response_class=Response, responses={**ZIP, **responses(404, 422)}
 )
 async def export_mission(ask: Asked, mission_id: Id) -> Response:
     """Send the whole mission as one archive: rows, history, terrain, products, each with its hash."""
-    folder = Path(tempfile.mkdtemp(prefix="outcrop-archive-"))
-    target = folder / f"outcrop-{mission_id}.zip"
-    try:
-        await ask.do(export_mission_use_case, mission_id, target)
-    except BaseException:
-        shutil.rmtree(folder)
-        raise
-    tidy = BackgroundTask(shutil.rmtree, folder)
-    return FileResponse(target, media_type="application/zip", filename=target.name, background=tidy)
+    return await archive(
+        f"outcrop-{mission_id}.zip", lambda target: ask.do(export_mission_use_case, mission_id, target)
+    )
 
 
 @router.post(

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.gdr.repository import Repository
-from ground.records.kind import Changed, Kind, Prepared, given_columns
+from ground.records.kind import Changed, Follower, Prepared, given_columns
 from ground.resources.missions.bodies import MissionChange
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.rules import require_calibration, require_drive_rules, require_profile
@@ -29,7 +26,7 @@ def change_mission(
         If rover, calibration, drive rules or anchor cannot be those.
     """
     columns = given_columns(given)
-    followers: list[tuple[Kind, Any, Mapping[str, Any]]] = []
+    followers: list[Follower] = []
     if "rover_profile" in given.model_fields_set:
         require_profile(given.rover_profile)
         followers = told_requests(session, row.id, given.rover_profile)

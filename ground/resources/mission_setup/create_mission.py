@@ -14,7 +14,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
 from ground.resources.mission_setup.unpack_terrain import unpack_terrain
-from ground.resources.missions.kind import MISSION, show_missions
+from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.rules import require_profile
 from ground.resources.missions.value import Mission
@@ -107,4 +107,4 @@ def create_mission(
             session.flush()
             open_chain(session, row.id)
             insert(session, actor, MISSION, row)
-            return show_missions(session, [row])[0]
+            return MISSION.show_one(session, row)

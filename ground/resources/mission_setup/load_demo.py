@@ -14,11 +14,11 @@ from ground.gdr.geometry import Pose
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
-from ground.records.edit import insert
+from ground.records.edit import insert, new_row
 from ground.records.forms import PoseBody
 from ground.records.get_resource import get_resource
+from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.kind import KEEP_OUT
-from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.mission_setup.create_mission import (
     FolderTerrain,
     GeneratedTerrain,
@@ -29,12 +29,13 @@ from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain
 from ground.resources.missions.value import Mission
+from ground.resources.observation_requests.bodies import ObservationRequestCreate
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
-from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.observation_requests.value import RequestState
 from ground.resources.sols.bodies import SolCreate
 from ground.resources.sols.create_sol import create_sol
+from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
 from ground.resources.terrains.terrain import ground_at
@@ -97,13 +98,11 @@ def fill_with_demo(repo: Repository, actor: Actor, mission_id: str, *, seed: int
         for target in day.targets:
             east, north, _ = target.point_site
             point = ground_at(terrain, east, north, start)
-            row = TargetRow(
-                id=new_id("tgt"),
-                author=actor.name,
-                mission_id=mission_id,
-                name=target.name,
-                east_m=east,
-                north_m=north,
+            row = new_row(
+                TARGET,
+                actor,
+                mission_id,
+                TargetCreate(name=target.name, east_m=east, north_m=north),
                 up_m=point.up_m,
                 normal=point.normal,
                 slope_rad=point.slope_rad,
@@ -111,44 +110,32 @@ def fill_with_demo(repo: Repository, actor: Actor, mission_id: str, *, seed: int
             )
             insert(session, actor, TARGET, row)
             ids[target.id], rows[target.id] = row.id, row
-        for request in day.requests:
-            ids[request.id] = new_id("req")
+        ids |= {request.id: new_id(OBSERVATION_REQUEST.prefix) for request in day.requests}
         for request in day.requests:
             instrument = instrument_name(profile, request.instrument)
-            pose = place_rover(repo, session, rows[request.target_id], instrument)
-            insert(
-                session,
-                actor,
+            window = request.window
+            asked = ObservationRequestCreate(
+                target_id=ids[request.target_id],
+                instrument=instrument,
+                value=request.value,
+                tracked=request.tracked,
+                window_s=None if window is None else [window.opens_s, window.closes_s],
+                after=[ids[i] for i in request.after],
+                must_do=request.must_do,
+                dwell_s=request.dwell_s,
+            )
+            row = new_row(
                 OBSERVATION_REQUEST,
-                ObservationRequestRow(
-                    id=ids[request.id],
-                    author=actor.name,
-                    mission_id=mission_id,
-                    target_id=ids[request.target_id],
-                    instrument=instrument,
-                    value=request.value,
-                    tracked=request.tracked,
-                    window_s=None
-                    if request.window is None
-                    else [request.window.opens_s, request.window.closes_s],
-                    after=[ids[i] for i in request.after],
-                    must_do=request.must_do,
-                    dwell_s=request.dwell_s,
-                    observation_point=None if pose is None else asdict(pose),
-                    state=RequestState.OPEN.value,
-                    state_reason="",
-                ),
-            )
-        for number, keep_out in enumerate(day.keep_outs, 1):
-            insert(
-                session,
                 actor,
-                KEEP_OUT,
-                KeepOutRow(
-                    id=new_id("kpo"),
-                    author=actor.name,
-                    mission_id=mission_id,
-                    name=f"Keep-out {number}",
-                    polygon_m=[list(c) for c in keep_out.polygon_m],
-                ),
+                mission_id,
+                asked,
+                id=ids[request.id],
+                constraints=None,
+                observation_point=asdict(place_rover(repo, session, rows[request.target_id], instrument)),
+                state=RequestState.OPEN.value,
+                state_reason="",
             )
+            insert(session, actor, OBSERVATION_REQUEST, row)
+        for number, keep_out in enumerate(day.keep_outs, 1):
+            ring = KeepOutCreate(name=f"Keep-out {number}", polygon_m=[list(c) for c in keep_out.polygon_m])
+            insert(session, actor, KEEP_OUT, new_row(KEEP_OUT, actor, mission_id, ring))

@@ -5,10 +5,11 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from ground.errors import NotFoundError, TerrainFileError
+from ground.errors import TerrainFileError
 from ground.gdr.archives import extract_zip, is_zip
 from ground.gdr.repository import Repository
-from ground.resources.uploads.row import UploadRow
+from ground.records.get_resource import find_row
+from ground.resources.uploads.kind import UPLOAD
 
 TERRAIN_SUFFIXES = {".tif", ".tiff", ".glb", ".gltf", ".obj", ".ply"}
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff"}
@@ -17,16 +18,10 @@ IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff"}
 def unpack_terrain(repo: Repository, upload_id: str, ortho_upload_id: str | None, work: Path) -> Path:
     """Return a folder or file in `work` that the terrain readers take."""
     with repo.database.read() as session:
-        main = session.get(UploadRow, upload_id)
-        if main is None:
-            raise NotFoundError(f"there is no upload {upload_id}", pointer="/terrain/upload_id")
+        main = find_row(session, UPLOAD, upload_id, pointer="/terrain/upload_id")
         ortho = None
         if ortho_upload_id is not None:
-            ortho = session.get(UploadRow, ortho_upload_id)
-            if ortho is None:
-                raise NotFoundError(
-                    f"there is no upload {ortho_upload_id}", pointer="/terrain/ortho_upload_id"
-                )
+            ortho = find_row(session, UPLOAD, ortho_upload_id, pointer="/terrain/ortho_upload_id")
     stored = repo.files.path(main.sha256)
     if is_zip(stored):
         folder = work / "unpacked"

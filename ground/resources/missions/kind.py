@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 
 from sqlalchemy import column, func, select, table
@@ -10,10 +10,9 @@ from sqlalchemy.orm import Session
 
 from ground.records.actor import Action
 from ground.records.kind import Kind
-from ground.records.show import value_of
 from ground.resources.missions.bodies import MissionChange
 from ground.resources.missions.row import MissionRow
-from ground.resources.missions.value import Counts, DriveRule, Mission
+from ground.resources.missions.value import Counts, Mission
 from ground.resources.terrains.row import TerrainRow
 
 _COUNTED = tuple(field.name for field in fields(Counts))
@@ -30,35 +29,24 @@ def _counts(session: Session, mission_ids: Sequence[str]) -> dict[str, Counts]:
     return {i: Counts(**c) for i, c in found.items()}
 
 
-def show_missions(session: Session, rows: Sequence[MissionRow]) -> list[Mission]:
-    counts = _counts(session, [r.id for r in rows])
-    names = dict(
-        session.execute(
-            select(TerrainRow.id, TerrainRow.name).where(TerrainRow.id.in_([r.terrain_id for r in rows]))
-        ).all()
-    )
-    return [
-        value_of(
-            Mission,
-            r,
-            terrain_name=names.get(r.terrain_id, ""),
-            counts=counts[r.id],
-            drive_rules=[DriveRule(**rule) for rule in r.drive_rules or ()],
-        )
-        for r in rows
-    ]
+def _of_missions(
+    session: Session, rows: Sequence[MissionRow]
+) -> Callable[[MissionRow], Mapping[str, object]]:
+    counts = _counts(session, [row.id for row in rows])
+    terrains = select(TerrainRow.id, TerrainRow.name).where(TerrainRow.id.in_({r.terrain_id for r in rows}))
+    names = {terrain.id: terrain.name for terrain in session.execute(terrains)}
+    return lambda row: {"terrain_name": names.get(row.terrain_id, ""), "counts": counts[row.id]}
 
 
 MISSION = Kind(
     "mission",
-    "mission",
     "msn",
     "missions",
     MissionRow,
-    show_missions,
+    Mission,
     Action.EDIT_MISSION,
     change=MissionChange,
     undoable=True,
+    related=_of_missions,
     delete=Action.ADMINISTER,
-    related=True,
 )

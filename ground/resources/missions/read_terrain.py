@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ground.errors import NotFoundError
 from ground.gdr.geometry import Pose
@@ -11,8 +12,11 @@ from ground.gdr.repository import Repository
 from ground.gdr.terrain_folders import load_cached
 from ground.records.actor import Action, Actor
 from ground.resources.missions.terrain import terrain_row
-from ground.resources.terrains.terrain import ground_at, ortho_file, show_terrain
+from ground.resources.terrains.terrain import ground_at, layer_of, ortho_file, show_terrain
 from ground.resources.terrains.value import Terrain, TerrainPoint
+
+if TYPE_CHECKING:
+    from rover_iface.terrain.grid import HeightLayer
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +28,15 @@ class HeightTile:
     spacing_m: float
     bounds: tuple[float, float, float, float]
     content: bytes
+
+    @property
+    def headers(self) -> dict[str, str]:
+        """Return what goes with the content over the interface."""
+        return {
+            "X-Outcrop-Shape": f"{self.rows},{self.columns}",
+            "X-Outcrop-Bounds": ",".join(f"{b:.6f}" for b in self.bounds),
+            "X-Outcrop-Spacing": f"{self.spacing_m:.6f}",
+        }
 
 
 def read_terrain(repo: Repository, actor: Actor, mission_id: str) -> Terrain:
@@ -61,21 +74,23 @@ def read_heights(
     """Return heights of a layer, thinned evenly to at most `max_posts`."""
     import numpy as np
 
-    terrain = load_cached(_folder(repo, actor, mission_id))
-    index = {"inner": 0, "outer": 1}[layer_name]
-    if index >= len(terrain.layers):
-        raise NotFoundError(f"the terrain has no layer {layer_name!r}; it has 1 layer, inner")
-    layer = terrain.layers[index]
-    rows, columns = layer.heights.shape
-    step = 1
-    while -(-rows // step) * -(-columns // step) > max_posts:
-        step += 1
+    layer = layer_of(load_cached(_folder(repo, actor, mission_id)), layer_name)
+    step = step_within(layer, max_posts)
     thin = layer.heights[::step, ::step]
     north_first = np.ascontiguousarray(thin[::-1], dtype="<f4")
     west, south = float(layer.west), float(layer.south)
     spacing = float(layer.spacing) * step
     bounds = (west, south, west + (thin.shape[1] - 1) * spacing, south + (thin.shape[0] - 1) * spacing)
     return HeightTile(thin.shape[0], thin.shape[1], spacing, bounds, north_first.tobytes())
+
+
+def step_within(layer: HeightLayer, max_posts: int) -> int:
+    """Return how many posts of a layer are one, so that there are at most `max_posts`."""
+    rows, columns = layer.heights.shape
+    step = 1
+    while -(-rows // step) * -(-columns // step) > max_posts:
+        step += 1
+    return step
 
 
 def read_ortho(

@@ -7,46 +7,23 @@ from typing import Annotated, Literal
 from fastapi import Query
 from starlette.responses import FileResponse, Response
 
-from ground.api.context import Asked, Cursor, Id, IfMatch, Limit, answer, api_router
+from ground.api.context import Asked, Id, answer
 from ground.api.problems import responses
-from ground.records.forms import Page
-from ground.resources.missions.bodies import MissionChange
+from ground.api.resource_routes import resource_routes
+from ground.resources.missions.kind import MISSION
 from ground.resources.missions.read_terrain import read_heights, read_ortho, read_point, read_terrain
-from ground.resources.missions.value import Mission
 from ground.resources.terrains.value import Terrain, TerrainPoint
 
-router = api_router("missions")
-
+router = resource_routes(
+    MISSION,
+    "missions",
+    lists="List missions.",
+    reads="Read a mission.",
+    changes="Change name, notes or rover profile of a mission.",
+    deletes="Delete a mission with all that is in it (administrators).",
+)
 
 Coordinate = Annotated[float, Query(ge=-100_000.0, le=100_000.0, allow_inf_nan=False)]
-
-
-@router.get("/missions", response_model=Page[Mission], responses=responses(422))
-async def list_missions(ask: Asked, limit: Limit = 100, cursor: Cursor = None) -> Response:
-    """List missions."""
-    return await ask.page("mission", None, limit, cursor)
-
-
-@router.get("/missions/{mission_id}", response_model=Mission, responses=responses(404, 422))
-async def get_mission(ask: Asked, mission_id: Id) -> Response:
-    """Read a mission."""
-    return await ask.one("mission", mission_id)
-
-
-@router.patch(
-    "/missions/{mission_id}", response_model=Mission, responses=responses(400, 404, 409, 412, 422, 428)
-)
-async def change_mission(
-    ask: Asked, mission_id: Id, body: MissionChange, if_match: IfMatch = None
-) -> Response:
-    """Change name, notes or rover profile of a mission."""
-    return await ask.change("mission", mission_id, body, if_match)
-
-
-@router.delete("/missions/{mission_id}", status_code=204, responses=responses(404, 409, 412, 422, 428))
-async def delete_mission(ask: Asked, mission_id: Id, if_match: IfMatch = None) -> Response:
-    """Delete a mission with all that is in it (administrators)."""
-    return await ask.delete("mission", mission_id, if_match)
 
 
 @router.get("/missions/{mission_id}/terrain", response_model=Terrain, responses=responses(404, 422))
@@ -103,9 +80,7 @@ async def get_heights(
     """Send the heights of a layer as binary."""
     tile = await ask.do(read_heights, mission_id, layer, max_posts)
     headers = {
-        "X-Outcrop-Shape": f"{tile.rows},{tile.columns}",
-        "X-Outcrop-Bounds": ",".join(f"{b:.6f}" for b in tile.bounds),
-        "X-Outcrop-Spacing": f"{tile.spacing_m:.6f}",
+        **tile.headers,
         "X-Outcrop-Order": "north-to-south",
         "Cache-Control": "private, max-age=86400",
     }

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Sequence
-from typing import Any
 
 from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError
 from ground.resources.missions.bodies import DriveRuleBody
+from mission.codec import Document
 
 
 def require_profile(name: str) -> None:
@@ -40,13 +39,12 @@ def require_drive_rules(rules: Sequence[DriveRuleBody], target_ids: Collection[s
         seen.add(frozenset(ends))
 
 
-def require_calibration(document: dict[str, Any]) -> dict[str, Any]:
+def require_calibration(document: Document) -> Document:
     """Return a `calibration/1` document with all its members; raise if it is none."""
     from planner.errors import PlannerError
-    from planner.path_network import calibration_from_json, calibration_to_json
+    from planner.path_network import CALIBRATIONS
 
     try:
-        checked: dict[str, Any] = json.loads(calibration_to_json(calibration_from_json(json.dumps(document))))
+        return CALIBRATIONS.document(CALIBRATIONS.from_document(document))
     except PlannerError as err:
         raise InvalidInputError(str(err), pointer="/calibration") from err
-    return checked

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from ground.records.stored import Stored
+
 
 @dataclass(frozen=True, slots=True)
 class Counts:
@@ -30,10 +32,9 @@ class DriveRule:
 
 
 @dataclass(frozen=True, slots=True)
-class Mission:
+class Mission(Stored):
     """One worksite with all that is planned and done there."""
 
-    id: str
     name: str
     notes: str
     terrain_id: str
@@ -44,10 +45,6 @@ class Mission:
     calibration: dict[str, Any] | None
     drive_rules: list[DriveRule]
     counts: Counts
-    author: str
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,17 +44,9 @@ class ObservationRequestCreate(Body):
     observation_pose: PoseBody | None = None
 
 
-class ObservationRequestChange(Body):
+class ObservationRequestChange(
+    ObservationRequestCreate, partial=True, without={"target_id"}, never_null={"tracked"}
+):
     """`observation_pose: null` gives the choice of the observation point back to the program."""
 
-    instrument: InstrumentName = Field(default_factory=unset)
-    value: Utility = Field(default_factory=unset)
-    tracked: Flag = Field(default_factory=unset)
-    window_s: Window | None = None
-    after: Annotated[list[Id], Field(max_length=100)] = Field(default_factory=unset)
-    must_do: Flag = Field(default_factory=unset)
-    dwell_s: Seconds | None = None
-    constraints: Annotated[list[ConstraintDocument], Field(max_length=20)] = Field(default_factory=unset)
-    notes: Text = Field(default_factory=unset)
-    observation_pose: PoseBody | None = None
     state: Literal["open", "carried"] = Field(default_factory=unset)

@@ -71,15 +71,18 @@ def change_request(
     return Changed(columns)
 
 
-def forget_precedence(
-    session: Session, actor: Actor, row: ObservationRequestRow, group: str, _reason: str
-) -> None:
+def forget_precedence(session: Session, actor: Actor, row: ObservationRequestRow, _reason: str) -> None:
     """Take a request that is about to go out of the order of the others."""
     rows = ObservationRequestRow
     for other in session.scalars(select(rows).where(rows.mission_id == row.mission_id)):
         if row.id in other.after:
             after = [i for i in other.after if i != row.id]
-            update(session, actor, OBSERVATION_REQUEST, other, {"after": after}, group=group)
+            update(session, actor, OBSERVATION_REQUEST, other, {"after": after})
+
+
+def hold_order(session: Session, row: ObservationRequestRow) -> None:
+    """Raise unless the requests to be done before one are there and make no circle."""
+    require_order(order_of(session, row.mission_id), row.id, row.after)
 
 
 def set_by_hand(request: ObservationRequestRow) -> bool:

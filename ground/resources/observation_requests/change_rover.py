@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.day.rovers import instrument_name, profile_of
 from ground.errors import InvalidInputError, StateError
-from ground.records.kind import Kind
+from ground.records.kind import Follower
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.row import ObservationRequestRow
 
@@ -18,15 +17,13 @@ LACKS = "has no instrument"
 """Words of the reason by which it is known again when the rover is changed back."""
 
 
-def told_requests(
-    session: Session, mission_id: str, rover_profile: str
-) -> list[tuple[Kind, Any, Mapping[str, Any]]]:
+def told_requests(session: Session, mission_id: str, rover_profile: str) -> list[Follower]:
     """Return the requests whose state's reason changes with the rover, and the new reason.
 
     A request for an instrument that the rover lacks stays as it is and says so; one that it has again says
     nothing more.
     """
-    told: list[tuple[Kind, Any, Mapping[str, Any]]] = []
+    told: list[Follower] = []
     rows = ObservationRequestRow
     for row in session.scalars(select(rows).where(rows.mission_id == mission_id).order_by(rows.id)):
         reason = lacking(rover_profile, row.instrument)

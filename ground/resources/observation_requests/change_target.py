@@ -72,11 +72,11 @@ def change_target(
     )
 
 
-def forget_requests(session: Session, actor: Actor, row: TargetRow, group: str, reason: str) -> None:
+def forget_requests(session: Session, actor: Actor, row: TargetRow, reason: str) -> None:
     """Delete the requests of a target that is about to go."""
     for request in session.scalars(_requests_on(row)):
-        forget_precedence(session, actor, request, group, reason)
-        remove(session, actor, OBSERVATION_REQUEST, request, reason=reason, group=group)
+        forget_precedence(session, actor, request, reason)
+        remove(session, actor, OBSERVATION_REQUEST, request, reason=reason)
 
 
 def _requests_on(target: TargetRow) -> Select[ObservationRequestRow]:

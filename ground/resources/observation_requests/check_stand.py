@@ -7,15 +7,15 @@ import math
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import NotFoundError
 from ground.gdr.geometry import Pose as PoseValue
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
+from ground.records.get_resource import find_row
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.keep_outs.rules import kept_clear
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain
-from ground.resources.observation_requests.row import ObservationRequestRow
+from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.value import StandCheck
 from ground.resources.targets.row import TargetRow
 
@@ -38,9 +38,7 @@ def check_stand(
         If there is no such request.
     """
     with repo.database.read() as session:
-        request = session.get(ObservationRequestRow, request_id)
-        if request is None:
-            raise NotFoundError(f"there is no observation request {request_id}")
+        request = find_row(session, OBSERVATION_REQUEST, request_id)
         actor.require(Action.READ, request.mission_id)
         target = session.get_one(TargetRow, request.target_id)
         if heading_rad is None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from ground.errors import InvalidInputError
 from mission import Constraint, FormatError
-from mission.codec import Codec
+from mission.codec import Codec, Document
 from mission.values import value
 
 
@@ -46,7 +45,7 @@ def read_constraints(documents: Sequence[object]) -> tuple[Constraint, ...]:
     return found.constraints
 
 
-def written_constraints(documents: Sequence[object]) -> list[dict[str, Any]]:
+def written_constraints(documents: Sequence[object]) -> list[Document]:
     """Return a list of documents as it is stored, every member written; raises as `read_constraints` does."""
-    made: list[dict[str, Any]] = CARRIED.document(Carried(read_constraints(documents)))["constraints"]
+    made: list[Document] = CARRIED.document(Carried(read_constraints(documents)))["constraints"]
     return made

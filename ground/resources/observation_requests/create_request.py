@@ -8,19 +8,19 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.day.rovers import instrument_name, profile_of
-from ground.errors import InvalidInputError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, new_row
+from ground.records.get_resource import row_in_mission
 from ground.resources.missions.row import MissionRow
 from ground.resources.observation_requests.bodies import ObservationRequestCreate
 from ground.resources.observation_requests.constraints import written_constraints
-from ground.resources.observation_requests.kind import OBSERVATION_REQUEST, show_requests
+from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.observation_requests.rules import require_order, require_window
 from ground.resources.observation_requests.value import ObservationRequest, RequestState
-from ground.resources.targets.row import TargetRow
+from ground.resources.targets.kind import TARGET
 
 
 def create_request(
@@ -35,11 +35,7 @@ def create_request(
     require_window(given.window_s)
     carried = written_constraints(given.constraints)
     with repo.database.read() as session:
-        target = session.get(TargetRow, given.target_id)
-        if target is None or target.mission_id != mission_id:
-            raise InvalidInputError(
-                f"there is no target {given.target_id} in mission {mission_id}", pointer="/target_id"
-            )
+        target = row_in_mission(session, TARGET, given.target_id, mission_id, "/target_id")
         profile = profile_of(session.get_one(MissionRow, mission_id).rover_profile)
         instrument = instrument_name(profile, given.instrument)
         manual = None if given.observation_pose is None else given.observation_pose.value()
@@ -59,7 +55,7 @@ def create_request(
             state_reason="",
         )
         insert(session, actor, OBSERVATION_REQUEST, row)
-        return show_requests(session, [row])[0]
+        return OBSERVATION_REQUEST.show_one(session, row)
 
 
 def order_of(session: Session, mission_id: str) -> dict[str, list[str]]:

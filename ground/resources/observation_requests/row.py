@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from typing import Any
 
-from sqlalchemy import (
-    JSON,
-    ForeignKey,
-    String,
-    Text,
-)
+from sqlalchemy import ForeignKey
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.gdr.base import Row, mission_column
+from ground.gdr.base import Long, Notes, Row, Text20, Text40, mission_column
 from ground.gdr.geometry import pose_of
 from ground.resources.observation_requests.constraints import read_constraints
 from ground.resources.observation_requests.value import ObservationPoint
 from mission import After, Constraint, MustDo, Pose, Request, Tracked, Window
+from mission.codec import Document
+
+PLANNED = "planned"
+"""Marks a column that came later and that plans are computed from; null is what it was before."""
 
 
 class ObservationRequestRow(Row):
@@ -25,21 +24,21 @@ class ObservationRequestRow(Row):
 
     mission_id: Mapped[str] = mission_column()
     target_id: Mapped[str] = mapped_column(ForeignKey("targets.id", ondelete="CASCADE"), index=True)
-    instrument: Mapped[str] = mapped_column(String(40))
+    instrument: Mapped[Text40]
     value: Mapped[float]
     tracked: Mapped[bool]
-    window_s: Mapped[list[Any] | None] = mapped_column(JSON(none_as_null=True))
+    window_s: Mapped[list[Any] | None]
     after: Mapped[list[Any]]
     must_do: Mapped[bool] = mapped_column(default=False)
     dwell_s: Mapped[float | None]
-    constraints: Mapped[list[Any] | None] = mapped_column(JSON(none_as_null=True))
-    notes: Mapped[str] = mapped_column(Text, default="")
-    observation_point: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
-    state: Mapped[str] = mapped_column(String(20), index=True)
-    state_reason: Mapped[str] = mapped_column(Text, default="")
+    constraints: Mapped[list[Any] | None] = mapped_column(info={PLANNED: True})
+    notes: Mapped[Notes]
+    observation_point: Mapped[dict[str, Any] | None]
+    state: Mapped[Text20] = mapped_column(index=True)
+    state_reason: Mapped[Notes]
 
 
-def observation_point_of(document: Mapping[str, Any] | None) -> ObservationPoint | None:
+def observation_point_of(document: Document | None) -> ObservationPoint | None:
     """Return an observation point from its JSON form."""
     if document is None:
         return None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 from enum import StrEnum
 from typing import Any
 
 from ground.gdr.geometry import Pose
+from ground.records.stored import OfMission
 
 
 class RequestState(StrEnum):
@@ -32,11 +32,9 @@ class ObservationPoint:
 
 
 @dataclass(frozen=True, slots=True)
-class ObservationRequest:
+class ObservationRequest(OfMission):
     """What a scientist asks of a target."""
 
-    id: str
-    mission_id: str
     target_id: str
     target_name: str
     instrument: str
@@ -51,10 +49,6 @@ class ObservationRequest:
     observation_point: ObservationPoint | None
     state: RequestState
     state_reason: str
-    author: str
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
 
 from ground.day.prepare import PreparedDay
+from mission.codec import Document
 
 
-def network_geometry(day: PreparedDay) -> dict[str, Any]:
+def network_geometry(day: PreparedDay) -> Document:
     """Return a path network as the repository keeps it."""
     network = day.network
     asked = {str(t.id): [str(o.id) for o in t.observations] for t in day.problem.targets}

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy.orm import Session
 
-from ground.gdr.geometry import pose_of
 from ground.records.actor import Action
 from ground.records.kind import Kind
-from ground.records.show import value_of
+from ground.resources.path_networks.bodies import PathNetworkCreate
 from ground.resources.path_networks.row import PathNetworkRow
-from ground.resources.path_networks.value import NetworkNode, NetworkSegment, PathNetwork, TrackingRegion
+from ground.resources.path_networks.value import PathNetwork
 from ground.resources.problems.inputs_digest import inputs_digest
 
 NO_GEOMETRY: Mapping[str, Any] = {
@@ -26,39 +25,24 @@ NO_GEOMETRY: Mapping[str, Any] = {
 }
 
 
-def show_networks(session: Session, rows: Sequence[PathNetworkRow]) -> list[PathNetwork]:
-    now = {i: inputs_digest(session, i) for i in {r.mission_id for r in rows}}
-    out = []
-    for r in rows:
-        geometry = r.geometry or NO_GEOMETRY
-        out.append(
-            value_of(
-                PathNetwork,
-                r,
-                stale=now[r.mission_id] != r.inputs_sha256,
-                nodes=[
-                    NetworkNode(n["id"], pose_of(n["pose"]), n["target_id"], n["request_ids"])
-                    for n in geometry["nodes"]
-                ],
-                segments=[NetworkSegment(**s) for s in geometry["segments"]],
-                regions=[TrackingRegion(**g) for g in geometry["regions"]],
-                hazards_m=geometry["hazards_m"],
-                margins_m=geometry["margins_m"],
-                unreachable=geometry["unreachable"],
-                notes=geometry["notes"],
-                computed=r.geometry is not None,
-            )
-        )
-    return out
+def _geometry(
+    session: Session, rows: Sequence[PathNetworkRow]
+) -> Callable[[PathNetworkRow], Mapping[str, object]]:
+    now = {i: inputs_digest(session, i) for i in {row.mission_id for row in rows}}
+    return lambda row: {
+        **(row.geometry or NO_GEOMETRY),
+        "stale": now[row.mission_id] != row.inputs_sha256,
+        "computed": row.geometry is not None,
+    }
 
 
 PATH_NETWORK = Kind(
     "path_network",
-    "path network",
     "net",
     "path-networks",
     PathNetworkRow,
-    show_networks,
+    PathNetwork,
     Action.PLAN,
-    related=True,
+    make=PathNetworkCreate,
+    related=_geometry,
 )

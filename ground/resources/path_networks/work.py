@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ground.day.prepare import Report
 from ground.resources.path_networks.geometry import network_geometry, observation_points
 from ground.resources.path_networks.order import NetworkOrder
+from mission.codec import Document
 
 
-def work(order: NetworkOrder, report: Report, _should_stop: object) -> dict[str, Any]:
+def work(order: NetworkOrder, report: Report, _should_stop: object) -> Document:
     """Return the geometry of the path network of a day."""
     day = order.site.prepare(order.day, lambda share, what: report(0.9 * share, what))
     report(0.95, "path network")

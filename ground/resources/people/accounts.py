@@ -12,11 +12,9 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from ground.errors import (
-    AuthenticationError,
     InvalidInputError,
     NameTakenError,
     NotFoundError,
-    TooManyAttemptsError,
 )
 from ground.gdr.base import utc_now
 from ground.gdr.history import SYSTEM, ChainRow, Change, open_chain, record
@@ -24,8 +22,8 @@ from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor, Role
 from ground.records.edit import insert
-from ground.resources.people.kind import PERSON, show_people
-from ground.resources.people.row import CredentialRow, LoginFailureRow, PersonRow
+from ground.resources.people.kind import PERSON
+from ground.resources.people.row import CredentialRow, PersonRow
 from ground.resources.people.value import Person
 from ground.settings import Authentication
 
@@ -39,8 +37,6 @@ PROFILES = (
 )
 """Local profiles of a new repository; who works without choosing one is the first."""
 
-FAILURES_ALLOWED = 5
-FAILURE_WINDOW = timedelta(minutes=5)
 KEY_PREFIX = "oc_"
 
 
@@ -102,7 +98,25 @@ def create_person(
             password_hash=hashed,
         )
         insert(session, actor, PERSON, row)
-        return show_people(session, [row])[0]
+        return PERSON.show_one(session, row)
+
+
+def set_password(repo: Repository, actor: Actor, name: str, password: str) -> None:
+    """Give somebody a password; whoever was logged in as them is not any more.
+
+    Raises
+    ------
+    NotFoundError
+        If nobody has the name.
+    """
+    actor.require(Action.ADMINISTER)
+    hashed = _hasher().hash(password)
+    with repo.database.write() as session:
+        person = person_named(session, name)
+        person.password_hash = hashed
+        mine = (CredentialRow.person_id == person.id) & (CredentialRow.kind == "session")
+        session.execute(delete(CredentialRow).where(mine))
+        record(session, SYSTEM, Change(actor.name, "set_password", "person", person.id, None, None))
 
 
 def _hasher() -> _Hasher:
@@ -138,46 +152,21 @@ def _nobody_hash() -> str:
     return _NOBODY_HASH
 
 
-def log_in(repo: Repository, name: str, password: str) -> tuple[Person, str]:
-    """Return the person and the secret of a new session.
-
-    Raises
-    ------
-    AuthenticationError
-        If name and password do not fit, or the person is shut out.
-    TooManyAttemptsError
-        After 5 failures for the name within 5 minutes.
-    """
-    now = utc_now()
-    with_passwords = repo.settings.auth is Authentication.ACCOUNTS
+def may_enter(repo: Repository, name: str, password: str) -> Person | None:
+    """Return the person whose name and password fit, or None; takes the same time for a name nobody has."""
     with repo.database.read() as session:
         person = session.scalars(select(PersonRow).where(PersonRow.name == name)).first()
-        if with_passwords:
-            since = LoginFailureRow.at_utc > now - FAILURE_WINDOW
-            failures = session.scalar(
-                select(func.count()).select_from(LoginFailureRow).where(LoginFailureRow.name == name, since)
-            )
-            if (failures or 0) >= FAILURES_ALLOWED:
-                raise TooManyAttemptsError(
-                    f"too many failed logins for {name!r}; try again in "
-                    f"{FAILURE_WINDOW.seconds // 60} minutes",
-                    retry_after_s=FAILURE_WINDOW.seconds,
-                )
-    if with_passwords:
-        hashed = person.password_hash if person is not None and person.password_hash else _nobody_hash()
-        fits = _hasher().matches(hashed, password) and person is not None and person.active
-    else:
         fits = person is not None and person.active
-    if not fits or person is None:
-        if with_passwords:
-            with repo.database.write() as session:
-                session.add(LoginFailureRow(id=new_id("lfl"), name=name))
-        raise AuthenticationError(
-            "name and password do not fit" if with_passwords else f"there is no profile {name!r}"
-        )
-    secret = secrets.token_urlsafe(32)
+        if repo.settings.auth is Authentication.ACCOUNTS:
+            hashed = person.password_hash if person is not None and person.password_hash else _nobody_hash()
+            fits = _hasher().matches(hashed, password) and fits
+        return None if person is None or not fits else PERSON.show_one(session, person)
+
+
+def open_session(repo: Repository, person: Person) -> str:
+    """Return the secret of a new session."""
+    secret, now = secrets.token_urlsafe(32), utc_now()
     with repo.database.write() as session:
-        session.execute(delete(LoginFailureRow).where(LoginFailureRow.name == name))
         session.execute(delete(CredentialRow).where(CredentialRow.expires_utc < now))
         session.add(
             CredentialRow(
@@ -189,7 +178,7 @@ def log_in(repo: Repository, name: str, password: str) -> tuple[Person, str]:
             )
         )
         record(session, SYSTEM, Change(person.name, "log_in", "person", person.id, None, None))
-        return show_people(session, [person])[0], secret
+    return secret
 
 
 def log_out(repo: Repository, secret: str) -> None:
@@ -286,4 +275,4 @@ def person_value(repo: Repository, name: str) -> Person | None:
     """Return a person by name."""
     with repo.database.read() as session:
         person = session.scalars(select(PersonRow).where(PersonRow.name == name)).first()
-        return None if person is None else show_people(session, [person])[0]
+        return None if person is None else PERSON.show_one(session, person)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 
 from starlette.datastructures import Headers
@@ -14,6 +15,9 @@ from ground.errors import AuthenticationError, ForbiddenError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.resources.people import accounts as people
+from ground.resources.people.log_in_limits import LogInLimits, address_of, pay, refund
+from ground.settings import Authentication
+from mission.codec import Document
 
 COOKIE = "outcrop_session"
 CSRF_HEADER = "x-csrf-token"
@@ -60,12 +64,12 @@ class Identities:
                         "a change with a session cookie needs the session's token in X-CSRF-Token"
                     )
                 return actor
+        if not with_profiles:  # said without a thread: whoever knocks has to cost nothing
+            raise AuthenticationError("log in, or send an API key")
         name = headers.get(PROFILE_HEADER)
         actor_or_none = await self._lookup("profile", name or "", people.default_actor, self._repo, name)
         if actor_or_none is None:
-            raise AuthenticationError(
-                "log in, or send an API key" if not with_profiles else f"there is no profile {name!r}"
-            )
+            raise AuthenticationError(f"there is no profile {name!r}")
         return actor_or_none
 
     def forget(self) -> None:
@@ -91,7 +95,7 @@ class Identities:
         return actor
 
 
-def session_value(repo: Repository, request: Request) -> dict[str, Any]:
+def session_value(repo: Repository, request: Request) -> Document:
     """Return who one is and the CSRF token of the session."""
     actor: Actor | None = getattr(request.state, "actor", None)
     cookie = request.cookies.get(COOKIE)
@@ -102,9 +106,34 @@ def session_value(repo: Repository, request: Request) -> dict[str, Any]:
     }
 
 
-async def log_in(repo: Repository, name: str, password: str) -> Response:
-    """Answer a login with the cookie of a new session."""
-    person, secret = await call(people.log_in, repo, name, password)
+async def log_in(
+    repo: Repository, limits: LogInLimits, name: str, password: str, host: str | None
+) -> Response:
+    """Answer a login with the cookie of a new session; a guess is paid for before it is checked.
+
+    Raises
+    ------
+    AuthenticationError
+        If name and password do not fit, or the person is shut out.
+    TooManyAttemptsError
+        After 5 guesses for the name from this address within 5 minutes, or if too many wait.
+    """
+    if repo.settings.auth is Authentication.PROFILES:
+        person = await call(people.may_enter, repo, name, password)
+    else:
+        address = address_of(host)
+        limits.knock(name, address)
+        await call(pay, repo, name, address)
+        person = await limits.check(address, partial(people.may_enter, repo, name, password))
+        if person is not None:
+            limits.forgive(name, address)
+            await call(refund, repo, name, address)
+    if person is None:
+        with_passwords = repo.settings.auth is Authentication.ACCOUNTS
+        raise AuthenticationError(
+            "name and password do not fit" if with_passwords else f"there is no profile {name!r}"
+        )
+    secret = await call(people.open_session, repo, person)
     content = {"person": person, "csrf_token": people.csrf_token(secret), "auth": repo.settings.auth.value}
     response = answer(content, 201)
     response.set_cookie(

@@ -5,21 +5,9 @@ from __future__ import annotations
 from fastapi import Request
 from starlette.responses import Response
 
-from ground.api.context import (
-    Asked,
-    Cursor,
-    Id,
-    IfMatch,
-    Limit,
-    Repo,
-    answer,
-    api_router,
-    call,
-    created,
-    no_content,
-)
+from ground.api.context import Asked, Id, Repo, answer, call, created, no_content
 from ground.api.problems import responses
-from ground.records.forms import Page
+from ground.api.resource_routes import resource_routes
 from ground.resources.people.accounts import create_api_key as create_api_key_use_case
 from ground.resources.people.accounts import create_person as create_person_use_case
 from ground.resources.people.accounts import delete_api_key as delete_api_key_use_case
@@ -27,24 +15,23 @@ from ground.resources.people.authentication import log_in, log_out, session_valu
 from ground.resources.people.bodies import (
     ApiKeyCreate,
     ApiKeyValue,
-    PersonChange,
     PersonCreate,
     SessionCreate,
     SessionValue,
     SigningKeyCreate,
 )
+from ground.resources.people.kind import PERSON
 from ground.resources.people.signing_keys import list_signing_keys as list_signing_keys_use_case
 from ground.resources.people.signing_keys import register_signing_key, revoke_signing_key
 from ground.resources.people.value import Person, SigningKey
 
-router = api_router("people")
-COOKIE = "outcrop_session"
-
-
-@router.get("/people", response_model=Page[Person], responses=responses(422))
-async def list_people(ask: Asked, limit: Limit = 100, cursor: Cursor = None) -> Response:
-    """List people; with profiles these are who one may work as."""
-    return await ask.page("person", None, limit, cursor)
+router = resource_routes(
+    PERSON,
+    "people",
+    lists="List people; with profiles these are who one may work as.",
+    reads="Read a person.",
+    changes="Change role, roles in single missions, or shut a person out (administrators).",
+)
 
 
 @router.post("/people", response_model=Person, status_code=201, responses=responses(400, 409, 422))
@@ -54,18 +41,6 @@ async def create_person(ask: Asked, body: PersonCreate) -> Response:
     return created(person, f"/api/v1/people/{person.id}")
 
 
-@router.get("/people/{person_id}", response_model=Person, responses=responses(404, 422))
-async def get_person(ask: Asked, person_id: Id) -> Response:
-    """Read a person."""
-    return await ask.one("person", person_id)
-
-
-@router.patch("/people/{person_id}", response_model=Person, responses=responses(400, 404, 409, 412, 422, 428))
-async def change_person(ask: Asked, person_id: Id, body: PersonChange, if_match: IfMatch = None) -> Response:
-    """Change role, roles in single missions, or shut a person out (administrators)."""
-    return await ask.change("person", person_id, body, if_match)
-
-
 @router.get("/session", response_model=SessionValue)
 async def get_session(repo: Repo, request: Request) -> Response:
     """Say who one is; `person` is null for nobody."""
@@ -73,9 +48,10 @@ async def get_session(repo: Repo, request: Request) -> Response:
 
 
 @router.post("/session", response_model=SessionValue, status_code=201, responses=responses(400, 422, 429))
-async def create_session(repo: Repo, body: SessionCreate) -> Response:
+async def create_session(repo: Repo, request: Request, body: SessionCreate) -> Response:
     """Log in, or change to another profile; sets the session cookie."""
-    return await log_in(repo, body.name, body.password)
+    host = None if request.client is None else request.client.host
+    return await log_in(repo, request.app.state.limits, body.name, body.password, host)
 
 
 @router.delete("/session", status_code=204)

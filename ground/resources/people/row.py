@@ -5,24 +5,20 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import (
-    ForeignKey,
-    String,
-    Text,
-)
+from sqlalchemy import ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.gdr.base import Base, Row, utc_now
+from ground.gdr.base import Base, Long, Row, Sha256, Text20, Text40, Text80, utc_now
 
 
 class PersonRow(Row):
     __tablename__ = "people"
 
-    name: Mapped[str] = mapped_column(String(80), unique=True)
-    role: Mapped[str] = mapped_column(String(20))
+    name: Mapped[Text80] = mapped_column(unique=True)
+    role: Mapped[Text20]
     mission_roles: Mapped[dict[str, Any]]
     active: Mapped[bool] = mapped_column(default=True)
-    password_hash: Mapped[str | None] = mapped_column(Text)
+    password_hash: Mapped[Long | None]
 
 
 class CredentialRow(Base):
@@ -30,11 +26,11 @@ class CredentialRow(Base):
 
     __tablename__ = "credentials"
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    kind: Mapped[str] = mapped_column(String(20))
+    id: Mapped[Text40] = mapped_column(primary_key=True)
+    kind: Mapped[Text20]
     person_id: Mapped[str] = mapped_column(ForeignKey("people.id", ondelete="CASCADE"), index=True)
-    name: Mapped[str] = mapped_column(String(80), default="")
-    secret_sha256: Mapped[str] = mapped_column(String(64), unique=True)
+    name: Mapped[Text80] = mapped_column(default="")
+    secret_sha256: Mapped[Sha256] = mapped_column(unique=True)
     created_utc: Mapped[datetime] = mapped_column(default=utc_now)
     expires_utc: Mapped[datetime]
 
@@ -46,7 +42,7 @@ class SigningKeyRow(Base):
 
     id: Mapped[str] = mapped_column(String(16), primary_key=True)
     person_id: Mapped[str] = mapped_column(ForeignKey("people.id", ondelete="CASCADE"), index=True)
-    name: Mapped[str] = mapped_column(String(80), default="")
+    name: Mapped[Text80] = mapped_column(default="")
     public: Mapped[str] = mapped_column(String(44))
     created_utc: Mapped[datetime] = mapped_column(default=utc_now)
     revoked_utc: Mapped[datetime | None]
@@ -57,6 +53,6 @@ class LoginFailureRow(Base):
 
     __tablename__ = "login_failures"
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    name: Mapped[str] = mapped_column(String(80), index=True)
+    id: Mapped[Text40] = mapped_column(primary_key=True)
+    name: Mapped[Text80] = mapped_column(index=True)
     at_utc: Mapped[datetime] = mapped_column(default=utc_now)

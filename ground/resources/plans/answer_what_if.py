@@ -13,6 +13,7 @@ from sqlalchemy import select
 from ground.errors import InvalidInputError, JobFailedError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
+from ground.records.show import value_of
 from ground.resources.missions.row import MissionRow
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.plans.read_plan import computed_plan
@@ -179,23 +180,16 @@ def _value(
 
     before = {str(o) for o in planned_observations(known.plan)}
     gained, lost = sorted(outcome.held - before), sorted(before - outcome.held)
-    return WhatIfAnswer(
+    return value_of(
+        WhatIfAnswer,
+        outcome,
         plan_id=plan_id,
         value_present=outcome.present,
         value_kept=outcome.kept,
         value_found=outcome.found,
-        change=outcome.change,
-        change_error=outcome.change_error,
-        replanning=outcome.replanning,
-        replanning_error=outcome.replanning_error,
-        overrun=outcome.overrun,
-        branches=outcome.branches,
-        feasible=outcome.feasible,
         gained=gained,
         lost=lost,
         reach=dict(outcome.reach),
-        per_hour=outcome.per_hour,
-        per_100_kj=outcome.per_100_kj,
         why=_why(changed, changes, outcome, lost),
         changes=changes.in_words(),
         time_budget_s=changed.budget.time_s,

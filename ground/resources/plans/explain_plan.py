@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ground.errors import InvalidInputError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
+from ground.records.show import value_of
 from ground.resources.plans.plan_futures import FUTURES, bin_edges, fly, histogram, rounded, stored
 from ground.resources.plans.read_plan import computed_plan
 from ground.resources.plans.study_value import PairHistogram, PlanComparison, Relaxation, WhyNot
@@ -39,16 +40,12 @@ def explain_request(repo: Repository, actor: Actor, plan_id: str, request_id: st
     except PlannerError as err:
         raise InvalidInputError(str(err), pointer="request_id") from err
     relaxation = found.relaxation
-    return WhyNot(
+    return value_of(
+        WhyNot,
+        found,
         request_id=request_id,
-        reason=found.reason,
-        limit=found.limit,
-        change=found.change,
-        standard_error=found.standard_error,
         displaced=[str(o) for o in found.displaced],
-        relaxation=None
-        if relaxation is None
-        else Relaxation(relaxation.what, relaxation.factor, relaxation.value),
+        relaxation=None if relaxation is None else value_of(Relaxation, relaxation),
     )
 
 
@@ -78,19 +75,11 @@ def compare_plans(repo: Repository, actor: Actor, plan_id: str, other_id: str) -
     flown_b, begun_b = fly(problem, tree_b.plan, a.seed)
     futures_a, futures_b = flown_a.utility, flown_b.utility
     in_a, in_b = set(a.planned_request_ids), set(b.planned_request_ids)
-    return PlanComparison(
+    return value_of(
+        PlanComparison,
+        found,
         plan_a=a.id,
         plan_b=b.id,
-        value_a=found.value_a,
-        value_b=found.value_b,
-        difference=found.difference,
-        standard_error=found.standard_error,
-        a_beats_b=found.a_beats_b,
-        b_beats_a=found.b_beats_a,
-        worst_a=found.worst_a,
-        worst_b=found.worst_b,
-        overrun_a=found.overrun_a,
-        overrun_b=found.overrun_b,
         only_in_a=sorted(in_a - in_b),
         only_in_b=sorted(in_b - in_a),
         futures=FUTURES,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import orjson
@@ -11,22 +11,22 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.day.rovers import profile_of
-from ground.errors import InvalidInputError, NotFoundError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
-from ground.jobs.kind import show_jobs
-from ground.jobs.queue import WAKE, enqueue
 from ground.jobs.row import JobRow
 from ground.jobs.value import Job
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
-from ground.records.edit import insert, next_number, update
-from ground.resources.missions.row import MissionRow
+from ground.records.edit import insert, new_row, next_number, update
+from ground.records.get_resource import find_row, row_in_mission
+from ground.resources.ask_job import ask_job
+from ground.resources.missions.kind import MISSION
 from ground.resources.missions.terrain import terrain_row
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.path_networks.kind import PATH_NETWORK
 from ground.resources.path_networks.row import PathNetworkRow
 from ground.resources.plans.answer_what_if import keep_outs_of
+from ground.resources.plans.bodies import PlanCreate
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.order import ORDERS, PlanWork, Search
 from ground.resources.plans.row import PlanRow
@@ -36,100 +36,54 @@ from ground.resources.problems.kind import PROBLEM
 from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
 from ground.resources.problems.row import ProblemRow
 from mission import Day
+from mission.codec import Document
 from planner.changes import Changes
 
 KIND = "generate_plan"
 
 
-@dataclass(frozen=True, slots=True)
-class PlanOrder:
-    """What is asked of the planner.
-
-    With `max_overrun_probability` the plan keeps the chance of ending over a budget within it. A what-if of a
-    parent keeps to the parent's unless it has its own.
-    """
-
-    name: str | None = None
-    notes: str = ""
-    sol_id: str | None = None
-    parent_id: str | None = None
-    strategy: str = "optimal"
-    max_branches: int = 8
-    time_limit_s: float = 20.0
-    iterations: int | None = None
-    max_overrun_probability: float | None = None
-    seed: int = 1
-    request_ids: tuple[str, ...] = ()
-    what_if: Changes | None = None
-
-
-def generate_plan(repo: Repository, actor: Actor, mission_id: str, order: PlanOrder) -> Job:
+def generate_plan(repo: Repository, actor: Actor, mission_id: str, given: PlanCreate) -> Job:
     """Return the job whose subject is the new plan, a draft until it is computed."""
     actor.require(Action.PLAN, mission_id)
+    changes = None if given.what_if is None else given.what_if.value()
+    allowed = given.max_overrun_probability
     with repo.database.write() as session:
-        mission = session.get(MissionRow, mission_id)
-        if mission is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
-        if order.parent_id is not None:
-            parent = session.get(PlanRow, order.parent_id)
-            if parent is None or parent.mission_id != mission_id:
-                raise InvalidInputError(
-                    f"there is no plan {order.parent_id} in mission {mission_id}", pointer="/parent_id"
-                )
-            if order.what_if is not None and order.max_overrun_probability is None:
-                order = replace(order, max_overrun_probability=_allowed(session, parent))
+        mission = find_row(session, MISSION, mission_id)
+        if given.parent_id is not None:
+            parent = row_in_mission(session, PLAN, given.parent_id, mission_id, "/parent_id")
+            if changes is not None and allowed is None:
+                allowed = _allowed(session, parent)
         language = profile_of(mission.rover_profile).language
-        sol = choose_sol(session, mission_id, order.sol_id)
-        day = mission_day(session, mission, sol, order.request_ids)
-        limits = replace(day.limits, max_overrun_probability=order.max_overrun_probability)
-        day = replace(day, limits=limits)
+        sol = choose_sol(session, mission_id, given.sol_id)
+        day = mission_day(session, mission, sol, given.request_ids)
+        day = replace(day, limits=replace(day.limits, max_overrun_probability=allowed))
         inputs = inputs_digest(session, mission_id)
-        if order.what_if is not None:
-            day, inputs = _changed(day, inputs, order.what_if)
-        plan_id, job_id = new_id("pln"), new_id("job")
-        number = next_number(session, PlanRow, mission_id)
-        row = PlanRow(
-            id=plan_id,
-            author=actor.name,
-            mission_id=mission_id,
+        if changes is not None:
+            day, inputs = _changed(day, inputs, changes)
+        job_id, number = new_id("job"), next_number(session, PlanRow, mission_id)
+        row = new_row(
+            PLAN,
+            actor,
+            mission_id,
+            given,
             sol_id=sol.id,
-            parent_id=order.parent_id,
             number=number,
-            name=order.name or (f"Plan {number}" if order.what_if is None else f"What-if {number}"),
-            notes=order.notes or ("" if order.what_if is None else f"What if: {order.what_if.in_words()}."),
+            name=given.name or (f"Plan {number}" if changes is None else f"What-if {number}"),
+            notes=given.notes or ("" if changes is None else f"What if: {changes.in_words()}."),
             state=PlanState.DRAFT.value,
-            strategy=order.strategy,
-            max_branches=order.max_branches,
-            time_limit_s=order.time_limit_s,
-            iterations=order.iterations,
-            seed=order.seed,
             job_id=job_id,
             inputs_sha256=inputs,
             terrain_sha256=terrain_row(session, mission_id).sha256,
             dictionary=f"{language.name} {language.version}",
             rover_profile=mission.rover_profile,
             findings=[],
-            request_ids=list(order.request_ids),
             planned_request_ids=[],
             left_out={},
         )
         insert(session, actor, PLAN, row)
-        search = Search(order.strategy, order.max_branches, order.time_limit_s, order.iterations, order.seed)
-        work = PlanWork(worksite(repo, session, mission), day, plan_id, search, order.what_if)
-        job = enqueue(
-            session,
-            repo.settings,
-            kind=KIND,
-            mission_id=mission_id,
-            subject_kind="plan",
-            subject_id=plan_id,
-            payload=ORDERS.document(work),
-            author=actor.name,
-            job_id=job_id,
-        )
-        value = show_jobs(session, [job])[0]
-    WAKE.set()
-    return value
+        search = Search(given.strategy, given.max_branches, given.time_limit_s, given.iterations, given.seed)
+        work = PlanWork(worksite(repo, session, mission), day, row.id, search, changes)
+        return ask_job(session, repo, actor, KIND, mission_id, (PLAN, row.id), ORDERS.document(work), job_id)
 
 
 def _allowed(session: Session, plan: PlanRow) -> float | None:
@@ -148,7 +102,7 @@ def _changed(day: Day, inputs: str, changes: Changes) -> tuple[Day, str]:
     return day, hashlib.sha256(orjson.dumps([inputs, changes.as_dict()])).hexdigest()
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, Any]) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
     """Write plan, problem and network; requests in the plan become planned."""
     plan = session.get(PlanRow, job.subject_id)
     if plan is None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from sqlalchemy.orm import Session
 
 from ground.errors import StateError
@@ -13,6 +11,7 @@ from ground.records.get_resource import find_row
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import Finding
+from mission.codec import Document
 
 
 def computed_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
@@ -30,13 +29,13 @@ def computed_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
     return row
 
 
-def read_tree(repo: Repository, actor: Actor, plan_id: str) -> dict[str, Any]:
+def read_tree(repo: Repository, actor: Actor, plan_id: str) -> Document:
     """Return the plan tree."""
     with repo.database.read() as session:
         return computed_plan(session, actor, plan_id).tree or {}
 
 
-def read_summary(repo: Repository, actor: Actor, plan_id: str) -> dict[str, Any]:
+def read_summary(repo: Repository, actor: Actor, plan_id: str) -> Document:
     """Return the planner's summary."""
     with repo.database.read() as session:
         return computed_plan(session, actor, plan_id).summary or {}

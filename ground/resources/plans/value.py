@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 from enum import StrEnum
+
+from ground.records.stored import OfMission
 
 
 class PlanState(StrEnum):
@@ -17,11 +18,9 @@ class PlanState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(OfMission):
     """One revision of a plan. Everything computed is frozen; an edit makes a new plan in state draft."""
 
-    id: str
-    mission_id: str
     sol_id: str
     parent_id: str | None
     number: int
@@ -50,11 +49,7 @@ class Plan:
     planned_request_ids: list[str]
     left_out: dict[str, str]
     stale: bool
-    author: str
     approved_by: str | None
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int
 
 
 @dataclass(frozen=True, slots=True)

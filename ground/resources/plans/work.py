@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ground.day.prepare import Report
 from ground.errors import JobFailedError
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.path_networks.geometry import network_geometry, observation_points
 from ground.resources.plans.order import PlanWork
+from mission.codec import Document
 from planner.changes import changed_problem
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 STOPPED = "The search was stopped; this is the best plan it had found."
 
 
-def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Document:
     """Return plan tree, CRL, summary and everything else a plan's row holds.
 
     Asked to stop, it returns the best plan so far, with a note that says so, if there is one.
@@ -116,8 +117,8 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> di
     }
 
 
-def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> dict[str, Any]:
-    """Return the planner's summary, as `outcrop plan` writes it; infinite values become null."""
+def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> Document:
+    """Return the planner's summary, `plan-summary/1`; infinite values become null."""
     check = result.check
     return {
         "format": "plan-summary/1",
@@ -147,7 +148,7 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-def findings_of(text: str, language: Dictionary, *, battery_j: float) -> list[dict[str, Any]]:
+def findings_of(text: str, language: Dictionary, *, battery_j: float) -> list[Document]:
     """Return everything the validator has against a text, by the rover's dictionary, in its places there.
 
     `battery_j` is the charge at the start, from which the resource envelope is drawn.

@@ -12,7 +12,7 @@ from ground.gdr.history import ChainRow
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.keep_outs.rules import kept_clear
 from ground.resources.missions.row import MissionRow
-from ground.resources.observation_requests.row import ObservationRequestRow
+from ground.resources.observation_requests.row import PLANNED, ObservationRequestRow
 from ground.resources.sols.row import SolRow
 from ground.resources.targets.row import TargetRow
 from ground.resources.terrains.row import TerrainRow
@@ -92,13 +92,10 @@ def _take(session: Session, mission_id: str) -> str:
     rules = session.scalar(select(MissionRow.drive_rules).where(MissionRow.id == mission_id))
     if rules:  # likewise
         parts.append([(rules,)])
-    carried = session.execute(
-        select(o.id, o.constraints)
-        .where(o.mission_id == mission_id, o.constraints.is_not(None))
-        .order_by(o.id)
-    ).all()
-    if carried:  # likewise
-        parts.append(carried)
+    for column in (c for c in o.__table__.c if c.info.get(PLANNED)):
+        told = select(o.id, column).where(o.mission_id == mission_id, column.is_not(None)).order_by(o.id)
+        if rows := session.execute(told).all():  # likewise
+            parts.append(rows)
     content = [[[_counting(value) for value in row] for row in part] for part in parts]
     return hashlib.sha256(orjson.dumps(content, option=orjson.OPT_SORT_KEYS)).hexdigest()
 

@@ -10,11 +10,13 @@ from sqlalchemy.orm import Session
 from ground.day.worksite import Worksite
 from ground.errors import InvalidInputError, StateError
 from ground.gdr.repository import Repository
+from ground.records.get_resource import row_in_mission
 from ground.resources.keep_outs.row import KeepOutRow, day_keep_out
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import terrain_row
 from ground.resources.observation_requests.change_rover import require_instruments
 from ground.resources.observation_requests.row import ObservationRequestRow, day_request
+from ground.resources.sols.kind import SOL
 from ground.resources.sols.row import SolRow
 from ground.resources.targets.row import TargetRow, day_target
 from mission import Day, DriveRule, Limits, Pose, Sky
@@ -34,10 +36,8 @@ def choose_sol(session: Session, mission_id: str, sol_id: str | None) -> SolRow:
         If it has none at all.
     """
     if sol_id is not None:
-        sol = session.get(SolRow, sol_id)
-        if sol is None or sol.mission_id != mission_id:
-            raise InvalidInputError(f"there is no sol {sol_id} in mission {mission_id}", pointer="/sol_id")
-        return sol
+        named: SolRow = row_in_mission(session, SOL, sol_id, mission_id, "/sol_id")
+        return named
     newest = session.scalars(
         select(SolRow).where(SolRow.mission_id == mission_id).order_by(SolRow.number.desc()).limit(1)
     ).first()

@@ -8,7 +8,7 @@ from ground.errors import NotFoundError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
-from ground.resources.products.kind import PRODUCT, show_products
+from ground.resources.products.kind import PRODUCT
 from ground.resources.products.value import Product
 
 
@@ -17,7 +17,7 @@ def read_product(repo: Repository, actor: Actor, product_id: str) -> tuple[Produ
     with repo.database.read() as session:
         row = find_row(session, PRODUCT, product_id)
         actor.require(Action.READ, row.mission_id)
-        product: Product = show_products(session, [row])[0]
+        product = PRODUCT.show_one(session, row)
     path = repo.files.path(product.sha256)
     if not path.is_file():
         raise NotFoundError(

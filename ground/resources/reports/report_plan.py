@@ -13,16 +13,16 @@ from ground.records.actor import Actor
 from ground.reports.page import failure_table, histogram, map_picture, number, page, safe, table, tree_drawing
 from ground.reports.plan_drawing import target_names
 from ground.resources.approvals.check_flight_rules import hold_rules
-from ground.resources.approvals.kind import show_approvals
+from ground.resources.approvals.kind import APPROVAL
 from ground.resources.approvals.row import ApprovalRow, WaiverRow
 from ground.resources.approvals.value import Approval, FlightRuleResult
-from ground.resources.comments.kind import show_comments
+from ground.resources.comments.kind import COMMENT
 from ground.resources.comments.row import CommentRow
 from ground.resources.comments.value import Comment
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain
-from ground.resources.observation_requests.kind import show_requests
+from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.observation_requests.value import ObservationRequest
 from ground.resources.plans import plan_futures
@@ -85,11 +85,11 @@ def report_plan(repo: Repository, actor: Actor, plan_id: str) -> str:
             sol=session.get_one(SolRow, plan.sol_id),
             stale=inputs_digest(session, mission.id) != plan.inputs_sha256,
             problem=document,
-            requests={x.id: x for x in show_requests(session, list(rows))},
+            requests={x.id: x for x in OBSERVATION_REQUEST.show(session, list(rows))},
             rules=hold_rules(repo, session, plan),
             waivers=list(session.scalars(select(w).where(w.plan_id == plan.id).order_by(w.rule))),
-            approvals=show_approvals(session, list(approvals)),
-            comments=show_comments(session, list(session.scalars(about.order_by(c.id)))),
+            approvals=APPROVAL.show(session, list(approvals)),
+            comments=COMMENT.show(session, list(session.scalars(about.order_by(c.id)))),
             budget=problem.budget,
         )
     flown, begun = plan_futures.fly(problem, tree.plan, plan.seed)
@@ -250,11 +250,13 @@ def _requests(case: _Case, begun: Mapping[str, float]) -> list[tuple[str, ...]]:
             seen.add(o["id"])
             inside = o["id"] in begun
             chance = f"{begun[o['id']]:.1%}" if inside else "-"
-            why = "must be done" if o.get("must_do") else ""
+            remarks = ["must be done" if o.get("must_do") else ""]
             if not inside:
-                why = case.plan.left_out.get(o["id"], "left out")
+                remarks = [case.plan.left_out.get(o["id"], "left out")]
             what = o.get("instrument") or o.get("kind", "")
-            rows.append((names[target["id"]], what, f"{o['utility']:g}", chance, why))
+            rows.append(
+                (names[target["id"]], what, f"{o['utility']:g}", chance, "; ".join(filter(None, remarks)))
+            )
     for request_id, reason in case.plan.left_out.items():
         request = case.requests.get(request_id)
         if request_id in seen:

@@ -28,16 +28,16 @@ from ground.reports.plan_drawing import target_names
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain
-from ground.resources.observation_requests.kind import show_requests
+from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.observation_requests.value import ObservationRequest
 from ground.resources.plans.read_plan import computed_plan
 from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow
-from ground.resources.products.kind import show_products
+from ground.resources.products.kind import PRODUCT
 from ground.resources.products.row import ProductRow
 from ground.resources.products.value import Product
-from ground.resources.runs.kind import RUN, show_runs
+from ground.resources.runs.kind import RUN
 from ground.resources.runs.read_run import read_telemetry, read_trace
 from ground.resources.runs.trace_value import Telemetry, Trace
 from ground.resources.runs.value import Run
@@ -59,7 +59,7 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
     trace, telemetry = read_trace(repo, actor, run_id), read_telemetry(repo, actor, run_id)
     with repo.database.read() as session:
         run_row = find_row(session, RUN, run_id)
-        run = show_runs(session, [run_row])[0]
+        run = RUN.show_one(session, run_row)
         plan = computed_plan(session, actor, run.plan_id)
         if plan.problem_id is None:
             raise StateError(f"plan {plan.number} has no planning problem")
@@ -68,9 +68,9 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
         terrain = mission_terrain(repo, session, mission.id)
         r, p, k = ObservationRequestRow, ProductRow, KeepOutRow
         query = select(r).where(r.mission_id == mission.id).order_by(r.id)
-        requests = show_requests(session, list(session.scalars(query)))
+        requests = OBSERVATION_REQUEST.show(session, list(session.scalars(query)))
         found = session.scalars(select(p).where(p.run_id == run_id).order_by(p.id))
-        products = show_products(session, list(found))
+        products = PRODUCT.show(session, list(found))
         keep_outs = list(session.scalars(select(k.polygon_m).where(k.mission_id == mission.id)))
     lost = [t for t, states in telemetry.tracker_state.items() if "lost" in states]
     driven = [

@@ -9,6 +9,7 @@ from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError, NotFoundError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
+from ground.records.show import value_of
 from ground.resources.rovers.value import (
     ConstraintKind,
     Rover,
@@ -83,48 +84,30 @@ def describe(name: str) -> Rover:
 
 
 def _instrument(key: str, instrument: Instrument) -> RoverInstrument:
-    return RoverInstrument(
+    return value_of(
+        RoverInstrument,
+        instrument,
         name=instrument.alias or key,
         profile_name=key,
-        doc=instrument.doc,
         use="contact" if instrument.contact else "remote",
         action=instrument.used_by,
         tracked=instrument.tracks,
-        time_s=instrument.time_s,
-        energy_j=instrument.energy_j,
-        data_mbit=instrument.data_mbit,
-        p_success=instrument.p_success,
-        standoff_m=instrument.standoff_m,
-        field_of_view_rad=instrument.field_of_view_rad,
-        camera=instrument.camera,
     )
 
 
 def _action(action: ActionSpec) -> RoverAction:
-    return RoverAction(
-        name=action.name,
-        doc=action.doc,
+    return value_of(
+        RoverAction,
+        action,
         parameters=[_value(p) for p in action.parameters],
         results=[_value(r) for r in action.results],
         one_of=[list(group) for group in action.one_of],
         needs=list(action.needs),
-        activity=action.activity,
-        instrument=action.instrument,
-        duration=action.duration,
     )
 
 
 def _value(spec: ValueSpec) -> RoverValue:
-    return RoverValue(
-        name=spec.name,
-        type=spec.type.value,
-        unit=spec.unit,
-        required=spec.required,
-        minimum=spec.minimum,
-        maximum=spec.maximum,
-        choices=list(spec.choices),
-        doc=spec.doc,
-    )
+    return value_of(RoverValue, spec, type=spec.type.value, choices=list(spec.choices))
 
 
 @cache

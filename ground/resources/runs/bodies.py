@@ -45,6 +45,9 @@ class RunCreate(Body):
     """Run a plan's CRL on a simulated rover. With `pace` > 0 so many seconds of the plan pass in one
     real second. With `light_time_s`, one way, it is a rehearsal in the passes of the plan's sol: `commands`
     come late, and the report of the run says when the ground knows what.
+
+    With `live` it runs on the real clock, on a rover in a process of its own, at `pace` seconds of the plan
+    in a second (0 is 1): it can be held, stepped, aborted, stopped and given faults while it goes on.
     """
 
     plan_id: Id
@@ -55,15 +58,20 @@ class RunCreate(Body):
     notes: Text = ""
     light_time_s: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=36_000.0)] | None = None
     commands: Annotated[list[SentBody], Field(max_length=50)] = []
+    live: Flag = False
 
 
 class RunControlBody(Body):
-    """Hold or let go a run that goes on, change its pace, let one record of the executive pass, or abort."""
+    """Hold or let go a run that goes on, change its pace, let one record of the executive pass, or abort.
+
+    `stop` is for live runs: rover and plan are stopped at once, before everything that waits.
+    """
 
     paused: Flag | None = None
     pace: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e6)] | None = None
     step: Flag = False
     abort: Flag = False
+    stop: Flag = False
 
 
 class RunChange(Body):

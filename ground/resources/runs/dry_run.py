@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from datetime import datetime
 from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import InvalidInputError, NotFoundError, StateError
+from ground.errors import InvalidInputError, StateError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
-from ground.jobs.kind import show_jobs
-from ground.jobs.queue import WAKE, enqueue
 from ground.jobs.row import JobRow
 from ground.jobs.value import Job, JobState
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
-from ground.records.edit import insert, update
-from ground.resources.missions.row import MissionRow
+from ground.records.edit import insert, new_row, update
+from ground.records.get_resource import require_mission, row_in_mission
+from ground.resources.ask_job import ask_job
 from ground.resources.missions.terrain import terrain_row
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.plans.kind import PLAN
@@ -27,6 +26,7 @@ from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
 from ground.resources.problems.row import ProblemRow
 from ground.resources.products.row import ProductRow
+from ground.resources.runs.bodies import RunCreate
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.order import ORDERS, RunWork, SentCommand
 from ground.resources.runs.row import RunRow
@@ -35,31 +35,16 @@ from ground.resources.runs.value import RunKind
 from ground.resources.sols.row import SolRow
 from ground.resources.targets.row import TargetRow
 from ground.uplink.link import Link
-from ground.uplink.rehearsal import Sent
 from mission import Sky
+from mission.codec import Document
 
 KIND = "dry_run"
+LIVE_KIND = "live"
+LIVE_TIME_LIMIT_S = 86_400.0
+"""A live run takes as long as its plan."""
 
 
-@dataclass(frozen=True, slots=True)
-class RunOrder:
-    """What is to be run, on which rover, with which faults; `pace` plan seconds pass in a second, 0 =
-    all at once.
-    """
-
-    plan_id: str
-    rover: str = "abstract"
-    seed: int = 1
-    faults: tuple[FaultValue, ...] = ()
-    pace: float = 0.0
-    notes: str = ""
-    light_time_s: float | None = None
-    """Makes it a rehearsal with the passes of the plan's sol: `commands` come late, and the run's folder says
-    when the ground knows what."""
-    commands: tuple[Sent, ...] = ()
-
-
-def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) -> Job:
+def dry_run(repo: Repository, actor: Actor, mission_id: str, given: RunCreate) -> Job:
     """Return the job whose subject is the new run.
 
     Raises
@@ -72,73 +57,59 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, order: RunOrder) ->
     from rover_iface.registry import rover_names
 
     actor.require(Action.PLAN, mission_id)
-    if order.rover not in rover_names():
+    if given.rover not in rover_names():
         raise InvalidInputError(
-            f"there is no rover {order.rover!r}; installed are {', '.join(rover_names())}", pointer="/rover"
+            f"there is no rover {given.rover!r}; installed are {', '.join(rover_names())}", pointer="/rover"
         )
-    faults = _fault_documents(order.faults)
+    if given.live and (given.light_time_s is not None or given.commands):
+        raise InvalidInputError(
+            "a live run has no light time and no commands beforehand: it is asked while it goes on",
+            pointer="/live",
+        )
+    faults = [fault.value() for fault in given.faults]
+    documents = _fault_documents(faults)
     with repo.database.write() as session:
-        mission = session.get(MissionRow, mission_id)
-        if mission is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
-        plan = session.get(PlanRow, order.plan_id)
-        if plan is None or plan.mission_id != mission_id:
-            raise InvalidInputError(
-                f"there is no plan {order.plan_id} in mission {mission_id}", pointer="/plan_id"
-            )
+        require_mission(session, mission_id)
+        plan: PlanRow = row_in_mission(session, PLAN, given.plan_id, mission_id, "/plan_id")
         if plan.crl_text is None or plan.crl_sha256 is None or plan.problem_id is None:
             raise StateError(f"plan {plan.number} is not computed ({plan.status or 'its job is not done'})")
         problem = session.get_one(ProblemRow, plan.problem_id)
         sol = session.get_one(SolRow, plan.sol_id)
-        link = _link(order.light_time_s, sol)
-        run_id, job_id = new_id("run"), new_id("job")
-        row = RunRow(
-            id=run_id,
-            author=actor.name,
-            mission_id=mission_id,
-            plan_id=plan.id,
-            kind=RunKind.DRY_RUN.value,
-            rover=order.rover,
-            seed=order.seed,
-            faults=[asdict(f) for f in order.faults],
+        link = _link(given.light_time_s, sol)
+        job_id = new_id("job")
+        row = new_row(
+            RUN,
+            actor,
+            mission_id,
+            given,
+            kind=(RunKind.LIVE if given.live else RunKind.DRY_RUN).value,
+            faults=[asdict(fault) for fault in faults],
             job_id=job_id,
             state=JobState.QUEUED.value,
             options_taken=[],
             achieved_request_ids=[],
             crl_sha256=plan.crl_sha256,
-            notes=order.notes,
         )
         insert(session, actor, RUN, row)
         work = RunWork(
-            run_id,
-            run_dir=str(repo.run_dir(run_id)),
+            row.id,
+            run_dir=str(repo.run_dir(row.id)),
             files_dir=str(repo.files.folder),
             terrain_dir=str(repo.terrain_dir(terrain_row(session, mission_id).id)),
             crl_text=plan.crl_text,
             problem=problem.document,
-            rover=order.rover,
+            rover=given.rover,
             rover_profile=plan.rover_profile,
-            seed=order.seed,
-            faults=tuple(faults),
-            pace=order.pace,
+            seed=given.seed,
+            faults=tuple(documents),
+            pace=given.pace,
             link=None if link is None else link.as_dict(),
-            commands=tuple(SentCommand(c.operation.value, c.sent_s) for c in order.commands),
+            commands=tuple(SentCommand(c.operation, c.sent_s) for c in given.commands),
             sky=Sky(start_lmst_h=sol.start_lmst_h),
         )
-        job = enqueue(
-            session,
-            repo.settings,
-            kind=KIND,
-            mission_id=mission_id,
-            subject_kind="run",
-            subject_id=run_id,
-            payload=ORDERS.document(work),
-            author=actor.name,
-            job_id=job_id,
-        )
-        value = show_jobs(session, [job])[0]
-    WAKE.set()
-    return value
+        kind, limit_s = (LIVE_KIND, LIVE_TIME_LIMIT_S) if given.live else (KIND, None)
+        order = ORDERS.document(work)
+        return ask_job(session, repo, actor, kind, mission_id, (RUN, row.id), order, job_id, limit_s)
 
 
 def _link(light_time_s: float | None, sol: SolRow) -> Link | None:
@@ -149,7 +120,7 @@ def _link(light_time_s: float | None, sol: SolRow) -> Link | None:
     return Link.from_dict({"light_time_s": light_time_s, "passes": passes})
 
 
-def _fault_documents(faults: tuple[FaultValue, ...]) -> list[dict[str, Any]]:
+def _fault_documents(faults: Sequence[FaultValue]) -> list[dict[str, Any]]:
     """Return faults in the form `fault/1`.
 
     Raises
@@ -158,7 +129,7 @@ def _fault_documents(faults: tuple[FaultValue, ...]) -> list[dict[str, Any]]:
         If one has not exactly one of time and task, or lacks its target or amount.
     """
     from rover_iface.errors import RoverError
-    from rover_iface.simulator.faults import Fault
+    from rover_iface.simulator.faults import load_faults
 
     documents = []
     for index, fault in enumerate(faults):
@@ -171,14 +142,14 @@ def _fault_documents(faults: tuple[FaultValue, ...]) -> list[dict[str, Any]]:
         }
         document = {name: value for name, value in members.items() if value is not None}
         try:
-            Fault.from_dict(document)
+            load_faults([document])
         except RoverError as err:
             raise InvalidInputError(str(err), pointer=f"/faults/{index}") from err
         documents.append(document)
     return documents
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, Any]) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
     """Write outcome and products; a plan whose run went through is verified."""
     run = session.get(RunRow, job.subject_id)
     if run is None:
@@ -195,7 +166,7 @@ def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, A
     return f"/api/v1/runs/{run.id}"
 
 
-def record_run(session: Session, run: RunRow, result: dict[str, Any]) -> list[ProductRow]:
+def record_run(session: Session, run: RunRow, result: Document) -> list[ProductRow]:
     """Write what came of a run and tie its products to task, request and target; return the products.
 
     A product whose request is unknown in this mission is kept and listed as an orphan.
@@ -223,7 +194,7 @@ def record_run(session: Session, run: RunRow, result: dict[str, Any]) -> list[Pr
     return products
 
 
-def product_rows(session: Session, run: RunRow, items: Iterable[Mapping[str, Any]]) -> list[ProductRow]:
+def product_rows(session: Session, run: RunRow, items: Iterable[Document]) -> list[ProductRow]:
     """Return rows for products of a run, tied to the requests and targets of its mission by their labels."""
     requests = dict(
         session.execute(

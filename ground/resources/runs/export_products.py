@@ -12,9 +12,9 @@ from sqlalchemy import select
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
-from ground.resources.products.kind import show_products
+from ground.resources.products.kind import PRODUCT
 from ground.resources.products.row import ProductRow
-from ground.resources.runs.kind import RUN, show_runs
+from ground.resources.runs.kind import RUN
 
 FORMAT = "products/1"
 STORED = ("id", "task_id", "request_id", "target_id", "kind", "instrument", "media", "size_bytes", "sha256")
@@ -28,9 +28,9 @@ def export_products(repo: Repository, actor: Actor, run_id: str, target: Path) -
     with repo.database.read() as session:
         row = find_row(session, RUN, run_id)
         actor.require(Action.READ, row.mission_id)
-        run = show_runs(session, [row])[0]
+        run = RUN.show_one(session, row)
         query = select(ProductRow).where(ProductRow.run_id == run_id).order_by(ProductRow.id)
-        products = show_products(session, list(session.scalars(query)))
+        products = PRODUCT.show(session, list(session.scalars(query)))
     names = {p.id: f"{p.id}/{PurePosixPath(p.file_name).name}" for p in products}
     files = [
         {

@@ -11,7 +11,7 @@ from ground.resources.plans.row import PlanRow
 from ground.resources.runs.row import RunRow
 
 
-def keep_run_plan(session: Session, _actor: Actor, row: PlanRow, _group: str, _reason: str) -> None:
+def keep_run_plan(session: Session, _actor: Actor, row: PlanRow, _reason: str) -> None:
     """Raise if a plan that is about to go has runs."""
     if session.scalars(select(RunRow.id).where(RunRow.plan_id == row.id).limit(1)).first():
         raise StateError(f"plan {row.number} has runs and stays")

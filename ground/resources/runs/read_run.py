@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
-from ground.resources.products.kind import show_products
+from ground.resources.products.kind import PRODUCT
 from ground.resources.products.value import Product
 from ground.resources.runs.dry_run import product_rows
 from ground.resources.runs.kind import RUN
@@ -22,6 +23,7 @@ from ground.resources.runs.row import RunRow
 from ground.resources.runs.trace_value import Telemetry, Trace, TraceEvent
 from ground.resources.runs.value import Run, RunKind
 from ground.resources.runs.work import LIVE, columns, live_lines_of, trace_event
+from mission.codec import Document
 
 GIVEN_UP = {JobState.FAILED.value, JobState.CANCELLED.value}
 
@@ -58,7 +60,7 @@ def read_telemetry(repo: Repository, actor: Actor, run_id: str) -> Telemetry:
     """Return telemetry as columns, what there is so far while the run goes on."""
     row = _row(repo, actor, run_id)
     if row.telemetry_sha256 is not None:
-        table: dict[str, Any] = orjson.loads(repo.files.read(row.telemetry_sha256))
+        table: Document = orjson.loads(repo.files.read(row.telemetry_sha256))
     else:
         table = columns(live_lines_of(repo.run_dir(run_id) / LIVE, "telemetry"))
     return Telemetry(run_id=run_id, complete=row.telemetry_sha256 is not None, **table)
@@ -85,13 +87,13 @@ def live_lines(repo: Repository, run: Run, after: int) -> list[tuple[str, Any]]:
     return [(kind, next(products) if kind == "product" else data) for kind, data in found]
 
 
-def _live_products(repo: Repository, run_id: str, items: list[dict[str, Any]]) -> list[Product]:
+def _live_products(repo: Repository, run_id: str, items: Sequence[Document]) -> list[Product]:
     """Return products of a run as they will be recorded, with where their files are until then."""
     if not items:
         return []
     with repo.database.read() as session:
         rows = product_rows(session, session.get_one(RunRow, run_id), items)
-        shown: list[Product] = show_products(session, rows)
+        shown = PRODUCT.show(session, rows)
     return [replace(p, file_url=f"/api/v1/runs/{run_id}/products/{p.id}/file") for p in shown]
 
 

@@ -12,6 +12,7 @@ from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.trace_value import CommandState, ContingencyState, NodeState, RunSnapshot
+from mission.codec import Document
 
 JOURNAL = "journal.jsonl"
 OVER = {JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED}
@@ -74,7 +75,7 @@ def _seconds(t_ms: int | None) -> float | None:
     return None if t_ms is None else t_ms / 1000
 
 
-def value_of(run_id: str, picture: Mapping[str, Any], seq: int, last: int, complete: bool) -> RunSnapshot:
+def value_of(run_id: str, picture: Document, seq: int, last: int, complete: bool) -> RunSnapshot:
     nodes = [
         NodeState(
             id=node["id"],

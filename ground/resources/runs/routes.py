@@ -7,87 +7,35 @@ from typing import Annotated
 from fastapi import Query
 from starlette.responses import FileResponse, Response, StreamingResponse
 
-from ground.api.context import (
-    PRODUCT_FILE,
-    Asked,
-    Cursor,
-    FilterId,
-    Id,
-    IfMatch,
-    Limit,
-    answer,
-    api_router,
-    product_file,
-)
-from ground.api.jobs_answer import Prefer, accepted
+from ground.api.context import PRODUCT_FILE, Asked, FilterId, Id, answer, product_file
 from ground.api.problems import responses
+from ground.api.resource_routes import resource_routes
 from ground.api.streams import EVENT_STREAM, LastEventId
-from ground.jobs.value import Job
-from ground.records.forms import Page
-from ground.resources.runs.bodies import RunChange, RunControlBody, RunCreate
+from ground.resources.runs.bodies import FaultBody, RunControlBody
 from ground.resources.runs.control_run import control_run as control_run_use_case
-from ground.resources.runs.dry_run import RunOrder, dry_run
+from ground.resources.runs.control_run import inject_fault as inject_fault_use_case
+from ground.resources.runs.dry_run import dry_run
+from ground.resources.runs.kind import RUN
 from ground.resources.runs.read_run import read_live_product, read_telemetry, read_trace
 from ground.resources.runs.read_snapshot import read_snapshot
 from ground.resources.runs.stream import run_stream
 from ground.resources.runs.trace_value import RunSnapshot, Telemetry, Trace
 from ground.resources.runs.value import Run, RunControl
-from ground.uplink.rehearsal import Sent
 
-router = api_router("runs")
-
-
-@router.get("/missions/{mission_id}/runs", response_model=Page[Run], responses=responses(404, 422))
-async def list_runs(
-    ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None, plan_id: FilterId = None
-) -> Response:
-    """List runs, of one plan if wanted."""
-    where = {"plan_id": plan_id}
-    return await ask.page("run", mission_id, limit, cursor, where)
-
-
-@router.post(
-    "/missions/{mission_id}/runs",
-    response_model=Job,
-    status_code=202,
-    responses={
-        200: {"model": Job, "description": "Done in the time given by Prefer"},
-        **responses(400, 404, 409, 422),
-    },
+router = resource_routes(
+    RUN,
+    "runs",
+    lists="List runs, of one plan if wanted.",
+    where={"plan_id": FilterId},
+    starts=(dry_run, "Run a plan on a simulated rover: a job, whose subject is the run."),
+    reads="Read a run: outcome, utility, options taken.",
+    changes="Change the notes of a run.",
 )
-async def create_run(ask: Asked, mission_id: Id, body: RunCreate, prefer: Prefer = None) -> Response:
-    """Run a plan on a simulated rover: a job, whose subject is the run."""
-    from executive.ports import Operation
-
-    order = RunOrder(
-        plan_id=body.plan_id,
-        rover=body.rover,
-        seed=body.seed,
-        faults=tuple(f.value() for f in body.faults),
-        pace=body.pace,
-        notes=body.notes,
-        light_time_s=body.light_time_s,
-        commands=tuple(Sent(Operation(c.operation), c.sent_s) for c in body.commands),
-    )
-    job = await ask.do(dry_run, mission_id, order)
-    return await accepted(ask.repo, ask.who, job, prefer)
-
-
-@router.get("/runs/{run_id}", response_model=Run, responses=responses(404, 422))
-async def get_run(ask: Asked, run_id: Id) -> Response:
-    """Read a run: outcome, utility, options taken."""
-    return await ask.one("run", run_id)
-
-
-@router.patch("/runs/{run_id}", response_model=Run, responses=responses(400, 404, 409, 412, 422, 428))
-async def change_run(ask: Asked, run_id: Id, body: RunChange, if_match: IfMatch = None) -> Response:
-    """Change the notes of a run."""
-    return await ask.change("run", run_id, body, if_match)
 
 
 @router.post("/runs/{run_id}/control", response_model=RunControl, responses=responses(400, 404, 409, 422))
 async def control_run(ask: Asked, run_id: Id, body: RunControlBody) -> Response:
-    """Pause, resume, step, speed up or abort a run that goes on."""
+    """Pause, resume, step, speed up, abort or (live) stop a run that goes on."""
     return answer(
         await ask.do(
             control_run_use_case,
@@ -96,8 +44,15 @@ async def control_run(ask: Asked, run_id: Id, body: RunControlBody) -> Response:
             pace=body.pace,
             step=body.step,
             abort=body.abort,
+            stop=body.stop,
         )
     )
+
+
+@router.post("/runs/{run_id}/faults", response_model=Run, responses=responses(400, 404, 409, 422))
+async def inject_fault(ask: Asked, run_id: Id, body: FaultBody) -> Response:
+    """Let the simulated rover of a live run suffer a fault: now, at a time, or at the command of a task."""
+    return answer(await ask.do(inject_fault_use_case, run_id, body))
 
 
 @router.get("/runs/{run_id}/trace", response_model=Trace, responses=responses(404, 409, 422))
@@ -135,7 +90,8 @@ async def get_run_snapshot(
 )
 async def stream_run(ask: Asked, run_id: Id, last_event_id: LastEventId = None) -> Response:
     """Stream a run: events `telemetry` (one sample), `trace` (one record), `product` (a data product as the
-    rover made it), `control` (how it goes: at the start, and when an operator asks), and at last `end`.
+    rover made it), `control` (how it goes: at the start, and when an operator asks), and at last `end`; of a
+    live run also `link` (the line, age of the last word, open commands) and `note` (of the executive).
     """
     return await run_stream(ask.repo, ask.who, run_id, last_event_id)
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 from enum import StrEnum
 
 from ground.jobs.value import JobState
+from ground.records.stored import OfMission
 
 
 class RunKind(StrEnum):
     DRY_RUN = "dry_run"
     EXECUTION = "execution"
+    LIVE = "live"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +31,12 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class Run(OfMission):
     """One execution of a plan's CRL, by a simulated rover (dry run) or as brought down from a rover.
 
     What came in with an archive was made `elsewhere` and verifies nothing here.
     """
 
-    id: str
-    mission_id: str
     plan_id: str
     kind: RunKind
     rover: str
@@ -54,10 +53,6 @@ class Run:
     crl_sha256: str
     notes: str
     elsewhere: bool
-    author: str
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int
 
 
 @dataclass(frozen=True, slots=True)

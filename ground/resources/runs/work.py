@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, TYPE_CHECKING, Any
 
 from executive.ports import Operation
+from executive.runtime.codec import Json
 from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.gdr.base import utc_now
@@ -24,6 +25,7 @@ from ground.resources.runs.order import RunWork
 from ground.uplink.flight import Sample, fly, product_line
 from ground.uplink.link import Link
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
+from mission.codec import Document
 from rover_iface.registry import find_rover
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ PROGRESS_S = 5.0
 MAX_LABEL_BYTES = 64 * 1024
 
 
-def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> dict[str, Any]:
+def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> Document:
     """Return a record of the trace as JSON."""
     return {"t_s": t_s, "event": event, "arguments": list(arguments)}
 
@@ -52,7 +54,7 @@ class Wish:
     steps: int = 0
     abort: bool = False
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Document:
         return asdict(self)
 
     @classmethod
@@ -102,7 +104,7 @@ class _Live:
         self._line("trace", trace_event(t_s, record.event, record.arguments))
 
     def product(self, product: Product) -> None:
-        item = _store_product(self._control.parent, self._store, product_line(product))
+        item = store_product(self._control.parent, self._store, product_line(product))
         made = {"id": new_id("prd"), "created_utc": utc_now().isoformat()}
         self.products[product.path] = {**item, **made}
         self._line("product", self.products[product.path])
@@ -152,7 +154,7 @@ class _Live:
             self._look(plan_s)
 
 
-def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> Document:
     """Return outcome, trace, telemetry and products of a run; the files of products are in the store.
 
     Raises
@@ -216,9 +218,7 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> dic
     }
 
 
-def read_run_folder(
-    folder: Path, files_dir: Path, stored: Mapping[str, dict[str, Any]] | None = None
-) -> dict[str, Any]:
+def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document] | None = None) -> Document:
     """Put trace, telemetry and products of a `run/1` folder into the file store; return what a run's row
     holds. `stored` are the products that are there already, by their path.
 
@@ -243,7 +243,7 @@ def read_run_folder(
         events = [trace_event(row[0], row[1], row[2:]) for row in rows]
         table = columns(samples)
         there = stored or {}
-        items = [there.get(row["path"]) or _store_product(folder, store, row) for row in products]
+        items = [there.get(row["path"]) or store_product(folder, store, row) for row in products]
     except (KeyError, TypeError, IndexError, ValueError) as err:
         raise ArchiveError(f"{folder.name}: a line is malformed: {err!r}") from err
     trace = {
@@ -272,7 +272,7 @@ def _lines(path: Path) -> list[Any]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
 
 
-def _store_product(folder: Path, store: FileStore, row: Mapping[str, Any]) -> dict[str, Any]:
+def store_product(folder: Path, store: FileStore, row: Json) -> Json:
     """Store the file of one line of `products.jsonl`; the line's digest must be that of the file."""
     relative = PurePosixPath(str(row["path"]))
     if relative.is_absolute() or ".." in relative.parts or "\\" in str(relative):
@@ -309,7 +309,7 @@ def _whole_label(file: Path, sha256: str) -> dict[str, Any]:
     return label if isinstance(label, dict) and label.get("sha256") == sha256 else {}
 
 
-def live_lines_of(path: Path, wanted: str) -> list[dict[str, Any]]:
+def live_lines_of(path: Path, wanted: str) -> list[Document]:
     """Return the samples (`telemetry`), records (`trace`) or products (`product`) that a run going on has
     written so far.
     """
@@ -322,7 +322,7 @@ def live_lines_of(path: Path, wanted: str) -> list[dict[str, Any]]:
     return found
 
 
-def columns(samples: list[dict[str, Any]]) -> dict[str, Any]:
+def columns(samples: list[Document]) -> Document:
     """Return samples as columns of equal length."""
     targets = sorted({target for sample in samples for target in sample["trackers"]})
     table: dict[str, Any] = {

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ground.errors import InvalidInputError, NotFoundError
-from ground.gdr.ids import new_id
+from ground.errors import InvalidInputError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.records.edit import insert
-from ground.records.get_resource import find_row
+from ground.records.edit import insert, new_row
+from ground.records.get_resource import find_row, require_mission
 from ground.resources.frames.site_chain import load_chain, outline_of, require_frame
 from ground.resources.frames.value import Level
-from ground.resources.missions.row import MissionRow
-from ground.resources.site_maps.kind import SITE_MAP, show_site_maps
-from ground.resources.site_maps.row import SiteMapRow
+from ground.resources.site_maps.bodies import SiteMapCreate
+from ground.resources.site_maps.kind import SITE_MAP
 from ground.resources.site_maps.value import SiteMap
 from ground.resources.uploads.row import UploadRow
 from ground.resources.uploads.store_upload import uploaded_file
@@ -22,16 +20,7 @@ from ground.resources.uploads.store_upload import uploaded_file
 MEDIA = "image/tiff"
 
 
-def create_site_map(
-    repo: Repository,
-    actor: Actor,
-    mission_id: str,
-    *,
-    frame_id: str,
-    upload_id: str,
-    name: str | None = None,
-    notes: str = "",
-) -> SiteMap:
+def create_site_map(repo: Repository, actor: Actor, mission_id: str, given: SiteMapCreate) -> SiteMap:
     """Return a new map of a site from an uploaded GeoTIFF in metres east and north of the site's origin.
 
     Raises
@@ -42,24 +31,22 @@ def create_site_map(
         If nothing ties the site to the anchor.
     """
     actor.require(Action.EDIT_MISSION, mission_id)
-    west, south, east, north = _bounds(uploaded_file(repo, upload_id))
+    west, south, east, north = _bounds(uploaded_file(repo, given.upload_id))
     with repo.database.write() as session:
-        if session.get(MissionRow, mission_id) is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
-        frame = require_frame(session, mission_id, frame_id)
+        require_mission(session, mission_id)
+        frame = require_frame(session, mission_id, given.frame_id)
         if frame.level != Level.SITE:
             raise InvalidInputError(f"a map belongs to a site; {frame.key} is none", pointer="/frame_id")
-        upload = session.get_one(UploadRow, upload_id)
+        upload = session.get_one(UploadRow, given.upload_id)
         corners = [[south, west, 0.0], [south, east, 0.0], [north, east, 0.0], [north, west, 0.0]]
         in_frame = {"outline_m": corners}
-        outline, sigma = outline_of(load_chain(session, mission_id).placed(frame_id), in_frame)
-        row = SiteMapRow(
-            id=new_id("map"),
-            author=actor.name,
-            mission_id=mission_id,
-            name=name or Path(upload.file_name).stem[:80],
-            notes=notes,
-            frame_id=frame_id,
+        outline, sigma = outline_of(load_chain(session, mission_id).placed(frame.id), in_frame)
+        row = new_row(
+            SITE_MAP,
+            actor,
+            mission_id,
+            given,
+            name=given.name or Path(upload.file_name).stem[:80],
             in_frame=in_frame,
             outline_m=outline,
             sigma_m=sigma,
@@ -69,7 +56,7 @@ def create_site_map(
             sha256=upload.sha256,
         )
         insert(session, actor, SITE_MAP, row)
-        return show_site_maps(session, [row])[0]
+        return SITE_MAP.show_one(session, row)
 
 
 def _bounds(path: Path) -> tuple[float, float, float, float]:

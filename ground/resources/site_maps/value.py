@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
+
+from ground.records.stored import OfMission
 
 
 @dataclass(frozen=True, slots=True)
-class SiteMap:
+class SiteMap(OfMission):
     """A map made at a site; `outline_m` is where it lies now, `sigma_m` how well that is known (worst)."""
 
-    id: str
-    mission_id: str
     name: str
     notes: str
     frame_id: str
@@ -22,7 +21,3 @@ class SiteMap:
     size_bytes: int
     sha256: str
     file_url: str
-    author: str
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int

@@ -6,13 +6,12 @@ import math
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from ground.errors import NotFoundError
 from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.resources.missions.read_terrain import HeightTile
+from ground.resources.missions.read_terrain import HeightTile, step_within
 from ground.resources.missions.terrain import mission_terrain, terrain_row
-from ground.resources.terrains.terrain import BASELINE_M, CAMERA_HEIGHT_M, FOCAL_PX, SINK_M
+from ground.resources.terrains.terrain import BASELINE_M, CAMERA_HEIGHT_M, FOCAL_PX, SINK_M, layer_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,10 +40,8 @@ def read_coverage(
         start = Pose(**row.description["start_pose"])
         sha256 = row.sha256
         terrain = mission_terrain(repo, session, mission_id)
-    index = {"inner": 0, "outer": 1}[layer_name]
-    if index >= len(terrain.layers):
-        raise NotFoundError(f"the terrain has no layer {layer_name!r}; it has 1 layer, inner")
-    return _coverage(_Key(terrain, sha256), start, index, max_posts)
+    layer_of(terrain, layer_name)
+    return _coverage(_Key(terrain, sha256), start, layer_name, max_posts)
 
 
 class _Key:
@@ -61,15 +58,13 @@ class _Key:
 
 
 @lru_cache(maxsize=8)
-def _coverage(key: _Key, start: Pose, index: int, max_posts: int) -> HeightTile:
+def _coverage(key: _Key, start: Pose, layer_name: str, max_posts: int) -> HeightTile:
     import numpy as np
 
     terrain = key.terrain
-    layer = terrain.layers[index]
+    layer = layer_of(terrain, layer_name)
     rows, columns = layer.heights.shape
-    step = 1
-    while -(-rows // step) * -(-columns // step) > max_posts:
-        step += 1
+    step = step_within(layer, max_posts)
     spacing = float(layer.spacing) * step
     x = float(layer.west) + spacing * np.arange(-(-columns // step))
     y = float(layer.south) + spacing * np.arange(-(-rows // step))

@@ -79,12 +79,7 @@ async def get_coverage(
 ) -> Response:
     """Send which ground is seen from the start pose, and how well it is known there."""
     tile = await ask.do(read_coverage, mission_id, layer, max_posts)
-    headers = {
-        "X-Outcrop-Shape": f"{tile.rows},{tile.columns}",
-        "X-Outcrop-Bounds": ",".join(f"{b:.6f}" for b in tile.bounds),
-        "X-Outcrop-Spacing": f"{tile.spacing_m:.6f}",
-        "Cache-Control": "private, max-age=300",
-    }
+    headers = {**tile.headers, "Cache-Control": "private, max-age=300"}
     return Response(tile.content, media_type="application/octet-stream", headers=headers)
 
 

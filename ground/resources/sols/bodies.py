@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ground.records.forms import Body, Joules, Moment, Name, PoseBody, Seconds, Text, Utility, unset
+from ground.records.forms import Body, Joules, Moment, Name, PoseBody, Seconds, Text, Utility
 
 
 class PassBody(Body):
@@ -41,16 +41,5 @@ class SolCreate(Body):
     uplink_deadline_utc: Moment | None = None
 
 
-class SolChange(Body):
-    number: _Number = Field(default_factory=unset)
-    notes: Text = Field(default_factory=unset)
-    start_pose: PoseBody = Field(default_factory=unset)
-    start_utc: Moment | None = None
-    start_lmst_h: _LMST = Field(default_factory=unset)
-    battery_j: Joules = Field(default_factory=unset)
-    energy_floor_j: Joules = Field(default_factory=unset)
-    time_budget_s: Seconds = Field(default_factory=unset)
-    energy_budget_j: Joules = Field(default_factory=unset)
-    overrun_penalty: Utility = Field(default_factory=unset)
-    passes: Annotated[list[PassBody], Field(max_length=50)] = Field(default_factory=unset)
-    uplink_deadline_utc: Moment | None = None
+class SolChange(SolCreate, partial=True, never_null={"number", "start_pose"}):
+    pass

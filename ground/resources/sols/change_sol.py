@@ -21,6 +21,6 @@ def change_sol(
     NameTakenError
         If the mission has a sol of that number.
     """
-    if "number" in given.model_fields_set and given.number != row.number:
+    if given.number is not None and given.number != row.number:
         require_free_number(session, row.mission_id, given.number)
     return Changed(given_columns(given))

@@ -11,7 +11,7 @@ from ground.records.actor import Action, Actor
 from ground.records.edit import insert, new_row, next_number
 from ground.resources.missions.terrain import terrain_row
 from ground.resources.sols.bodies import SolCreate
-from ground.resources.sols.kind import SOL, show_sols
+from ground.resources.sols.kind import SOL
 from ground.resources.sols.row import SolRow
 from ground.resources.sols.value import Sol
 
@@ -33,7 +33,7 @@ def create_sol(repo: Repository, actor: Actor, mission_id: str, given: SolCreate
         start = start if given.start_pose is None else given.start_pose.model_dump()
         row = new_row(SOL, actor, mission_id, given, number=number, start_pose=start)
         insert(session, actor, SOL, row)
-        return show_sols(session, [row])[0]
+        return SOL.show_one(session, row)
 
 
 def require_free_number(session: Session, mission_id: str, number: int) -> None:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import (
-    Text,
-    UniqueConstraint,
-)
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy import UniqueConstraint
+from sqlalchemy.orm import Mapped
 
-from ground.gdr.base import Row, mission_column
+from ground.gdr.base import Notes, Row, mission_column
 
 
 class SolRow(Row):
@@ -20,7 +17,7 @@ class SolRow(Row):
 
     mission_id: Mapped[str] = mission_column()
     number: Mapped[int]
-    notes: Mapped[str] = mapped_column(Text, default="")
+    notes: Mapped[Notes]
     start_pose: Mapped[dict[str, Any]]
     start_utc: Mapped[datetime | None]
     start_lmst_h: Mapped[float]

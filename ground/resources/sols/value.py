@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from ground.gdr.geometry import Pose
+from ground.records.stored import OfMission
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +20,9 @@ class CommunicationPass:
 
 
 @dataclass(frozen=True, slots=True)
-class Sol:
+class Sol(OfMission):
     """One day of work: where it starts, what may be spent, when there is contact."""
 
-    id: str
-    mission_id: str
     number: int
     notes: str
     start_pose: Pose
@@ -36,7 +35,3 @@ class Sol:
     overrun_penalty: float
     passes: list[CommunicationPass]
     uplink_deadline_utc: datetime | None
-    author: str
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int

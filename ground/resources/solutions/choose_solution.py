@@ -20,10 +20,10 @@ from ground.records.edit import insert, open_for_change, update
 from ground.records.get_resource import find_row
 from ground.records.kind import Kind
 from ground.resources.frames.create_frame import next_position
-from ground.resources.frames.kind import FRAME, show_frames
+from ground.resources.frames.kind import FRAME
 from ground.resources.frames.row import FrameRow, SolutionRow
 from ground.resources.frames.site_chain import Chain, load_chain, outline_of, require_frame
-from ground.resources.frames.value import Frame, FramePlace
+from ground.resources.frames.value import FramePlace
 from ground.resources.keep_outs.kind import KEEP_OUT
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.observation_requests.change_request import set_by_hand
@@ -32,11 +32,12 @@ from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.site_maps.kind import SITE_MAP
 from ground.resources.site_maps.row import SiteMapRow
-from ground.resources.solutions.kind import SOLUTION, show_solutions
+from ground.resources.solutions.kind import SOLUTION
 from ground.resources.solutions.value import Carried, Moved, Solution
 from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.tie_target import target_columns_of
+from mission.codec import Document
 
 STILL_M = 1e-6
 """A thing that a choice moves by less, in place and in deviation, is left alone."""
@@ -66,7 +67,7 @@ def add_solution(repo: Repository, actor: Actor, frame_id: str, given: GivenSolu
         frame = find_row(session, FRAME, frame_id)
         actor.require(Action.EDIT_MISSION, frame.mission_id)
         row = insert_solution(session, actor, frame, given, {"kind": "by_hand"})
-        return show_solutions(session, [row])[0]
+        return SOLUTION.show_one(session, row)
 
 
 def insert_solution(
@@ -74,9 +75,7 @@ def insert_solution(
     actor: Actor,
     frame: FrameRow,
     given: GivenSolution,
-    source: Mapping[str, Any],
-    *,
-    group: str = "",
+    source: Document,
 ) -> SolutionRow:
     """Write a new solution behind all others."""
     from rover_iface.errors import RoverError
@@ -123,7 +122,7 @@ def insert_solution(
         source=dict(source),
         notes=given.notes,
     )
-    insert(session, actor, SOLUTION, row, group=group)
+    insert(session, actor, SOLUTION, row)
     return row
 
 
@@ -137,7 +136,7 @@ def _array(covariance: Sequence[Sequence[float]] | None) -> Any:
 class _Move:
     """What becomes of one row; `points` are the observation points of a moved target's requests."""
 
-    kind: Kind
+    kind: Kind[Any]
     row_id: str
     columns: Mapping[str, Any]
     moved: Moved
@@ -177,7 +176,7 @@ def choose_solution(
             head = _head(session, frame.mission_id)
             moves = _moves(repo, session, frame, solution_id)
             if preview:
-                shown: Frame = show_frames(session, [frame])[0]
+                shown = FRAME.show_one(session, frame)
                 after = _chain_with(session, frame, solution_id)
                 shown = replace(shown, solution_id=solution_id, place=_place(after, frame.id))
                 return Carried(shown, True, [move.moved for move in moves], frame.revision)
@@ -185,15 +184,12 @@ def choose_solution(
             row = open_for_change(session, actor, FRAME, frame_id, revision)
             if _head(session, row.mission_id, lock=True) != head:
                 continue  # somebody was faster: what was worked out is of another state
-            group = new_id("act")
             columns = {"solution_id": solution_id, "chosen_utc": utc_now()}
             if row.solution_id != solution_id:
-                update(session, actor, FRAME, row, columns, action="choose", reason=reason, group=group)
+                update(session, actor, FRAME, row, columns, action="choose", reason=reason)
             for move in moves:
-                _carry(session, actor, move, f"{row.key} re-localised", group)
-            return Carried(
-                show_frames(session, [row])[0], False, [move.moved for move in moves], row.revision
-            )
+                _carry(session, actor, move, f"{row.key} re-localised")
+            return Carried(FRAME.show_one(session, row), False, [move.moved for move in moves], row.revision)
 
 
 def _head(session: Session, mission_id: str, *, lock: bool = False) -> int:
@@ -259,7 +255,7 @@ def _tied(row: Any, mission_id: str) -> Any:
     return select(row).where(row.mission_id == mission_id, row.frame_id.is_not(None)).order_by(row.id)
 
 
-def _moved(kind: Kind, row: Any, shift_m: float, before_m: float, after_m: float) -> Moved | None:
+def _moved(kind: Kind[Any], row: Any, shift_m: float, before_m: float, after_m: float) -> Moved | None:
     if shift_m < STILL_M and abs(after_m - before_m) < STILL_M:
         return None
     return Moved(kind.name, row.id, row.name, shift_m, before_m, after_m)
@@ -284,10 +280,10 @@ def _points(
     }
 
 
-def _carry(session: Session, actor: Actor, move: _Move, why: str, group: str) -> None:
+def _carry(session: Session, actor: Actor, move: _Move, why: str) -> None:
     kind = move.kind
     row = session.get_one(kind.row, move.row_id)
-    update(session, actor, kind, row, move.columns, action="carry", reason=why, group=group)
+    update(session, actor, kind, row, move.columns, action="carry", reason=why)
     for request_id, point in move.points.items():
         request = session.get_one(ObservationRequestRow, request_id)
         columns = {"observation_point": dict(point)}
@@ -299,5 +295,4 @@ def _carry(session: Session, actor: Actor, move: _Move, why: str, group: str) ->
             columns,
             action="carry",
             reason=why,
-            group=group,
         )

@@ -15,6 +15,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, update
+from ground.records.get_resource import find_row
 from ground.resources.frames.create_frame import SITE, frame_row, next_position
 from ground.resources.frames.kind import FRAME
 from ground.resources.frames.row import FrameFileRow, FrameRow, SolutionRow
@@ -22,7 +23,7 @@ from ground.resources.frames.site_chain import key_of
 from ground.resources.frames.value import Level
 from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import MissionRow
-from ground.resources.solutions.kind import FRAME_FILE, SOLUTION, show_frame_files
+from ground.resources.solutions.kind import FRAME_FILE, SOLUTION
 from ground.resources.solutions.value import FrameFile as FrameFileValue
 from ground.resources.uploads.row import UploadRow
 from ground.resources.uploads.store_upload import uploaded_file
@@ -61,11 +62,9 @@ def import_frames(repo: Repository, actor: Actor, mission_id: str, upload_id: st
     _check_texts(file)
     with repo.database.write() as session:
         upload = session.get_one(UploadRow, upload_id)
-        mission = session.get(MissionRow, mission_id)
-        if mission is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
+        mission = find_row(session, MISSION, mission_id)
         row = _take_in(session, actor, mission, file, upload)
-        return show_frame_files(session, [row])[0]
+        return FRAME_FILE.show_one(session, row)
 
 
 def _check_texts(file: FrameFile) -> None:
@@ -87,11 +86,11 @@ def _take_in(
 ) -> FrameFileRow:
     from rover_iface.localization.site_frames import FrameId, FrameSolution
 
-    group, file_id = new_id("act"), new_id("frf")
+    file_id = new_id("frf")
     frames = {
         row.key: row for row in session.scalars(select(FrameRow).where(FrameRow.mission_id == mission.id))
     }
-    before = Counter(_meaning(solution) for solution in _held(session, mission.id))
+    before = Counter(solution for _, solution in _solutions(session, mission.id))
     known_aliases = Counter(
         (tuple(a["old"]), tuple(a["new"])) for held in _files(session, mission.id) for a in held.aliases
     )
@@ -103,8 +102,8 @@ def _take_in(
     for place, record in enumerate(file.records):
         if isinstance(record, FrameSolution):
             mentioned += [record.reference, record.frame]
-            if before[_meaning(record)] > 0:
-                before[_meaning(record)] -= 1
+            if before[record] > 0:
+                before[record] -= 1
                 known += 1
             else:
                 fresh.append((start + place, record))
@@ -145,17 +144,19 @@ def _take_in(
     for frame in added:
         made = frames[key_of(frame.name, frame.counter)]
         made.solution_id = chosen.pop(made.id, None)
-        insert(session, actor, FRAME, made, reason="import", group=group)
+        insert(session, actor, FRAME, made, reason="import")
     for _, solution_row in rows:
-        insert(session, actor, SOLUTION, solution_row, reason="import", group=group)
+        insert(session, actor, SOLUTION, solution_row, reason="import")
     by_id = {frame.id: frame for frame in frames.values()}
     for frame_id, solution_id in chosen.items():
-        update(session, actor, FRAME, by_id[frame_id], {"solution_id": solution_id}, group=group)
+        update(session, actor, FRAME, by_id[frame_id], {"solution_id": solution_id})
     if mission.anchor_frame_id is None:
-        sites = sorted((frame for frame in frames.values() if frame.level == Level.SITE), key=_site)
+        sites = sorted(
+            (frame for frame in frames.values() if frame.level == Level.SITE), key=lambda frame: frame.site
+        )
         if sites:
             anchored = {"anchor_frame_id": sites[0].id}
-            update(session, actor, MISSION, mission, anchored, group=group)
+            update(session, actor, MISSION, mission, anchored)
     row = FrameFileRow(
         id=file_id,
         author=actor.name,
@@ -170,13 +171,9 @@ def _take_in(
         added=len(rows),
         known=known,
     )
-    insert(session, actor, FRAME_FILE, row, reason="import", group=group)
+    insert(session, actor, FRAME_FILE, row, reason="import")
     _refuse_circles(session, mission.id)
     return row
-
-
-def _site(frame: FrameRow) -> int:
-    return frame.site
 
 
 def _refuse_circles(session: Session, mission_id: str) -> None:
@@ -221,10 +218,6 @@ def _first_choices(
     return {frame_id: found[2] for frame_id, found in best.items()}
 
 
-def _held(session: Session, mission_id: str) -> list[FrameSolution]:
-    return [solution for _, solution in _solutions(session, mission_id)]
-
-
 def _solutions(session: Session, mission_id: str) -> list[tuple[SolutionRow, FrameSolution]]:
     """Return the solutions of a mission in the order of arrival, also as the rover's room has them."""
     from rover_iface.localization.site_frames import FrameId, FrameSolution
@@ -251,17 +244,6 @@ def _solutions(session: Session, mission_id: str) -> list[tuple[SolutionRow, Fra
     ]
 
 
-def _meaning(solution: FrameSolution) -> tuple[Any, ...]:
-    return (
-        solution.solution_id,
-        solution.frame,
-        solution.reference,
-        solution.offset_m,
-        solution.quaternion,
-        solution.added_utc,
-    )
-
-
 def export_frames(
     repo: Repository, actor: Actor, mission_id: str, *, site: int | None = None
 ) -> tuple[str, bytes]:
@@ -275,9 +257,7 @@ def export_frames(
     actor.require(Action.READ, mission_id)
     counter = () if site is None else (site,)
     with repo.database.read() as session:
-        mission = session.get(MissionRow, mission_id)
-        if mission is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
+        mission = find_row(session, MISSION, mission_id)
         every = _files(session, mission_id)
         files = [file for file in every if tuple(file.counter) == counter]
         counters = {file.id: tuple(file.counter) for file in every}
@@ -298,7 +278,7 @@ def export_frames(
         for file in files
         for alias in file.aliases
     ]
-    records.sort(key=_place)
+    records.sort(key=lambda record: record[0])
     priority = priority_of(files)
     rule = SiteFrames(priority, tuple(solution for _, solution in found))
     extra = []
@@ -322,10 +302,6 @@ def export_frames(
     )
     name = f"{out.mission}_master.svf" if site is None else f"{out.mission}_site_{site}_master.rvf"
     return name.replace(" ", "_").lower(), print_frame_file(out).encode()
-
-
-def _place(item: tuple[int, object]) -> int:
-    return item[0]
 
 
 def _home(frame: FrameRow) -> tuple[int, ...]:

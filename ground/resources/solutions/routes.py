@@ -4,29 +4,27 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import (
-    Asked,
-    Cursor,
-    FilterId,
-    Id,
-    IfMatch,
-    Limit,
-    SiteNumber,
-    answer,
-    api_router,
-    created,
-    revision_wanted,
-)
+from ground.api.context import Asked, FilterId, Id, IfMatch, SiteNumber, answer, created, revision_wanted
 from ground.api.problems import responses
-from ground.records.forms import Page
-from ground.resources.solutions.bodies import FrameFileImport, SolutionChange, SolutionChoice, SolutionCreate
+from ground.api.resource_routes import resource_routes
+from ground.resources.solutions.bodies import FrameFileImport, SolutionChoice, SolutionCreate
 from ground.resources.solutions.choose_solution import GivenSolution, add_solution
 from ground.resources.solutions.choose_solution import choose_solution as choose_solution_use_case
 from ground.resources.solutions.frame_files import export_frames as export_frames_use_case
 from ground.resources.solutions.frame_files import import_frames as import_frames_use_case
+from ground.resources.solutions.kind import FRAME_FILE, SOLUTION
 from ground.resources.solutions.value import Carried, FrameFile, Solution
 
-router = api_router("frames")
+router = resource_routes(
+    SOLUTION,
+    "frames",
+    lists="List every solution there ever was, of one frame if wanted; the oldest first.",
+    where={"frame_id": FilterId},
+    reads="Read a solution.",
+    changes="Change the notes of a solution; what it says of its frame never changes.",
+)
+files = resource_routes(FRAME_FILE, "frames", lists="List the missions' frame files that were taken in.")
+router.routes.extend(files.routes)
 
 
 @router.put(
@@ -54,14 +52,6 @@ async def choose_solution(
     )
 
 
-@router.get("/missions/{mission_id}/solutions", response_model=Page[Solution], responses=responses(404, 422))
-async def list_solutions(
-    ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None, frame_id: FilterId = None
-) -> Response:
-    """List every solution there ever was, of one frame if wanted; the oldest first."""
-    return await ask.page("solution", mission_id, limit, cursor, {"frame_id": frame_id})
-
-
 @router.post(
     "/frames/{frame_id}/solutions",
     response_model=Solution,
@@ -72,32 +62,6 @@ async def create_solution(ask: Asked, frame_id: Id, body: SolutionCreate) -> Res
     """Add a solution to a frame; it is kept for good, and in use once it is chosen."""
     value = await ask.do(add_solution, frame_id, GivenSolution(**body.model_dump()))
     return created(value, f"/api/v1/solutions/{value.id}")
-
-
-@router.get("/solutions/{solution_id}", response_model=Solution, responses=responses(404, 422))
-async def get_solution(ask: Asked, solution_id: Id) -> Response:
-    """Read a solution."""
-    return await ask.one("solution", solution_id)
-
-
-@router.patch(
-    "/solutions/{solution_id}",
-    response_model=Solution,
-    responses=responses(400, 404, 409, 412, 422, 428),
-)
-async def change_solution(
-    ask: Asked, solution_id: Id, body: SolutionChange, if_match: IfMatch = None
-) -> Response:
-    """Change the notes of a solution; what it says of its frame never changes."""
-    return await ask.change("solution", solution_id, body, if_match)
-
-
-@router.get(
-    "/missions/{mission_id}/frame-files", response_model=Page[FrameFile], responses=responses(404, 422)
-)
-async def list_frame_files(ask: Asked, mission_id: Id, limit: Limit = 100, cursor: Cursor = None) -> Response:
-    """List the missions' frame files that were taken in."""
-    return await ask.page("frame_file", mission_id, limit, cursor)
 
 
 @router.post(

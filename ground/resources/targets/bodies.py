@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import ConfigDict, Field
 
-from ground.records.forms import Body, FrameId, Line, Metres, Name, Text, unset
+from ground.records.forms import Body, FrameId, Line, Metres, Name, Text
 
 
 class TargetCreate(Body):
@@ -22,10 +24,5 @@ class TargetCreate(Body):
     )
 
 
-class TargetChange(Body):
-    name: Name = Field(default_factory=unset)
-    east_m: Metres = Field(default_factory=unset)
-    north_m: Metres = Field(default_factory=unset)
-    notes: Text = Field(default_factory=unset)
-    source_image: Line = Field(default_factory=unset)
-    frame_id: FrameId | None = None
+class TargetChange(TargetCreate, partial=True, never_null={"name"}):
+    model_config = ConfigDict(json_schema_extra=None)

@@ -6,14 +6,14 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import UnobservedGroundError
+from ground.gdr.base import Columns
 from ground.gdr.geometry import Pose
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, new_row
-from ground.resources.frames.site_chain import Columns
 from ground.resources.missions.terrain import mission_terrain, terrain_row
 from ground.resources.targets.bodies import TargetCreate
-from ground.resources.targets.kind import TARGET, show_targets
+from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.rules import free_name
 from ground.resources.targets.tie_target import tied_target
@@ -39,7 +39,7 @@ def create_target(repo: Repository, actor: Actor, mission_id: str, given: Target
     with repo.database.write() as session:
         row = target_row(session, actor, mission_id, given, columns)
         insert(session, actor, TARGET, row)
-        return show_targets(session, [row])[0]
+        return TARGET.show_one(session, row)
 
 
 def target_row(

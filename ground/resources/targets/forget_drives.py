@@ -11,10 +11,10 @@ from ground.resources.missions.row import MissionRow
 from ground.resources.targets.row import TargetRow
 
 
-def forget_drives(session: Session, actor: Actor, row: TargetRow, group: str, _reason: str) -> None:
+def forget_drives(session: Session, actor: Actor, row: TargetRow, _reason: str) -> None:
     """Take the rules for drives to and from a target that is about to go out of its mission."""
     mission = session.get_one(MissionRow, row.mission_id)
     rules = mission.drive_rules or []
     kept = [r for r in rules if row.id not in {r["from_target_id"], r["to_target_id"]}]
     if len(kept) < len(rules):
-        update(session, actor, MISSION, mission, {"drive_rules": kept}, group=group)
+        update(session, actor, MISSION, mission, {"drive_rules": kept})

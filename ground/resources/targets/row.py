@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import (
-    JSON,
-    String,
-    Text,
-    UniqueConstraint,
-)
+from sqlalchemy import UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.gdr.base import Row, mission_column
+from ground.gdr.base import Notes, Row, Text40, Text80, Text200, mission_column
 from mission import Target
 
 
@@ -21,17 +16,17 @@ class TargetRow(Row):
     __table_args__ = (UniqueConstraint("mission_id", "name"),)
 
     mission_id: Mapped[str] = mission_column()
-    name: Mapped[str] = mapped_column(String(80))
-    notes: Mapped[str] = mapped_column(Text, default="")
+    name: Mapped[Text80]
+    notes: Mapped[Notes]
     east_m: Mapped[float]
     north_m: Mapped[float]
     up_m: Mapped[float]
     normal: Mapped[list[Any]]
     slope_rad: Mapped[float]
     covariance_m2: Mapped[list[Any]]
-    source_image: Mapped[str] = mapped_column(String(200), default="")
-    frame_id: Mapped[str | None] = mapped_column(String(40), index=True)
-    in_frame: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    source_image: Mapped[Text200] = mapped_column(default="")
+    frame_id: Mapped[Text40 | None] = mapped_column(index=True)
+    in_frame: Mapped[dict[str, Any] | None]
     """What was seen from the frame, in its own axes; the columns above follow from it."""
 
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy.orm import Session
 
-from ground.resources.frames.site_chain import Chain, Columns, load_chain, require_frame
+from ground.gdr.base import Columns
+from ground.resources.frames.site_chain import Chain, load_chain, require_frame
 from ground.resources.targets.row import TargetRow
+from mission.codec import Document
 
 if TYPE_CHECKING:
     from rover_iface.localization.anchored_chain import Placed
 
 
-def tie_target(chain: Chain, frame_id: str, columns: Mapping[str, Any]) -> Columns:
+def tie_target(chain: Chain, frame_id: str, columns: Document) -> Columns:
     """Return the columns of a target tied to a frame, from its columns in the mission's axes.
 
     Place and normal stay; the covariance becomes that of the point and of the way between frame and anchor.
@@ -44,7 +45,7 @@ def _lean(normal: Any) -> float:
     return math.acos(min(1.0, max(-1.0, float(normal[2]))))
 
 
-def target_columns_of(placed: Placed, in_frame: Mapping[str, Any]) -> Columns:
+def target_columns_of(placed: Placed, in_frame: Document) -> Columns:
     """Return place, normal, slope and covariance of a target in the mission's axes."""
     from rover_iface.frames import NED_FROM_ENU
 
@@ -78,7 +79,7 @@ def untie_target(chain: Chain, row: TargetRow) -> Columns:
     }
 
 
-def tied_target(session: Session, row: TargetRow, columns: Mapping[str, Any]) -> Columns:
+def tied_target(session: Session, row: TargetRow, columns: Document) -> Columns:
     """Return the columns that follow for a target when its place or frame is changed.
 
     Raises

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 
 from ground.gdr.geometry import Point
+from ground.records.stored import OfMission
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class Target(OfMission):
     """A point on a rock that somebody finds worth a look."""
 
-    id: str
-    mission_id: str
     name: str
     notes: str
     position: Point
@@ -22,7 +20,3 @@ class Target:
     covariance_m2: list[list[float]]
     source_image: str
     frame_id: str | None
-    author: str
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int

@@ -6,22 +6,25 @@ import math
 import shutil
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import NotFoundError, OutsideTerrainError
+from ground.gdr.durable import put_in_place, seal_folder
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.resources.terrains.row import TerrainRow
 
 if TYPE_CHECKING:
     from rover_iface.terrain import Terrain
+    from rover_iface.terrain.grid import HeightLayer
 from ground.gdr.geometry import Bounds, Pose
 from ground.gdr.terrain_folders import _cache, load_cached
 from ground.resources.terrains.value import Terrain as TerrainValue
 from ground.resources.terrains.value import TerrainLayer, TerrainPoint
+from mission.codec import Document
 
 CAMERA_HEIGHT_M = 1.5
 
@@ -37,12 +40,11 @@ SINK_M = 0.01
 """How far a point may lie under the line of sight before it counts as hidden."""
 
 
-def describe(terrain: Terrain, name: str) -> dict[str, Any]:
+def describe(terrain: Terrain, name: str) -> Document:
     """Return what is told of a terrain: `inner` is the finest layer, `outer` the next."""
     west, south, east, north = terrain.bounds
     layers = []
-    names = ["inner", "outer", *(f"outer{i}" for i in range(2, len(terrain.layers)))]
-    for layer, layer_name in zip(terrain.layers, names, strict=False):
+    for layer, layer_name in zip(terrain.layers, layer_names(terrain), strict=True):
         lw, ls, le, ln = layer.bounds
         image = ortho_file(terrain, layer_name)
         width = height = 0
@@ -84,16 +86,30 @@ def describe(terrain: Terrain, name: str) -> dict[str, Any]:
     }
 
 
+def layer_names(terrain: Terrain) -> list[str]:
+    """Return the names of a terrain's layers, the finest first."""
+    return ["inner", "outer", *(f"outer{i}" for i in range(2, len(terrain.layers)))][: len(terrain.layers)]
+
+
+def layer_of(terrain: Terrain, layer_name: str) -> HeightLayer:
+    """Return a layer by its name.
+
+    Raises
+    ------
+    NotFoundError
+        If the terrain has none of that name.
+    """
+    names = layer_names(terrain)
+    if layer_name not in names:
+        raise NotFoundError(f"the terrain has no layer {layer_name!r}; it has {', '.join(names)}")
+    return terrain.layers[names.index(layer_name)]
+
+
 def ortho_file(terrain: Terrain, layer_name: str) -> Path | None:
     """Return the image file of a layer, matched by its extent."""
     import numpy as np
 
-    names = ["inner", "outer", *(f"outer{i}" for i in range(2, len(terrain.layers)))]
-    if layer_name not in names[: len(terrain.layers)]:
-        raise NotFoundError(
-            f"the terrain has no layer {layer_name!r}; it has {', '.join(names[: len(terrain.layers)])}"
-        )
-    layer = terrain.layers[names.index(layer_name)]
+    layer = layer_of(terrain, layer_name)
     for ortho in terrain.orthos:
         if ortho.path is not None and np.allclose(ortho.bounds, layer.bounds, atol=layer.spacing):
             return ortho.path
@@ -110,7 +126,8 @@ def store_terrain(
     folder = repo.terrain_dir(terrain_id)
     draft = folder.with_name(f".{terrain_id}")
     write_terrain(terrain, draft)
-    draft.replace(folder)
+    seal_folder(draft)
+    put_in_place(draft, folder)
     loaded = load_cached(folder)
     present = session.scalars(
         select(TerrainRow).where(TerrainRow.sha256 == loaded.sha256, TerrainRow.name == name).limit(1)

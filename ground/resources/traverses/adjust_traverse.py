@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,51 +11,28 @@ from sqlalchemy.orm import Session
 from ground.errors import InvalidInputError, NotFoundError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
-from ground.jobs.kind import show_jobs
-from ground.jobs.queue import WAKE, enqueue
 from ground.jobs.row import JobRow
 from ground.jobs.value import Job
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
-from ground.records.edit import insert, update
-from ground.records.get_resource import find_row
+from ground.records.edit import insert, new_row, update
+from ground.records.get_resource import find_row, require_mission, row_in_mission
+from ground.resources.ask_job import ask_job
 from ground.resources.frames.kind import FRAME
 from ground.resources.frames.site_chain import load_chain, require_frame
-from ground.resources.missions.row import MissionRow
-from ground.resources.runs.row import RunRow
+from ground.resources.runs.kind import RUN
 from ground.resources.solutions.choose_solution import GivenSolution, insert_solution
+from ground.resources.traverses.bodies import StopBody, TraverseCreate
 from ground.resources.traverses.kind import TRAVERSE
 from ground.resources.traverses.order import ORDERS, Accuracy, SeenStop, TraverseWork
 from ground.resources.traverses.row import TraverseRow
 from ground.resources.uploads.row import UploadRow
+from mission.codec import Document
 
 KIND = "adjust_traverse"
 LABEL = "adjusted"
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """A frame, and the run or upload with what was seen from it."""
-
-    frame_id: str
-    run_id: str | None = None
-    upload_id: str | None = None
-    panorama: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class TraverseOrder:
-    """Stops in the order driven, and what is believed of the odometry between them."""
-
-    name: str
-    stops: Sequence[Stop]
-    odometry: float
-    heading_rad: float
-    sun_rad: float | None
-    longest_m: float
-    notes: str = ""
-
-
-def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, order: TraverseOrder) -> Job:
+def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, given: TraverseCreate) -> Job:
     """Return the job whose subject is the new traverse.
 
     Raises
@@ -68,52 +44,33 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, order: Trav
     """
     actor.require(Action.PLAN, mission_id)
     with repo.database.write() as session:
-        if session.get(MissionRow, mission_id) is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
+        require_mission(session, mission_id)
         chain = load_chain(session, mission_id)
         listed: list[dict[str, Any]] = []
         seen: list[SeenStop] = []
-        for index, stop in enumerate(order.stops):
+        for index, stop in enumerate(given.stops):
             frame = require_frame(session, mission_id, stop.frame_id, f"/stops/{index}/frame_id")
             if any(frame.id == other["frame_id"] for other in listed):
                 raise InvalidInputError(f"{frame.key} comes twice", pointer=f"/stops/{index}/frame_id")
             place = chain.place(frame.id)
             path, file_name = _source(repo, session, mission_id, stop, f"/stops/{index}")
-            listed.append({**asdict(stop), "name": frame.key})
+            listed.append({**stop.model_dump(), "name": frame.key})
             most = int(repo.settings.max_body_mib * 8 * 2**20)
             seen.append(SeenStop(frame.key, str(path), file_name, place.east_m, place.north_m, most))
-        traverse_id, job_id = new_id("trv"), new_id("job")
-        row = TraverseRow(
-            id=traverse_id,
-            author=actor.name,
-            mission_id=mission_id,
-            name=order.name,
-            notes=order.notes,
-            job_id=job_id,
-            stops=listed,
-            document=None,
-            solution_ids=[],
+        job_id = new_id("job")
+        row = new_row(
+            TRAVERSE, actor, mission_id, given, job_id=job_id, stops=listed, document=None, solution_ids=[]
         )
         insert(session, actor, TRAVERSE, row)
-        accuracy = Accuracy(order.odometry, order.heading_rad, order.sun_rad, order.longest_m)
-        job = enqueue(
-            session,
-            repo.settings,
-            kind=KIND,
-            mission_id=mission_id,
-            subject_kind="traverse",
-            subject_id=traverse_id,
-            payload=ORDERS.document(TraverseWork(tuple(seen), str(repo.files.folder), accuracy)),
-            author=actor.name,
-            job_id=job_id,
+        accuracy = Accuracy(given.odometry, given.heading_rad, given.sun_rad, given.longest_m)
+        work = TraverseWork(tuple(seen), str(repo.files.folder), accuracy)
+        return ask_job(
+            session, repo, actor, KIND, mission_id, (TRAVERSE, row.id), ORDERS.document(work), job_id
         )
-        value = show_jobs(session, [job])[0]
-    WAKE.set()
-    return value
 
 
 def _source(
-    repo: Repository, session: Session, mission_id: str, stop: Stop, pointer: str
+    repo: Repository, session: Session, mission_id: str, stop: StopBody, pointer: str
 ) -> tuple[Path, str]:
     """Return where what was seen from a stop lies, and its name."""
     if stop.upload_id is not None:
@@ -121,11 +78,7 @@ def _source(
         if upload is None:
             raise InvalidInputError(f"there is no upload {stop.upload_id}", pointer=f"{pointer}/upload_id")
         return repo.files.path(upload.sha256), upload.file_name
-    run = session.get(RunRow, stop.run_id)
-    if run is None or run.mission_id != mission_id:
-        raise InvalidInputError(
-            f"there is no run {stop.run_id} in mission {mission_id}", pointer=f"{pointer}/run_id"
-        )
+    run = row_in_mission(session, RUN, stop.run_id, mission_id, f"{pointer}/run_id")
     folder = repo.run_dir(run.id)
     known = {
         path.parent.relative_to(folder).as_posix(): path.parent
@@ -141,7 +94,7 @@ def _source(
     )
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: dict[str, Any]) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
     """Write the document, and a solution for each stop but the first, which is held.
 
     Each new solution lies in the frame of the first stop, with the covariance of the adjustment. None is in
@@ -193,10 +146,6 @@ def _solutions(session: Session, row: TraverseRow, poses: Sequence[dict[str, Any
             )
         )
     return given
-
-
-def abandon(_session: Session, _job: JobRow) -> None:
-    """Leave the traverse as it is: without a result."""
 
 
 def read_picture(repo: Repository, actor: Actor, traverse_id: str, index: int) -> Path:

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import (
-    JSON,
-    String,
-    Text,
-)
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy.orm import Mapped
 
-from ground.gdr.base import Row, mission_column
+from ground.gdr.base import Notes, Row, Text40, Text200, mission_column
 
 
 class TraverseRow(Row):
@@ -20,11 +15,11 @@ class TraverseRow(Row):
     __tablename__ = "traverses"
 
     mission_id: Mapped[str] = mission_column()
-    name: Mapped[str] = mapped_column(String(200))
-    notes: Mapped[str] = mapped_column(Text, default="")
-    job_id: Mapped[str] = mapped_column(String(40))
+    name: Mapped[Text200]
+    notes: Mapped[Notes]
+    job_id: Mapped[Text40]
     stops: Mapped[list[Any]]
     """Frame and source of each, in the order driven."""
-    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    document: Mapped[dict[str, Any] | None]
     """`localization/1`, with the pictures; null while it is computed."""
     solution_ids: Mapped[list[Any]]

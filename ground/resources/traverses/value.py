@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
+
+from ground.records.stored import OfMission
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,20 +20,14 @@ class TraverseStop:
 
 
 @dataclass(frozen=True, slots=True)
-class Traverse:
+class Traverse(OfMission):
     """Stops adjusted together. `document` is `localization/1`, null while the job goes on; `solution_ids` are
     the solutions that came of it.
     """
 
-    id: str
-    mission_id: str
     name: str
     notes: str
     job_id: str
     stops: list[TraverseStop]
     document: dict[str, Any] | None
     solution_ids: list[str]
-    author: str
-    created_utc: datetime
-    modified_utc: datetime
-    revision: int

@@ -6,7 +6,7 @@ import math
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ground.day.prepare import Report
 from ground.errors import GroundError, JobFailedError
@@ -14,6 +14,7 @@ from ground.gdr.archives import extract_zip, is_zip
 from ground.gdr.files import FileStore
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.traverses.order import SeenStop, TraverseWork
+from mission.codec import Document
 
 if TYPE_CHECKING:
     from rover_iface.localization.ground_points import GroundPoints
@@ -23,7 +24,7 @@ NEAR_M = 5.0
 """A panorama is of a frame only if taken within this distance of it: a mast's height, and no other stop."""
 
 
-def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -> Document:
     """Return `document` (`localization/1`, each stop with its picture) and `poses` of the stops.
 
     Raises
@@ -78,9 +79,6 @@ def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -
         )
     except RoverError as err:
         raise JobFailedError(str(err)) from err
-    document = found.document()
-    for entry, picture_document in zip(document["stops"], pictures, strict=True):
-        entry["picture"] = picture_document
     poses = []
     for name, eye in zip(found.names, found.before, strict=True):
         pose = found.adjustment.poses[name]
@@ -92,7 +90,7 @@ def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -
                 "covariance": (0.5 * (pose.covariance + pose.covariance.T)).tolist(),
             }
         )
-    return {"document": document, "poses": poses}
+    return {"document": found.document(pictures), "poses": poses}
 
 
 def _seen(stop: SeenStop) -> tuple[GroundPoints, StopPicture]:

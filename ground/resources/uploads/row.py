@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from sqlalchemy import (
-    BigInteger,
-    String,
-)
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy.orm import Mapped
 
-from ground.gdr.base import Row
+from ground.gdr.base import Large, Row, Sha256, Text300
 
 
 class UploadRow(Row):
     __tablename__ = "uploads"
 
-    file_name: Mapped[str] = mapped_column(String(300))
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
-    sha256: Mapped[str] = mapped_column(String(64))
+    file_name: Mapped[Text300]
+    size_bytes: Mapped[Large]
+    sha256: Mapped[Sha256]

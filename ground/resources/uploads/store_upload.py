@@ -7,12 +7,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from ground.errors import InvalidInputError, NotFoundError, TooLargeError
+from ground.errors import InvalidInputError, TooLargeError
 from ground.gdr.history import SYSTEM, Change, record
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.resources.uploads.kind import show_uploads
+from ground.records.get_resource import find_row
+from ground.resources.uploads.kind import UPLOAD
 from ground.resources.uploads.row import UploadRow
 from ground.resources.uploads.value import Upload
 
@@ -64,7 +65,7 @@ class UploadDraft:
             session.flush()
             after = {"file_name": self._name, "sha256": stored.sha256}
             record(session, SYSTEM, Change(self._actor.name, "create", "upload", row.id, None, after))
-            return show_uploads(session, [row])[0]
+            return UPLOAD.show_one(session, row)
 
     def close(self) -> None:
         self._file.close()
@@ -79,7 +80,5 @@ def uploaded_file(repo: Repository, upload_id: str) -> Path:
         If there is none.
     """
     with repo.database.read() as session:
-        row = session.get(UploadRow, upload_id)
-    if row is None:
-        raise NotFoundError(f"there is no upload {upload_id}", pointer="/upload_id")
+        row = find_row(session, UPLOAD, upload_id, pointer="/upload_id")
     return repo.files.path(row.sha256)

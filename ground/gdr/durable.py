@@ -1,0 +1,112 @@
+"""Files and folders that survive the death of the machine once a function here has returned.
+
+A name is durable when its folder was synchronised, not when its file was. What is kept is its owner's alone:
+files 0600, folders 0700.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from pathlib import Path
+
+FILE_MODE, FOLDER_MODE = 0o600, 0o700
+
+
+def sync(path: Path) -> None:
+    """Make the content of a file, or the names in a folder, durable."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, each name durable."""
+    missing = []
+    while not folder.is_dir():
+        missing.append(folder)
+        folder = folder.parent
+    for made in reversed(missing):
+        made.mkdir(mode=FOLDER_MODE, exist_ok=True)
+        sync(made.parent)
+
+
+def put_in_place(draft: Path, target: Path) -> None:
+    """Give a draft, a file or a whole folder, its name: afterwards all of it is there, or nothing."""
+    if draft.is_dir():
+        draft.chmod(FOLDER_MODE)
+        for path in sorted(draft.rglob("*"), reverse=True):
+            path.chmod(FOLDER_MODE if path.is_dir() else FILE_MODE)
+            sync(path)
+    sync(draft)
+    make_folder(target.parent)
+    draft.replace(target)
+    sync(target.parent)
+
+
+def copy_file(source: Path, target: Path) -> None:
+    """Copy a file to its place: whole or not at all."""
+    make_folder(target.parent)
+    draft = target.with_name(f".draft-{target.name}")
+    try:
+        draft.touch(FILE_MODE)
+        shutil.copyfile(source, draft)
+        put_in_place(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def copy_folder(source: Path, target: Path) -> None:
+    """Copy a folder to its place, sealed, whole or not at all; what lay there, of a try that failed, goes."""
+    make_folder(target.parent)
+    draft = target.with_name(f".draft-{target.name}")
+    shutil.rmtree(draft, ignore_errors=True)
+    try:
+        shutil.copytree(source, draft, copy_function=shutil.copyfile)
+        seal_folder(draft)
+        if target.exists():
+            shutil.rmtree(target)
+        put_in_place(draft, target)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+SUMS = ".sha256sums"
+"""File in a folder that is kept whole: the SHA-256 of each other file in it."""
+
+
+def seal_folder(folder: Path) -> None:
+    """Write down what the files of a folder hold, in the form of `sha256sum`."""
+    (folder / SUMS).write_text("".join(f"{digest}  {name}\n" for name, digest in _sums(folder).items()))
+
+
+def damaged_in(folder: Path) -> list[str]:
+    """Return the names of files that are not what was written down; none where nothing was."""
+    try:
+        lines = (folder / SUMS).read_text(encoding="utf-8").splitlines(keepends=True)
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError):
+        return [SUMS]
+    said = {}
+    for line in lines:
+        digest, gap, name = line[:64], line[64:66], line[66:-1]
+        if len(digest) != 64 or gap != "  " or line[-1] != "\n":
+            return [SUMS]
+        said[name] = digest
+    found = _sums(folder)
+    odd = {name for name in said.keys() | found.keys() if said.get(name) != found.get(name)}
+    return sorted(odd)
+
+
+def _sums(folder: Path) -> dict[str, str]:
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and path.name != SUMS:
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            found[path.relative_to(folder).as_posix()] = digest
+    return found

@@ -1,0 +1,230 @@
+"""What stands of a mission's history: which changes are done, which were taken back, and what rests on what.
+
+People's changes are *originals*; each is done or taken back, as the last undo or redo of it says. A mission
+is always what its done originals make of it, one after the other. So an original may be taken back exactly if
+no done original behind it set the same member of the same resource, refers to what would go, or was worked
+out from what would change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from sqlalchemy import Text, UniqueConstraint, cast, select
+from sqlalchemy.orm import Session
+
+from ground.errors import StateError
+from ground.gdr.history import EventRow
+from ground.resources.kinds import KINDS
+
+Document = Mapping[str, Any]
+COUNTED = frozenset({"revision", "modified_utc"})
+"""What every change sets; it belongs to none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """An event without its documents; `root` is the original that an undo or redo is about."""
+
+    seq: int
+    actor: str
+    action: str
+    kind: str
+    subject_id: str
+    group: str
+    gone: bool
+    root: int
+
+    @property
+    def counts(self) -> bool:
+        """Return whether it is a person's change of something that can be undone."""
+        return self.actor != "system" and self.kind in KINDS and KINDS[self.kind].undoable
+
+    def __str__(self) -> str:
+        title = KINDS[self.kind].title if self.kind in KINDS else self.kind
+        return f"act {self.seq} ({self.action} {title} {self.subject_id} by {self.actor})"
+
+
+class Acts:
+    """The events of a chain from one of them on, without documents, and what stands of them."""
+
+    def __init__(self, session: Session, chain_id: str, first: int) -> None:
+        e = EventRow
+        columns = (e.seq, e.actor, e.action, e.kind, e.subject_id, e.group, e.after.is_(None), e.undoes)
+        query = select(*columns).where(e.chain_id == chain_id, e.seq >= first).order_by(e.seq)
+        self.session, self.chain_id = session, chain_id
+        self.lines: dict[int, Line] = {}
+        self._last: dict[int, Line] = {}
+        """The newest event about each original: what it is, or an undo or redo of it."""
+        for seq, actor, action, kind, subject_id, group, gone, undoes in session.execute(query):
+            turned = self.lines.get(undoes) if undoes is not None else None
+            root = seq if undoes is None else undoes if turned is None else turned.root
+            line = Line(seq, actor, action, kind, subject_id, group, gone, root)
+            self.lines[seq] = self._last[root] = line
+
+    def last(self, root: int) -> Line:
+        """Return the event that did, took back or did again an original last."""
+        return self._last[root]
+
+    def is_done(self, root: int) -> bool:
+        """Return whether an original stands."""
+        return self._last[root].action != "undo"
+
+    def act_of(self, line: Line) -> list[Line]:
+        """Return the originals of the act to which an original belongs, newest first."""
+        return [
+            o for o in reversed(self.lines.values()) if o.group == line.group and o.root == o.seq and o.counts
+        ]
+
+    def document(self, seq: int) -> EventRow:
+        """Return an event with its documents."""
+        return self.session.get_one(EventRow, (self.chain_id, seq))
+
+    def done_behind(self, seq: int, apart_from: str) -> dict[int, Line]:
+        """Return the done originals of people behind an event that are of another act."""
+        return {
+            line.seq: line
+            for line in self.lines.values()
+            if line.seq > seq
+            and line.root == line.seq
+            and line.counts
+            and line.group != apart_from
+            and self.is_done(line.seq)
+        }
+
+
+def cells(event: EventRow) -> frozenset[str]:
+    """Return the members that an event set; all of them where it made or removed the resource."""
+    before, after = event.before or {}, event.after or {}
+    names = before.keys() | after.keys()
+    return frozenset(n for n in names if before.get(n) != after.get(n) or not before or not after) - COUNTED
+
+
+def mentions(value: object) -> set[str]:
+    """Return every text within a JSON value."""
+    if isinstance(value, str):
+        return {value}
+    if isinstance(value, Mapping):
+        return set().union(*map(mentions, value.values())) if value else set()
+    if isinstance(value, Sequence):
+        return set().union(*map(mentions, value)) if value else set()
+    return set()
+
+
+def require_free(acts: Acts, original: Line, word: str) -> None:
+    """Raise if a done act behind an original rests on it.
+
+    Raises
+    ------
+    StateError
+        It names the newest of them; its number is the member `event`.
+    """
+    event = acts.document(original.seq)
+    behind = acts.done_behind(original.seq, original.group)
+    own = cells(event)
+    candidates = [s for s, line in behind.items() if line.subject_id == original.subject_id]
+    resting = [s for s in candidates if own & cells(acts.document(s))]
+    if event.before is None:
+        resting += [
+            s for s in _mentioning(acts, original) if s in behind and _refers(acts, s, original.subject_id)
+        ]
+    resting += [s for s, line in behind.items() if _works_from(acts, original, own, line)]
+    if resting:
+        refuse(word, original, behind[max(resting)])
+
+
+_PLACE = frozenset({"east_m", "north_m", "polygon_m", "outline_m", "in_frame", "frame_id"})
+
+
+def _works_from(acts: Acts, original: Line, own: frozenset[str], line: Line) -> bool:
+    """Return whether an act was worked out from values that another would take back.
+
+    A stand from the place of its target; the place of what is tied to a frame from the solutions in use.
+    """
+    if original.kind == "target" and own & {"east_m", "north_m"} and line.kind == "observation_request":
+        event = acts.document(line.seq)
+        target = (event.after or event.before or {}).get("target_id")
+        return target == original.subject_id and "observation_point" in cells(event)
+    if original.kind == "frame" and "solution_id" in own and line.kind in {"target", "keep_out", "site_map"}:
+        event = acts.document(line.seq)
+        tied = any((side or {}).get("frame_id") is not None for side in (event.before, event.after))
+        return tied and bool(cells(event) & _PLACE)
+    return False
+
+
+def _mentioning(acts: Acts, original: Line) -> Sequence[int]:
+    e = EventRow
+    query = select(e.seq).where(e.chain_id == acts.chain_id, e.seq > original.seq)
+    return acts.session.scalars(query.where(cast(e.after, Text).contains(original.subject_id))).all()
+
+
+def _refers(acts: Acts, seq: int, subject_id: str) -> bool:
+    event = acts.document(seq)
+    after = event.after or {}
+    return any(subject_id in mentions(after.get(name)) for name in cells(event))
+
+
+def require_there(acts: Acts, original: Line, values: Document, word: str) -> None:
+    """Raise if values that are to come back refer to something of the mission that is gone.
+
+    Raises
+    ------
+    StateError
+        It names the act by which that went.
+    """
+    named = mentions(dict(values)) - {original.subject_id}
+    named = {name for name in named if 4 < len(name) <= 40 and name[3] == "-"}
+    if not named:
+        return
+    e = EventRow
+    query = select(e.subject_id, e.seq).where(e.chain_id == acts.chain_id, e.subject_id.in_(named))
+    newest = {row.subject_id: row.seq for row in acts.session.execute(query.order_by(e.seq))}
+    for seq in newest.values():
+        last = acts.document(seq)
+        if last.after is None and KINDS.get(last.kind) is not None and KINDS[last.kind].undoable:
+            line = acts.lines.get(seq)
+            by = acts.lines.get(line.root, line) if line is not None else None
+            if by is None or by.group != original.group:
+                refuse(word, original, by or _line_of(last))
+
+
+def _line_of(event: EventRow) -> Line:
+    root = event.undoes or event.seq
+    return Line(event.seq, event.actor, event.action, event.kind, event.subject_id, event.group, True, root)
+
+
+def require_unique(acts: Acts, original: Line, row: Any, restored: Collection[str], word: str) -> None:
+    """Raise if a done act behind an original gave a name or number that is to come back to something else.
+
+    Raises
+    ------
+    StateError
+        It names that act.
+    """
+    for constraint in type(row).__table__.constraints:
+        names = {column.name for column in getattr(constraint, "columns", ())} - {"mission_id"}
+        if not isinstance(constraint, UniqueConstraint) or not names & set(restored):
+            continue
+        for line in reversed(acts.done_behind(original.seq, original.group).values()):
+            if line.kind != original.kind or line.subject_id == original.subject_id:
+                continue
+            event = acts.document(line.seq)
+            after = event.after or {}
+            if names & cells(event) and all(after.get(n) == getattr(row, n) for n in names):
+                refuse(word, original, line)
+
+
+def newest_touching(acts: Acts, original: Line, names: frozenset[str]) -> Line | None:
+    """Return the newest done act behind an original that set one of these members of the same kind."""
+    behind = acts.done_behind(original.seq, original.group).values()
+    for line in sorted(behind, key=lambda line: line.seq, reverse=True):
+        if line.kind == original.kind and names & cells(acts.document(line.seq)):
+            return line
+    return None
+
+
+def refuse(word: str, original: Line, by: Line) -> NoReturn:
+    """Raise the refusal of an undo or redo that another act stands in the way of."""
+    raise StateError(f"cannot {word} {original}: {by} rests on it; take that back first", event=by.seq)

@@ -1,0 +1,69 @@
+"""Live runs over REST: held, stepped, given faults, stopped; what the page needs is in the stream."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+
+from ground.resources.runs.work import LIVE, live_lines_of
+from ground.uplink.live import stop_run
+from tests.ground.conftest import Api, yard
+from tests.ground.test_control_run import _over, _until
+from tests.ground.test_day_over_rest import file_requests, planned
+from tests.ground.test_missions_api import problem
+
+
+def test_a_live_run_is_held_stepped_given_a_fault_and_stopped(sqlite_api: Api, terrain_folder: Path) -> None:
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    file_requests(api, mission)
+    plan = planned(api, mission)
+    order = {"plan_id": plan["id"], "live": True, "pace": 200.0}
+    refused = api("POST", f"/missions/{mission.id}/runs", {**order, "light_time_s": 1.0})
+    assert "no light time" in problem(refused, 422, "invalid-input")["detail"]
+    jobs = [api.post(f"/missions/{mission.id}/runs", order, status=202) for _ in range(2)]
+    first, second = (job["subject_id"] for job in jobs)
+    assert [job["kind"] for job in jobs] == ["live", "live"]
+    early = api("POST", f"/runs/{first}/faults", {"kind": "novelty", "amount": 0.5})
+    assert "only a live run that goes on" in problem(early, 409, "wrong-state")["detail"]
+    worker = threading.Thread(target=api.jobs)
+    worker.start()
+    try:
+        done = _until(lambda: _over(api, first), 120)
+        assert (done["kind"], done["state"], done["outcome"]) == ("live", "succeeded", "SUCCEEDED")
+        folder = api.repo.run_dir(first)
+        links = live_lines_of(folder / LIVE, "link")
+        assert links
+        assert {"t_s", "up", "age_s", "round_trip_s", "offset_s", "breaks", "commands"} <= links[0].keys()
+        assert any(link["up"] for link in links)
+        samples = live_lines_of(folder / LIVE, "telemetry")
+        assert len({(s["east_m"], s["north_m"]) for s in samples}) > 3  # the trail of its pose
+        assert api.get(f"/runs/{first}/trace")["events"][0]["event"] == "start"
+        products = live_lines_of(folder / LIVE, "product")
+        assert len(products) == len(api.get(f"/missions/{mission.id}/products")["items"]) > 0
+        assert api.get(f"/runs/{first}/snapshot")["over"] is True
+
+        run = f"/runs/{second}"
+        _until(lambda: len(api.get(f"{run}/telemetry")["t_s"]) > 0, 60)
+        held = api.post(f"{run}/control", {"paused": True}, status=200)
+        assert (held["paused"], held["pace"], held["abort"]) == (True, 200.0, False)
+        stepped = api.post(f"{run}/control", {"step": True}, status=200)
+        assert (stepped["paused"], stepped["steps"]) == (True, 1)
+        paced = api("POST", f"{run}/control", {"pace": 5.0})
+        assert "its pace is that of its rover" in problem(paced, 409, "wrong-state")["detail"]
+        api.post(f"{run}/faults", {"kind": "novelty", "amount": 0.5}, status=200)
+        wrong = api("POST", f"{run}/faults", {"kind": "lose-target"})
+        assert "target" in problem(wrong, 409, "wrong-state")["detail"]
+        live = api.repo.run_dir(second) / LIVE
+        _until(lambda: any(w["paused"] for w in live_lines_of(live, "control")))
+        stopped = api.post(f"{run}/control", {"stop": True}, status=200)
+        assert stopped["abort"] is True
+        done = _until(lambda: _over(api, second), 60)
+        assert (done["state"], done["outcome"]) == ("succeeded", "ABORTED")
+        assert json.loads((live.parent / "run.json").read_text())["stopped"] is True
+    finally:
+        for run_id in (first, second):
+            if not _over(api, run_id):
+                stop_run(api.repo.run_dir(run_id))
+        worker.join(60.0)

@@ -1,0 +1,102 @@
+"""Any act can be taken back, not only the last; where a later one rests on it the refusal names that."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ground.gdr.repository import Repository
+from ground.resources.missions.value import Mission
+from studies.undo_in_any_order import BAD, digest, study
+from tests.ground.conftest import Api
+
+
+def last(api: Api, mission: Mission) -> int:
+    return int(api.get(f"/missions/{mission.id}/history?newest_first=true&limit=1")["items"][0]["seq"])
+
+
+@pytest.fixture
+def rock(api: Api, mission: Mission) -> dict[str, Any]:
+    made: dict[str, Any] = api.post(
+        f"/missions/{mission.id}/targets", {"east_m": 1.0, "north_m": 1.0, "name": "Rock"}
+    )
+    return made
+
+
+def change(api: Api, path: str, given: dict[str, Any]) -> None:
+    answer = api("PATCH", path, given, headers={"If-Match": "*"})
+    assert answer.status_code == 200, answer.text
+
+
+def test_an_act_of_any_age_is_taken_back_and_later_ones_stay(
+    api: Api, mission: Mission, rock: dict[str, Any]
+) -> None:
+    change(api, f"/targets/{rock['id']}", {"notes": "flat"})
+    notes = last(api, mission)
+    change(api, f"/targets/{rock['id']}", {"name": "Slab"})
+    api.post(f"/missions/{mission.id}/undo", {"event": notes}, 200)
+    found = api.get(f"/targets/{rock['id']}")
+    assert (found["name"], found["notes"]) == ("Slab", "")
+    api.post(f"/missions/{mission.id}/redo", {"event": notes}, 200)
+    assert api.get(f"/targets/{rock['id']}")["notes"] == "flat"
+    answer = api("POST", f"/missions/{mission.id}/redo", {"event": notes})
+    assert (answer.status_code, "stands" in answer.json()["detail"]) == (409, True)
+
+
+def test_a_later_act_that_rests_on_it_is_named(api: Api, mission: Mission, rock: dict[str, Any]) -> None:
+    made = last(api, mission)
+    request = {"target_id": rock["id"], "instrument": "science_camera", "value": 1.0}
+    api.post(f"/missions/{mission.id}/observation-requests", request)
+    resting = last(api, mission)
+    answer = api("POST", f"/missions/{mission.id}/undo", {"event": made})
+    assert (answer.status_code, answer.json()["event"]) == (409, resting)
+    assert f"act {resting} (create observation request" in answer.json()["detail"]
+    api.post(f"/missions/{mission.id}/undo", {"event": resting}, 200)
+    api.post(f"/missions/{mission.id}/undo", {"event": made}, 200)
+    assert api.get(f"/missions/{mission.id}/targets")["items"] == []
+
+
+def test_a_name_that_was_taken_since_names_who_took_it(
+    api: Api, mission: Mission, rock: dict[str, Any]
+) -> None:
+    assert api("DELETE", f"/targets/{rock['id']}", headers={"If-Match": "*"}).status_code == 204
+    gone = last(api, mission)
+    api.post(f"/missions/{mission.id}/targets", {"east_m": 2.0, "north_m": 1.0, "name": "Rock"})
+    answer = api("POST", f"/missions/{mission.id}/undo", {"event": gone})
+    assert (answer.status_code, answer.json()["event"]) == (409, last(api, mission))
+
+
+def test_a_circle_of_requests_does_not_come_back(api: Api, mission: Mission, rock: dict[str, Any]) -> None:
+    url = f"/missions/{mission.id}/observation-requests"
+    given = {"target_id": rock["id"], "instrument": "science_camera", "value": 1.0}
+    a, b = (api.post(url, given)["id"] for _ in range(2))
+    change(api, f"/observation-requests/{a}", {"after": [b]})
+    change(api, f"/observation-requests/{a}", {"after": []})
+    taken_out = last(api, mission)
+    change(api, f"/observation-requests/{b}", {"after": [a]})
+    answer = api("POST", f"/missions/{mission.id}/undo", {"event": taken_out})
+    assert (answer.status_code, answer.json()["event"]) == (409, last(api, mission))
+
+
+def test_what_is_no_act_of_people_is_refused_by_name(api: Api, mission: Mission) -> None:
+    answer = api("POST", f"/missions/{mission.id}/undo", {"event": 1})
+    assert (answer.status_code, "cannot be undone" in answer.json()["detail"]) == (409, True)
+    assert api("POST", f"/missions/{mission.id}/undo", {"event": 999}).status_code == 404
+    rock = {"east_m": 1.0, "north_m": 1.0}
+    api.post(f"/missions/{mission.id}/targets", rock, who="Scientist")
+    event = {"event": last(api, mission)}
+    assert api("POST", f"/missions/{mission.id}/undo", event).status_code == 409
+    api.post(f"/missions/{mission.id}/undo", {**event, "anyone": True}, 200)
+
+
+def test_random_acts_taken_back_in_random_order_leave_the_first_mission(repo: Repository) -> None:
+    found = study(repo, 40, 11)
+    assert found["undone"] == found["acts"] > 30
+    assert [found[name] for name in BAD] == [0, 0, 0, 0]
+
+
+def test_the_digest_sees_a_change(api: Api, mission: Mission, repo: Repository, rock: dict[str, Any]) -> None:
+    before = digest(repo, mission.id)
+    change(api, f"/targets/{rock['id']}", {"notes": "flat"})
+    assert digest(repo, mission.id) != before
