@@ -15,6 +15,7 @@ TRACKERS = Registry(
     "tracker",
     "outcrop.trackers",
     {
+        "klt": "rover_iface.vision.trackers:flow",
         "ncc": "rover_iface.vision.trackers:correlation",
         "sift": "rover_iface.vision.trackers:features",
         "sift-shape": "rover_iface.vision.trackers:features_and_shape",
@@ -60,6 +61,14 @@ def correlation(aids: TrackerAids) -> Tracker:
 
     # three sigma of the way: beyond it a range is no range of the target
     return NccTracker(NccOptions(odometry_share=max(0.15, 3 * aids.odometry_error)))
+
+
+def flow(aids: TrackerAids) -> Tracker:
+    """Return the tracker by optical flow, checked there and back."""
+    from rover_iface.vision.klt import KltTracker
+    from rover_iface.vision.template import NccOptions
+
+    return KltTracker(NccOptions(odometry_share=max(0.15, 3 * aids.odometry_error)))
 
 
 def features(aids: TrackerAids) -> Tracker:

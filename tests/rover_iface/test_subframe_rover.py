@@ -307,7 +307,7 @@ def test_another_tracker_is_asked_for_by_name(world: Path) -> None:
     terrain = load_terrain(world / "terrain")
     rover = make_rover({**document, "tracker": "sift"}, terrain=terrain, seed=4)
     assert isinstance(rover.repertoire.follower.tracker, SiftTracker)
-    with pytest.raises(TrackerError, match='unknown tracker "hound"; known are ncc'):
+    with pytest.raises(TrackerError, match='unknown tracker "hound"; known are klt, ncc'):
         make_rover(world, tracker="hound")
     with pytest.raises(WorldError, match="has no tracker"):
         make_abstract(world, tracker="ncc")

@@ -152,8 +152,8 @@ def test_misuse_is_refused(tracker: Tracker) -> None:
 
 
 def test_trackers_are_found_by_name() -> None:
-    assert {"ncc", "sift", "sift-shape"} <= set(TRACKERS)
-    with pytest.raises(TrackerError, match='unknown tracker "hound"; known are ncc, sift, sift-shape'):
+    assert {"klt", "ncc", "sift", "sift-shape"} <= set(TRACKERS)
+    with pytest.raises(TrackerError, match='unknown tracker "hound"; known are klt, ncc, sift, sift-shape'):
         make_tracker("hound")
 
 
