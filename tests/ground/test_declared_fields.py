@@ -52,6 +52,7 @@ def sample(kind: str) -> dict[str, Any]:
             "name": "R1",
             "notes": "a, b\nc",
             "source_image": "x.png",
+            "feature_type": "float",
             "east_m": 0.1,
             "north_m": -2.5,
             "frame_id": "frm-1",

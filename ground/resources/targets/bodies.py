@@ -16,6 +16,7 @@ class TargetCreate(Body):
     east_m: Metres
     north_m: Metres
     notes: Text = ""
+    feature_type: Annotated[Line, Field(max_length=80, description="float, vein, outcrop, soil ...")] = ""
     source_image: Line = ""
     frame_id: FrameId | None = None
 

@@ -18,6 +18,8 @@ class TargetRow(Row):
     mission_id: Mapped[str] = mission_column()
     name: Mapped[Text80]
     notes: Mapped[Notes]
+    feature_type: Mapped[Text80] = mapped_column(default="", server_default="")
+    """What it lies on, in the words of the science team: float, vein, outcrop, soil."""
     east_m: Mapped[float]
     north_m: Mapped[float]
     up_m: Mapped[float]

@@ -14,6 +14,7 @@ class Target(OfMission):
 
     name: str
     notes: str
+    feature_type: str
     position: Point
     normal: list[float]
     slope_rad: float
