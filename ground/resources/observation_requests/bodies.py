@@ -41,6 +41,9 @@ class ObservationRequestCreate(Body):
     dwell_s: Seconds | None = None
     constraints: Annotated[list[ConstraintDocument], Field(max_length=20)] = []
     notes: Text = ""
+    rationale: Annotated[
+        Text, Field(description="why it is worth the rover's time; reports of plans show it")
+    ] = ""
     observation_pose: PoseBody | None = None
 
 

@@ -33,6 +33,8 @@ class ObservationRequestRow(Row):
     dwell_s: Mapped[float | None]
     constraints: Mapped[list[Any] | None] = mapped_column(info={PLANNED: True})
     notes: Mapped[Notes]
+    rationale: Mapped[Long] = mapped_column(default="", server_default="")
+    """Why it is worth the rover's time, for the uplink meeting."""
     observation_point: Mapped[dict[str, Any] | None]
     state: Mapped[Text20] = mapped_column(index=True)
     state_reason: Mapped[Notes]

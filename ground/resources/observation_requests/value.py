@@ -46,6 +46,7 @@ class ObservationRequest(OfMission):
     dwell_s: float | None
     constraints: list[dict[str, Any]]
     notes: str
+    rationale: str
     observation_point: ObservationPoint | None
     state: RequestState
     state_reason: str

@@ -250,7 +250,8 @@ def _requests(case: _Case, begun: Mapping[str, float]) -> list[tuple[str, ...]]:
             seen.add(o["id"])
             inside = o["id"] in begun
             chance = f"{begun[o['id']]:.1%}" if inside else "-"
-            remarks = ["must be done" if o.get("must_do") else ""]
+            asked = case.requests.get(o["id"])
+            remarks = ["must be done" if o.get("must_do") else "", "" if asked is None else asked.rationale]
             if not inside:
                 remarks = [case.plan.left_out.get(o["id"], "left out")]
             what = o.get("instrument") or o.get("kind", "")
