@@ -142,12 +142,13 @@ def listen(address: Address, keys: Keys | None = None) -> socket.socket:
             return socket.create_server((address.host, address.port), family=family, backlog=16)
         _clear(address.path)
         door = socket.socket(socket.AF_UNIX)
-        before = os.umask(0o177)
-        try:
-            with _reachable(address.path) as name:
-                door.bind(name)
-        finally:
-            os.umask(before)
+        # The mode is the socket's own: a umask belongs to the whole process, its other threads included.
+        # Where a system does not know that, nobody can connect before `chmod`: nothing listens yet.
+        with contextlib.suppress(OSError):
+            os.fchmod(door.fileno(), 0o600)
+        with _reachable(address.path) as name:
+            door.bind(name)
+            Path(name).chmod(0o600)
         door.listen(16)
     except OSError as error:
         raise WireError(f"{address} cannot be listened on: {error.strerror or error}") from error

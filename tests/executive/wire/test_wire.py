@@ -127,6 +127,26 @@ def test_a_unix_socket_is_its_owners_alone(tmp_path: Path) -> None:
         pass
 
 
+def test_a_door_is_opened_without_a_word_to_the_rest_of_the_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two doors opened at once once left umask 0177 behind, and every later folder without its x."""
+    monkeypatch.setattr("os.umask", lambda _: pytest.fail("the umask is the whole process's"))
+    doors: list[socket.socket] = []
+    threads = [
+        threading.Thread(target=lambda i=i: doors.append(listen(Address(tmp_path / f"{i}.sock"))))
+        for i in range(8)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(doors) == 8
+    assert {stat.S_IMODE(path.stat().st_mode) for path in tmp_path.glob("*.sock")} == {0o600}
+    for door in doors:
+        door.close()
+
+
 @pytest.mark.parametrize(
     "text", ["", "unix:", "tcp://host", "tcp://:1", "tcp://h:99999", "http://h:1", "h:1"]
 )
