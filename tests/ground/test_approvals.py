@@ -266,6 +266,7 @@ def test_what_comes_back_differs_from_what_went_out_in_rights_and_names_alone(
     assert {d for d in differences if d[1] != "author"} == {
         ("plans", "state"),
         ("plans", "approved_by"),
+        ("plans", "elsewhere"),
         ("runs", "elsewhere"),
         ("runs", "job_id"),
     }

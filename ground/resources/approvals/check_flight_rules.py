@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
@@ -13,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from ground.campaigns.result import RESULTS, CampaignResult
+from ground.campaigns.tally import OVER
 from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError, StateError
 from ground.gdr.history import Change, record
@@ -35,6 +38,8 @@ from mission.codec import Document
 
 if TYPE_CHECKING:
     from rover_iface.terrain import Terrain
+
+logger = logging.getLogger(__name__)
 
 MARS_HOUR_S = 88_775.244 / 24
 """Seconds of an hour of local mean solar time."""
@@ -59,8 +64,8 @@ class Case:
     sol: SolRow
     problem: Mapping[str, Any]
     terrain: Terrain
-    campaign: CampaignRow | None
-    """The largest campaign of the plan that has ended."""
+    campaign: CampaignResult | None
+    """What the largest campaign of the plan says that was flown here and has ended."""
     least_runs: int
 
     def planned(self) -> Iterator[tuple[Document, Document]]:
@@ -92,6 +97,8 @@ def _energy_floor(case: Case, limit: float) -> Verdict:
 
 
 def _overrun(case: Case, limit: float) -> Verdict:
+    if case.plan.elsewhere:  # whoever wrote the archive wrote the prediction
+        return _flown_overrun(case, limit, 1, "made elsewhere; a campaign flown here would tell")
     share = float((case.plan.summary or {}).get("overrun_probability", 0.0))
     return share <= limit, share, "share of the futures that end over a budget"
 
@@ -139,14 +146,22 @@ def _crl(case: Case, limit: float) -> Verdict:
 
 
 def _campaign(case: Case, limit: float) -> Verdict:
+    missing = f"the plan was not flown in a campaign here; {case.least_runs:,} runs are asked for"
+    return _flown_overrun(case, limit, case.least_runs, missing)
+
+
+def _flown_overrun(case: Case, limit: float, least_runs: int, missing: str) -> Verdict:
+    """Hold a limit against the share of runs over a budget; `missing` is said where no campaign was flown."""
     flown = case.campaign
-    if flown is None or flown.result is None:
-        return False, None, f"the plan was not flown in a campaign; {case.least_runs:,} runs are asked for"
-    over = next(f for f in flown.result["frequencies"] if f["what"] == "over budget")
-    share, runs = float(over["interval"]["high"]), int(flown.result["runs"])
-    if runs < case.least_runs:
-        return False, share, f"its largest campaign has {runs:,} runs; {case.least_runs:,} are asked for"
-    told = f"{over['runs']:,} of {runs:,} runs end over a budget; the value is the upper end of the interval"
+    over = None if flown is None else next((f for f in flown.frequencies if f.what == OVER), None)
+    if flown is None or over is None:
+        return False, None, missing
+    share = 1.0 if over.interval.high is None else over.interval.high
+    if flown.runs < least_runs:
+        return False, share, f"its largest campaign has {flown.runs:,} runs; {least_runs:,} are asked for"
+    told = (
+        f"{over.runs:,} of {flown.runs:,} runs end over a budget; the value is the upper end of the interval"
+    )
     return share <= limit, share, told
 
 
@@ -178,13 +193,21 @@ def asked_rules(settings: Settings) -> tuple[Rule, ...]:
     return tuple(rule for rule in flight_rules() if rule.check != "campaign" or settings.approval_runs)
 
 
-def _largest_campaign(session: Session, plan: PlanRow) -> CampaignRow | None:
-    query = select(CampaignRow).where(
+def _largest_campaign(session: Session, plan: PlanRow) -> CampaignResult | None:
+    """Return what the campaign with most runs says, as flown here: a stop rule may end one of many early."""
+    query = select(CampaignRow.result).where(
         CampaignRow.plan_id == plan.id,
         CampaignRow.crl_sha256 == plan.crl_sha256,
         CampaignRow.state == JobState.SUCCEEDED.value,
+        CampaignRow.elsewhere.is_(False),
     )
-    return session.scalars(query.order_by(CampaignRow.runs.desc(), CampaignRow.id.desc()).limit(1)).first()
+    found = []
+    for document in session.scalars(query.order_by(CampaignRow.id.desc())):
+        try:
+            found.append(RESULTS.from_document(document))
+        except InvalidInputError:
+            logger.warning("a campaign's result cannot be read", extra={"plan_id": plan.id})
+    return max(found, key=lambda result: result.runs, default=None)
 
 
 def hold_rules(repo: Repository, session: Session, plan: PlanRow) -> list[FlightRuleResult]:
@@ -195,7 +218,7 @@ def hold_rules(repo: Repository, session: Session, plan: PlanRow) -> list[Flight
         session.get_one(SolRow, plan.sol_id),
         session.get_one(ProblemRow, plan.problem_id).document,
         mission_terrain(repo, session, plan.mission_id),
-        _largest_campaign(session, plan),
+        _largest_campaign(session, plan) if repo.settings.approval_runs or plan.elsewhere else None,
         repo.settings.approval_runs,
     )
     waived = {

@@ -51,7 +51,7 @@ def calibrate_mission(repo: Repository, actor: Actor, mission_id: str, given: Mi
 def run_folders(
     repo: Repository, session: Session, mission_id: str, run_ids: Sequence[str] = ()
 ) -> list[Path]:
-    """Return the folders of these runs of a mission, of all of them when there are none.
+    """Return the folders of these runs of a mission, of all that were made here when there are none.
 
     Raises
     ------
@@ -59,13 +59,15 @@ def run_folders(
         If a run is not of the mission.
     """
     row = RunRow
-    known = list(session.scalars(select(row.id).where(row.mission_id == mission_id).order_by(row.id)))
+    here = select(row.id, row.elsewhere).where(row.mission_id == mission_id).order_by(row.id)
+    known = {run.id: run.elsewhere for run in session.execute(here)}
     for index, wanted in enumerate(run_ids):
         if wanted not in known:
             raise InvalidInputError(
                 f"there is no run {wanted} in mission {mission_id}", pointer=f"/run_ids/{index}"
             )
-    return [repo.run_dir(run_id) for run_id in run_ids or known]
+    own = [run_id for run_id, elsewhere in known.items() if not elsewhere]
+    return [repo.run_dir(run_id) for run_id in run_ids or own]
 
 
 def calibration_order(

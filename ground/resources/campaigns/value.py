@@ -12,6 +12,8 @@ from ground.jobs.value import JobState
 class Campaign:
     """A plan that is flown `runs` times, seeds from `seed` on. `runs_done`, `mean_utility`, `standard_error`
     and `over_budget` (a share) are there when it has ended; until then ask for its result.
+
+    What came in with an archive was made `elsewhere` and counts for no flight rule here.
     """
 
     id: str
@@ -28,6 +30,7 @@ class Campaign:
     mean_utility: float | None
     standard_error: float | None
     over_budget: float | None
+    elsewhere: bool
     author: str
     created_utc: datetime
     revision: int

@@ -18,6 +18,7 @@ from ground.gdr.history import ChainRow, Change, open_chain
 from ground.gdr.history import record as write_event
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
+from ground.jobs.value import JobState
 from ground.records.actor import Action, Actor
 from ground.resources.mission_archives.mission_archive import (
     RIGHTS,
@@ -33,6 +34,7 @@ from ground.resources.missions.row import ElsewhereRow, MissionRow
 from ground.resources.missions.value import Mission
 from ground.resources.packages.row import CounterRow
 from ground.resources.plans.value import PlanState
+from ground.resources.plans.work import findings_of
 from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
 from ground.resources.terrains.row import TerrainRow
@@ -46,7 +48,8 @@ def import_mission(repo: Repository, actor: Actor, source: Path, *, name: str | 
 
     An archive proves nothing about who allowed what, so its approvals, waivers, packages, signatures and
     events become one document of the table `elsewhere`; its plans are computed and the importer's to sign
-    for, its runs verify nothing, and its people are named as people of elsewhere.
+    for, its runs verify nothing, its campaigns and predictions count for no rule, and its people are named as
+    people of elsewhere.
 
     Raises
     ------
@@ -105,6 +108,8 @@ def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows
         session.execute(
             insert(tables["terrains"]).values(**typed("terrains", quarantined("terrains", terrain)))
         )
+    problems = {problem["id"]: problem for problem in rows["problems"]}
+    rows = {**rows, "plans": [_with_findings(plan, problems) for plan in rows["plans"]]}
     for table in ("missions", *TABLES):
         for record in rows[table]:
             row = quarantined(table, record, actor.name)
@@ -137,9 +142,33 @@ def quarantined(table: str, record: Record, importer: str = "") -> Record:
         "author": author if author.endswith(ELSEWHERE) else author[: 80 - len(ELSEWHERE)] + ELSEWHERE,
     }
     if table == "plans":
-        row |= {"author": importer, "approved_by": None}
+        row |= {"author": importer, "approved_by": None, "elsewhere": True}
         if record["state"] not in {PlanState.DRAFT.value, PlanState.COMPUTED.value}:
             row["state"] = PlanState.COMPUTED.value
     elif table == "runs":
-        row |= {"elsewhere": True, "package_sha256": None, "job_id": None}
+        row |= {"elsewhere": True, "package_sha256": None, "job_id": None, "state": _ended(record)}
+    elif table == "campaigns":
+        row |= {"elsewhere": True, "state": _ended(record)}
     return row
+
+
+def _ended(record: Record) -> str:
+    """Return the state of what a job did; a job that had not ended there goes on nowhere."""
+    state = str(record["state"])
+    return JobState.CANCELLED.value if state in {JobState.QUEUED.value, JobState.RUNNING.value} else state
+
+
+def _with_findings(plan: Record, problems: Mapping[str, Record]) -> Record:
+    """Return a plan with what the validator here has against it; what was found elsewhere counts not."""
+    from rover_iface.errors import ProfileError
+    from rover_iface.profile import load_profile
+
+    if plan["crl_text"] is None:
+        return {**plan, "findings": []}
+    try:
+        language = load_profile(str(plan["rover_profile"])).language
+    except ProfileError as err:
+        unknown = {"code": "E000", "severity": "error", "message": f"the plan cannot be checked: {err}"}
+        return {**plan, "findings": [{**unknown, "node": None, "line": None, "column": None}]}
+    battery_j = float(problems[plan["problem_id"]]["document"]["budget"]["energy_j"])
+    return {**plan, "findings": findings_of(plan["crl_text"], language, battery_j=battery_j)}

@@ -13,7 +13,8 @@ from typing import Any
 from sqlalchemy import JSON, select
 from sqlalchemy.orm import Session
 
-from ground.errors import ArchiveError
+from ground.campaigns.result import RESULTS
+from ground.errors import ArchiveError, InvalidInputError
 from ground.gdr.base import Utc
 from ground.gdr.history import GENESIS, EventRow, event_digest
 from ground.gdr.repository import Repository
@@ -142,6 +143,7 @@ def read_archive(folder: Path) -> Rows:
             raise ArchiveError("the archive names a file by something that is no SHA-256")
         _check_history(rows)
         _check_plans(rows)
+        _check_campaigns(rows)
         for record in rows["packages"] + rows["statements"]:
             if not 0 <= int(record["sequence" if "sequence" in record else "counter"]) <= MAX_COUNTER:
                 raise ArchiveError("the archive holds a package whose counter is not one")
@@ -206,6 +208,18 @@ def _check_history(rows: Rows) -> None:
         previous, seq = event.sha256, event.seq
     if [(r["seq"], r["sha256"]) for r in rows["event_chains"]] != [(seq, previous)]:
         raise ArchiveError("the history of the archive is cut off")
+
+
+def _check_campaigns(rows: Rows) -> None:
+    """Raise unless what each campaign says is a `campaign/1`."""
+    for campaign in rows["campaigns"]:
+        if campaign["result"] is not None:
+            try:
+                RESULTS.from_document(campaign["result"])
+            except InvalidInputError as err:
+                raise ArchiveError(
+                    f"the campaign {campaign['id']} of the archive is malformed: {err}"
+                ) from err
 
 
 def _check_plans(rows: Rows) -> None:

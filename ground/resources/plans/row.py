@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import ForeignKey, UniqueConstraint
+from sqlalchemy import ForeignKey, UniqueConstraint, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from ground.gdr.base import Large, Long, Notes, Row, Sha256, Text20, Text40, Text80, Text200, mission_column
@@ -50,3 +50,5 @@ class PlanRow(Row):
     planned_request_ids: Mapped[list[Any]]
     left_out: Mapped[dict[str, Any]]
     approved_by: Mapped[Text80 | None]
+    elsewhere: Mapped[bool] = mapped_column(default=False, server_default=false())
+    """Came in with an archive: what its planner predicted counts for no rule here."""

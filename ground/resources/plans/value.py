@@ -19,7 +19,10 @@ class PlanState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Plan(OfMission):
-    """One revision of a plan. Everything computed is frozen; an edit makes a new plan in state draft."""
+    """One revision of a plan. Everything computed is frozen; an edit makes a new plan in state draft.
+
+    What its planner predicted `elsewhere`, before it came in with an archive, counts for no flight rule here.
+    """
 
     sol_id: str
     parent_id: str | None
@@ -50,6 +53,7 @@ class Plan(OfMission):
     left_out: dict[str, str]
     stale: bool
     approved_by: str | None
+    elsewhere: bool
 
 
 @dataclass(frozen=True, slots=True)

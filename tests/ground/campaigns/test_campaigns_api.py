@@ -11,11 +11,13 @@ from typing import Any
 
 from ground.app.job_kinds import job_kinds
 from ground.campaigns.result import RESULTS
+from ground.gdr.migrate import migrate
 from ground.jobs.worker import Worker
 from ground.resources.campaigns import work as campaign_work
 from ground.resources.campaigns.order import ORDERS
 from ground.settings import Settings
 from tests.ground.conftest import Api, yard
+from tests.ground.test_approvals import archive_of, brought_in, without_history
 from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem
 
@@ -108,3 +110,67 @@ def test_an_order_is_read_as_it_was_written() -> None:
         {"format": "campaign-work/1", **document, "rover_profile": "k9", "seed": 1, "runs": 2}
     )
     assert ORDERS.read(json.dumps(ORDERS.document(order))) == order
+
+
+def test_a_campaign_of_elsewhere_counts_for_no_rule_here(sqlite_api: Api, terrain_folder: Path) -> None:
+    """An archive's author may write any result; only what was flown here counts."""
+    api = sqlite_api
+    plan, campaign = flown(api, terrain_folder)
+    settings: Settings = api.repo.settings
+    object.__setattr__(api.repo, "settings", settings.model_copy(update={"approval_runs": 100}))
+
+    def rules() -> dict[str, dict[str, Any]]:
+        return {r["rule"]: r for r in api.get(f"/plans/{plan['id']}/flight-rules")}
+
+    def forge(rows: dict[str, Any]) -> None:
+        (row,) = rows["campaigns"]
+        over = next(f for f in row["result"]["frequencies"] if f["what"] == "over budget")
+        over |= {"runs": 0, "share": 0.0, "interval": {"low": 0.0, "high": 0.0}}
+        row["result"]["runs"] = row["runs"] = 1_000_000
+        row["author"] = "Nobody"
+        rows["plans"][0]["summary"]["overrun_probability"] = 0.0
+        rows["plans"][0]["findings"] = [{"severity": "error", "code": "E999", "message": "never found here"}]
+        without_history(rows)
+
+    flown_here = rules()["FR-CAMPAIGN"]
+    assert flown_here["value"] is not None
+    whole = archive_of(api, plan["mission_id"], forge)
+    assert brought_in(api, plan["mission_id"], whole).status_code == 201
+    shown = api.get(f"/campaigns/{campaign['id']}")
+    assert (shown["elsewhere"], shown["runs_done"]) == (True, 1_000_000)
+    assert shown["author"] == "Nobody (elsewhere)"
+    for revision, down in (("0009", True), ("head", False)):  # those of before the column are known by it too
+        migrate(api.repo.database, revision, down=down)
+    found = rules()
+    for rule in ("FR-CAMPAIGN", "FR-OVERRUN"):
+        assert (found[rule]["holds"], found[rule]["value"]) == (False, None), found[rule]
+    assert found["FR-CRL"]["holds"]  # read anew: whatever was found elsewhere says nothing
+    order = {"plan_id": plan["id"], "runs": 150, "seed": 5}
+    api.post(f"/missions/{plan['mission_id']}/campaigns", order, status=202)
+    api.jobs()
+    found = rules()
+    assert found["FR-CAMPAIGN"]["value"] == found["FR-OVERRUN"]["value"] == flown_here["value"]
+
+
+def test_of_two_campaigns_that_with_more_runs_flown_counts(sqlite_api: Api, terrain_folder: Path) -> None:
+    api = sqlite_api
+    plan, campaign = flown(api, terrain_folder, runs=300)
+    body = {"plan_id": plan["id"], "runs": 1000, "seed": 5, "until_se": 1000.0}
+    api.post(f"/missions/{campaign['mission_id']}/campaigns", body, status=202)
+    api.jobs()
+    settings: Settings = api.repo.settings
+    object.__setattr__(api.repo, "settings", settings.model_copy(update={"approval_runs": 300}))
+    (rule,) = [r for r in api.get(f"/plans/{plan['id']}/flight-rules") if r["rule"] == "FR-CAMPAIGN"]
+    assert "of 300 runs end over a budget" in rule["detail"]
+
+
+def test_an_archive_with_a_campaign_of_another_form_is_refused(sqlite_api: Api, terrain_folder: Path) -> None:
+    api = sqlite_api
+    plan, campaign = flown(api, terrain_folder, runs=10)
+
+    def forge(rows: dict[str, Any]) -> None:
+        rows["campaigns"][0]["result"]["frequencies"] = {}
+        without_history(rows)
+
+    answer = brought_in(api, plan["mission_id"], archive_of(api, plan["mission_id"], forge))
+    assert f"the campaign {campaign['id']} of the archive is malformed" in answer.json()["detail"]
