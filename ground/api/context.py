@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextvars import ContextVar
+from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
 from functools import partial, wraps
 from pathlib import Path as FilePath
@@ -20,8 +20,8 @@ from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, Response
 
+from ground.api.etags import etag_of, revision_wanted
 from ground.api.problems import Answers, responses
-from ground.errors import InvalidInputError, PreconditionRequiredError
 from ground.gdr.database import in_act
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
@@ -43,7 +43,7 @@ Cursor = Annotated[
     str | None,
     Query(max_length=200, pattern=r"^[A-Za-z0-9_-]+$", description="`next_cursor` of the page before"),
 ]
-IfMatch = Annotated[str | None, Header(description="ETag of the revision that was seen, or `*`")]
+IfMatch = Annotated[str | None, Header(description="ETag of what was seen, or `*`; its revision counts")]
 SiteNumber = Annotated[int | None, Query(ge=0, le=2**31 - 1, description="frames of this site alone")]
 FilterId = Annotated[str | None, Query(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
 
@@ -64,15 +64,17 @@ async def look(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R
     """Run a service that only reads a few rows in one of a few threads."""
     if in_act():
         return function(*args, **kwargs)
-    return await asyncio.get_running_loop().run_in_executor(_READERS, partial(function, *args, **kwargs))
+    work = partial(copy_context().run, function, *args, **kwargs)
+    return await asyncio.get_running_loop().run_in_executor(_READERS, work)
 
 
 def answer(value: Any, status: int = 200, *, headers: dict[str, str] | None = None) -> Response:
     """Return a value as JSON, with its ETag where it has a revision."""
-    response = Response(orjson.dumps(value), status, media_type="application/json", headers=headers)
+    body = orjson.dumps(value)
+    response = Response(body, status, media_type="application/json", headers=headers)
     revision = getattr(value, "revision", None)
     if revision is not None:
-        response.headers["ETag"] = f'"{revision}"'
+        response.headers["ETag"] = etag_of(revision, body)
     return response
 
 
@@ -83,30 +85,6 @@ def created(value: Any, url: str) -> Response:
 
 def no_content() -> Response:
     return Response(status_code=204)
-
-
-def revision_wanted(if_match: str | None) -> int | None:
-    """Return the revision in an If-Match header; None for `*`.
-
-    Raises
-    ------
-    PreconditionRequiredError
-        If there is no header.
-    InvalidInputError
-        If it is not one of our ETags.
-    """
-    if if_match is None:
-        raise PreconditionRequiredError(
-            "send the ETag that was read as If-Match, or * to change whatever stands there"
-        )
-    text = if_match.strip()
-    if text == "*":
-        return None
-    if len(text) > 2 and text[0] == text[-1] == '"' and text[1:-1].isascii() and text[1:-1].isdigit():
-        return int(text[1:-1][:18])
-    raise InvalidInputError(
-        f'If-Match has to be one strong ETag such as "3", not {text[:40]!r}', pointer="If-Match"
-    )
 
 
 @dataclass(frozen=True, slots=True)

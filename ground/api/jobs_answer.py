@@ -12,6 +12,7 @@ from fastapi import Header
 from starlette.responses import Response
 
 from ground.api.context import Queued, answer, look
+from ground.api.etags import etag_of
 from ground.api.problems import Answers, responses
 from ground.errors import InvalidInputError
 from ground.gdr.database import in_act
@@ -58,8 +59,9 @@ async def accepted(repo: Repository, who: Actor, job: Job, prefer: str | None) -
     wait = wait_wanted(prefer)
     headers = {"Location": f"/api/v1/jobs/{job.id}"}
     if in_act():  # nobody sees the job before the answer is kept
-        queued = Queued(orjson.dumps(job), 202, headers, "application/json")
-        queued.headers["ETag"] = f'"{job.revision}"'
+        body = orjson.dumps(job)
+        queued = Queued(body, 202, headers, "application/json")
+        queued.headers["ETag"] = etag_of(job.revision, body)
         queued.later = partial(accepted, repo, who, job, prefer)
         return queued
     with anyio.move_on_after(wait):

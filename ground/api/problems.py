@@ -15,6 +15,8 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from ground import errors
+from ground.api.etags import etag_of
+from ground.api.request_id import REQUEST_ID
 
 logger = logging.getLogger(__name__)
 
@@ -75,6 +77,7 @@ class ProblemDocument(BaseModel):
     status: int
     detail: str
     instance: str = ""
+    request_id: str = Field(default="", description="That of X-Request-Id; the server's log names it")
     errors: list[ProblemError] = []
     current: dict[str, Any] | None = Field(default=None, description="The present resource, with status 412")
 
@@ -97,6 +100,7 @@ def problem(
         "status": status,
         "detail": detail,
         "instance": instance,
+        "request_id": REQUEST_ID.get(),
         "errors": wrong or [],
         **extra,
     }
@@ -120,7 +124,7 @@ def _from_ground(request: Request, error: Exception) -> Response:
         headers["Retry-After"] = str(members.pop("retry_after_s", 60))
     current = members.get("current")
     if status == 412 and current is not None:
-        headers["ETag"] = f'"{current.revision}"'
+        headers["ETag"] = etag_of(current.revision, orjson.dumps(current))
     return problem(status, instance=request.url.path, headers=headers, **members)
 
 

@@ -17,6 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from ground.api import metrics
 from ground.api.context import ONCE, call, replayed
 from ground.api.problems import MEDIA, describe_error, from_anything, problem
+from ground.api.request_id import HEADER, REQUEST_ID, request_id
 from ground.errors import AuthenticationError, ForbiddenError, GroundError, InvalidInputError, TooLargeError
 from ground.gdr.repository import Repository
 from ground.records.idempotency import Once
@@ -59,18 +60,26 @@ def _host_name(host: str) -> str:
         return ""
 
 
-def _safe_headers(given: Iterable[tuple[bytes, bytes]], path: str) -> list[tuple[bytes, bytes]]:
-    """Return the headers of an answer with those that keep browsers from harm."""
+def _safe_headers(given: Iterable[tuple[bytes, bytes]], path: str, kept: bool) -> list[tuple[bytes, bytes]]:
+    """Return the headers of an answer with those that keep browsers from harm.
+
+    What is `kept` may lie with the client, who asks each time whether it is still so.
+    """
     headers = list(given)
     present = {name.lower(): value for name, value in headers}
     headers += SECURITY_HEADERS
     if path.startswith(API) and b"cache-control" not in present:
-        headers.append((b"cache-control", b"no-store"))
+        headers.append((b"cache-control", b"private, no-cache" if kept else b"no-store"))
     is_page = present.get(b"content-type", b"").startswith(b"text/html")
     if is_page and b"content-security-policy" not in present:
         policy = DOCS_POLICY if path.startswith(API) else PAGE_POLICY
         headers.append((b"content-security-policy", policy.encode()))
     return headers
+
+
+def _level(status: int) -> int:
+    """Return how loud a request is in the log: what was refused can be found there by its id."""
+    return logging.INFO if status >= 400 or not status else logging.DEBUG
 
 
 class Gate:
@@ -91,12 +100,16 @@ class Gate:
         headers = Headers(scope=scope)
         method, path = scope["method"], scope["path"]
         status = 0
+        name = request_id(headers.get(HEADER))
+        mark = REQUEST_ID.set(name)
 
         async def safe_send(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                message["headers"] = _safe_headers(message["headers"], path)
+                kept = method in SAFE and status == 200 and path not in OPEN
+                message["headers"] = _safe_headers(message["headers"], path, kept)
+                message["headers"].append((b"x-request-id", name.encode()))
             await send(message)
 
         try:
@@ -110,8 +123,13 @@ class Gate:
                 await from_anything(path, err)(scope, receive, safe_send)
         finally:
             route = scope.get("route")
-            name = getattr(route, "path_format", None) or getattr(route, "path", None) or "other"
-            metrics.observe(method, name, status, time.perf_counter() - began)
+            place = getattr(route, "path_format", None) or getattr(route, "path", None) or "other"
+            took_s = time.perf_counter() - began
+            metrics.observe(method, place, status, took_s)
+            if logger.isEnabledFor(_level(status)):
+                told = {"method": method, "path": path, "status": status, "took_s": round(took_s, 4)}
+                logger.log(_level(status), "answered", extra=told)
+            REQUEST_ID.reset(mark)
 
     async def _pass(
         self, scope: Scope, receive: Receive, send: Send, headers: Headers, method: str, path: str

@@ -6,6 +6,7 @@ import json
 import logging
 from datetime import UTC, datetime
 
+from ground.api.request_id import REQUEST_ID
 from ground.settings import Settings
 
 _OWN = frozenset(logging.LogRecord("", 0, "", 0, "", (), None).__dict__) | {
@@ -18,8 +19,8 @@ SECRET_NAMES = ("password", "secret", "token", "authorization", "cookie")
 
 
 def extra_fields(record: logging.LogRecord) -> dict[str, object]:
-    """Return what was given as `extra`, with secrets blotted out."""
-    found = {}
+    """Return what was given as `extra`, with secrets blotted out, and the request it belongs to."""
+    found: dict[str, object] = {"request_id": REQUEST_ID.get()} if REQUEST_ID.get() else {}
     for name, value in record.__dict__.items():
         if name not in _OWN and not name.startswith("_"):
             found[name] = "***" if any(s in name.lower() for s in SECRET_NAMES) and name != "token" else value

@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from ground.app.api import build_api
 from ground.app.compression import Compression
+from ground.app.conditional import Conditional
 from ground.app.gate import Gate
 from ground.app.job_kinds import job_kinds
 from ground.app.logs import set_up_logging
@@ -67,6 +68,7 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
     app.state.worker = worker
     install_pages(app)
     app.add_middleware(Gate, repo=repo, identities=identities)
+    app.add_middleware(Conditional)
     app.add_middleware(Compression)  # around the gate, which keeps answers as they were made
     return app
 

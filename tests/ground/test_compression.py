@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import gzip
+import itertools
 import math
 from pathlib import Path
 from typing import Any
 
 import anyio
+import brotli
 import httpx
 import pytest
 from starlette.applications import Starlette
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from ground.app.compression import Compression
+from ground.app.compression import Compression, coding_wanted
 from tests.ground.conftest import Api, yard
 
 TEXT = b"outcrop " * 1000
@@ -60,15 +62,37 @@ def ask(tmp_path: Path) -> Any:
     return get
 
 
+DECODERS = {"gzip": gzip.decompress, "br": brotli.decompress}
+
+
 def test_files_and_rows_are_compressed_where_that_is_taken(ask: Any) -> None:
-    for name in ("file", "row"):
-        headers, sent = ask(name, **{"Accept-Encoding": "gzip"})
+    for name, coding in itertools.product(("file", "row"), DECODERS):
+        headers, sent = ask(name, **{"Accept-Encoding": coding})
         plain_headers, plain = ask(name, **{"Accept-Encoding": "identity"})
-        assert headers["content-encoding"] == "gzip"
+        assert headers["content-encoding"] == coding
         assert "accept-encoding" in headers["vary"].lower()
-        assert gzip.decompress(sent) == plain
+        assert DECODERS[coding](sent) == plain
         assert len(sent) < len(plain) / 10
         assert "content-encoding" not in plain_headers
+
+
+@pytest.mark.parametrize(
+    ("accepted", "coding"),
+    [
+        ("gzip, deflate, br", "br"),
+        ("gzip", "gzip"),
+        ("GZIP;q=0.5", "gzip"),
+        ("br;q=0.2, gzip;q=0.8", "gzip"),
+        ("br;q=0, gzip;q=0", ""),
+        ("gzip;q=0", ""),
+        ("*", "br"),
+        ("*;q=0", ""),
+        ("br;q=much", ""),
+        ("", ""),
+    ],
+)
+def test_the_coding_is_one_that_the_client_takes(accepted: str, coding: str) -> None:
+    assert coding_wanted(accepted) == coding
 
 
 def test_the_etag_of_a_compressed_file_is_weak_and_that_of_a_row_is_its_revision(ask: Any) -> None:

@@ -129,10 +129,10 @@ def test_a_keep_out_that_crosses_itself_is_refused(api: Api, mission: Mission) -
 def test_a_change_needs_the_etag_that_was_read(api: Api, mission: Mission) -> None:
     target = api.post(f"/missions/{mission.id}/targets", TARGET)
     url = f"/targets/{target['id']}"
-    assert api("GET", url).headers["etag"] == '"1"'
+    assert api("GET", url).headers["etag"].startswith('"1-')
     problem(api("PATCH", url, {"notes": "x"}), 428, "precondition-required")
     changed = api("PATCH", url, {"notes": "x"}, headers={"If-Match": '"1"'})
-    assert changed.headers["etag"] == '"2"'
+    assert changed.headers["etag"].startswith('"2-')
     late = problem(api("PATCH", url, {"notes": "y"}, headers={"If-Match": '"1"'}), 412, "stale-revision")
     assert late["current"]["notes"] == "x"
     problem(api("DELETE", url, headers={"If-Match": '"1"'}), 412, "stale-revision")

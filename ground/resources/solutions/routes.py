@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import Asked, FilterId, Id, IfMatch, SiteNumber, answer, created, revision_wanted
+from ground.api.context import Asked, FilterId, Id, IfMatch, SiteNumber, answer, created
+from ground.api.etags import revision_wanted
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.resources.solutions.bodies import FrameFileImport, SolutionChoice, SolutionCreate
