@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from enum import StrEnum
 from importlib.util import find_spec
+from ipaddress import ip_network
 from pathlib import Path
 
 from pydantic import Field, ValidationError, field_validator
@@ -73,7 +74,9 @@ class Settings(BaseSettings):
     max_body_mib: float = Field(default=256.0, gt=0.0, le=65536.0)
     session_hours: float = Field(default=12.0, gt=0.0, le=720.0)
     trusted_proxies: str = ""
-    """Comma-separated addresses of proxies whose X-Forwarded-For is believed; guesses count by address."""
+    """Comma-separated addresses or networks (10.0.0.0/24) of proxies whose X-Forwarded-For is believed; never
+    `*`: guesses count by address.
+    """
     cookie_secure: bool = False
     """Send session cookies over https only."""
     log_level: str = "info"
@@ -99,6 +102,21 @@ class Settings(BaseSettings):
         if url and not url.startswith(("sqlite:", "postgresql+psycopg:")):
             raise ValueError("use sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME")
         return url
+
+    @field_validator("trusted_proxies")
+    @classmethod
+    def _named_proxies(cls, given: str) -> str:
+        for part in filter(None, (p.strip() for p in given.split(","))):
+            try:
+                network = ip_network(part)
+            except ValueError:
+                raise ValueError(
+                    f"{part!r} is no address and no network; with * anybody could write the address they "
+                    "come from and so guess passwords without limit: name your proxies"
+                ) from None
+            if network.prefixlen == 0:
+                raise ValueError(f"{part!r} is everybody; name the addresses or networks of your proxies")
+        return given
 
     @field_validator("log_level")
     @classmethod

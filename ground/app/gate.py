@@ -22,17 +22,22 @@ from ground.errors import AuthenticationError, ForbiddenError, GroundError, Inva
 from ground.gdr.repository import Repository
 from ground.records.idempotency import Once
 from ground.resources.people.authentication import SAFE, Identities
+from ground.resources.people.log_in_limits import address_of
+from ground.settings import Authentication
 
 logger = logging.getLogger(__name__)
 
 API = "/api/v1/"
-OPEN = {"/api/v1/session", "/api/v1/openapi.json", "/api/v1/docs"}
+SESSION = "/api/v1/session"
+OPEN = {SESSION, "/api/v1/openapi.json", "/api/v1/docs"}
 """Paths that need nobody in particular."""
 UPLOADS = "/api/v1/uploads"
-REPEATABLE = {UPLOADS, "/api/v1/session", "/api/v1/api-keys"}
+REPEATABLE = {UPLOADS, SESSION, "/api/v1/api-keys"}
 """What takes no Idempotency-Key: bodies too large to keep, and answers with secrets, which nobody keeps."""
 SMALL_BODY = 8 * 2**20
 IDEMPOTENT_BODY = 1 << 20
+LOG_IN_BODY = 1 << 14
+"""A name of 80 characters and a password of 1,000, each written as `\\uXXXX`, twice over."""
 _LOOPBACK = {"localhost", "127.0.0.1", "::1", "[::1]", "testserver"}
 SECURITY_HEADERS = [
     (b"x-content-type-options", b"nosniff"),
@@ -80,6 +85,40 @@ def _safe_headers(given: Iterable[tuple[bytes, bytes]], path: str, kept: bool) -
 def _level(status: int) -> int:
     """Return how loud a request is in the log: what was refused can be found there by its id."""
     return logging.INFO if status >= 400 or not status else logging.DEBUG
+
+
+async def _whole(receive: Receive, limit: int, what: str) -> bytes | None:
+    """Return a body when all of it has come; None if the other side is gone before that.
+
+    Raises
+    ------
+    TooLargeError
+        If it is larger than the limit.
+    """
+    body, more = b"", True
+    while more:
+        try:
+            message = await receive()
+        except HTTPException as err:
+            raise TooLargeError(str(err.detail)) from err
+        if message["type"] == "http.disconnect":
+            return None
+        body += message.get("body", b"")
+        more = message.get("more_body", False)
+        if len(body) > limit:
+            raise TooLargeError(f"{what} has at most {limit} bytes")
+    return body
+
+
+def _again(body: bytes) -> Receive:
+    """Return what gives a body that was read already."""
+
+    async def replay() -> Message:
+        nonlocal body
+        current, body = body, b""
+        return {"type": "http.request", "body": current, "more_body": False}
+
+    return replay
 
 
 class Gate:
@@ -161,7 +200,9 @@ class Gate:
             return message
 
         key = headers.get("idempotency-key") if method == "POST" and path not in REPEATABLE else None
-        if key is None:
+        if method == "POST" and path == SESSION:
+            await self._log_in(scope, counted, send)
+        elif key is None:
             await self.app(scope, counted, send)
         else:
             await self._once(scope, counted, send, key)
@@ -192,24 +233,27 @@ class Gate:
         if origin == "null" or headers.get("sec-fetch-site") in {"cross-site", "same-site"}:
             raise ForbiddenError("a page of another site may not change anything here")
 
+    async def _log_in(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a log-in in to a place, if there is one: what waits outside costs its connection alone."""
+        body = await _whole(receive, LOG_IN_BODY, "a log-in")
+        if body is None:
+            return
+        if self.repo.settings.auth is Authentication.PROFILES:
+            await self.app(scope, _again(body), send)
+            return
+        client = scope.get("client")
+        with scope["app"].state.limits.place(address_of(client[0] if client else None)):
+            await self.app(scope, _again(body), send)
+
     async def _once(self, scope: Scope, receive: Receive, send: Send, key: str) -> None:
         """Answer a repeated POST with what was answered the first time."""
         if not 0 < len(key) <= 255 or not key.isprintable() or not key.isascii():
             raise InvalidInputError(
                 "an Idempotency-Key has 1 to 255 printable characters", pointer="Idempotency-Key"
             )
-        body, more = b"", True
-        while more:
-            try:
-                message = await receive()
-            except HTTPException as err:
-                raise TooLargeError(str(err.detail)) from err
-            if message["type"] == "http.disconnect":
-                return
-            body += message.get("body", b"")
-            more = message.get("more_body", False)
-            if len(body) > IDEMPOTENT_BODY:
-                raise TooLargeError(f"with an Idempotency-Key a body has at most {IDEMPOTENT_BODY} bytes")
+        body = await _whole(receive, IDEMPOTENT_BODY, "with an Idempotency-Key a body")
+        if body is None:
+            return
         actor = scope["state"].get("actor")
         line = f"{scope['path']}?{scope['query_string'].decode('latin-1')}\n"
         digest = hashlib.sha256(line.encode() + body).hexdigest()
@@ -221,11 +265,6 @@ class Gate:
         start: Message | None = None
         parts: list[bytes] = []
 
-        async def replay() -> Message:
-            nonlocal body
-            current, body = body, b""
-            return {"type": "http.request", "body": current, "more_body": False}
-
         async def keep(message: Message) -> None:
             nonlocal start
             if message["type"] == "http.response.start":
@@ -236,7 +275,7 @@ class Gate:
 
         mark = ONCE.set(once)
         try:
-            await self.app(scope, replay, keep)
+            await self.app(scope, _again(body), keep)
         finally:
             ONCE.reset(mark)
         if not once.answered and start is not None and start["status"] < 500:
@@ -244,8 +283,9 @@ class Gate:
 
     def _refuse(self, error: GroundError, path: str) -> Response:
         status, members = describe_error(error)
-        members.pop("retry_after_s", None)
-        headers = {"WWW-Authenticate": "Bearer"} if status == 401 else None
+        headers = {"WWW-Authenticate": "Bearer"} if status == 401 else {}
+        if "retry_after_s" in members:
+            headers["Retry-After"] = str(members.pop("retry_after_s"))
         response = problem(status, instance=path, headers=headers, **members)
         response.headers["Content-Type"] = MEDIA
         return response

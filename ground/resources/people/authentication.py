@@ -15,7 +15,7 @@ from ground.errors import AuthenticationError, ForbiddenError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.resources.people import accounts as people
-from ground.resources.people.log_in_limits import LogInLimits, address_of, pay, refund
+from ground.resources.people.log_in_limits import LogInLimits, address_of, check, pay, refund
 from ground.settings import Authentication
 from mission.codec import Document
 
@@ -109,14 +109,14 @@ def session_value(repo: Repository, request: Request) -> Document:
 async def log_in(
     repo: Repository, limits: LogInLimits, name: str, password: str, host: str | None
 ) -> Response:
-    """Answer a login with the cookie of a new session; a guess is paid for before it is checked.
+    """Answer a login with the cookie of a new session; a guess that has its place is paid for, then checked.
 
     Raises
     ------
     AuthenticationError
         If name and password do not fit, or the person is shut out.
     TooManyAttemptsError
-        After 5 guesses for the name from this address within 5 minutes, or if too many wait.
+        After 5 guesses for the name from this address within 5 minutes, or 50 for all names.
     """
     if repo.settings.auth is Authentication.PROFILES:
         person = await call(people.may_enter, repo, name, password)
@@ -124,7 +124,7 @@ async def log_in(
         address = address_of(host)
         limits.knock(name, address)
         await call(pay, repo, name, address)
-        person = await limits.check(address, partial(people.may_enter, repo, name, password))
+        person = await check(partial(people.may_enter, repo, name, password))
         if person is not None:
             limits.forgive(name, address)
             await call(refund, repo, name, address)
