@@ -180,6 +180,8 @@ class LinkState:
         How often the line was lost.
     commands
         Open commands and where they stand: sent, accepted or running.
+    stopping
+        A stop was asked for that the rover has not confirmed.
     """
 
     up: bool
@@ -188,6 +190,7 @@ class LinkState:
     offset_s: float | None
     breaks: int
     commands: tuple[tuple[CommandId, str], ...] = ()
+    stopping: bool = False
 
 
 @runtime_checkable

@@ -1,7 +1,9 @@
 """A wire for rovers: the protocol `wire/1`, its two ends, and the checks of a rover (`docs/wire.md`)."""
 
 from executive.runtime.wire.address import Address, Keys
-from executive.runtime.wire.client import Welcome, WireOptions, WireRover
+from executive.runtime.wire.client import WireRover
+from executive.runtime.wire.conversation import Welcome
+from executive.runtime.wire.line import WireOptions
 from executive.runtime.wire.server import About, RoverServer
 
 __all__ = ["About", "Address", "Keys", "RoverServer", "Welcome", "WireOptions", "WireRover"]

@@ -19,6 +19,8 @@ from executive.errors import WireError
 
 LONGEST_NAME = 100
 """Bytes that a Unix socket's path may have everywhere; a longer one is reached through its folder."""
+UNUSABLE = (OSError, ValueError, TypeError)
+"""What sockets raise for a place that cannot be used; the last two for names that make no question."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +90,8 @@ class Address:
             raise WireError(f"{text!a} is no address; write unix:/path or tcp://host:port")
         if int(port) > 65535:
             raise WireError(f"{text!a}: a port is 0 to 65535")
+        if not host.isprintable():
+            raise WireError(f"{text!a}: a host's name has letters that cannot be printed")
         return cls(None, host.strip("[]"), int(port))
 
     def __str__(self) -> str:
@@ -141,18 +145,24 @@ def listen(address: Address, keys: Keys | None = None) -> socket.socket:
             family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
             return socket.create_server((address.host, address.port), family=family, backlog=16)
         _clear(address.path)
-        door = socket.socket(socket.AF_UNIX)
-        # The mode is the socket's own: a umask belongs to the whole process, its other threads included.
-        # Where a system does not know that, nobody can connect before `chmod`: nothing listens yet.
-        with contextlib.suppress(OSError):
-            os.fchmod(door.fileno(), 0o600)
-        with _reachable(address.path) as name:
-            door.bind(name)
-            Path(name).chmod(0o600)
-        door.listen(16)
-    except OSError as error:
-        raise WireError(f"{address} cannot be listened on: {error.strerror or error}") from error
+        with contextlib.ExitStack() as unless_ready:
+            door = unless_ready.enter_context(socket.socket(socket.AF_UNIX))
+            # The mode is the socket's own: a umask belongs to the whole process, its other threads included.
+            # Where a system does not know that, nobody can connect before `chmod`: nothing listens yet.
+            with contextlib.suppress(OSError):
+                os.fchmod(door.fileno(), 0o600)
+            with _reachable(address.path) as name:
+                door.bind(name)
+                Path(name).chmod(0o600)
+            door.listen(16)
+            unless_ready.pop_all()
+    except UNUSABLE as error:
+        raise WireError(f"{address!s:.200} cannot be listened on: {_why(error)}") from error
     return door
+
+
+def _why(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
 
 
 def _clear(path: Path) -> None:
@@ -185,16 +195,19 @@ def dial(address: Address, keys: Keys | None = None, timeout_s: float = 5.0) -> 
     """
     address.require_keys(keys)
     try:
-        if address.path is not None:
-            line = socket.socket(socket.AF_UNIX)
-            line.settimeout(timeout_s)
-            with _reachable(address.path) as name:
-                line.connect(name)
-            return line
-        line = socket.create_connection((address.host, address.port), timeout_s)
-        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        if keys is None:
-            return line
-        return keys.context(server=False).wrap_socket(line, server_hostname=address.host)
-    except (OSError, ssl.SSLError) as error:
-        raise WireError(f"{address} does not answer: {error.strerror or error}") from error
+        with contextlib.ExitStack() as unless_ready:
+            if address.path is not None:
+                line = unless_ready.enter_context(socket.socket(socket.AF_UNIX))
+                line.settimeout(timeout_s)
+                with _reachable(address.path) as name:
+                    line.connect(name)
+            else:
+                line = socket.create_connection((address.host, address.port), timeout_s)
+                unless_ready.enter_context(line)
+                line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                if keys is not None:
+                    line = keys.context(server=False).wrap_socket(line, server_hostname=address.host)
+            unless_ready.pop_all()
+        return line
+    except UNUSABLE as error:
+        raise WireError(f"{address!s:.200} does not answer: {_why(error)}") from error

@@ -28,7 +28,8 @@ from executive.ports import (
     Value,
 )
 from executive.runtime.wire.address import Address, Keys
-from executive.runtime.wire.client import WireOptions, WireRover
+from executive.runtime.wire.client import WireRover
+from executive.runtime.wire.line import WireOptions
 
 Make = Callable[[str, Path], WireRover]
 

@@ -8,6 +8,7 @@ import hashlib
 import logging
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
@@ -34,6 +35,8 @@ class _File:
     at: int = 0
     asked: float = 0.0
     tries: int = 1
+    failed: bool = False
+    """It could not be written at least once."""
     digest: hashlib._Hash = field(default_factory=hashlib.sha256)
 
 
@@ -101,11 +104,14 @@ class Downloads:
         if total > LARGEST or first.at + len(data) > total or (not data and first.at < total):
             self._drop(first, f"{len(data)} bytes at {first.at} of {total} make no file")
             return
-        self._write(first, data)
-        first.at += len(data)
-        first.asked = 0.0
-        if first.at == total:
-            self._close(first)
+        try:
+            self._write(first, data)
+            first.at += len(data)
+            first.asked = 0.0
+            if first.at == total:
+                self._close(first)
+        except OSError as error:  # it is asked for again: a full disk may have room later
+            self._put_last(first, error)
 
     def _part(self, one: _File) -> Path:
         return self._out / f"{one.path}.part"
@@ -131,8 +137,16 @@ class Downloads:
         else:
             self._drop(one, f"SHA-256 {found[:12]}, not {str(one.sha256)[:12]}, {TRIES} times")
 
+    def _put_last(self, one: _File, error: OSError) -> None:
+        """Let the other files come first, and begin this one anew after them."""
+        if not one.failed:
+            self._complain("product", f"{one.path} cannot be written, and is tried again: {error.strerror}")
+        one.failed, one.at, one.digest = True, 0, hashlib.sha256()
+        self._waiting.rotate(-1)
+
     def _drop(self, one: _File, why: str) -> None:
         self._waiting.popleft()
-        self._part(one).unlink(missing_ok=True)
+        with suppress(OSError):
+            self._part(one).unlink(missing_ok=True)
         if why:
             self._complain("product", f"{one.path} did not come down: {why}")
