@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from executive.ports import Acknowledgement, CommandId, Event, Result, Update, Value
@@ -52,12 +52,6 @@ class Kept:
             return
         self.last += 1
         self._events.append(replace(event, number=self.last))
-
-    def after(self, number: int) -> Iterator[Event]:
-        """Yield what is kept and comes after a number."""
-        for event in list(self._events):
-            if numbered(event).number > number:
-                yield event
 
     def fresh(self, limit: int) -> list[Event]:
         """Return up to so many events that have not left yet; they count as having left."""

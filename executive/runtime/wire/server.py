@@ -14,40 +14,37 @@ import socket
 import ssl
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from executive.errors import WireError
 from executive.ports import (
-    Acknowledgement,
     Clock,
-    Command,
     CommandId,
-    CommandState,
-    CommandStatus,
     Event,
-    Product,
-    Result,
     Rover,
+    Update,
 )
 from executive.runtime.codec import Json, command_id_to_json
 from executive.runtime.wire.address import Keys
-from executive.runtime.wire.downloads import CHUNK, safe_path
-from executive.runtime.wire.frames import Connection
-from executive.runtime.wire.kept import Commands, Kept, first_number
+from executive.runtime.wire.downloads import CHUNK
+from executive.runtime.wire.frames import LIMIT, Connection
+from executive.runtime.wire.lead import RoverLead
 from executive.runtime.wire.messages import (
     PROTOCOL,
     command_id,
     command_of,
     event_message,
     mapping,
+    numbered,
     status_message,
     text,
     whole,
 )
+from executive.runtime.wire.speakable import fitting
 
 logger = logging.getLogger(__name__)
 
@@ -55,6 +52,9 @@ TICK_S = 0.005
 """How often the rover is led along its clock."""
 IN_FLIGHT = 512
 """Messages lined up on a line before more of the stream follows: what cannot leave is merged instead."""
+
+LEFT_OUT = 1000
+"""Sentences logged of what no frame can hold: a rover that floods must not flood its log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +88,18 @@ class RoverServer:
         out: Path | None = None,
         inject: Callable[[Json], None] | None = None,
     ) -> None:
-        self.rover, self.about, self.clock = rover, about, clock
+        self.about, self.clock = about, clock
         self._out, self._fault = out, inject
         self._lock = threading.RLock()
-        self._kept = Kept(first_number(time.time()))
-        self._commands = Commands()
-        self._products: set[str] = set()
-        self._tasks: deque[Callable[[], None]] = deque()
-        self._work = threading.Event()
+        self._lead: RoverLead[Connection] = RoverLead(
+            rover,
+            clock,
+            self._lock,
+            said=self._wake,
+            started=self._say_running,
+            stopped=self._say_stopped,
+        )
+        self._kept, self._commands = self._lead.kept, self._lead.commands
         self._run = ""
         self._active: Connection | None = None
         self._lines: dict[Connection, None] = {}
@@ -117,8 +121,8 @@ class RoverServer:
     def serve(self, door: socket.socket | None, keys: Keys | None = None) -> None:
         """Own the lines until `stop_serving`; takes lines from `door`, and those given by `add_line`."""
         context = keys.context(server=True) if keys is not None else None
-        self._listen_to_rover()  # its state, before anybody asks
-        worker = threading.Thread(target=self._lead_rover, name="rover", daemon=True)
+        self._lead.listen()  # its state, before anybody asks
+        worker = threading.Thread(target=self._lead.run, args=(self._stopping,), name="rover", daemon=True)
         worker.start()
         with selectors.DefaultSelector() as selector:
             selector.register(self._wake_read, selectors.EVENT_READ)
@@ -135,7 +139,7 @@ class RoverServer:
     def stop_serving(self) -> None:
         """Let both threads end."""
         self._stopping.set()
-        self._work.set()
+        self._lead.wake()
         self._wake()
 
     def add_line(self, line: socket.socket) -> None:
@@ -188,6 +192,7 @@ class RoverServer:
 
     def _drop(self, connection: Connection, why: str) -> None:
         self._lines.pop(connection, None)
+        self._lead.forget(connection)
         if connection is self._active:
             self._active, self.alone_since = None, time.monotonic()
             logger.info("the executive is gone", extra={"why": why})
@@ -204,25 +209,35 @@ class RoverServer:
                     self._take(connection, message)
             except WireError as error:
                 logger.warning("a message was dropped", extra={"why": str(error)})
+            except Exception:  # the lines stay, whatever one message does
+                logger.exception("a message was dropped")
 
     def _flush(self) -> None:
         with self._lock:
             active = self._active
             if active is not None:
                 for event in self._kept.fresh(max(0, IN_FLIGHT - active.backlog)):
-                    active.put(event_message(event))
+                    self._tell(active, event)
         for connection in list(self._lines):
             try:
                 connection.write()
             except WireError as error:
                 self._drop(connection, str(error))
 
+    def _tell(self, connection: Connection, event: Event) -> None:
+        try:
+            connection.put(event_message(event))
+        except WireError as error:  # its number must come, or it is asked for for ever
+            logger.warning("an event was dropped", extra={"why": str(error)})
+            number = numbered(event).number
+            connection.put(event_message(Update(self.clock.now_ms(), {}, number)))
+
     # --- messages of the executive --------------------------------------------------------
 
     def _take(self, connection: Connection, message: Json) -> None:
         kind = message.get("m")
         if kind == "stop":
-            self._stop_all(connection)
+            self._lead.stop(connection)
         elif kind == "hello":
             self._hello(connection, message)
         elif connection is not self._active:
@@ -237,13 +252,12 @@ class RoverServer:
             answer = {"m": "beat", "echo": message.get("t"), "t": self.clock.now_ms()}
             connection.put({**answer, "last": self._kept.last})
         elif kind == "state":
-            connection.put(
-                {"m": "state", "q": message.get("q"), "t": self.clock.now_ms(), "values": self._kept.state}
-            )
+            values = fitting(self._kept.state, [], LIMIT // 2)
+            connection.put({"m": "state", "q": message.get("q"), "t": self.clock.now_ms(), "values": values})
         elif kind == "fetch":
             self._give(connection, message)
         elif kind == "fault":
-            self._do(lambda: self._suffer(connection, message))
+            self._lead.do(partial(self._suffer, connection, message))
         elif kind == "bye":
             self.over.set()
             self._drop(connection, "the run is over")
@@ -260,6 +274,8 @@ class RoverServer:
                 return
             if self._run or not have:
                 self._kept.forget(self.clock.now_ms())
+            if self._run:
+                self._lead.products.clear()
             self._run = run
         if self._active is not None and self._active is not connection:
             self._active.put({"m": "bye", "reason": "another executive of this run took over", "final": True})
@@ -288,42 +304,35 @@ class RoverServer:
 
     def _take_command(self, connection: Connection, message: Json) -> None:
         kind = message["m"]
+        wanted = command_id(message)
         if kind == "send":
-            command = command_of(message)
-            if self._commands.begin(command.id):
-                self._do(lambda: self._start(command))
-            state = "done" if command.id in self._commands.done else "accepted"
-            connection.put({"m": "command", "id": command_id_to_json(command.id), "state": state})
+            self._lead.begin(command_of(message))
+            state = "done" if wanted in self._commands.done else "accepted"
+            connection.put({"m": "command", "id": command_id_to_json(wanted), "state": state})
         elif kind == "abort":
-            wanted = command_id(message)
-            self._commands.call_off(wanted, self._say, self.clock.now_ms())
-            if wanted in self._commands.done:
+            if self._lead.abort(wanted):
                 connection.put({"m": "command", "id": command_id_to_json(wanted), "state": "done"})
-            else:
-                self._do(lambda: self._abort(wanted), urgent=True)
         else:
-            wanted = command_id(message)
-            answer = status_message(wanted, self._status(wanted))
+            answer = status_message(wanted, self._lead.status(wanted))
             connection.put(answer | ({"q": message["q"]} if "q" in message else {}))
 
-    def _status(self, command: CommandId) -> CommandStatus:
-        if command in self._commands.done:
-            return CommandStatus(CommandState.DONE, self._commands.done[command])
-        running = command in self._commands.running
-        return CommandStatus(CommandState.RUNNING if running else CommandState.UNKNOWN)
+    def _say_stopped(self, connection: Connection) -> None:
+        if connection in self._lines:
+            connection.put({"m": "stopped"}, urgent=True)
+            self._wake()
 
-    def _stop_all(self, connection: Connection) -> None:
+    def _say_running(self, command: CommandId) -> None:
         with self._lock:
-            running = list(self._commands.running)  # what is sent after a stop is not stopped by it
-        self._do(lambda: self._abort_all(running), urgent=True)
-        connection.put({"m": "stopped"})
+            if self._active is not None and command in self._commands.running:
+                self._active.put({"m": "command", "id": command_id_to_json(command), "state": "running"})
+        self._wake()
 
     def _give(self, connection: Connection, message: Json) -> None:
         """Answer with a piece of a product, or that there is no such file."""
         path, offset = text(message, "path"), whole(message, "offset")
         size = min(whole({"size": CHUNK, **message}, "size", least=1), CHUNK)
         answer: Json = {"m": "chunk", "q": message.get("q"), "path": path, "offset": offset}
-        known = path in self._products or path.removesuffix(".json") in self._products
+        known = path in self._lead.products or path.removesuffix(".json") in self._lead.products
         try:
             if self._out is None or not known:
                 raise FileNotFoundError
@@ -334,67 +343,6 @@ class RoverServer:
         except OSError:
             answer.update(total=None, data="")
         connection.put(answer)
-
-    # --- the thread that owns the rover -----------------------------------------------------
-
-    def _do(self, task: Callable[[], None], *, urgent: bool = False) -> None:
-        if urgent:
-            self._tasks.appendleft(task)
-        else:
-            self._tasks.append(task)
-        self._work.set()
-
-    def _lead_rover(self) -> None:
-        while not self._stopping.is_set():
-            self._work.wait(TICK_S)
-            self._work.clear()
-            try:
-                self._listen_to_rover()
-                while self._tasks:
-                    self._tasks.popleft()()
-                    self._listen_to_rover()
-            except Exception:  # whatever a rover raises, its line stays: the executive hears of silence
-                logger.exception("the rover raised an error")
-
-    def _listen_to_rover(self) -> None:
-        said = False
-        while (event := self.rover.next_event(self.clock.now_ms())) is not None:
-            self._say(event)
-            said = True
-        if said:
-            self._wake()
-
-    def _say(self, event: Event) -> None:
-        with self._lock:
-            self._kept.say(event)
-            self._commands.note(event)
-            if isinstance(event, Product) and safe_path(event.path) is not None:
-                self._products.add(event.path)
-
-    def _start(self, command: Command) -> None:
-        if command.id not in self._commands.running:
-            return  # it was stopped before the rover came to it
-        try:
-            self.rover.send(command)
-        except Exception as error:
-            logger.exception("the rover raised an error", extra={"task_id": command.id.task})
-            self._say(Result(self.clock.now_ms(), command.id, False, f"the rover failed: {error}"[:200]))
-            self._wake()
-            return
-        with self._lock:
-            if self._active is not None and command.id in self._commands.running:
-                self._active.put({"m": "command", "id": command_id_to_json(command.id), "state": "running"})
-        self._wake()
-
-    def _abort(self, command: CommandId) -> None:
-        if command in self._commands.running:
-            self.rover.abort(command)
-            if self.rover.status(command).state is CommandState.UNKNOWN:
-                self._say(Acknowledgement(self.clock.now_ms(), command))
-
-    def _abort_all(self, running: list[CommandId]) -> None:
-        for command in running:
-            self._abort(command)
 
     def _suffer(self, connection: Connection, message: Json) -> None:
         answer: Json = {"m": "fault", "q": message.get("q"), "ok": False}
