@@ -61,8 +61,9 @@ def compare(first: CampaignFolder, second: CampaignFolder) -> Comparison:
     name = f"{second.path} minus {first.path}"
     apart = range_a.stop <= range_b.start or range_b.stop <= range_a.start
     if a.futures == b.futures and range_a == range_b:
-        difference = paired(second.rows(), first.rows(), name)
-        return Comparison(difference, True, tuple(_most_different(first.rows(), second.rows())))
+        difference = paired(second.rows(runs=b.runs), first.rows(runs=a.runs), name)
+        examples = tuple(_most_different(first.rows(runs=a.runs), second.rows(runs=b.runs)))
+        return Comparison(difference, True, examples)
     if a.futures == b.futures and not apart:
         raise InvalidInputError(
             f"the seeds overlap in part: {first.path} has {range_a.start} to {range_a.stop - 1}, "

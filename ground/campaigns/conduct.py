@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ground.campaigns.case import Case, sha256_of
@@ -97,8 +97,8 @@ def _series(folder: str, named: NamedCase, runs: int) -> SeriesOrder:
 class Conduct:
     """A campaign that is to be flown into its folder.
 
-    The rows and everything written are the same whatever the engine, its workers, and however often it was
-    broken off.
+    What it says (`runs.csv`, `campaign.json`) is the same whatever the engine, its workers, and however often
+    it was broken off. Units that were flown stay, also those that a stop rule or fewer runs leave uncounted.
     """
 
     folder: CampaignFolder
@@ -162,7 +162,7 @@ class Conduct:
             flown = self._runs_of(series, runs)
             result = self._result(series.name, flown)
             kind, _, name = series.name.partition("/")
-            pair = paired(self.folder.rows(series.name), self._first(flown), name)
+            pair = paired(self.folder.rows(series.name, flown), self.folder.rows(MAIN, flown), name)
             differences[kind].append(pair)
             self._write(series.name, result)
         helps = sorted(differences[HELPS], key=lambda d: (-d.mean, d.name))
@@ -170,27 +170,15 @@ class Conduct:
         self._write(MAIN, result)
         return result
 
-    def _first(self, runs: int) -> Iterator[Row]:
-        for number, row in enumerate(self.folder.rows()):
-            if number == runs:
-                return
-            yield row
-
     def _write(self, series: str, result: CampaignResult) -> None:
         path = self.folder.series_folder(series) / RESULT
         write_whole(path, RESULTS.write(result, indent=1) + "\n")
 
     def _result(self, series: str, runs: int) -> CampaignResult:
-        units = self._units(series, runs)
-        self.folder.keep_units(series, len(units))
-        last = units[-1]
-        text = self.folder.read_unit(last)
-        if text is not None:
-            self.folder.write_unit(last, text)
-        digest = self.folder.write_csv(series)
+        digest = self.folder.write_csv(series, runs)
         case = self.order.case(series)
         tally = tally_of(case)
-        for row in self.folder.rows(series):
+        for row in self.folder.rows(series, runs):
             tally.add(row)
         stopped = ""
         if series == MAIN and self.plan.until_se is not None and runs < self.plan.runs:

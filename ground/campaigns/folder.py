@@ -2,8 +2,8 @@
 
 ================================  ====================================================================
 `order.json`                      `campaign-order/1`: what is flown; refuses the runs of another campaign
-`units/000000.jsonl`              rows of a unit; each file is whole or absent
-`runs.csv`                        the rows for people and other programs, sorted by seed
+`units/000000.jsonl`              rows of a unit; each file is whole or absent, and stays
+`runs.csv`                        the rows that count, for people and other programs, sorted by seed
 `campaign.json`                   `campaign/1`: what the rows say
 `variants/NAME`, `helps/NAME`     the same of another case on the same seeds
 ================================  ====================================================================
@@ -15,6 +15,8 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 from ground.campaigns.case import Case, sha256_of
@@ -41,9 +43,7 @@ class SeriesOrder:
 
 @value
 class CampaignOrder:
-    """All that decides the rows of a campaign but their number. `expected_utility` and `odds` (of options)
-    are what the planner predicted.
-    """
+    """All that decides the rows of a campaign but their number, and the utility that the planner expected."""
 
     program: str
     rover: str
@@ -54,8 +54,11 @@ class CampaignOrder:
 
     def case(self, name: str = MAIN) -> Case:
         """Return the case of a series."""
-        found = next(s for s in self.series if s.name == name)
-        return Case(found.crl_text, found.world_text, self.rover)
+        return next(self.case_of(s) for s in self.series if s.name == name)
+
+    def case_of(self, series: SeriesOrder) -> Case:
+        """Return the case that a series stands for."""
+        return Case(series.crl_text, series.world_text, self.rover)
 
     @property
     def digest(self) -> str:
@@ -78,6 +81,9 @@ class CampaignFolder:
     def open(self, order: CampaignOrder, *, resume: bool) -> None:
         """Take the folder for a campaign: new and empty, or one of the same order if it is to go on.
 
+        The order that is written also keeps the series that lie there and are not asked for this time: their
+        rows stay, and are those of another variant when one of the same name is asked for.
+
         Raises
         ------
         StateError
@@ -93,6 +99,12 @@ class CampaignFolder:
         if there:
             held = self.order()
             _same(self.path, held, order)
+            asked = {s.name for s in order.series}
+            order = replace(order, series=order.series + tuple(s for s in held.series if s.name not in asked))
+            known = {s.name for s in held.series}
+            for series in order.series:
+                if series.name not in known and (self.series_folder(series.name) / UNITS).exists():
+                    raise StateError(f"{self.path}: {series.name} holds runs of which {ORDER} says nothing")
         elif self.path.exists() and any(self.path.iterdir()):
             raise InvalidInputError(f"{self.path} is not empty and holds no campaign")
         self.path.mkdir(parents=True, exist_ok=True)
@@ -120,19 +132,16 @@ class CampaignFolder:
         return self.series_folder(unit.series) / UNITS / f"{unit.index:06d}.jsonl"
 
     def read_unit(self, unit: Unit) -> str | None:
-        """Return the rows of a unit if all of them are there, a longer file cut to them, else None."""
+        """Return the rows of a unit if all are there and sound, a longer file cut to them, else None."""
         try:
-            lines = self._unit(unit).read_text(encoding="utf-8").splitlines(keepends=True)
-        except FileNotFoundError:
+            content = self._unit(unit).read_text(encoding="utf-8")
+            kept = content.split("\n")[: unit.count]
+            seeds = [Row.read(line).seed for line in kept]
+        except (FileNotFoundError, ValueError):
             return None
-        kept = lines[: unit.count]
-        if len(kept) < unit.count or not kept[-1].endswith("\n"):
-            return None
-        try:
-            first, last = Row.read(kept[0]).seed, Row.read(kept[-1]).seed
-        except ValueError:
-            return None
-        return "".join(kept) if (first, last) == (unit.first, unit.first + unit.count - 1) else None
+        text = "".join(line + "\n" for line in kept)
+        whole = seeds == list(range(unit.first, unit.first + unit.count)) and content.startswith(text)
+        return text if whole else None
 
     def write_unit(self, unit: Unit, text: str) -> None:
         """Write the rows of a unit, wholly or not at all."""
@@ -140,26 +149,25 @@ class CampaignFolder:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text)
 
-    def keep_units(self, series: str, count: int) -> None:
-        """Remove the units of a series behind the first `count`."""
-        for path in sorted((self.series_folder(series) / UNITS).glob("*.jsonl"))[count:]:
-            path.unlink()
+    def rows(self, series: str = MAIN, runs: int | None = None) -> Iterator[Row]:
+        """Yield the rows of a series in the order of their seeds: the first `runs`, or all that are there.
 
-    def rows(self, series: str = MAIN) -> Iterator[Row]:
-        """Yield the rows of a series in the order of their seeds.
+        More may be there than a campaign counts: it was asked for more before, or a stop rule ended it.
 
         Raises
         ------
         InvalidInputError
             If a line is damaged.
         """
+        return islice(self._rows(series), runs)
+
+    def _rows(self, series: str) -> Iterator[Row]:
         for path in sorted((self.series_folder(series) / UNITS).glob("*.jsonl")):
             with path.open(encoding="utf-8") as file:
-                for line in file:
-                    try:
-                        yield Row.read(line)
-                    except ValueError as err:
-                        raise InvalidInputError(f"{path} is damaged: {err}") from err
+                try:
+                    yield from map(Row.read, file)
+                except ValueError as err:
+                    raise InvalidInputError(f"{path} is damaged: {err}") from err
 
     def row(self, seed: int, series: str = MAIN) -> Row:
         """Return the row of a seed.
@@ -179,8 +187,8 @@ class CampaignFolder:
 
     # ---- results
 
-    def write_csv(self, series: str = MAIN) -> str:
-        """Write `runs.csv` from the units; return its SHA-256."""
+    def write_csv(self, series: str, runs: int) -> str:
+        """Write `runs.csv` from the first runs of the units; return its SHA-256."""
         path = self.series_folder(series) / RUNS
         draft = path.with_suffix(".draft")
         digest = hashlib.sha256()
@@ -189,7 +197,7 @@ class CampaignFolder:
                 head = CSV_HEAD + "\n"
                 file.write(head)
                 digest.update(head.encode())
-                for row in self.rows(series):
+                for row in self.rows(series, runs):
                     line = row.csv() + "\n"
                     file.write(line)
                     digest.update(line.encode())
@@ -223,11 +231,14 @@ def _same(path: Path, held: CampaignOrder, asked: CampaignOrder) -> None:
         wanted = {s.name: s for s in asked.series}
         for series in held.series:
             other = wanted.get(series.name)
-            if other is not None and (other.crl_text, other.world_text) != (
-                series.crl_text,
-                series.world_text,
-            ):
-                raise StateError(f"{path}: {series.name} holds the runs of another variant of that name")
+            if other is None:
+                continue
+            there, wanted_digest = held.case_of(series).digest, asked.case_of(other).digest
+            if there != wanted_digest:
+                raise StateError(
+                    f"{path}: {series.name} holds the runs of another variant of that name: its digest is "
+                    f"{there[:12]}, this one's {wanted_digest[:12]}"
+                )
         return
     differs = next(
         name

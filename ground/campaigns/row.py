@@ -81,7 +81,7 @@ class Row:
             If the line is not whole.
         """
         parts = json.loads(line)
-        if not isinstance(parts, list) or len(parts) != 11:
+        if not isinstance(parts, list) or not _is_row(*parts):
             raise ValueError(f"{line[:60]!r} is no row")
         seed, utility, outcome, end_ms, energy, exceeded, options, nodes, reasons, lost, trace = parts
         return Row(
@@ -105,6 +105,26 @@ class Row:
             f"{self.seed},{self.utility!r},{self.outcome},{self.end_s:.3f},{self.energy_used_j:.3f},{options}"
         )
 
+
+def _is_row(*parts: object) -> bool:
+    """Return whether the members of a line have the types of a row's."""
+    return len(parts) == len(_KINDS) and all(isinstance(p, k) for p, k in zip(parts, _KINDS, strict=True))
+
+
+_KINDS: tuple[type | tuple[type, ...], ...] = (
+    int,
+    (int, float),
+    str,
+    int,
+    (int, float),
+    list,
+    list,
+    str,
+    dict,
+    list,
+    str,
+)
+"""Types of the members of a line, in its order."""
 
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from ground.campaigns.causes import Causes
-from ground.campaigns.folder import RUNS, CampaignFolder
+from ground.campaigns.folder import ORDER, RUNS, CampaignFolder
 from ground.campaigns.report import report_page
 from ground.campaigns.result import RESULTS
-from ground.errors import InvalidInputError, NotFoundError, StateError
+from ground.errors import StateError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
@@ -57,15 +57,23 @@ def read_runs(
     task: str | None,
     limit: int,
 ) -> FlownRuns:
-    """Return runs with a utility of `low` to `high` that took an option, or in which a task failed."""
-    _row(repo, actor, campaign_id)
+    """Return runs with a utility of `low` to `high` that took an option, or in which a task failed.
+
+    Raises
+    ------
+    StateError
+        If the campaign has a result and its runs are not here.
+    """
+    held = _row(repo, actor, campaign_id)
     folder = CampaignFolder(repo.campaign_dir(campaign_id))
-    if not (folder.path / "order.json").exists():
+    if not (folder.path / ORDER).exists():
+        if held.result is not None:
+            raise _gone(held)
         return FlownRuns([], 0)
     causes = Causes.of(folder.order().case().plan())
     items: list[FlownRun] = []
     total = 0
-    for row in folder.rows():
+    for row in folder.rows(runs=None if held.result is None else int(held.result["runs"])):
         if (low is not None and row.utility < low) or (high is not None and row.utility > high):
             continue
         if (option is not None and option not in row.options) or (
@@ -94,11 +102,13 @@ def read_csv(repo: Repository, actor: Actor, campaign_id: str) -> Path:
     Raises
     ------
     StateError
-        Until the campaign has ended.
+        Until the campaign has ended, and when its runs are not here.
     """
     row = _row(repo, actor, campaign_id)
     path = repo.campaign_dir(campaign_id) / RUNS
-    if row.result is None or not path.exists():
+    if row.result is not None and not path.is_file():
+        raise _gone(row)
+    if row.result is None:
         raise StateError(f"campaign {campaign_id} is {row.state}; its table is there when it has ended")
     return path
 
@@ -106,8 +116,13 @@ def read_csv(repo: Repository, actor: Actor, campaign_id: str) -> Path:
 def report_campaign(repo: Repository, actor: Actor, campaign_id: str) -> str:
     """Return the campaign as one page of HTML; raises as `read_result`."""
     document: Any = read_result(repo, actor, campaign_id)
-    try:
-        result = RESULTS.from_document(document)
-        return report_page(CampaignFolder(repo.campaign_dir(campaign_id)), result)
-    except InvalidInputError as err:
-        raise NotFoundError(f"the runs of campaign {campaign_id} are no longer here: {err}") from err
+    row, folder = _row(repo, actor, campaign_id), CampaignFolder(repo.campaign_dir(campaign_id))
+    if not (folder.path / ORDER).is_file():
+        raise _gone(row)
+    return report_page(folder, RESULTS.from_document(document))
+
+
+def _gone(row: CampaignRow) -> StateError:
+    """Return the sentence for a campaign of which only the result is here."""
+    why = "it came in with an archive" if row.elsewhere else "its folder is gone"
+    return StateError(f"the runs of campaign {row.id} are not here: {why}; its result is")

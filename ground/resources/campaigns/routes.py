@@ -36,7 +36,7 @@ async def get_campaign_result(ask: Asked, campaign_id: Id) -> Response:
     return answer(await ask.do(read_result, campaign_id))
 
 
-@router.get("/campaigns/{campaign_id}/runs", response_model=FlownRuns, responses=responses(404, 422))
+@router.get("/campaigns/{campaign_id}/runs", response_model=FlownRuns, responses=responses(404, 409, 422))
 async def list_campaign_runs(
     ask: Asked,
     campaign_id: Id,

@@ -13,7 +13,7 @@ from ground.campaigns.engines import HereEngine
 from ground.campaigns.folder import MAIN, CampaignFolder, CampaignOrder, write_whole
 from ground.campaigns.result import RESULTS
 from ground.campaigns.row import Row
-from ground.campaigns.units import Unit
+from ground.campaigns.units import Unit, cut
 from ground.campaigns.variant import canonical
 from ground.errors import JobFailedError
 from ground.jobs.queue import Report, WorkStoppedError
@@ -25,21 +25,28 @@ LIVE_S = 1.0
 
 
 class LiveEngine(HereEngine):
-    """Flies here, and writes what the main series says so far."""
+    """Flies here, and writes what the main series says so far, with the runs of attempts before this one."""
 
-    def __init__(self, folder: Path, order: CampaignOrder) -> None:
-        self._path, self._order = folder / LIVE, order
+    def __init__(self, folder: CampaignFolder, order: CampaignOrder, runs: int) -> None:
+        self._path, self._order = folder.path / LIVE, order
         self._case = order.case()
         self._tally = tally_of(self._case)
         self._next = 0.0
+        for unit in cut(MAIN, order.seed, runs, order.unit):
+            self._take(folder.read_unit(unit) or "")
+        if self._tally.runs:
+            self._tell()
+
+    def _take(self, text: str) -> None:
+        for line in text.splitlines():
+            self._tally.add(Row.read(line))
 
     def fly(
         self, cases: Cases, units: Iterable[Unit], should_stop: Callable[[], bool]
     ) -> Iterator[tuple[Unit, str]]:
         for unit, text in super().fly(cases, units, should_stop):
             if unit.series == MAIN:
-                for line in text.splitlines():
-                    self._tally.add(Row.read(line))
+                self._take(text)
                 self._tell()
             yield unit, text
 
@@ -74,8 +81,7 @@ def work(order: CampaignWork, report: Report, should_stop: Callable[[], bool]) -
     from executive.errors import ExecutiveError
     from rover_iface.errors import RoverError
 
-    path = Path(order.folder)
-    folder = CampaignFolder(path)
+    folder = CampaignFolder(Path(order.folder))
     try:
         asked = make_order(
             case_of(order),
@@ -91,7 +97,7 @@ def work(order: CampaignWork, report: Report, should_stop: Callable[[], bool]) -
             lambda done, of: report(min(0.99, done / of), f"{done:,} of {of:,} runs"),
             should_stop,
         )
-        flown = conduct.run(LiveEngine(path, asked))
+        flown = conduct.run(LiveEngine(folder, asked, order.runs))
     except (RoverError, ExecutiveError) as err:
         raise JobFailedError(str(err)) from err
     if flown is None:

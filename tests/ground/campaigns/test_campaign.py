@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -161,6 +162,65 @@ def test_more_runs_of_the_same_campaign_keep_those_that_are_there(case: Case, tm
     assert contents(tmp_path / "grown") == contents(tmp_path / "whole")
 
 
+def test_fewer_runs_of_the_same_campaign_count_the_first_and_keep_all(case: Case, tmp_path: Path) -> None:
+    more = [NamedCase("more", varied(Variant("more", add_time_s=300.0), case))]
+    fly(case, tmp_path / "whole", 130, variants=more)
+    fly(case, tmp_path / "shrunk", 450, variants=more)
+    before = contents(tmp_path / "shrunk")
+    fly(case, tmp_path / "shrunk", 130, resume=True, variants=more)
+    units = [name for name in before if "units/" in name]
+    after, whole = contents(tmp_path / "shrunk"), contents(tmp_path / "whole")
+    assert all(after[name] == before[name] for name in units)
+    results = [name for name in whole if "units/" not in name]
+    assert {name: after[name] for name in results} == {name: whole[name] for name in results}
+    fly(case, tmp_path / "other", 130, seed=1, variants=more)
+    found = compare(CampaignFolder(tmp_path / "other"), CampaignFolder(tmp_path / "shrunk"))
+    assert (found.difference.runs, found.difference.mean) == (130, 0.0)
+
+
+def test_a_variant_of_the_same_name_is_refused_also_when_it_was_not_asked_for_between(
+    case: Case, tmp_path: Path
+) -> None:
+    def one(**change: Any) -> list[NamedCase]:
+        return [NamedCase("v", varied(Variant("v", **change), case))]
+
+    fly(case, tmp_path / "c", 60, variants=one(add_time_s=300.0))
+    fly(case, tmp_path / "c", 60, resume=True)
+    digests = r"its digest is [0-9a-f]{12}, this one's [0-9a-f]{12}"
+    with pytest.raises(GroundError, match="variants/v holds the runs of another variant.*" + digests):
+        fly(case, tmp_path / "c", 60, resume=True, variants=one(add_time_s=600.0))
+    again = fly(case, tmp_path / "c", 60, resume=True, variants=one(add_time_s=300.0))
+    assert [v.name for v in again.variants] == ["v"]
+    order = tmp_path / "c" / "order.json"
+    document = json.loads(order.read_text())
+    document["series"] = document["series"][:1]  # as a version before this one left it
+    order.write_text(json.dumps(document))
+    with pytest.raises(GroundError, match=r"variants/v holds runs of which order.json says nothing"):
+        fly(case, tmp_path / "c", 60, resume=True, variants=one(add_time_s=600.0))
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda line: line[: len(line) // 2],
+        lambda line: line.replace("[50,", "[51,"),
+        lambda line: line.replace("[50,", '["50",'),
+        lambda line: line + "\n" + line,
+    ],
+)
+def test_a_unit_with_a_damaged_row_in_its_middle_is_flown_again(
+    case: Case, tmp_path: Path, spoil: Callable[[str], str]
+) -> None:
+    fly(case, tmp_path / "c", 200)
+    before = contents(tmp_path / "c")
+    unit = tmp_path / "c" / "units" / "000000.jsonl"
+    lines = unit.read_text().splitlines()
+    lines[49] = spoil(lines[49])
+    unit.write_text("\n".join(lines) + "\n")
+    fly(case, tmp_path / "c", 200, resume=True)
+    assert contents(tmp_path / "c") == before
+
+
 def test_the_stop_rule_gives_the_same_runs_on_every_engine(case: Case, tmp_path: Path) -> None:
     here = fly(case, tmp_path / "here", 4000, until_se=0.15)
     pool = fly(case, tmp_path / "pool", 4000, until_se=0.15, engine=PoolEngine(2))
@@ -170,7 +230,11 @@ def test_the_stop_rule_gives_the_same_runs_on_every_engine(case: Case, tmp_path:
     assert here.stopped == "the standard error is at most 0.15"
     shorter = fly(case, tmp_path / "shorter", here.runs - 100)
     assert shorter.utility.standard_error > 0.15
-    assert contents(tmp_path / "here") == contents(tmp_path / "pool")
+    counted, ahead = contents(tmp_path / "here"), contents(tmp_path / "pool")
+    assert counted == {name: ahead[name] for name in counted}
+    beyond = sorted(set(ahead) - set(counted))  # what the pool had on the way stays, and does not count
+    assert all(name.startswith("units/") for name in beyond)
+    assert [row.seed for row in CampaignFolder(tmp_path / "pool").rows(runs=here.runs)][-1] == here.runs
 
 
 def test_variants_share_their_futures(case: Case, tmp_path: Path) -> None:

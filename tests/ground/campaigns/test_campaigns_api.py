@@ -5,17 +5,22 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ground.app.job_kinds import job_kinds
+from ground.campaigns.conduct import Conduct, Plan, make_order
+from ground.campaigns.folder import CampaignFolder
+from ground.campaigns.inputs import read_case
 from ground.campaigns.result import RESULTS
 from ground.gdr.migrate import migrate
 from ground.jobs.worker import Worker
 from ground.resources.campaigns import work as campaign_work
 from ground.resources.campaigns.order import ORDERS
 from ground.settings import Settings
+from tests.ground.campaigns.small import write_small
 from tests.ground.conftest import Api, yard
 from tests.ground.test_approvals import archive_of, brought_in, without_history
 from tests.ground.test_day_over_rest import file_requests, planned
@@ -82,6 +87,20 @@ def test_a_campaign_that_was_stopped_tells_what_it_has(sqlite_api: Api, terrain_
     assert problem(api("GET", f"{at}/runs.csv"), 409, "wrong-state")
 
 
+def test_a_campaign_that_is_begun_again_tells_the_runs_of_both_attempts(tmp_path: Path) -> None:
+    case = read_case(*write_small(tmp_path), "abstract")
+    order = make_order(case, 1)
+    folder = CampaignFolder(tmp_path / "c")
+    folder.open(order, resume=False)
+    live = folder.path / campaign_work.LIVE
+    for units, told in ((3, 300), (1, 400)):
+        left = iter(range(units))
+        engine = campaign_work.LiveEngine(folder, order, 500)
+        Conduct(folder, order, Plan(500), should_stop=lambda left=left: next(left, None) is None).run(engine)
+        campaign_work.LiveEngine(folder, order, 500)
+        assert json.loads(live.read_text())["runs"] == told
+
+
 def test_approval_asks_for_a_campaign_where_it_is_set(sqlite_api: Api, terrain_folder: Path) -> None:
     api = sqlite_api
     plan, _campaign = flown(api, terrain_folder)
@@ -145,6 +164,10 @@ def test_a_campaign_of_elsewhere_counts_for_no_rule_here(sqlite_api: Api, terrai
     for rule in ("FR-CAMPAIGN", "FR-OVERRUN"):
         assert (found[rule]["holds"], found[rule]["value"]) == (False, None), found[rule]
     assert found["FR-CRL"]["holds"]  # read anew: whatever was found elsewhere says nothing
+    for what in ("runs", "runs.csv", "report"):
+        shutil.rmtree(api.repo.campaign_dir(campaign["id"]), ignore_errors=True)
+        told = problem(api("GET", f"/campaigns/{campaign['id']}/{what}"), 409, "wrong-state")["detail"]
+        assert told.endswith("are not here: it came in with an archive; its result is")
     order = {"plan_id": plan["id"], "runs": 150, "seed": 5}
     api.post(f"/missions/{plan['mission_id']}/campaigns", order, status=202)
     api.jobs()
