@@ -101,10 +101,14 @@ def _backups(app: typer.Typer) -> None:
         from ground.resources.backups.backup import backup
 
         phrase = typer.prompt(PHRASE, hide_input=True, confirmation_prompt=True) if secrets else None
-        saved = backup(open_or_fail(), target, passphrase=phrase)
+        repo = open_or_fail()
+        try:
+            saved = refused(lambda: backup(repo, target, passphrase=phrase))
+        except OSError as err:
+            fail(f"{target} cannot be written: {err.strerror or err}")
         typer.echo(f"{target}: {sum(saved.rows.values())} rows, {target.stat().st_size} bytes")
         for name in saved.damaged:
-            typer.echo(f"{name} is damaged, and so in the backup", err=True)
+            typer.echo(f"{name} is damaged or missing, and so in the backup", err=True)
         if saved.damaged:
             raise typer.Exit(1)
 

@@ -6,12 +6,15 @@ files 0600, folders 0700.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import shutil
 from pathlib import Path
 
 FILE_MODE, FOLDER_MODE = 0o600, 0o700
+DRAFT = ".draft-"
+"""How the name of a file or folder begins that is not in its place yet."""
 
 
 def sync(path: Path) -> None:
@@ -50,7 +53,7 @@ def put_in_place(draft: Path, target: Path) -> None:
 def copy_file(source: Path, target: Path) -> None:
     """Copy a file to its place: whole or not at all."""
     make_folder(target.parent)
-    draft = target.with_name(f".draft-{target.name}")
+    draft = target.with_name(f"{DRAFT}{target.name}")
     try:
         draft.touch(FILE_MODE)
         shutil.copyfile(source, draft)
@@ -62,7 +65,7 @@ def copy_file(source: Path, target: Path) -> None:
 def copy_folder(source: Path, target: Path) -> None:
     """Copy a folder to its place, sealed, whole or not at all; what lay there, of a try that failed, goes."""
     make_folder(target.parent)
-    draft = target.with_name(f".draft-{target.name}")
+    draft = target.with_name(f"{DRAFT}{target.name}")
     shutil.rmtree(draft, ignore_errors=True)
     try:
         shutil.copytree(source, draft, copy_function=shutil.copyfile)
@@ -106,7 +109,7 @@ def _sums(folder: Path) -> dict[str, str]:
     found = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file() and path.name != SUMS:
-            with path.open("rb") as file:
+            with contextlib.suppress(FileNotFoundError), path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
-            found[path.relative_to(folder).as_posix()] = digest
+                found[path.relative_to(folder).as_posix()] = digest
     return found

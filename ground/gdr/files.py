@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ground.gdr.durable import FILE_MODE, make_folder, put_in_place
+from ground.gdr.durable import DRAFT, FILE_MODE, make_folder, put_in_place
 
 
 def _private(path: str, flags: int) -> int:
@@ -42,7 +42,7 @@ class FileStore:
     def put(self, chunks: Iterable[bytes]) -> StoredFile:
         """Store a file and return its hash and size."""
         make_folder(self.folder)
-        draft = self.folder / f".draft-{os.getpid()}-{secrets.token_hex(6)}"
+        draft = self.folder / f"{DRAFT}{os.getpid()}-{secrets.token_hex(6)}"
         digest, size = hashlib.sha256(), 0
         try:
             with open(draft, "wb", opener=_private) as out:

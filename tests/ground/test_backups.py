@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+import sys
 import tarfile
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from ground.errors import ArchiveError
+from ground.errors import ArchiveError, NotFoundError
 from ground.gdr.history import SYSTEM, EventRow, verify_chains
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR, Role
@@ -74,9 +75,45 @@ def test_a_flipped_bit_is_refused_by_restore_and_found_by_check(
     assert damaged_files(api.repo) == damaged
     assert backup(api.repo, tmp_path / "c.tar").damaged == damaged
     missing = restore(fresh(tmp_path), tmp_path / "c.tar").missing
-    assert missing == [f"{name} was damaged before the backup was made" for name in damaged]
+    assert missing == [f"{name} was damaged or missing before the backup was made" for name in damaged]
     upload(api, "a.bin", b"something" * 100)
     assert damaged_files(api.repo) == damaged[1:], "a file that comes again heals the stored one"
+
+
+def test_drafts_stay_out_and_what_vanishes_stops_no_backup(
+    api: Api, mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = api.repo.data_dir
+    for draft in (data / "files" / ".draft-9-a", data / "terrains" / ".draft-trn-1" / "dem.tif"):
+        draft.parent.mkdir(exist_ok=True)
+        draft.write_bytes(b"half")
+    upload(api, "a.bin", b"here")
+    kept = next(iter(api.repo.files.hashes()))
+    upload(api, "b.bin", b"soon gone")
+    (vanishing,) = set(api.repo.files.hashes()) - {kept}
+    is_file = Path.is_file
+
+    def listed_then_gone(path: Path) -> bool:
+        found = is_file(path)
+        if path.name == vanishing and found and sys._getframe(1).f_code.co_name == "_parts":
+            path.unlink()
+        return found
+
+    monkeypatch.setattr(Path, "is_file", listed_then_gone)
+    saved = backup(api.repo, tmp_path / "b.tar")
+    assert saved.damaged == []
+    names = list(read_list(tmp_path / "b.tar").members)
+    assert [name for name in names if name.startswith("files/")] == [f"files/{kept[:2]}/{kept[2:4]}/{kept}"]
+    assert not any(".draft-" in name for name in names)
+    assert backup(api.repo, tmp_path / "c.tar").damaged == [f"files/{vanishing}"]
+    assert restore(fresh(tmp_path), tmp_path / "c.tar").missing == [
+        f"files/{vanishing} was damaged or missing before the backup was made"
+    ]
+
+
+def test_a_backup_into_no_folder_is_refused_in_words(api: Api, tmp_path: Path) -> None:
+    with pytest.raises(NotFoundError, match=r"there is no folder .*nowhere"):
+        backup(api.repo, tmp_path / "nowhere" / "b.tar")
 
 
 def test_what_is_kept_is_its_owners_alone(api: Api, mission: Mission, tmp_path: Path) -> None:

@@ -7,31 +7,31 @@ import json
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select, text
 from sqlalchemy.orm import Session
 
+from ground.errors import NotFoundError
 from ground.gdr.base import utc_now
+from ground.gdr.durable import DRAFT
 from ground.gdr.migrate import current_revision
 from ground.gdr.repository import Repository
-from ground.resources.backups.check_files import damaged_files
+from ground.resources.backups.check_files import damaged_files, missing_files
 from ground.resources.backups.container import Listing, Part, write_container
+from ground.resources.backups.rows import LEFT_OUT, plain, read_rows
 from ground.resources.backups.secrets import seal
 from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
 
 FOLDERS = ("files", "terrains")
 ROWS, SECRETS = "rows.jsonl", "secrets.json"
-LEFT_OUT = {"credentials", "login_failures", "idempotency_keys"}
-"""Tables of sessions, keys and the day's answers; keys of API clients go with the secrets."""
 
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """How many rows of each table a backup holds, and the files that were damaged before it was made."""
+    """How many rows of each table a backup holds, and the files that were damaged or missing before."""
 
     rows: dict[str, int]
     damaged: list[str]
@@ -42,30 +42,34 @@ def backup(repo: Repository, target: Path, *, passphrase: str | None = None) -> 
 
     The database is read in one transaction, then the files it names are copied: files never change and
     come before their rows, so the copy is consistent while the server goes on. Of the folders of runs the
-    journals of those that are over go with it. What is damaged goes with it too, and is named.
+    journals of those that are over go with it. What is damaged goes with it too; that and
+    what is missing is named.
 
     Hashes of passwords and of API keys are left out, or sealed with `passphrase`.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no folder to write it into.
     """
+    if not target.parent.is_dir():
+        raise NotFoundError(f"{target} cannot be written: there is no folder {target.parent}")
     with tempfile.TemporaryDirectory(prefix="outcrop-backup-") as work:
         rows = Path(work) / ROWS
         with repo.database.read() as session, rows.open("w", encoding="utf-8") as out:
             if not repo.database.is_sqlite:
                 session.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ, READ ONLY"))
-            counts, runs = {}, []
-            for table in METADATA.sorted_tables:
-                if table.name in LEFT_OUT:
-                    continue
-                counts[table.name] = 0
-                for row in session.execute(select(table)).mappings():
-                    record = plain(row)
-                    if table.name == "people":
-                        record["password_hash"] = None
-                    out.write(json.dumps([table.name, record]) + "\n")
-                    counts[table.name] += 1
-                    if table.name == "runs" and row["state"] not in {"queued", "running"}:
-                        runs.append(row["id"])
+            counts = {table.name: 0 for table in METADATA.sorted_tables if table.name not in LEFT_OUT}
+            runs = []
+            for name, row in read_rows(session):
+                if name == "people":
+                    row["password_hash"] = None
+                out.write(json.dumps([name, row]) + "\n")
+                counts[name] += 1
+                if name == "runs" and row["state"] not in {"queued", "running"}:
+                    runs.append(row["id"])
             secret = None if passphrase is None else seal(_secrets(session), passphrase)
-        damaged = damaged_files(repo)
+        damaged = damaged_files(repo) + missing_files(repo)
         digest = hashlib.sha256(rows.read_bytes()).hexdigest()
         revision = current_revision(repo.database) or ""
         head = Listing(revision, utc_now().isoformat(), counts, digest, tuple(damaged))
@@ -77,11 +81,11 @@ def _parts(repo: Repository, rows: Path, runs: list[str], secret: bytes | None) 
     yield Part(ROWS, rows)
     if secret is not None:
         yield Part(SECRETS, secret)
-    paths = [p for name in FOLDERS for p in sorted((repo.data_dir / name).rglob("*")) if p.is_file()]
-    paths += [p for run in runs if (p := repo.run_dir(run) / JOURNAL).is_file()]
-    for path in paths:
-        if not path.name.startswith(".draft-"):
-            yield Part(path.relative_to(repo.data_dir).as_posix(), path)
+    paths = [p for name in FOLDERS for p in sorted((repo.data_dir / name).rglob("*"))]
+    for path in (*paths, *(repo.run_dir(run) / JOURNAL for run in runs)):
+        name = path.relative_to(repo.data_dir)
+        if path.is_file() and not any(part.startswith(DRAFT) for part in name.parts):
+            yield Part(name.as_posix(), path)
 
 
 def _secrets(session: Session) -> dict[str, Any]:
@@ -91,8 +95,3 @@ def _secrets(session: Session) -> dict[str, Any]:
         "passwords": dict(session.execute(select(people.c.id, people.c.password_hash)).all()),
         "credentials": [plain(row) for row in session.execute(keys).mappings()],
     }
-
-
-def plain(row: Any) -> dict[str, object]:
-    """Return a row as JSON values."""
-    return {k: v.isoformat() if isinstance(v, datetime) else v for k, v in row.items()}

@@ -81,18 +81,26 @@ def check_files(repo: Repository) -> FileReport:
     return FileReport(missing, sorted(present - set(named)), len(present), strays)
 
 
+def missing_files(repo: Repository) -> list[str]:
+    """Return every stored file that a record names and that is not there."""
+    named = named_files(repo)
+    return [f"files/{sha256}" for sha256 in sorted(named.keys() - set(repo.files.hashes()))]
+
+
 def damaged_files(repo: Repository) -> list[str]:
     """Return every stored file, and file of a terrain or of a run that came down, that is not what it was.
 
     Stored files are named by their content; the others were written down when they came. The files of a
     terrain of an older version were not, and its whole is held against the record.
     """
-    found = [f"files/{sha256}" for sha256 in sorted(repo.files.hashes()) if not repo.files.is_sound(sha256)]
+    unsound = [sha256 for sha256 in sorted(repo.files.hashes()) if not repo.files.is_sound(sha256)]
+    found = [f"files/{sha256}" for sha256 in unsound if repo.files.path(sha256).exists()]  # else just swept
     for name in ("terrains", "runs"):
         folder = repo.data_dir / name
         for kept in sorted(folder.iterdir()) if folder.is_dir() else ():
             if kept.is_dir() and kept.name[0] != ".":
-                found += [f"{name}/{kept.name}/{odd}" for odd in damaged_in(kept)]
+                odd_files = damaged_in(kept)
+                found += [f"{name}/{kept.name}/{odd}" for odd in odd_files if kept.is_dir()]
     with repo.database.read() as session:
         terrains = dict(session.execute(select(TerrainRow.id, TerrainRow.sha256)).all())
     for identifier, sha256 in terrains.items():

@@ -7,6 +7,7 @@ and the part that it is in is named.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
@@ -67,7 +68,10 @@ class Listing:
 
 
 def write_container(target: Path, head: Listing, parts: Iterable[Part]) -> None:
-    """Write a backup, its owner's alone; it is there whole or not at all."""
+    """Write a backup, its owner's alone; it is there whole or not at all.
+
+    A file of the disk that is gone when its turn comes is left out.
+    """
     draft = target.with_name(f".{target.name}.draft")
     draft.unlink(missing_ok=True)
     try:
@@ -77,8 +81,9 @@ def write_container(target: Path, head: Listing, parts: Iterable[Part]) -> None:
             with tarfile.open(fileobj=tap, mode="w", format=tarfile.PAX_FORMAT) as archive:  # type: ignore[call-overload]
                 for part in parts:
                     began = tap.position
-                    _add(archive, part)
-                    members[part.name] = [began, tap.position - began, tap.mark()]
+                    with contextlib.suppress(FileNotFoundError):  # swept since it was listed
+                        _add(archive, part)
+                        members[part.name] = [began, tap.position - began, tap.mark()]
                 began = tap.position
                 said = {**asdict(head), "format": FORMAT, "members": members}
                 listed = json.dumps(said, indent=1).encode()

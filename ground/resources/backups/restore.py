@@ -11,20 +11,20 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Table, insert, select, update
+from sqlalchemy import select
 
 from ground.errors import ArchiveError, ConflictError
-from ground.gdr.base import Utc
 from ground.gdr.database import Database
 from ground.gdr.durable import copy_file
 from ground.gdr.files import FileStore
 from ground.gdr.history import SYSTEM, ChainRow, Change, record, verify_chains
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository
-from ground.resources.backups.backup import FOLDERS, LEFT_OUT, ROWS, SECRETS, plain
+from ground.resources.backups.backup import FOLDERS, ROWS, SECRETS
 from ground.resources.backups.check_files import check_files, damaged_files
 from ground.resources.backups.container import FORMAT, LIST, Listing, read_list
 from ground.resources.backups.rewind import rewind
+from ground.resources.backups.rows import LEFT_OUT, Record, brought_up, fill, parse_rows, read_rows
 from ground.resources.backups.secrets import unseal
 from ground.resources.tables import METADATA
 
@@ -61,22 +61,22 @@ def restore(
         if hashlib.sha256(content).hexdigest() != head.rows_sha256:
             raise ArchiveError(f"{source} is damaged: {ROWS} is not what {LIST} says")
         secrets = _secrets_of(folder, passphrase)
-        migrate(repo.database, head.revision)
+        records = brought_up(parse_rows(content, secrets), head.revision)
+        migrate(repo.database)
         _require_empty(repo.database)
-        missing = [f"{name} was damaged before the backup was made" for name in head.damaged]
+        missing = [f"{name} was damaged or missing before the backup was made" for name in head.damaged]
         for name in (*FOLDERS, "runs"):
             for path in sorted((folder / name).rglob("*")):
                 if path.is_file():
                     copy_file(path, repo.data_dir / path.relative_to(folder))
         with repo.database.write() as session:
-            _insert(session, content, secrets)
+            fill(session, METADATA, records)
             if until is not None:
                 missing += rewind(session, until)
                 last = session.get(ChainRow, SYSTEM)
                 after = {"until": until.isoformat(), "made_utc": head.made_utc}
                 if last is not None:
                     record(session, SYSTEM, Change("system", "restore", "repository", SYSTEM, None, after))
-    migrate(repo.database)
     return Restored(dict(head.rows), missing)
 
 
@@ -132,31 +132,6 @@ def _require_empty(database: Database) -> None:
                 raise ConflictError("the repository is not empty; restore into a new data folder or database")
 
 
-def _insert(session: Any, content: bytes, secrets: dict[str, Any]) -> None:
-    tables = METADATA.tables
-    for table in reversed(METADATA.sorted_tables):
-        session.execute(table.delete())
-    for line in content.decode().splitlines():
-        name, document = json.loads(line)
-        session.execute(insert(tables[name]).values(**_typed(tables[name], document)))
-    people = tables["people"]
-    for identifier, hashed in secrets.get("passwords", {}).items():
-        session.execute(update(people).where(people.c.id == identifier).values(password_hash=hashed))
-    for document in secrets.get("credentials", ()):
-        credentials = tables["credentials"]
-        session.execute(insert(credentials).values(**_typed(credentials, document)))
-
-
-def _typed(table: Table, document: dict[str, Any]) -> dict[str, Any]:
-    """Return a row of a backup as the database takes it."""
-    return {
-        name: datetime.fromisoformat(value)
-        if isinstance(table.c[name].type, Utc) and isinstance(value, str)
-        else value
-        for name, value in document.items()
-    }
-
-
 def drill(repo: Repository, source: Path, *, passphrase: str | None = None) -> list[str]:
     """Restore a backup into a scratch place and compare; return what does not fit, a sentence each.
 
@@ -178,39 +153,31 @@ def drill(repo: Repository, source: Path, *, passphrase: str | None = None) -> l
             found += [f"{owner}: its file is missing" for owner in check_files(scratch).without_file]
             with scratch.database.read() as session:
                 found += [f"{f.chain_id} event {f.seq}: {f.reason}" for f in verify_chains(session)[1]]
-                wanted = _rows_of(source)
-                for table in METADATA.sorted_tables:
-                    if table.name in LEFT_OUT:
-                        continue
-                    there = [plain(row) for row in session.execute(select(table)).mappings()]
-                    if table.name == "people":
-                        there = [{**row, "password_hash": None} for row in there]
-                    found += _differences(table, wanted.get(table.name, []), there)
+                found += _differences(_rows_of(source), list(read_rows(session)))
         finally:
             scratch.database.dispose()
     return found
 
 
-def _rows_of(source: Path) -> dict[str, list[dict[str, Any]]]:
-    found: dict[str, list[dict[str, Any]]] = {}
+def _rows_of(source: Path) -> list[Record]:
     with tarfile.open(source) as archive:
-        entry = archive.extractfile(ROWS)
+        entry, listed = archive.extractfile(ROWS), archive.extractfile(LIST)
         assert entry is not None
-        for line in entry.read().decode().splitlines():
-            name, document = json.loads(line)
-            found.setdefault(name, []).append(document)
-    return found
+        assert listed is not None
+        return brought_up(parse_rows(entry.read(), {}), json.load(listed)["revision"])
 
 
-def _differences(table: Table, wanted: list[dict[str, Any]], there: list[dict[str, Any]]) -> list[str]:
-    keys = [column.name for column in table.primary_key.columns]
+def _differences(wanted: list[Record], there: list[Record]) -> list[str]:
+    first, second = _by_key(wanted), _by_key(there)
+    odd = {key for key in first.keys() | second.keys() if first.get(key) != second.get(key)}
+    return [f"{table} {key} did not come back as it was" for table, key in sorted(odd)]
 
-    def by_key(rows: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-        return {"/".join(str(row[k]) for k in keys): row for row in rows}
 
-    first, second = by_key(wanted), by_key(there)
-    return [
-        f"{table.name} {key} did not come back as it was"
-        for key in sorted(first.keys() | second.keys())
-        if first.get(key) != {k: v for k, v in second.get(key, {}).items() if k in first.get(key, {})}
-    ]
+def _by_key(records: list[Record]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Return rows by table and primary key, without what a backup holds sealed."""
+    keys = {table.name: [c.name for c in table.primary_key.columns] for table in METADATA.sorted_tables}
+    return {
+        (name, "/".join(str(row[k]) for k in keys[name])): {**row, "password_hash": None}
+        for name, row in records
+        if name not in LEFT_OUT
+    }
