@@ -20,6 +20,7 @@ GroundError
 ├── TooManyAttemptsError     the door is closed for a while
 ├── TooLargeError            a body over the limit
 ├── UnavailableError         a part that is needed is not there
+│   └── BusyError            the database is taken up by other writes
 └── JobFailedError           the work of a job ended with an expected failure
 """
 
@@ -112,6 +113,10 @@ class TooLargeError(GroundError):
 
 class UnavailableError(GroundError):
     """A part that is needed is not there."""
+
+
+class BusyError(UnavailableError):
+    """The database is taken up by other writes; the same may go well in a moment."""
 
 
 class JobFailedError(GroundError):

@@ -63,7 +63,7 @@ def job_kinds() -> Mapping[str, JobKind]:
             dry_run.settle,
             dry_run.abandon,
             dry_run.begin,
-            interactive=True,
+            live=True,
         ),
     )
     return {kind.name: kind for kind in kinds}

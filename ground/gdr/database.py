@@ -20,7 +20,7 @@ from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import DisconnectionError
 from sqlalchemy.orm import Session
 
-from ground.errors import UnavailableError
+from ground.errors import BusyError
 from ground.gdr.durable import FILE_MODE, make_folder
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class _Queue:
 
         Raises
         ------
-        UnavailableError
+        BusyError
             If it is not free in time.
         """
         with self._state:
@@ -70,7 +70,7 @@ class _Queue:
                 self._waiting.append(mine)
         try:
             if mine is not None and not mine.wait(self.PATIENCE_S):
-                raise UnavailableError(
+                raise BusyError(
                     f"the database was busy with other writes for {self.PATIENCE_S:g} s; try again"
                 )
             yield

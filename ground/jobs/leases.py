@@ -6,8 +6,6 @@ import logging
 import threading
 from dataclasses import dataclass
 
-from sqlalchemy.exc import SQLAlchemyError
-
 from ground.gdr.repository import Repository
 from ground.jobs.queue import Claim, extend
 
@@ -68,5 +66,5 @@ class LeaseKeeper:
     def _renew(self, lease: Held) -> None:
         try:
             lease.ours, lease.cancel = extend(self._repo, lease.claim)
-        except SQLAlchemyError:
+        except Exception:
             logger.exception("a lease cannot be renewed", extra={"job_id": lease.claim.job_id})

@@ -53,6 +53,14 @@ Abandon = Callable[[Session, JobRow], None]
 LOG_LINES = 200
 
 
+ENGINE_FAILURES = 20
+"""Attempts that an engine may lose without their counting; at the worker's longest wait, three minutes.
+
+An engine that is away is not asked at all; one that is there and loses the same job again and again loses it
+because of the job.
+"""
+
+
 WAKE = threading.Event()
 """Set when a job was queued in this process, so that its worker need not wait for the next look."""
 
@@ -77,7 +85,8 @@ class JobKind:
     `orders` reads what stands in the job's row. `work` must be importable by name (it is sent to another
     process). `settle` writes the result into the repository and returns its address; `abandon` is called when
     the job ends without a result, `begin` when a worker takes it up. `interactive` work is short and somebody
-    waits for it: it goes before all other and has a slot of its own.
+    waits for it: it goes before all other and has a slot of its own. `live` work runs on the real clock, for
+    hours, and mostly waits: it has slots of its own and takes nobody's.
     """
 
     name: str
@@ -87,6 +96,7 @@ class JobKind:
     abandon: Abandon = _nothing
     begin: Abandon | None = None
     interactive: bool = False
+    live: bool = False
 
 
 def enqueue(
@@ -172,7 +182,8 @@ def claim_job(repo: Repository, kinds: Mapping[str, JobKind], worker: str) -> Cl
                 session.flush()
                 continue
             if row.attempt >= row.max_attempts:
-                detail = f"given up: it was begun {row.attempt} times and its worker vanished each time"
+                last = "its worker vanished" if row.state == "running" else row.message
+                detail = f"given up: it was begun {row.attempt} times; the last time: {last}"
                 _end(row, "failed", detail, problem_of(JobFailedError(detail)))
                 kinds[row.kind].abandon(session, row)
                 session.flush()
@@ -280,12 +291,14 @@ def give_up(
 def hand_back(repo: Repository, claim: Claim, reason: str, *, tried: bool = True) -> None:
     """Queue a job again whose worker process died or is about to stop.
 
-    Without `tried` the attempt does not count: the engine failed, not the work.
+    Without `tried` the attempt does not count: the engine failed, not the work. That holds for
+    `ENGINE_FAILURES` of them.
     """
     with repo.database.write() as session:
         row = _ours(session, claim)
         if row is not None:
-            row.attempt -= 0 if tried else 1
+            lost = row.token - row.attempt
+            row.attempt -= 0 if tried or lost >= ENGINE_FAILURES else 1
             row.state, row.lease_until_utc, row.message = "queued", None, reason
             row.revision += 1
             _log(row, reason)

@@ -15,9 +15,10 @@ from datetime import datetime
 from pathlib import Path
 
 from sqlalchemy import select
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.exc import TimeoutError as NoConnectionError
 
-from ground.errors import GroundError, JobFailedError
+from ground.errors import BusyError, GroundError, JobFailedError
 from ground.gdr.base import utc_now
 from ground.gdr.repository import Repository
 from ground.jobs.executors import _Channel, make_executor, run_work
@@ -38,6 +39,9 @@ from ground.jobs.queue import (
 from ground.jobs.row import JobRow
 from ground.settings import ExecutorKind
 from mission.codec import Document
+
+UNREACHABLE = (OperationalError, NoConnectionError, BusyError)
+"""Of a database that is away, full, locked or in a deadlock: the same may go well in a moment."""
 
 
 @dataclass(slots=True)
@@ -67,9 +71,10 @@ class EngineState:
 class Worker:
     """Claims jobs and sees them through, each slot with an executor of its own that can be replaced.
 
-    The last slot takes interactive work only, so that long work cannot keep it waiting. No error of an
-    engine, a file or the database ends a worker: it says so, waits and tries again; a job whose engine failed
-    is queued again and its attempt does not count.
+    One slot takes interactive work only, so that long work cannot keep it waiting, and some take live runs,
+    which keep nothing waiting. No error of an engine, a file or the database ends a worker: it says so, waits
+    and tries again; a job whose engine failed is queued again and its attempt does not count, and what a job
+    came to is kept until the database takes it.
     """
 
     GRACE_S = 15.0
@@ -77,15 +82,22 @@ class Worker:
 
     LOOK_S = 0.5
 
+    LIVE_SLOTS = 4
+    """Rovers that a control room has in hand at once; a slot that waits has no process."""
+
     RETRY_S = (0.5, 10.0)
     """First and longest wait before an engine that failed is tried again."""
 
     def __init__(self, repo: Repository, kinds: Mapping[str, JobKind], *, slots: int | None = None) -> None:
         self.repo, self.kinds = repo, dict(kinds)
         self.name = f"{socket.gethostname()}:{os.getpid()}"
-        self._interactive = {name: kind for name, kind in self.kinds.items() if kind.interactive}
-        count = (slots or repo.settings.workers) + (1 if self._interactive else 0)
-        self._slots: list[_Running | None] = [None] * count
+        live = {name: kind for name, kind in self.kinds.items() if kind.live}
+        usual = {name: kind for name, kind in self.kinds.items() if not kind.live}
+        interactive = {name: kind for name, kind in usual.items() if kind.interactive}
+        lanes = ((usual, slots or repo.settings.workers), (interactive, 1), (live, self.LIVE_SLOTS))
+        self._kinds_of = [kinds for kinds, count in lanes if kinds for _ in range(count)]
+        """What each slot takes."""
+        self._slots: list[_Running | None] = [None] * len(self._kinds_of)
         self._leases = LeaseKeeper(repo)
         self.engine = EngineState()
         self._executors: list[Executor | None] = [None] * len(self._slots)
@@ -118,7 +130,7 @@ class Worker:
                 try:
                     self.folder.mkdir(parents=True, exist_ok=True)
                     busy = self.step()
-                except SQLAlchemyError:
+                except (SQLAlchemyError, BusyError):
                     logger.exception("the worker cannot reach the database")
                     busy = False
                     self._stop.wait(1.0)
@@ -161,12 +173,13 @@ class Worker:
 
     def _claim(self) -> int:
         count = 0
+        idle: Mapping[str, JobKind] | None = None
         for index, running in enumerate(self._slots):
-            if running is not None:
+            kinds = self._kinds_of[index]
+            if running is not None or kinds is idle:
                 continue
-            reserved = bool(self._interactive) and index == len(self._slots) - 1
-            kinds = self._interactive if reserved else self.kinds
             if not waiting(self.repo, kinds):
+                idle = kinds
                 continue
             if not self._ready(index):
                 break
@@ -297,9 +310,20 @@ class Worker:
         return float(progress), str(message)
 
     def _finish(self, index: int, running: _Running) -> None:
-        claim, kind = running.claim, self.kinds[running.claim.kind]
+        """End a job and free its slot.
+
+        Where the database does not answer, slot and lease stay as they are, and it is tried again.
+        """
+        self._conclude(index, running)
         self._slots[index] = None
         self._leases.release(running.lease)
+        for suffix in ("progress", "stop", "draft"):
+            with contextlib.suppress(OSError):
+                (Path(running.channel.folder) / f"{running.channel.name}.{suffix}").unlink(missing_ok=True)
+
+    def _conclude(self, index: int, running: _Running) -> None:
+        """Write down what a job came to."""
+        claim, kind = running.claim, self.kinds[running.claim.kind]
         try:
             error = running.future.exception()
         except CancelledError as err:
@@ -325,19 +349,13 @@ class Worker:
                 if not isinstance(error, GroundError):
                     logger.error("job failed", exc_info=error, extra={"job_id": claim.job_id})
                 give_up(self.repo, kind, claim, "failed", problem["detail"], problem)
+        except UNREACHABLE:
+            raise
         except GroundError as err:
             give_up(self.repo, kind, claim, "failed", err.message, problem_of(err))
-        except SQLAlchemyError:
-            raise
         except Exception as err:  # noqa: BLE001 - one job's result must not end the worker
             logger.exception("the result of a job cannot be written", extra={"job_id": claim.job_id})
             give_up(self.repo, kind, claim, "failed", problem_of(err)["detail"], problem_of(err))
-        finally:
-            for suffix in ("progress", "stop", "draft"):
-                with contextlib.suppress(OSError):
-                    (Path(running.channel.folder) / f"{running.channel.name}.{suffix}").unlink(
-                        missing_ok=True
-                    )
 
     def _replace_executor(self, index: int) -> None:
         """End the processes of a slot, whatever they are doing."""
@@ -353,15 +371,18 @@ class Worker:
 
     def _wind_down(self) -> None:
         for index, running in enumerate(self._slots):
-            if running is not None:
-                if running.future.done():
+            try:
+                if running is None:
+                    self._replace_executor(index)
+                elif running.future.done():
                     self._finish(index, running)
                 else:
                     self._leases.release(running.lease)
                     self._replace_executor(index)
                     hand_back(self.repo, running.claim, "its server stopped; queued again")
                     self._slots[index] = None
-            else:
+            except UNREACHABLE:
+                logger.exception("a job stays claimed until its lease runs out")
                 self._replace_executor(index)
 
 

@@ -7,11 +7,13 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from dataclasses import replace
+from importlib import import_module
 from typing import Any
 
 import pytest
 
 from ground.app.check_readiness import worker_checks
+from ground.errors import BusyError
 from ground.gdr.repository import Repository
 from ground.jobs import worker as worker_module
 from ground.jobs.executors import InlineExecutor
@@ -202,4 +204,64 @@ def test_every_kind_that_a_person_waits_for_is_interactive() -> None:
     from ground.app.job_kinds import job_kinds
 
     quick = {kind.name for kind in job_kinds().values() if kind.interactive}
-    assert quick == {"build_path_network", "dry_run", "live"}
+    assert quick == {"build_path_network", "dry_run"}
+    assert {kind.name for kind in job_kinds().values() if kind.live} == {"live"}
+
+
+def test_live_runs_take_no_slot_of_other_work(sqlite_repo: Repository) -> None:
+    kinds = {
+        **KINDS,
+        "quick": replace(KIND, name="quick", interactive=True),
+        "live": replace(KIND, name="live", live=True),
+    }
+    worker = Worker(with_settings(sqlite_repo, executor=ExecutorKind.PROCESS), kinds, slots=1)
+    worker.GRACE_S = 0.3  # type: ignore[misc]
+    live = [queue(sqlite_repo, "wait", kind="live") for _ in range(2)]
+    worker.start()
+    try:
+        for job in live:
+            wait_for(sqlite_repo, job, "running")
+        others = [queue(sqlite_repo, "succeed", kind=kind) for kind in ("quick", "count")]
+        for job in others:
+            assert wait_for(sqlite_repo, job, "succeeded", "failed").state == "succeeded"
+        assert [row_of(sqlite_repo, job).state for job in live] == ["running"] * 2
+    finally:
+        worker.stop()
+
+
+def test_an_engine_that_always_loses_a_job_does_not_keep_it_for_ever(
+    sqlite_repo: Repository, cluster: Cluster, worker: Worker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ground.jobs.queue.ENGINE_FAILURES", 3)
+    cluster.spoil = CancelledError()
+    job = queue(sqlite_repo, "succeed", max_attempts=2)
+    worker.start()
+    row = wait_for(sqlite_repo, job, "succeeded", "failed")
+    assert (row.state, row.attempt, row.token) == ("failed", 2, 5)
+    assert "begun 2 times; the last time: its engine failed (CancelledError)" in row.message
+
+
+def test_work_that_is_done_waits_for_a_busy_database_and_keeps_its_lease(
+    sqlite_repo: Repository, cluster: Cluster, worker: Worker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The database is busy for three leases, for results and leases alike: the work is written, and once."""
+    busy = threading.Event()
+    refused: list[str] = []
+    for module, name in (("worker", "settle"), ("leases", "extend")):
+        real = getattr(import_module(f"ground.jobs.{module}"), name)
+
+        def slow(*args: Any, real: Any = real, name: str = name) -> Any:
+            if not busy.is_set():
+                refused.append(name)
+                raise BusyError("the database was busy with other writes for 30 s; try again")
+            return real(*args)
+
+        monkeypatch.setattr(f"ground.jobs.{module}.{name}", slow)
+    job = queue(sqlite_repo, "succeed")
+    worker.start()
+    until(lambda: refused.count("settle") >= 2 and refused.count("extend") >= 2)
+    assert row_of(sqlite_repo, job).state == "running"
+    busy.set()
+    row = wait_for(sqlite_repo, job, "succeeded", "failed")
+    assert (row.state, row.attempt) == ("succeeded", 1)
+    assert [i for i, _ in SETTLED] == [job]
