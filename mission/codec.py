@@ -28,6 +28,9 @@ Upgrade = Callable[[dict[str, Any]], dict[str, Any]]
 SHOWN = 60
 """Characters of a value that a message repeats; a line of a terminal holds the rest of the sentence."""
 
+MOST_NESTED = 200
+"""Lists and objects within each other that a document may hold: as many as pydantic's parser takes."""
+
 
 class Codec(Generic[T]):
     """Reads and writes one kind of value.
@@ -160,6 +163,8 @@ class Codec(Generic[T]):
     def _told(self, err: ValidationError, members: dict[str, Any], where: str) -> Exception:
         """Return the error for the first thing that is wrong, in the words of this house."""
         first = err.errors(include_url=False)[0]
+        if first["type"] == "json_invalid":  # what was written here as JSON can only be nested too deeply
+            return self._wrong(f"is nested deeper than {MOST_NESTED} lists and objects", where)
         missing = first["type"] in ("missing", "missing_argument")
         way = tuple(_true_way(first["loc"], members, missing=missing))
         place = _named_way(way, members)

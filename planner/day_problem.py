@@ -65,7 +65,7 @@ def network_request_of(
     calibration: Calibration,
 ) -> NetworkRequest:
     """Return what the path network of a day is made from; `stands` are the poses to try for each target."""
-    tracked = {r.target_id for r in day.requests if r.tracked}
+    tracked = {r.target_id for r in day.requests if _asks_for_track(r, day)}
     known = {None, *stands}
     return NetworkRequest(
         start=day.start,
@@ -99,21 +99,7 @@ def problem_of(day: Day, network: PathNetwork, costs: RoverCosts) -> DayProblem:
     """
     points = network.best_points()
     stands = {target: network.places[point] for target, point in points.items()}
-    unreachable = {point.target: point.reason for point in network.unreachable}
-    known = set(network.target_of.values())
-    refused: list[Refusal] = []
-    terms: dict[str, Stated] = {}
-    for request in day.requests:
-        if request.target_id not in known:
-            continue
-        if request.target_id not in points:
-            reason = unreachable.get(request.target_id, "no drive leads to its observation point")
-            refused.append(Refusal(request.id, request.target_id, reason))
-            continue
-        try:
-            terms[request.id] = stated(request, day.sky, day.limits.time_s)
-        except MissionError as err:
-            refused.append(Refusal(request.id, request.target_id, str(err)))
+    terms, refused = _terms(day, network, points)
     asked: dict[str, list[Request]] = {}
     for request in day.requests:
         if request.id in terms:
@@ -133,10 +119,48 @@ def problem_of(day: Day, network: PathNetwork, costs: RoverCosts) -> DayProblem:
             for target, requests in asked.items()
         ),
         "legs": _legs(network, {target: points[target] for target in asked}),
-        "precedence": tuple((a, r) for r, request in terms.items() for a in request.after if a in terms),
+        "precedence": tuple((a, r) for r, request in terms.items() for a in request.after),
         "refs": dict(day.refs),
     }
     return DayProblem(problem_from_dict(PROBLEMS.document(document)), stands, tuple(refused))
+
+
+def _asks_for_track(request: Request, day: Day) -> bool:
+    try:
+        return stated(request, day.sky, day.limits.time_s).tracked
+    except MissionError:  # `problem_of` refuses it
+        return request.tracked
+
+
+def _terms(
+    day: Day, network: PathNetwork, points: Mapping[str, str]
+) -> tuple[dict[str, Stated], list[Refusal]]:
+    """Return what the requests that can enter come to, and those that cannot.
+
+    One that comes after a request that is not in the problem could never be made, and is refused as well.
+    """
+    unreachable = {point.target: point.reason for point in network.unreachable}
+    known = set(network.target_of.values())
+    refused: list[Refusal] = []
+    terms: dict[str, Stated] = {}
+    for request in day.requests:
+        if request.target_id not in known:
+            continue
+        if request.target_id not in points:
+            reason = unreachable.get(request.target_id, "no drive leads to its observation point")
+            refused.append(Refusal(request.id, request.target_id, reason))
+            continue
+        try:
+            terms[request.id] = stated(request, day.sky, day.limits.time_s)
+        except MissionError as err:
+            refused.append(Refusal(request.id, request.target_id, str(err)))
+    target_of = {request.id: request.target_id for request in day.requests}
+    while lacking := {name: gone for name, term in terms.items() if (gone := set(term.after) - terms.keys())}:
+        for name, gone in lacking.items():
+            reason = f"comes after observation request {', '.join(sorted(gone))}, which cannot be made"
+            refused.append(Refusal(name, target_of[name], reason))
+            del terms[name]
+    return terms, refused
 
 
 def _target(day: Day, stand: Pose, name: str, observations: list[ObservationDocument]) -> TargetDocument:

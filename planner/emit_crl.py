@@ -238,9 +238,13 @@ class _Emitter:
                     assert_never(step)
         return nodes
 
+    def trackable(self, target: TargetId) -> bool:
+        """Return whether some observation of a target needs it tracked."""
+        return bool(self.model.trackable[self.model.place_of[target]])
+
     def certain_drive(self, to: TargetId, require_tracked: bool, past: _Past) -> bool:
         """Return whether a drive cannot be refused before it starts."""
-        if require_tracked and self.targets[to].tracked_kind:
+        if require_tracked and self.trackable(to):
             return False
         origins = {d.to for d in past.drives} | ({"start"} if all(d.may_fail for d in past.drives) else set())
         return all(origin == to or (origin, to) in self.legs for origin in origins)
@@ -250,7 +254,7 @@ class _Emitter:
 
     def drive(self, to: TargetId, require_tracked: bool, skip: bool, path: Path, past: _Past) -> Task:
         guard: tuple[Condition, ...] = ()
-        if require_tracked and self.targets[to].tracked_kind:
+        if require_tracked and self.trackable(to):
             guard = (tracked(to),)
         origin = past.drives[-1].to if past.drives else "start"
         leg = self.legs.get((origin, to))
@@ -355,8 +359,8 @@ class _Emitter:
     def visit(
         self, observation: ObservationId, target: TargetId, skip: bool, path: Path, past: _Past
     ) -> tuple[Node, _Past]:
-        what = self.observations[observation]
-        drive = self.drive(target, what.needs_track, False, path, past)
+        tracks = bool(self.model.is_place[self.model.number_of[observation]])
+        drive = self.drive(target, tracks, False, path, past)
         arrived = replace(past, drives=(_Drive(drive.id, target, False),))
         made = self.observe(observation, False, path, arrived)
         nodes: list[Node] = [drive] if made is None else [drive, made[0]]
@@ -366,7 +370,7 @@ class _Emitter:
             metadata=self.metadata(path),
             node_list=tuple(nodes),
         )
-        refused = not self.certain_drive(target, what.needs_track, past)
+        refused = not self.certain_drive(target, tracks, past)
         drives = (*past.drives, _Drive(drive.id, target, True)) if skip and refused else arrived.drives
         observed = past.observed if made is None else (*past.observed, (observation, made[1]))
         return block, replace(past, drives=drives, observed=observed)

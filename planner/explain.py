@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.constraints.registry import rules_of
+from planner.constraints.registry import columns_of
 from planner.constraints.rule import Obstacle
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import live_sets_of, moves_of, only, reachable_targets
@@ -203,8 +203,13 @@ def _obstacle(problem: Problem, what: Observation) -> Obstacle | None:
     if what.target not in reachable_targets(problem):
         return Obstacle("network", f"no way leads from the start to target {what.target}")
     # Those of packages first: they know more of their matter than the windows that they come to.
-    found = (rule.explain(problem, what) for rule in reversed(rules_of(problem)))
-    return next((obstacle for obstacle in found if obstacle is not None), None)
+    rules, columns = columns_of(problem)
+    found = (rule.explain(problem, what) for rule in reversed(rules))
+    obstacle = next((obstacle for obstacle in found if obstacle is not None), None)
+    m = problem.observations.index(what)
+    if obstacle is None and columns.window[m, 1] < 0.0:
+        return Obstacle("window", f"no start of {what.id} is within all the windows that it has")
+    return obstacle
 
 
 def _with_room_for(problem: Problem, what: Observation, held: set[ObservationId]) -> Problem:

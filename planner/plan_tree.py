@@ -27,9 +27,6 @@ from planner.plan_tree_document import (
 from planner.problem import ObservationId, Problem, TargetId
 from planner.problem_document import CONTINGENCY
 
-MAX_DEPTH = 60
-"""Branches within branches. By hand: more than plans have, far less than the stack holds."""
-
 
 class OnFail(StrEnum):
     """What happens when a step cannot be carried out."""
@@ -389,17 +386,15 @@ class _Reader:
                     return kind(Comparison.LT, row["lt"])
                 raise PlanTreeError(f"{what}: a condition on {var} needs a number in ge or lt")
 
-    def steps(self, rows: tuple[StepDocument, ...], what: str, depth: int = 0) -> Plan:
-        if depth > MAX_DEPTH:
-            raise PlanTreeError(f"{what}: branches are nested deeper than {MAX_DEPTH}")
-        return tuple(self.step(row, f"{what}[{k}]", depth) for k, row in enumerate(rows))
+    def steps(self, rows: tuple[StepDocument, ...], what: str) -> Plan:
+        return tuple(self.step(row, f"{what}[{k}]") for k, row in enumerate(rows))
 
-    def step(self, row: StepDocument, what: str, depth: int) -> Step:
+    def step(self, row: StepDocument, what: str) -> Step:
         if row["op"] == "stop":
             return Stop()
         if row["op"] == "branch":
             options = enumerate(row["options"])
-            return Branch(tuple(self.option(o, f"{what}.options[{k}]", depth) for k, o in options))
+            return Branch(tuple(self.option(o, f"{what}.options[{k}]") for k, o in options))
         on_fail = OnFail(row.get("on_fail", "stop"))
         match row["op"]:
             case "track_start":
@@ -415,9 +410,9 @@ class _Reader:
                 target = self.observations[oid].target
                 return Observe(oid, target, on_fail) if op == "observe" else Visit(oid, target, on_fail)
 
-    def option(self, row: OptionDocument, what: str, depth: int) -> Option:
+    def option(self, row: OptionDocument, what: str) -> Option:
         when = tuple(self.condition(c, f"{what}.when[{k}]") for k, c in enumerate(row["when"]))
-        return Option(when, self.steps(row["plan"], f"{what}.plan", depth + 1), row.get("id", ""))
+        return Option(when, self.steps(row["plan"], f"{what}.plan"), row.get("id", ""))
 
 
 def plan_tree_from_dict(data: object, problem: Problem) -> PlanTree:

@@ -33,6 +33,7 @@ from planner.problem_document import (
     ProblemDocument,
     TargetDocument,
     contingency_document,
+    says_all,
 )
 
 TargetId = NewType("TargetId", str)
@@ -178,8 +179,16 @@ class Problem:
         return sum(o.utility for o in self.observations)
 
     def digest(self) -> str:
-        """Return the SHA-256 of the problem in its canonical JSON form."""
-        text = json.dumps(problem_to_dict(self), sort_keys=True, separators=(",", ":"))
+        """Return the SHA-256 of the problem in its canonical JSON form.
+
+        Chances to lose targets that nothing here tracks are left out of it: stored plans know their problem
+        by a digest without them.
+        """
+        document = problem_to_dict(self)
+        tracked = {t.id for t in self.targets if t.tracked_kind}
+        for leg in document["legs"]:
+            leg["p_lose"] = {target: p for target, p in leg["p_lose"].items() if target in tracked}
+        text = json.dumps(document, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -211,8 +220,8 @@ def problem_from_dict(data: object, where: str = "") -> Problem:
         raise ProblemError(
             f"problem has {len(observations)} observations; at most {MAX_OBSERVATIONS} are allowed"
         )
-    tracked = {t.id: t.tracked_kind for t in targets}
-    legs = tuple(_leg(leg, tracked) for leg in document["legs"])
+    names = {t.id for t in targets}
+    legs = tuple(_leg(leg, names) for leg in document["legs"])
     twice = [ends for ends, count in Counter((leg.origin, leg.to) for leg in legs).items() if count > 1]
     if twice:
         raise ProblemError(f"leg {twice[0][0]} -> {twice[0][1]} is given twice")
@@ -292,24 +301,24 @@ def _target(t: TargetDocument) -> Target:
     )
 
 
-def _leg(leg: LegDocument, tracked: Mapping[TargetId, bool]) -> Leg:
+def _leg(leg: LegDocument, targets: Set[TargetId]) -> Leg:
     origin, to = leg["from"], TargetId(leg["to"])
     what = f"leg {origin} -> {to}"
-    if origin != START and origin not in tracked:
+    if origin != START and origin not in targets:
         raise ProblemError(f'{what}: "from" names no target and is not "{START}"')
-    if to not in tracked:
+    if to not in targets:
         raise ProblemError(f'{what}: "to" names no target')
     if origin == to:
         raise ProblemError(f"{what}: a leg must join two different places")
     losses = {TargetId(target): p for target, p in (leg.get("p_lose") or {}).items()}
-    if unknown := sorted(losses.keys() - tracked.keys()):
+    if unknown := sorted(losses.keys() - targets):
         raise ProblemError(f'{what}: p_lose names the unknown target "{unknown[0]}"')
     return Leg(
         origin=origin,
         to=to,
         time_s=_amount(leg["time_s"], f"{what}: time_s"),
         energy_j=_amount(leg["energy_j"], f"{what}: energy_j"),
-        p_lose={target: p for target, p in losses.items() if tracked[target]},
+        p_lose=losses,
         length_m=leg.get("length_m"),
         route=tuple((p[0], p[1]) for p in leg.get("route") or ()),
     )
@@ -410,8 +419,8 @@ def _leg_document(leg: Leg) -> LegDocument:
 
 
 def problem_to_dict(problem: Problem) -> dict[str, Any]:
-    """Return the JSON form of a problem, in the format it was read from (`problem/1` unless stated
-    otherwise).
+    """Return the JSON form of a problem, in the format it was read from if that can say all of it, else
+    `problem/1`.
     """
     budget, start = problem.budget, problem.start
     d: ProblemDocument = {
@@ -436,6 +445,6 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
         d["refs"] = dict(problem.refs)
     if problem.precedence:
         d["precedence"] = problem.precedence
-    if problem.source_format == CONTINGENCY.format:
+    if problem.source_format == CONTINGENCY.format and says_all(d):
         return CONTINGENCY.document(contingency_document(d))
     return PROBLEMS.document(d)

@@ -188,6 +188,29 @@ def _problem_of(members: dict[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in found.items() if k in ProblemDocument.__annotations__}
 
 
+def says_all(problem: ProblemDocument) -> bool:
+    """Return whether `contingency/1` can say all that a problem does."""
+    if not problem.keys() <= ContingencyDocument.__annotations__.keys():
+        return False
+    if not problem["budget"].keys() <= TrackStartDocument.__annotations__.keys():
+        return False
+    return all(_one_observation(target) for target in problem["targets"])
+
+
+def _one_observation(target: TargetDocument) -> bool:
+    held = {"id", "observations", "point_m", "observation_point"}
+    if len(target["observations"]) != 1 or not target.keys() <= held:
+        return False
+    (only,) = target["observations"]
+    stand = target.get("observation_point")
+    faces = stand is not None and bool(stand.get("heading_rad"))
+    return (
+        only["id"] == target["id"]
+        and only.keys() <= {*_Observed.__annotations__, "id", "p_success"}
+        and not faces
+    )
+
+
 def contingency_document(problem: ProblemDocument) -> ContingencyDocument:
     """Return `contingency/1` for a problem that was read from it."""
     targets = []

@@ -7,7 +7,6 @@ from collections.abc import Set
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from planner.constraints.rule import Rule
 from planner.problem import Budget, Problem
 
 if TYPE_CHECKING:
@@ -18,10 +17,9 @@ CERTAIN = 2.326
 
 
 @dataclass(frozen=True, slots=True)
-class Overrun(Rule):
+class Overrun:
     """The first action that ends over a budget ends the run, earns nothing and costs the penalty."""
 
-    name = "overrun"
     budget: Budget
     penalty: float
 
@@ -40,13 +38,12 @@ class Overrun(Rule):
 
 
 @dataclass(frozen=True, slots=True)
-class OverrunChance(Rule):
+class OverrunChance:
     """The chance of an overrun is at most `allowed`.
 
     It is bought out with a price on top of the problem's penalty (Everett 1963, theorem 1).
     """
 
-    name = "overrun_chance"
     allowed: float
 
     @classmethod

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
-from mission import MissionError, PluginError, Request, Sky, Window
+from mission import Constraint, MissionError, PluginError, Request, Sky, Window
 from mission.plugins import Registry
 from planner.constraints.must_do import MustDo
-from planner.constraints.overrun import Overrun, OverrunChance
 from planner.constraints.precedence import Precedence
-from planner.constraints.rule import Rule, Stated
+from planner.constraints.rule import Columns, Rule, Stated
 from planner.constraints.track import Track
 from planner.constraints.volume import Volume
 from planner.constraints.window import StartWindow
@@ -17,7 +16,7 @@ from planner.errors import ProblemError
 from planner.problem import Problem
 
 GROUP = "outcrop.planner_constraints"
-BUILT_IN: tuple[type[Rule], ...] = (Track, Precedence, StartWindow, MustDo, Volume, Overrun, OverrunChance)
+BUILT_IN: tuple[type[Rule], ...] = (Track, Precedence, StartWindow, MustDo, Volume)
 """In the order in which conditions are emitted."""
 
 _OTHERS = Registry("planner constraint", GROUP, {})
@@ -49,31 +48,52 @@ def rules_of(problem: Problem) -> tuple[Rule, ...]:
     return tuple(rule for kind in rule_types().values() if (rule := kind.of(problem)) is not None)
 
 
+def columns_of(problem: Problem) -> tuple[tuple[Rule, ...], Columns]:
+    """Return the rules that a problem states, and what all of them together come to."""
+    rules, columns = rules_of(problem), Columns.free(len(problem.observations))
+    for rule in rules:
+        rule.propagate(columns)
+    columns.settle()
+    return rules, columns
+
+
 def stated(request: Request, sky: Sky, day_s: float) -> Stated:
     """Return what the constraints on a request come to on a day of `day_s` seconds.
 
-    A kind without a rule of its own says in `reduced` which others it comes to; so do those of packages.
+    A kind without a rule that states it says in `reduced` which others it comes to, and these again.
 
     Raises
     ------
     MissionError
-        If one can hold at no time, or all have none in common, naming the request.
+        If one can hold at no time, is of a kind that comes to none with a rule, or all have no time in
+        common, naming the request.
     """
-    found, kinds = Stated(), rule_types()
+    found = Stated()
     try:
         for value in request.constraints:
-            if value.kind in kinds:
-                kinds[value.kind].state(value, found, sky, day_s)
-                continue
-            group = []
-            for primitive in value.reduced(sky, day_s):
-                if isinstance(primitive, Window):
-                    group.append((primitive.opens_s, primitive.closes_s))
-                else:
-                    kinds[primitive.kind].state(primitive, found, sky, day_s)
-            if group:
-                found.any_of.append(group)
+            _state(value, found, sky, day_s, ())
         found.windows()
     except MissionError as err:
         raise MissionError(f"observation request {request.id}: {err}") from err
     return found
+
+
+def _state(value: Constraint, found: Stated, sky: Sky, day_s: float, within: tuple[str, ...]) -> None:
+    """Add what a constraint comes to; `within` are the kinds that came to it."""
+    rule = rule_types().get(value.kind)
+    if rule is not None and rule.states():
+        rule.state(value, found, sky, day_s)
+        return
+    within = (*within, value.kind)
+    group = []
+    for part in value.reduced(sky, day_s):
+        if isinstance(part, Window):
+            group.append((part.opens_s, part.closes_s))
+        elif part.kind in within:
+            raise MissionError(
+                f'constraint "{part.kind}" comes to no window and to no constraint that has a planner rule'
+            )
+        else:
+            _state(part, found, sky, day_s, within)
+    if group:
+        found.any_of.append(group)

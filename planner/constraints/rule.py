@@ -49,6 +49,11 @@ class Columns:
             data_mbit=np.zeros(m),
         )
 
+    def settle(self) -> None:
+        """Let observations that may start at no time have no window: it closed, or two exclude each other."""
+        opens_s, closes_s = self.window.T
+        self.window[(opens_s > closes_s) | (closes_s < 0.0)] = -np.inf
+
     def precede(self, first: int, second: int) -> None:
         """Let observation `second` be made only after `first`, as far as bits hold them."""
         if len(self.predecessors) <= MAX_BITS:
@@ -152,7 +157,15 @@ class Rule:
 
     @classmethod
     def state(cls, value: Constraint, stated: Stated, sky: Sky, day_s: float) -> None:
-        """Add what a constraint on a request of a day of `day_s` seconds comes to."""
+        """Add what a constraint on a request of a day of `day_s` seconds comes to.
+
+        A rule that does not say it leaves a kind of its name to the constraint's own `reduced`.
+        """
+
+    @classmethod
+    def states(cls) -> bool:
+        """Return whether the rule says what a constraint of its name comes to."""
+        return cls.state.__func__ is not Rule.state.__func__  # type: ignore[attr-defined]
 
     @classmethod
     def of(cls, problem: Problem) -> Self | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.constraints.registry import rules_of
+from planner.constraints.registry import columns_of
 from planner.contingency.policy import LiveSets, Moves, TooLargeError
 from planner.evaluate.model import Model
 from planner.problem import ObservationId, Problem, TargetId
@@ -201,9 +201,10 @@ def mean_routing(problem: Problem, share: float = 1.0) -> RoutingProblem:
     _go_round(time_s, energy)
     experiments = []
     observations = problem.observations
-    for o in observations:
-        sure = kept.get(o.target, 0.8) if o.needs_track else 1.0
-        opens, closes = o.window_s if o.window_s is not None else (0.0, math.inf)
+    rules, columns = columns_of(problem)
+    for m, o in enumerate(observations):
+        sure = kept.get(o.target, 0.8) if columns.is_place[m] else 1.0
+        opens, closes = map(float, columns.window[m])
         duration = math.ceil(o.time_s.mean)
         experiments.append(
             Experiment(
@@ -212,20 +213,27 @@ def mean_routing(problem: Problem, share: float = 1.0) -> RoutingProblem:
                 round(1000.0 * o.utility * o.p_success * max(sure, 0.05)),
                 duration,
                 math.ceil(o.energy_j.mean + hotel * o.time_s.mean),
-                max(0, math.ceil(opens)),
-                None if closes == math.inf else max(0, math.floor(closes)) + duration,
+                0 if opens <= 0.0 else math.ceil(opens),
+                None if closes == math.inf else math.floor(max(-1.0, closes)) + duration,
             )
         )
-    found = (rule.side_limit() for rule in rules_of(problem))
+    found = (rule.side_limit() for rule in rules)
     limits = tuple(SideLimit(*limit) for limit in found if limit is not None)
     number = {o.id: k for k, o in enumerate(observations)}
+    pairs = dict.fromkeys((number[a], number[b]) for a, b in problem.precedence)
+    pairs |= dict.fromkeys(
+        (first, second)
+        for second, before in enumerate(columns.predecessors.tolist())
+        for first in range(before.bit_length())
+        if (before >> first) & 1
+    )
     return RoutingProblem(
         time_s,
         energy,
         tuple(experiments),
         time_budget=math.floor(share * problem.budget.time_s),
         energy_budget=math.floor(share * problem.budget.usable_energy_j),
-        precedence=tuple((number[a], number[b]) for a, b in problem.precedence),
+        precedence=tuple(pairs),
         limits=limits,
     )
 

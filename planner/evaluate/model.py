@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.constraints.registry import rules_of
-from planner.constraints.rule import MAX_BITS, Chances, Columns, Rule
+from planner.constraints.registry import columns_of
+from planner.constraints.rule import MAX_BITS, Chances, Rule
 from planner.plan_tree import Plan, ways
 from planner.problem import START, Amount, ObservationId, Problem, TargetId
 
@@ -100,9 +100,7 @@ class Model:
         obs_place = np.zeros(m, np.int64)
         place_bits = np.zeros(n + 1, np.int64)
         target_bits = np.zeros(n + 1, np.int64)
-        rules, columns = rules_of(problem), Columns.free(m)
-        for rule in rules:
-            rule.propagate(columns)
+        rules, columns = columns_of(problem)
         for k, o in enumerate(observations):
             obs[k] = o.time_s.mean, o.time_s.sd, o.energy_j.mean, o.energy_j.sd
             obs_ln[k] = (*log_normal(o.time_s), *log_normal(o.energy_j))

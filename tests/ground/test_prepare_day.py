@@ -12,7 +12,7 @@ from ground.day.prepare import PreparedDay, prepare_day, stand_for
 from ground.demo.mission import demo_mission, target_at
 from ground.errors import InvalidInputError
 from ground.reports.figures import ribbons
-from mission import Day, KeepOut, Request, Sky, SunElevation, Target, Tracked, Window
+from mission import After, Day, KeepOut, Request, Sky, SunElevation, Target, Tracked, Window
 from rover_iface.errors import PlacementError
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.terrain import Terrain, generate_terrain
@@ -90,6 +90,21 @@ def test_a_remote_observation_that_asks_for_its_track_is_planned_with_it() -> No
     }
     lost = [leg.p_lose for leg in prepared.problem.legs]
     assert any("T1" in table for table in lost)
+
+
+def test_a_request_after_one_that_is_refused_is_refused_too() -> None:
+    never = SunElevation(math.radians(89.5))
+    day = _asking(
+        Request("R1", "T1", "scicam", 5.0, (never,)),
+        Request("R2", "T2", "scicam", 5.0, (After("R1"),)),
+        Request("R3", "T3", "scicam", 5.0, (After("R2"),)),
+        Request("R4", "T3", "scicam", 5.0),
+    )
+    prepared = prepare_day(_terrain(), _profile(), dataclasses.replace(day, sky=Sky(latitude_deg=60.0)))
+    assert [str(o.id) for o in prepared.problem.observations] == ["R4"]
+    told = {r.request_id: r.reason for r in prepared.refused}
+    assert told["R2"] == "comes after observation request R1, which cannot be made"
+    assert told["R3"] == "comes after observation request R2, which cannot be made"
 
 
 def test_routes_keep_out_of_keep_outs() -> None:

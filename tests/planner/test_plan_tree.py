@@ -15,8 +15,10 @@ from planner.plan_tree import (
     EnergyCondition,
     Navigate,
     Observe,
+    OnFail,
     Option,
     OptionNotes,
+    Plan,
     PlanTree,
     StepNotes,
     Stop,
@@ -31,7 +33,7 @@ from planner.plan_tree import (
     walk,
     with_ids,
 )
-from planner.problem import load_problem
+from planner.problem import TargetId, load_problem
 from tests.planner.examples import example
 from tests.shared import ROOT, shared
 
@@ -150,3 +152,19 @@ def test_branches_nested_too_deeply_are_refused() -> None:
             plan = [{"op": "branch", "options": [{"when": [], "plan": plan}]}]
         with pytest.raises(PlanTreeError):
             plan_tree_from_dict({"format": "plan-tree/2", "plan": plan}, example())
+
+
+def test_branches_nested_as_deep_as_json_allows_are_read_and_deeper_ones_refused_in_a_sentence() -> None:
+    problem = example()
+    drive = Navigate(TargetId("T1"), False, OnFail.SKIP)
+
+    def nested(depth: int) -> Plan:
+        plan: Plan = (drive,)
+        for _ in range(depth):
+            plan = (Branch((Option((TimeCondition(Comparison.GE, 1.0),), plan),)), drive)
+        return plan
+
+    tree = PlanTree("deep", nested(49))
+    assert plan_tree_from_dict(plan_tree_to_dict(tree, problem), problem).plan == tree.plan
+    with pytest.raises(PlanTreeError, match="plan tree is nested deeper than 200 lists and objects"):
+        plan_tree_from_dict(plan_tree_to_dict(PlanTree("deep", nested(50)), problem), problem)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,28 @@ def test_the_digest_depends_on_what_is_planned() -> None:
     a, b = problem_document(), problem_document(time_s=6001.0)
     assert problem_from_dict(a).digest() == problem_from_dict(copy.deepcopy(a)).digest()
     assert problem_from_dict(a).digest() != problem_from_dict(b).digest()
+
+
+def test_a_changed_problem_keeps_what_its_first_format_cannot_say() -> None:
+    """`contingency/1` has no deadline pairs, volumes or second observations: they were dropped in silence."""
+    problem = load_problem(shared("contingency/instances/dev-windows-4.json"))
+    first, second = problem.observations[:2]
+    changes: dict[str, Any] = {
+        "precedence": ((first.id, second.id),),
+        "max_overrun_probability": 0.05,
+        "budget": dataclasses.replace(problem.budget, data_mbit=2.0),
+        "targets": (
+            dataclasses.replace(problem.targets[0], observations=(dataclasses.replace(first, must_do=True),)),
+            *problem.targets[1:],
+        ),
+    }
+    digests = {problem.digest()}
+    for name, value in changes.items():
+        changed = dataclasses.replace(problem, **{name: value})
+        again = problem_from_dict(problem_to_dict(changed))
+        assert dataclasses.replace(again, source_format="") == dataclasses.replace(changed, source_format="")
+        digests.add(changed.digest())
+    assert len(digests) == 1 + len(changes)
 
 
 def _changed(path: tuple[Any, ...], value: Any) -> dict[str, Any]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
 from dataclasses import dataclass
 from typing import Literal, Self
 
-from mission import Constraint, Sky
+from mission import Constraint, Sky, Tracked, Window
 from mission.values import NotNegative, value
 from planner.constraints.rule import Columns, Obstacle, Reads, Rule, Stated
 from planner.problem import Observation, Problem
@@ -72,4 +71,63 @@ class OneSample(Rule):
         return "samples", amounts, 1
 
 
-NAMES: Set[str] = {Thawing.name, OneSample.name}
+@dataclass(frozen=True)
+class Watching(Rule):
+    """Observations marked so need their target tracked."""
+
+    name = "watched"
+    marked: tuple[int, ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Self | None:
+        found = tuple(m for m, o in enumerate(problem.observations) if "watched" in o.refs)
+        return cls(found) if found else None
+
+    def propagate(self, columns: Columns) -> None:
+        columns.is_place[list(self.marked)] = True
+
+
+@dataclass(frozen=True)
+class Dusk(Rule):
+    """Observations marked so may not start later than they say."""
+
+    name = "dusk"
+    closes_s: tuple[tuple[int, float], ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Self | None:
+        marked = ((m, o.refs.get("dusk-s")) for m, o in enumerate(problem.observations))
+        found = tuple((m, float(text)) for m, text in marked if text is not None)
+        return cls(found) if found else None
+
+    def propagate(self, columns: Columns) -> None:
+        for m, closes_s in self.closes_s:
+            columns.window[m, 1] = min(columns.window[m, 1], closes_s)
+
+
+@value
+class Early(Constraint):
+    """In the first hour: comes to a constraint of a kind that has no rule either."""
+
+    kind: Literal["early"] = "early"
+
+    def reduced(self, sky: Sky, day_s: float) -> tuple[Constraint, ...]:
+        return (Within(3600.0), Tracked())
+
+
+@value
+class Within(Constraint):
+    """Before a time."""
+
+    before_s: float
+    kind: Literal["dusk"] = "dusk"
+
+    def reduced(self, sky: Sky, day_s: float) -> tuple[Constraint, ...]:
+        return (Window(0.0, self.before_s),)
+
+
+@value
+class Unheard(Constraint):
+    """No rule knows it, and it comes to itself."""
+
+    kind: Literal["unheard"] = "unheard"

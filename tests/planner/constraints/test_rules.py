@@ -14,15 +14,17 @@ from executive.crl import canonical_text
 from mission import MissionError, MustDo, Request, Sky, SunElevation, Tracked, Window, plugins
 from mission.constraints import constraint_kinds
 from planner.constraints.registry import BUILT_IN, rule_types, rules_of, stated
+from planner.contingency.reduction import mean_route_of, mean_routing
 from planner.emit_crl import emit
 from planner.errors import ProblemError
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
+from planner.evaluate.propagate import Evaluator
 from planner.explain import why_not
-from planner.plan_tree import Navigate, Observe, OnFail, Plan, ways
+from planner.plan_tree import Navigate, Observe, OnFail, Plan, PlanTree, TrackStart, ways
 from planner.problem import ObservationId, Problem, TargetId
 from planner.solve import PlanStatus, solve
-from tests.planner.constraints.own_rules import Thawed
+from tests.planner.constraints.own_rules import Early, Thawed, Unheard
 from tests.planner.examples import example, observation
 from tests.shared import ROOT
 
@@ -42,6 +44,8 @@ def own(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         monkeypatch,
         EntryPoint("thawed", f"{OWN}:Thawing", "outcrop.planner_constraints"),
         EntryPoint("one_sample", f"{OWN}:OneSample", "outcrop.planner_constraints"),
+        EntryPoint("watched", f"{OWN}:Watching", "outcrop.planner_constraints"),
+        EntryPoint("dusk", f"{OWN}:Dusk", "outcrop.planner_constraints"),
     )
     yield
     rule_types.cache_clear()
@@ -49,7 +53,7 @@ def own(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 def test_a_problem_states_only_what_it_holds() -> None:
     plain = example(observations=[[observation("A")], [observation("B")], [observation("C")]])
-    assert {rule.name for rule in rules_of(plain)} == {"tracked", "after", "window", "overrun"}
+    assert {rule.name for rule in rules_of(plain)} == {"tracked", "after", "window"}
     full = example(
         observations=[
             [observation("A", "place", must_do=True, window_s=[0, 900])],
@@ -145,6 +149,51 @@ def test_a_constraint_of_a_package_travels_from_the_request_to_the_reason() -> N
     problem = example(observations=[[observation("A")], [observation("B")], [frozen]])
     told = why_not(problem, solve(problem, max_branches=0, iterations=5, quick=True).tree.plan, "C")
     assert (told.limit, told.reason) == ("thaw", "mi is frozen until 7000 s")
+
+
+@pytest.mark.usefixtures("own")
+def test_a_track_that_a_rule_of_a_package_asks_for_can_be_lost() -> None:
+    watched = observation("A", utility=9.0, refs={"watched": "yes"})
+    problem = example(observations=[[watched], [observation("B", "place")], [observation("C")]], loss=0.3)
+    model = Model.of(problem)
+    assert model.loss[0, 1, 1] == 0.3
+    to_a: Plan = (
+        TrackStart(TargetId("T1")),
+        Navigate(TargetId("T1"), True, OnFail.SKIP),
+        Observe(ObservationId("A"), TargetId("T1")),
+    )
+    assert simulate(model, to_a, 20_000, seed=1).utility.mean() < 9.0 * 0.75
+    assert mean_routing(problem).experiments[0].prize == round(1000 * 9.0 * 0.7)
+    text = canonical_text(emit(problem, PlanTree("watched", to_a)))
+    (drive,) = re.findall(r"\(task :id navigate-T1.*?:action", text, re.DOTALL)
+    assert "trackerstate T1" in drive, "the drive waits for its track as the plan says"
+
+
+@pytest.mark.usefixtures("own")
+@pytest.mark.parametrize("window", [[100.0, 5000.0], [-50.0, -10.0]])
+def test_windows_that_exclude_each_other_are_not_planned_with(window: list[float]) -> None:
+    never = observation("A", utility=90.0, window_s=window, refs={"dusk-s": "60"})
+    problem = example(observations=[[never], [observation("B")], [observation("C")]])
+    to_a: Plan = (Navigate(TargetId("T1"), False, OnFail.SKIP), Observe(ObservationId("A"), TargetId("T1")))
+    model = Model.of(problem)
+    assert simulate(model, to_a, 2000, seed=1).utility.max() == 0.0
+    assert Evaluator(model).value(to_a).value == 0.0
+    for strategy in ("optimal", "pico2005"):
+        result = solve(problem, strategy=strategy, max_branches=0, iterations=20, quick=True)
+        assert "A" not in {str(name) for way in ways(result.tree.plan) for name in way}
+        assert result.upper <= 10.0 + 1e-6
+    assert "A" not in mean_route_of(problem, 1.0)
+    assert why_not(problem, result.tree.plan, "A").limit == "window"
+
+
+@pytest.mark.usefixtures("own")
+def test_a_constraint_without_a_rule_comes_to_others_and_these_again() -> None:
+    """The rule "dusk" states nothing itself, so its constraint's own reduction counts."""
+    found = stated(Request("R", "T", "mi", 1.0, (Early(),)), Sky(), 9000.0)
+    assert found.windows() == ((0.0, 3600.0),)
+    assert found.tracked
+    with pytest.raises(MissionError, match='R: constraint "unheard" comes to no window and to no constraint'):
+        stated(Request("R", "T", "mi", 1.0, (Unheard(),)), Sky(), 9000.0)
 
 
 def test_a_rule_that_cannot_be_loaded_is_an_error_not_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
