@@ -35,6 +35,15 @@ def document(kind: type[T]) -> type[T]:
     return kind
 
 
+def reads_over(kind: type[T]) -> type[T]:
+    """Let the documents of a `value` hold members that it does not know; they are read over.
+
+    For formats of which files are about that were written when unknown members were ignored.
+    """
+    kind.__pydantic_config__ = {"extra": "ignore", "allow_inf_nan": False}  # type: ignore[attr-defined]
+    return kind
+
+
 @dataclass(frozen=True, slots=True)
 class ToldBy:
     """Marks a union of documents that are told apart by what stands in one member."""

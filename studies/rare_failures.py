@@ -137,6 +137,11 @@ def count(text: str, first: int, runs: int) -> int:
     return sum(event.holds(pilot.row(seed)) for seed in range(first, first + runs))
 
 
+def chunks(first: int, runs: int, most: int = 5000) -> list[tuple[int, int]]:
+    """Return parts of so many runs as (first seed, runs), none longer than `most`."""
+    return [(start, min(most, first + runs - start)) for start in range(first, first + runs, most)]
+
+
 def main() -> None:
     """Print a table and write `studies/results/rare_failures.json`."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -156,9 +161,8 @@ def main() -> None:
                 continue
             interval = (truth, truth)
             if truth is None:
-                step = 5000
-                starts = range(seed, seed + options.brute, step)
-                hits = sum(pool.map(count, [text] * len(starts), starts, [step] * len(starts)))
+                parts = chunks(seed, options.brute)
+                hits = sum(pool.map(count, *zip(*[(text, *part) for part in parts], strict=True)))
                 truth, interval = hits / options.brute, share_interval(hits, options.brute)
             firsts = [seed + 10_000_000 + k * options.runs for k in range(options.repeats)]
             short = name == "long drive"

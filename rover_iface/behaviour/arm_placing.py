@@ -23,7 +23,7 @@ from rover_iface.behaviour.placing import Placing
 from rover_iface.behaviour.placing_clouds import hazcam_cloud, mast_cloud
 from rover_iface.behaviour.products import picture_label, png
 from rover_iface.cameras.model import Array
-from rover_iface.errors import CameraError, RenderError, RoverError, TrackerError
+from rover_iface.errors import CameraError, PlacementError, RenderError, RoverError, TrackerError
 from rover_iface.frames import Pose
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
@@ -78,7 +78,7 @@ class ArmPlacing(Placing):
         begin_j = self.hardware.drawn_j
         try:
             attempt = yield from self._attempt_moving(followed)
-        except (TrackerError, RenderError, CameraError) as err:
+        except (TrackerError, RenderError, CameraError, PlacementError) as err:
             followed.refused = True
             yield from self.hardware.spend("handoff")
             return Outcome(False, str(err), {"made": False, "energy_j": self.hardware.drawn_j - begin_j})
@@ -90,8 +90,8 @@ class ArmPlacing(Placing):
 
         Raises
         ------
-        TrackerError, RenderError, CameraError
-            See `_attempt`.
+        TrackerError, RenderError, CameraError, PlacementError
+            See `_attempt` and `BaseMoves.to`.
         """
         stand = self.driving.stand(followed.target.id)
         if stand is not None and not self.eyes.sees(followed):

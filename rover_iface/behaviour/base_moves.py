@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 
 import numpy as np
 
 from rover_iface.behaviour.action import Step
-from rover_iface.behaviour.driving import Driving
+from rover_iface.behaviour.driving import STUCK, Driving
 from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.hardware import Hardware
 from rover_iface.errors import PlacementError, TrackerError
@@ -30,8 +30,12 @@ class BaseMoves:
     def to(self, followed: Followed, pose: Pose) -> Generator[Step, None, bool]:
         """Move to a pose of the believed frame; False, and no move, if that is too far without a look.
 
+        A move that ends at a hazard is one: from there the arm may reach.
+
         Raises
         ------
+        PlacementError
+            If a wheel is stuck.
         TrackerError
             If the target is lost on the way.
         """
@@ -41,24 +45,34 @@ class BaseMoves:
         if abs(wrap_angle(pose.heading - here.heading)) > MOST_TURN_RAD:
             return False
         yield from self.hardware.spend("handoff")
-        yield from self.driving.shift(pose)
+        if (yield from self.driving.shift(pose)) == STUCK:
+            raise PlacementError(f"{STUCK} on the move for target {followed.target.id}")
         if self.driving.follower.tracked(followed.target.id) is None:
             raise TrackerError(f"target {followed.target.id} was lost while the rover moved for it")
         return True
 
-    def wanted(self, followed: Followed) -> Iterator[Pose]:
-        """Yield poses from which the arm may reach a target: its stand, then one by the ground in sight."""
-        stand = self.driving.stand(followed.target.id)
-        if stand is not None:
-            yield stand
+    def nearer(self, followed: Followed, *, first: bool) -> Generator[Step, None, bool]:
+        """Move to where the arm may reach a target: its stand at first, else by the ground in sight.
+
+        Returns whether it moved; raises as `to` does.
+        """
+        stand = self.driving.stand(followed.target.id) if first else None
+        if stand is not None and (yield from self.to(followed, stand)):
+            return True
+        pose = yield from self._by_the_ground(followed)
+        return pose is not None and (yield from self.to(followed, pose))
+
+    def _by_the_ground(self, followed: Followed) -> Generator[Step, None, Pose | None]:
+        """Look around, and return a pose from which the arm reaches a target; None if there is none."""
+        looks = self.driving.sight.cost(around=True)
         clouds = self.driving.sight.look(around=True)
+        yield from self.hardware.spend("navigator_step", looks)
         if not clouds:
-            return
+            return None
         here = self.hardware.believed.site_from_rover
         at = np.asarray(here.inverse().apply(followed.update.position), dtype=np.float64)
         try:
             move = base_move(cloud_of_points(np.concatenate(clouds)), self.hardware.profile, at, None)
         except PlacementError:
-            return
-        if not isinstance(move, str):
-            yield Pose.from_transform(here * move.pose.site_from_rover)
+            return None
+        return None if isinstance(move, str) else Pose.from_transform(here * move.pose.site_from_rover)

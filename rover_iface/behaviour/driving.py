@@ -18,6 +18,8 @@ from rover_iface.frames import Pose, wrap_angle
 from rover_iface.navigation.navigator import Navigator, Progress, Way
 from rover_iface.telemetry import TrackState
 
+STUCK = "wheel stuck"
+"""What is told of a drive that a wheel stopped."""
 NEAR_M = 1.2
 ARRIVED_M, SHUT_OUT_M = 0.35, 0.5
 """Distance from the goal at which a rover that is led off again, or after many looks gets no nearer, has
@@ -177,7 +179,7 @@ class Driving:
         driven = yield from self.hardware.drive(way)
         if driven.hazard:
             return f"hazard: {driven.hazard}"
-        return "wheel stuck" if driven.stuck else ""
+        return STUCK if driven.stuck else ""
 
     def _straight(self, goal: tuple[float, float], left: float) -> Way:
         here = self.hardware.believed

@@ -120,8 +120,8 @@ class Placing:
         except RoverError as err:
             yield from self.hardware.spend("handoff")
             return Outcome(False, str(err), {"made": False, "energy_j": self.hardware.drawn_j - begin_j})
-        energy = yield from self.hardware.operate(figures, number(command, "dwell_s", 0.0))
-        values: dict[str, Value] = {"made": True, "energy_j": energy}
+        yield from self.hardware.operate(figures, number(command, "dwell_s", 0.0))
+        values: dict[str, Value] = {"made": True, "energy_j": self.hardware.drawn_j - begin_j}
         if not self.hardware.instrument_delivers(figures):
             self.follower.forget(name)
             return Outcome(False, "no usable product", values)
@@ -135,24 +135,20 @@ class Placing:
         Raises
         ------
         RoverError
-            If the arm reaches it from nowhere near, with the first reason; or the target is lost on the way.
+            If the arm reaches it from nowhere near, with the first reason; or the target is lost, or a wheel
+            stuck, on the way.
         """
-        name, poses = followed.target.id, self.moves.wanted(followed)
-        first: RoverError | None = None
-        for _ in range(MOVES + 1):
+        name = followed.target.id
+        unreached: RoverError | None = None
+        for tried in range(MOVES + 1):
             try:
                 return self.hardware.reach(name, followed.update.position, instrument)
             except RoverError as err:
-                first = first or err
-            moved = False
-            for pose in poses:
-                moved = yield from self.moves.to(followed, pose)
-                if moved:
-                    break
-            if not moved:
+                unreached = unreached or err
+            if tried == MOVES or not (yield from self.moves.nearer(followed, first=tried == 0)):
                 break
-        assert first is not None
-        raise first
+        assert unreached is not None
+        raise unreached
 
     def _usual_instrument(self) -> str:
         return self.hardware.profile.usual_instrument(Use.CONTACT)

@@ -54,7 +54,8 @@ class FaultyHardware(SimulatedHardware):
                     self._shaded.add(fault.target)
                 self.report()
             case FaultKind.LENS_DUST:
-                self._dusty.add(fault.target)
+                if fault.target in self.body.targets:
+                    self._dusty.add(fault.target)
             case FaultKind.STUCK_WHEEL:
                 self._stuck = True
             case FaultKind.SLOW_DRIVE:

@@ -27,10 +27,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from mission import Pose as Stand
 from mission import Sky
 from mission.codec import Codec, Document, read_object
-from mission.values import NotNegative, Point3, value
+from mission.values import NotNegative, Point3, reads_over, value
 from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose
@@ -62,6 +61,21 @@ class MapError:
     softer: float = 1.0
 
 
+@reads_over
+@value
+class WorldStand:
+    """Where the rover stands, of a world document."""
+
+    east_m: float
+    north_m: float
+    heading_rad: float = 0.0
+
+    def pose(self) -> Pose:
+        """Return the pose as the rover takes it."""
+        return Pose(self.east_m, self.north_m, 0.0, self.heading_rad)
+
+
+@reads_over
 @value
 class WorldTarget:
     """A target of a world document."""
@@ -70,11 +84,11 @@ class WorldTarget:
     point_m: Point3
     normal: Point3 = (0.0, 0.0, 1.0)
     kind: Literal["place", "image"] = "place"
-    observation_point: Stand | None = None
+    observation_point: WorldStand | None = None
 
     def designated(self) -> DesignatedTarget:
         """Return the target as the rover takes it."""
-        stand = None if self.observation_point is None else _pose(self.observation_point)
+        stand = None if self.observation_point is None else self.observation_point.pose()
         return DesignatedTarget(self.id, self.point_m, self.normal, self.kind, stand)
 
 
@@ -86,7 +100,7 @@ class WorldFile:
     terrain: str | None = None
     profile: str = "k9"
     seed: int = 0
-    start: Stand | None = None
+    start: WorldStand | None = None
     targets: tuple[WorldTarget, ...] = ()
     problem: str | Document | None = None
     future: str | Document | None = None
@@ -156,7 +170,8 @@ def load_world(source: WorldSource) -> World:
     Raises
     ------
     WorldError
-        If the file cannot be read, the format is unknown, or a member is unknown or malformed.
+        If the file cannot be read, the format is unknown, or a member is unknown or malformed. Unknown
+        members of targets and poses are read over, as they were when the first of these files were written.
     """
     if isinstance(source, World):
         return source
@@ -172,14 +187,14 @@ def load_world(source: WorldSource) -> World:
         source = {"format": WORLDS.format, "name": str(source.get("name", "")), "start": source.get("start")}
     read = WORLDS.from_document({name: item for name, item in source.items() if item is not None}, where)
     problem = problem or _beside(folder, read.problem, "problem")
-    start = read.start or _start_of(problem)
+    start = read.start or _start_of(problem) or WorldStand(0.0, 0.0)
     return World(
         name=read.name or folder.name,
         folder=folder,
         profile=load_profile(folder / read.profile if read.profile.endswith(".toml") else read.profile),
         terrain=read.terrain,
         seed=read.seed,
-        start=_pose(start),
+        start=start.pose(),
         targets=tuple(target.designated() for target in read.targets),
         problem=problem,
         future=_beside(folder, read.future, "future"),
@@ -193,15 +208,11 @@ def load_world(source: WorldSource) -> World:
     )
 
 
-def _pose(stand: Stand) -> Pose:
-    return Pose(stand.east_m, stand.north_m, 0.0, stand.heading_rad)
-
-
-def _start_of(problem: Document | None) -> Stand:
-    """Return where the rover stands at the start of a problem; the origin when it does not say."""
+def _start_of(problem: Document | None) -> WorldStand | None:
+    """Return where the rover stands at the start of a problem; None when it does not say."""
     if problem is None or problem.get("start") is None:
-        return Stand(0.0, 0.0)
-    return WORLDS.from_document({"format": WORLDS.format, "start": problem["start"]}).start or Stand(0.0, 0.0)
+        return None
+    return WORLDS.from_document({"format": WORLDS.format, "start": problem["start"]}).start
 
 
 def _beside(folder: Path, named: str | Document | None, what: str) -> Document | None:

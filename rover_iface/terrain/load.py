@@ -29,7 +29,7 @@ from annotated_types import MinLen
 from numpy.typing import NDArray
 
 from mission.codec import Codec, Document, read_object
-from mission.values import value
+from mission.values import reads_over, value
 from rover_iface.errors import TerrainFormatError
 from rover_iface.terrain.grid import Bounds, HeightLayer, Ortho
 from rover_iface.terrain.mesh import MESHES, load_mesh_terrain
@@ -37,6 +37,7 @@ from rover_iface.terrain.rocks import ROCKS, Rock, RockList
 from rover_iface.terrain.terrain import Terrain
 
 
+@reads_over
 @value
 class LayerFiles:
     """Files of one raster of heights, in the terrain's folder."""
@@ -47,6 +48,7 @@ class LayerFiles:
     mask: str | None = None
 
 
+@reads_over
 @value
 class TerrainFile:
     """What a `terrain/1` document holds; `origin` is where the site frame lies, as its author counts."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mission.codec import Codec
-from mission.values import Positive, value
+from mission.values import Positive, reads_over, value
 from rover_iface.errors import TerrainFormatError
 
 Array = NDArray[np.floating]
@@ -40,6 +40,7 @@ class Rock:
     seed: int = 0
 
 
+@reads_over
 @value
 class RockList:
     """What a `rocks/1` document holds."""

@@ -38,6 +38,9 @@ Drift = tuple[Array, Array]
 NOWHERE = np.full(2, np.nan)
 FOUND_AGAIN = 0.75
 """Most confidence in a target at the stop at which it is found again."""
+ROUGHEST = 3.0
+"""Range errors up to which the parts of a match may disagree and still widen its tolerance. By hand: parts on
+one face agree within its slant, and half a template across an edge is no place to trust."""
 KEY_TURN_RAD = 0.35
 """A key template is replaced when the line of sight has turned by more than this."""
 
@@ -320,7 +323,7 @@ class NccTracker:
             math.hypot(
                 self._range_error(view, track.last.range_m),
                 self._range_error(view, distance),
-                3.0 * math.sqrt(track.last.depth_m2 + _depth_m2(match)),
+                self._roughness(view, distance, track.last.depth_m2 + _depth_m2(match)),
             )
             + options.odometry_share * moved
             + 0.01
@@ -337,7 +340,7 @@ class NccTracker:
         allowed = (
             math.hypot(
                 self._range_error(view, track.start_range_m),
-                3.0 * math.sqrt(track.start_depth_m2 + _depth_m2(match)),
+                self._roughness(view, track.start_range_m, track.start_depth_m2 + _depth_m2(match)),
             )
             + options.odometry_share * abs(view.travelled_m - track.start_travel_m)
             + 0.05
@@ -428,6 +431,13 @@ class NccTracker:
         """Return the 3-sigma range error. Kim et al. 2009, eq. 1."""
         baseline = float(np.linalg.norm(view.right_camera.C - view.left_camera.C))
         return range_m**2 / (view.left_camera.hs * baseline) * self.options.disparity_error_px
+
+    def _roughness(self, view: StereoView, range_m: float, depth_m2: float) -> float:
+        """Return the 3-sigma error of a depth that its parts disagree by, within what they may.
+
+        A match so noisy that it widened its own tolerance without end would confirm any range.
+        """
+        return min(3.0 * math.sqrt(depth_m2), ROUGHEST * self._range_error(view, range_m))
 
     def _blend_normal(self, track: _Target, match: PointMatch, range_m: float) -> Array:
         """Return the plane's normal: stereo slant is good to the fourth power of nearness, so weigh by it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,9 @@ from executive.ports import Acknowledgement, Command, CommandId, CommandState, P
 from rover_iface.errors import WorldError
 from rover_iface.simulator.abstract_rover import AbstractRover, make_rover
 from rover_iface.simulator.faults import Fault, FaultKind, load_faults
+from rover_iface.simulator.faulty_hardware import FaultyHardware
 from rover_iface.simulator.model import AbstractModel, Future
+from rover_iface.simulator.world import load_world
 from tests.rover_iface.worlds import generated, small_problem
 from tests.shared import shared
 
@@ -371,6 +374,20 @@ def test_a_world_of_targets_alone_is_a_problem_too(tmp_path: Path) -> None:
     do(r, "trackstart", target="A")
     assert do(r, "navigate", target="A").success
     assert r.get("pose x") == 2.2
+
+
+def test_a_world_of_before_with_notes_on_targets_and_poses_opens() -> None:
+    stand = {"east_m": 2.2, "north_m": 0, "frame": "site"}
+    target = {"id": "A", "point_m": [3, 0, 0], "colour": "red", "observation_point": stand}
+    world = load_world({"format": "world/1", "start": {**stand, "up_m": 0.1}, "targets": [target]})
+    assert (world.start.x, world.targets[0].observation_point) == (2.2, world.start)
+
+
+def test_dust_before_a_target_that_the_world_does_not_have_is_no_fault_of_the_program() -> None:
+    hardware: Any = SimpleNamespace(_dusty=set(), body=SimpleNamespace(targets={"T1": None}))
+    for name in ("T1", "nobody"):
+        assert FaultyHardware.strike(hardware, Fault(FaultKind.LENS_DUST, at_s=0.0, target=name))
+    assert hardware._dusty == {"T1"}
 
 
 @pytest.mark.parametrize(

@@ -419,3 +419,13 @@ def test_a_folder_without_terrain_and_a_missing_one_are_refused(tmp_path: Path) 
         load_terrain(tmp_path)
     with pytest.raises(TerrainFormatError, match="does not exist"):
         load_terrain(tmp_path / "nowhere")
+
+
+def test_a_terrain_of_before_with_members_of_its_own_opens(tmp_path: Path) -> None:
+    folder = write_terrain(plane(), tmp_path / "old")
+    description = folder / "terrain.json"
+    document = json.loads(description.read_text())
+    document["made_by"] = "a tool"
+    document["layers"][0]["note"] = "from stereo"
+    description.write_text(json.dumps(document))
+    assert load_terrain(folder).name == document["name"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -267,3 +268,23 @@ def test_options_are_checked() -> None:
         NccOptions(search_px=1)
     with pytest.raises(TrackerError, match="must be positive"):
         template_scale(0.0, 1.0)
+
+
+def test_a_noisy_match_does_not_widen_its_own_tolerance_without_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Parts that disagree by metres let a range that is 1.5 m off pass as right."""
+    tracker = NccTracker()
+    pixel, _ = target_pixel()
+    tracker.start("T1", None, view(-8.0)[0], pixel=pixel)
+    matched = tracker._stereo
+
+    def rough(*args: Any, **more: Any) -> Any:
+        found = matched(*args, **more)
+        return replace(found, point=found.point + 1.5 * np.eye(3)[0], surface_covariance=4.0 * np.eye(3))
+
+    monkeypatch.setattr(tracker, "_stereo", rough)
+    update = tracker.update("T1", view(-7.2, travelled_m=0.8)[0])
+    assert update.state is not TrackState.TRACKED
+    assert update.scores["range_tolerance_m"] < 1.5
+    assert any("range corrected" in reason for reason in update.reasons)

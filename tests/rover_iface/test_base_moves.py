@@ -1,0 +1,116 @@
+"""Base moves for a placement: what they use is told, what stops them is told."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.ports import Command, CommandId
+from rover_iface.behaviour.action import Outcome, Step
+from rover_iface.behaviour.base_moves import BaseMoves
+from rover_iface.behaviour.driving import STUCK
+from rover_iface.behaviour.hardware import Contact
+from rover_iface.behaviour.placing import Placing
+from rover_iface.errors import PlacementError
+from rover_iface.frames import Pose
+from rover_iface.profile import load_profile
+
+MOVE_J, LOOK_J, MEASURE_J = 700.0, 300.0, 50.0
+
+
+class Bench:
+    """Hardware, sight and driving of a rover whose arm reaches its target from its stand alone."""
+
+    def __init__(self, *, stand: Pose | None, trouble: str = "") -> None:
+        self.profile = load_profile("k9")
+        self.believed = Pose(0.0, 0.0)
+        self.drawn_j, self.spent = 0.0, dict[str, float]()
+        self.stood, self.trouble, self.keeps_products = stand, trouble, False
+        self.sight = self
+        self.follower: Any = SimpleNamespace(
+            targets={"T": None}, tracked=lambda name: self.followed, forget=lambda name: None
+        )
+        self.followed: Any = SimpleNamespace(
+            target=SimpleNamespace(id="T"), update=SimpleNamespace(position=np.array([1.0, 0.0, 0.0]))
+        )
+
+    def spend(self, activity: str, share: float = 1.0) -> Generator[Step, None, float]:
+        used = LOOK_J * share if activity == "navigator_step" else 1.0
+        self.spent[activity] = self.spent.get(activity, 0.0) + share
+        self.drawn_j += used
+        yield Step(1, used)
+        return used
+
+    def operate(self, instrument: object, dwell_s: float = 0.0) -> Generator[Step, None, float]:
+        self.drawn_j += MEASURE_J
+        yield Step(1, MEASURE_J)
+        return MEASURE_J
+
+    def instrument_delivers(self, instrument: object) -> bool:
+        return True
+
+    def reach(self, target: str, point: object, instrument: str) -> Contact:
+        if self.believed != self.stood:
+            raise PlacementError(f"target {target} is out of reach")
+        return Contact(True, "", np.zeros(3))
+
+    def stand(self, name: str) -> Pose | None:
+        return self.stood
+
+    def shift(self, pose: Pose) -> Generator[Step, None, str]:
+        self.drawn_j += MOVE_J
+        yield Step(1, MOVE_J)
+        if not self.trouble:
+            self.believed = pose
+        return self.trouble
+
+    def cost(self, *, around: bool) -> float:
+        return 2.0
+
+    def look(self, *, around: bool) -> list[object]:
+        return []
+
+
+def _placed(bench: Any) -> Outcome:
+    placing = Placing(bench, bench, bench.follower, bench, BaseMoves(bench, bench))
+    action = placing.place(Command(CommandId("r", "c", 1), "ipplaceinstrument", {"target": "T"}))
+    try:
+        while True:
+            next(action)
+    except StopIteration as stop:
+        found: Outcome = stop.value
+        return found
+
+
+def test_a_placement_that_moved_the_rover_tells_what_the_move_used() -> None:
+    bench = Bench(stand=Pose(0.3, 0.0))
+    outcome = _placed(bench)
+    assert outcome.success
+    assert outcome.values["energy_j"] == pytest.approx(bench.drawn_j)
+    assert bench.drawn_j >= MOVE_J + MEASURE_J
+
+
+def test_a_look_at_the_ground_takes_its_time_and_energy() -> None:
+    bench = Bench(stand=None)
+    outcome = _placed(bench)
+    assert not outcome.success
+    assert bench.spent["navigator_step"] == 2.0
+    assert outcome.values["energy_j"] == pytest.approx(bench.drawn_j)
+
+
+def test_a_wheel_that_is_stuck_ends_a_placement_and_is_told() -> None:
+    bench = Bench(stand=Pose(0.3, 0.0), trouble=STUCK)
+    outcome = _placed(bench)
+    assert not outcome.success
+    assert outcome.reason == "wheel stuck on the move for target T"
+    assert outcome.values["energy_j"] == pytest.approx(bench.drawn_j)
+
+
+def test_a_move_that_ends_at_a_hazard_is_tried_from() -> None:
+    bench = Bench(stand=Pose(0.3, 0.0), trouble="hazard: step")
+    outcome = _placed(bench)
+    assert outcome.reason == "target T is out of reach"
