@@ -16,6 +16,7 @@ from ground.resources.calibrations.routes import router as calibrations
 from ground.resources.campaigns.routes import router as campaigns
 from ground.resources.comments.routes import router as comments
 from ground.resources.downlinks.routes import router as ingest
+from ground.resources.executions.routes import router as executions
 from ground.resources.frames.routes import router as frames
 from ground.resources.geometry_files.routes import router as geometry_files
 from ground.resources.history.routes import router as history
@@ -76,6 +77,7 @@ ROUTERS = (
     lineage,
     mission_archives,
     ingest,
+    executions,
     product_files,
 )
 """Those asked most come first: a request is held against one route after the other."""

@@ -11,6 +11,9 @@ from ground.resources.calibrations.order import ORDERS as CALIBRATION_ORDERS
 from ground.resources.campaigns import fly_campaign
 from ground.resources.campaigns import work as campaign_work
 from ground.resources.campaigns.order import ORDERS as CAMPAIGN_ORDERS
+from ground.resources.executions import execute_plan
+from ground.resources.executions import work as execution_work
+from ground.resources.executions.order import ORDERS as EXECUTION_ORDERS
 from ground.resources.path_networks import build_path_network
 from ground.resources.path_networks import work as network_work
 from ground.resources.path_networks.order import ORDERS as NETWORK_ORDERS
@@ -39,6 +42,7 @@ def job_kinds() -> Mapping[str, JobKind]:
         JobKind(generate_plan.KIND, PLAN_ORDERS, plan_work.work, generate_plan.settle, generate_plan.abandon),
         JobKind(adjust_traverse.KIND, TRAVERSE_ORDERS, traverse_work.work, adjust_traverse.settle),
         JobKind(calibrate_mission.KIND, CALIBRATION_ORDERS, calibration_work.work, calibrate_mission.settle),
+        JobKind(execute_plan.KIND, EXECUTION_ORDERS, execution_work.work, execute_plan.settle),
         JobKind(
             fly_campaign.KIND,
             CAMPAIGN_ORDERS,

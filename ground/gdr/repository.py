@@ -36,6 +36,10 @@ class Repository:
         """Return the folder of a campaign's runs."""
         return self.data_dir / "campaigns" / campaign_id
 
+    def training_dir(self, mission_id: str) -> Path:
+        """Return the folder of a mission's training rover: its ledger, trust file and runs."""
+        return self.data_dir / "training" / mission_id
+
     def job_dir(self) -> Path:
         """Return the folder in which jobs leave word of their progress."""
         return self.data_dir / "jobs"

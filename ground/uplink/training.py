@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from ground.uplink.keys import id_of, load_key, make_key, public_text, sign
 from ground.uplink.package import Signature, write_package
-from ground.uplink.trust import allow, new_trust, write_trust
+from ground.uplink.trust import Document, allow, change_trust, checked, new_trust, revoke, write_trust
 from ground.uplink.verify import PACKAGE, SIGNERS
 
 TRUST_FILE, ROOT, AUTHOR, APPROVER = "trust.json", "root.key", "author.key", "approver.key"
@@ -58,3 +60,47 @@ def sign_package(team: Team, manifest: str, crl_text: str, landmarks: str) -> by
         for role, key in keys.items()
     ]
     return write_package(manifest, crl_text, landmarks, signatures)
+
+
+@dataclass(frozen=True, slots=True)
+class TrainedSigner:
+    """A person's public key (base64), and the roles in which a training rover takes its signatures."""
+
+    person: str
+    public: str
+    roles: tuple[str, ...]
+
+
+def training_trust(folder: Path, mission: str, people: Sequence[TrainedSigner]) -> Path:
+    """Return the trust file of a mission's training rover, which takes the signatures of these people alone.
+
+    It is marked for training: no rover but the one that is commissioned with it accepts it, and the root key
+    beside it counts for nothing else. A change of the people is one more version of it.
+    """
+    place = folder / TRUST_FILE
+    root = load_key(folder / ROOT) if (folder / ROOT).exists() else make_key(folder / ROOT)
+
+    def enter(document: Document) -> None:
+        for name in set(document["keys"]) - set(document["roles"]["root"]["keys"]):
+            revoke(document, name)
+        for signer in people:
+            allow(document, signer.person, signer.public, signer.roles)
+
+    if not place.exists():
+        document = new_trust("training", {"Training": root}, missions=[mission], training=True)
+        enter(document)
+        _put(place, write_trust(document, [root]))
+        return place
+    earlier = place.read_bytes()
+    trust = checked(earlier)
+    held = {role: set(trust.roles[role]["keys"]) for role in SIGNERS}
+    wanted = {role: {id_of(p.public) for p in people if role in p.roles} for role in SIGNERS}
+    if held != wanted or trust.expires_utc <= datetime.now(UTC):
+        _put(place, change_trust(earlier, [root], enter))
+    return place
+
+
+def _put(place: Path, content: bytes) -> None:
+    draft = place.with_name(f".{place.name}.draft")
+    draft.write_bytes(content)
+    draft.replace(place)

@@ -377,7 +377,8 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("(POST|PATCH|DELETE)", r"/traverses(/\{[a-z_]+\})?$", Action.PLAN),
     ("POST", r"/(signatures|waivers)$", Action.APPROVE),
     ("POST", r"/statement$", Action.PLAN),
-    ("POST", r"/(package|ingest)$", Action.UPLINK),
+    ("POST", r"/(package|ingest|execution)$", Action.UPLINK),
+    ("POST", r"/next-sol$", Action.EDIT_MISSION),
     ("POST", r"/uploads$", Action.EDIT_SCIENCE),
     ("(POST|PATCH)", r"/people", Action.ADMINISTER),
 )

@@ -15,6 +15,7 @@ from playwright.sync_api import Page, expect
 
 from tests.web.conftest import Server
 from tests.web.page import WAIT_MS, chromium, colours, field_of, open_page, open_scene, pixel, shot
+from tests.web.review_steps import approve, sign_as_author
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
@@ -33,7 +34,7 @@ PLAN_S = os.environ.get("OUTCROP_BROWSER_PLAN_S", "8")
 """Time limit of the plan; for pictures on a busy machine it has to be longer."""
 
 
-def _new_mission(page: Page, server: Server) -> str:
+def new_mission(page: Page, server: Server) -> str:
     """Make an empty mission on ground from a seed, as the dialog does, but on a smaller site."""
     body = {
         "name": "Paper's day",
@@ -52,7 +53,7 @@ def _new_mission(page: Page, server: Server) -> str:
     return str(made.json()["id"])
 
 
-def _pick(page: Page, east: float, north: float, instrument: str, value: int) -> str:
+def pick(page: Page, east: float, north: float, instrument: str, value: int) -> str:
     """Pick a target on the map and file a request on it; return the target's name."""
     rows = page.get_by_test_id("target-row")
     before = rows.count()
@@ -76,13 +77,13 @@ def _draw_keep_out(page: Page, corners: list[tuple[float, float]]) -> None:
     page.keyboard.press("Escape")
 
 
-def _make_plan(page: Page) -> None:
+def make_plan(page: Page) -> None:
     page.get_by_test_id("plan").click()
     expect(page.get_by_test_id("plan-state")).to_have_text("computed")
     expect(page.get_by_test_id("outline")).to_be_visible()
 
 
-def _run(page: Page) -> str:
+def run_plan(page: Page) -> str:
     """Start a dry run and return how it ended."""
     before = page.url
     page.get_by_test_id("start-run").click()
@@ -120,7 +121,7 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         expect(page.get_by_role("heading", name="Missions")).to_be_visible()
         expect(page.get_by_role("link", name="Demo").first).to_be_visible()
         shot(page, "missions")
-        mission = _new_mission(page, server)
+        mission = new_mission(page, server)
         page.goto(f"{server.address}/?quality=test#/m/{mission}")
         page.wait_for_function("() => document.querySelector('[data-testid=map]')?.dataset.terrain")
 
@@ -128,7 +129,7 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         shot(page, "empty")
 
         # Six targets with a request each, three clicks and a value; a keep-out on the way.
-        names = [_pick(page, *target) for target in TARGETS]
+        names = [pick(page, *target) for target in TARGETS]
         assert len(set(names)) == len(TARGETS)
         position = page.locator("dd.mono").first.inner_text().replace("\N{MINUS SIGN}", "-")
         east, north = (float(part) for part in re.findall(r"-?\d+\.\d+", position)[:2])
@@ -148,7 +149,7 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         assert colours(page, "scene") > 500, "WebGL has drawn nothing"
         page.get_by_role("button", name="2D").click()
 
-        _make_plan(page)
+        make_plan(page)
         utility = float(page.get_by_test_id("utility").inner_text())
         assert utility > 5.0
         first = page.get_by_test_id("plan-select").input_value()
@@ -207,7 +208,7 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         page.get_by_role("button", name="Remove fault").click()
 
         # Undisturbed runs until one ends well, as a planner would: then the plan is verified.
-        assert "succeeded" in (_run(page) for _ in range(12))
+        assert "succeeded" in (run_plan(page) for _ in range(12))
         page.get_by_label("Moment of the run").fill("100000")
         page.get_by_role("button", name="Energy").click()
         page.get_by_role("tab", name="CRL", exact=True).click()
@@ -220,26 +221,8 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         page.get_by_role("button", name="Timeline").click()
 
         # The maker does not approve; a second person does, and gets the package.
-        page.get_by_role("tab", name="Review").click()
-        expect(page.get_by_test_id("approve")).to_be_disabled()
-        page.get_by_test_id("sign").click()
-        expect(page.get_by_test_id("signatures")).to_contain_text("author Planner, verifier Planner")
-        people = page.get_by_test_id("person")
-        director = people.locator("option", has_text="flight director").first.get_attribute("value")
-        people.select_option(director)
-        # The rules are read anew for the second person, so what is to be waived may show a moment later.
-        approve, waive = page.get_by_test_id("approve"), page.get_by_role("button", name="Waive…")
-        for rule in range(20):
-            expect(page.locator("[data-testid=approve]:enabled").or_(waive).first).to_be_visible()
-            if approve.is_enabled():
-                break
-            waive.first.click()
-            page.get_by_label("Reason of the waiver").fill(f"Looked into, number {rule + 1}.")
-            page.get_by_role("button", name="Waive", exact=True).click()
-            expect(page.get_by_label("Reason of the waiver")).to_have_count(0)
-        page.get_by_label("Note of the approval").fill("Read and found good.")
-        page.get_by_test_id("approve").click()
-        expect(page.get_by_text("Approved by")).to_be_visible()
+        sign_as_author(page)
+        approve(page)
         shot(page, "review")
         with page.expect_download() as download:
             page.get_by_test_id("package").click()
@@ -279,10 +262,10 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
 
 def test_a_plan_that_cannot_be_made_says_why_and_is_not_said_to_be_made(server: Server) -> None:
     with chromium() as browser, open_page(browser, server) as page:
-        mission = _new_mission(page, server)
+        mission = new_mission(page, server)
         page.goto(f"{server.address}/?quality=test#/m/{mission}")
         page.wait_for_function("() => document.querySelector('[data-testid=map]')?.dataset.terrain")
-        _pick(page, 3.0, -3.5, "microscopic_imager", 8)
+        pick(page, 3.0, -3.5, "microscopic_imager", 8)
         page.get_by_role("button", name="Edit request").first.click()
         page.get_by_role("button", name="More…").click()
         page.get_by_label("a plan without it is no plan").check()

@@ -13,6 +13,7 @@ from sqlalchemy import select
 
 from ground.gdr.durable import SUMS, damaged_in
 from ground.gdr.repository import Repository
+from ground.resources.missions.row import MissionRow
 from ground.resources.packages.row import PackageRow
 from ground.resources.products.row import ProductRow
 from ground.resources.runs.row import RunRow
@@ -126,6 +127,12 @@ def sweep_files(repo: Repository) -> list[str]:
     gone = repo.files.sweep(set(named_files(repo)), old)
     for path in stray_runs(repo):
         if path.stat().st_mtime < old:
+            shutil.rmtree(path, ignore_errors=True)
+            gone.append(path.name)
+    with repo.database.read() as session:
+        missions = set(session.scalars(select(MissionRow.id)))
+    for path in repo.training_dir("any").parent.glob("*"):
+        if path.name not in missions and path.stat().st_mtime < old:
             shutil.rmtree(path, ignore_errors=True)
             gone.append(path.name)
     return gone

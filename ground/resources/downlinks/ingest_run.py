@@ -32,6 +32,7 @@ from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Run, RunKind
 from ground.resources.runs.work import read_run_folder
 from ground.resources.uploads.kind import UPLOAD
+from mission.codec import Document
 
 
 def ingest_upload(repo: Repository, actor: Actor, upload_id: str) -> Run:
@@ -75,49 +76,63 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
     kept = repo.run_dir(run_id)
     copy_folder(folder, kept)
     try:
-        return _record(repo, actor, folder, result, run_id)
+        with repo.database.write() as session:
+            plan = _executed_plan(session, document, folder.name)
+            actor.require(Action.UPLINK, plan.mission_id)
+            return record_execution(session, actor, plan, result, run_id)
     except GroundError:  # after anything else the rows may have been written: the sweep knows
         shutil.rmtree(kept, ignore_errors=True)
         raise
 
 
-def _record(repo: Repository, actor: Actor, folder: Path, result: Mapping[str, Any], run_id: str) -> Run:
+def _executed_plan(session: Session, document: Mapping[str, Any], name: str) -> PlanRow:
+    """Return the plan that a run executed, locked; raise unless it is the package of one of ours."""
+    plan = session.get(PlanRow, document["plan"], with_for_update=True)
+    if plan is None or plan.mission_id != document.get("mission"):
+        raise ArchiveError(f"{name}: the plan {document['plan']} is not in this repository")
+    if plan.crl_sha256 != document.get("plan_digest"):
+        raise ArchiveError(f"{name}: the run executed another text than plan {plan.number}")
+    package = document["package_sha256"]
+    if session.scalars(select(PackageRow.id).where(PackageRow.sha256 == package)).first() is None:
+        raise ArchiveError(f"{name}: its package was not made by this repository")
+    return plan
+
+
+def record_execution(session: Session, actor: Actor, plan: PlanRow, result: Document, run_id: str) -> Run:
+    """Write a run that executed the package of a plan, its products and what became of each request.
+
+    Raises
+    ------
+    AlreadyExecutedError
+        If the run of that package was taken in before.
+    """
     document = result["document"]
     package = document["package_sha256"]
-    with repo.database.write() as session:
-        plan = session.get(PlanRow, document["plan"], with_for_update=True)
-        if plan is None or plan.mission_id != document.get("mission"):
-            raise ArchiveError(f"{folder.name}: the plan {document['plan']} is not in this repository")
-        actor.require(Action.UPLINK, plan.mission_id)
-        if plan.crl_sha256 != document.get("plan_digest"):
-            raise ArchiveError(f"{folder.name}: the run executed another text than plan {plan.number}")
-        known = session.scalars(select(RunRow.id).where(RunRow.package_sha256 == package)).first()
-        if known is not None:
-            raise AlreadyExecutedError(f"the run of this package was taken in before, as {known}")
-        if session.scalars(select(PackageRow.id).where(PackageRow.sha256 == package)).first() is None:
-            raise ArchiveError(f"{folder.name}: its package was not made by this repository")
-        run = RunRow(
-            id=run_id,
-            author=actor.name,
-            mission_id=plan.mission_id,
-            plan_id=plan.id,
-            kind=RunKind.EXECUTION.value,
-            rover=str(document.get("rover", ""))[:80],
-            seed=int(document.get("seed") or 0),
-            faults=[],
-            job_id=None,
-            state=JobState.RUNNING.value,
-            options_taken=[],
-            achieved_request_ids=[],
-            crl_sha256=plan.crl_sha256,
-            package_sha256=package,
-        )
-        insert(session, actor, RUN, run)
-        products = record_run(session, run, result)
-        _settle_requests(session, plan, document, {p.request_id for p in products})
-        update(session, actor, PLAN, plan, {"state": PlanState.EXECUTED.value}, action="execute")
-        session.flush()
-        return RUN.show_one(session, run)
+    known = session.scalars(select(RunRow.id).where(RunRow.package_sha256 == package)).first()
+    if known is not None:
+        raise AlreadyExecutedError(f"the run of this package was taken in before, as {known}")
+    run = RunRow(
+        id=run_id,
+        author=actor.name,
+        mission_id=plan.mission_id,
+        plan_id=plan.id,
+        kind=RunKind.EXECUTION.value,
+        rover=str(document.get("rover", ""))[:80],
+        seed=int(document.get("seed") or 0),
+        faults=[],
+        job_id=None,
+        state=JobState.RUNNING.value,
+        options_taken=[],
+        achieved_request_ids=[],
+        crl_sha256=plan.crl_sha256 or "",
+        package_sha256=package,
+    )
+    insert(session, actor, RUN, run)
+    products = record_run(session, run, result)
+    _settle_requests(session, plan, document, {p.request_id for p in products})
+    update(session, actor, PLAN, plan, {"state": PlanState.EXECUTED.value}, action="execute")
+    session.flush()
+    return RUN.show_one(session, run)
 
 
 def _settle_requests(

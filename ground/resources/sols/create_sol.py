@@ -25,15 +25,19 @@ def create_sol(repo: Repository, actor: Actor, mission_id: str, given: SolCreate
         If the mission has a sol of that number.
     """
     actor.require(Action.EDIT_MISSION, mission_id)
-    given = given or SolCreate()
     with repo.database.write() as session:
-        start = terrain_row(session, mission_id).description["start_pose"]
-        number = next_number(session, SolRow, mission_id) if given.number is None else given.number
-        require_free_number(session, mission_id, number)
-        start = start if given.start_pose is None else given.start_pose.model_dump()
-        row = new_row(SOL, actor, mission_id, given, number=number, start_pose=start)
-        insert(session, actor, SOL, row)
-        return SOL.show_one(session, row)
+        return add_sol(session, actor, mission_id, given or SolCreate())
+
+
+def add_sol(session: Session, actor: Actor, mission_id: str, given: SolCreate) -> Sol:
+    """Return a new sol of a mission, written in a transaction that is open; see `create_sol`."""
+    start = terrain_row(session, mission_id).description["start_pose"]
+    number = next_number(session, SolRow, mission_id) if given.number is None else given.number
+    require_free_number(session, mission_id, number)
+    start = start if given.start_pose is None else given.start_pose.model_dump()
+    row = new_row(SOL, actor, mission_id, given, number=number, start_pose=start)
+    insert(session, actor, SOL, row)
+    return SOL.show_one(session, row)
 
 
 def require_free_number(session: Session, mission_id: str, number: int) -> None:

@@ -222,6 +222,22 @@ export const calibrateMission = (id: string): Promise<Job> =>
     api.POST("/api/v1/missions/{mission_id}/calibrate", { params: inMission(id), body: { run_ids: [], name: "" } }),
   );
 
+/** Execute an uplinked plan on the training rover of its mission. */
+export const EXECUTE = "execution";
+
+export const executePlan = (id: string, rover: string): Promise<Job> =>
+  body(api.POST("/api/v1/plans/{plan_id}/execution", { params: planPath(id), body: { rover, seed: 1 } }));
+
+/** Take in the folder of a run that came down from a rover, a zip. */
+export async function ingestRun(file: File, told: (share: number) => void, stop: AbortSignal): Promise<Run> {
+  const sent = await upload(file, told, stop);
+  return body(api.POST("/api/v1/runs/ingest", { body: { upload_id: sent.id } }));
+}
+
+/** Open the sol after an execution. */
+export const openNextSol = (run: string): Promise<Sol> =>
+  body(api.POST("/api/v1/runs/{run_id}/next-sol", { params: runPath(run) }));
+
 export const changeSol = (sol: Sol, changes: SolChange): Promise<Sol> =>
   body(
     api.PATCH("/api/v1/sols/{sol_id}", { params: { path: { sol_id: sol.id }, header: ifMatch(sol) }, body: changes }),
@@ -418,8 +434,10 @@ export const jobEventsUrl = (id: string): string => `${V1}/jobs/${id}/events`;
 
 const JOB_TITLES: Record<string, string> = { plan: "Planning", path_network: "Path network", run: "Dry run" };
 
+const OTHER_TITLES: Record<string, string> = { [CALIBRATE]: "Learning from runs", [EXECUTE]: "Executing" };
+
 export const jobTitle = (value: Job): string =>
-  value.kind === CALIBRATE ? "Learning from runs" : (JOB_TITLES[value.subject_kind] ?? value.kind.replaceAll("_", " "));
+  OTHER_TITLES[value.kind] ?? JOB_TITLES[value.subject_kind] ?? value.kind.replaceAll("_", " ");
 
 // ------------------------------------------------------------------------------------ runs and products
 

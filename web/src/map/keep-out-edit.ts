@@ -9,12 +9,11 @@ import type VectorLayer from "ol/layer/Vector";
 import type OlMap from "ol/Map";
 import type MapBrowserEvent from "ol/MapBrowserEvent";
 import type VectorSource from "ol/source/Vector";
-import Fill from "ol/style/Fill";
 import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
 import type { Point } from "./geometry";
 import { moved, type Part, partAt, snapped, withCorner, withCornerLess, withCornerMore } from "./polygon-edit";
-import { closed, COLORS, words } from "./styles";
+import { closed, keepOutStyle } from "./styles";
 
 const REACH_PX = 8;
 const SNAP_PX = 10;
@@ -114,17 +113,7 @@ export class KeepOutEdit {
       feature.setProperties({ kind: "keep-out", ref: look.id });
       const chosen = look.id === selected;
       feature.set("chosen", chosen);
-      feature.setStyle(
-        new Style({
-          fill: new Fill({ color: look.lifted ? "rgba(255,93,82,0.05)" : chosen ? "rgba(255,93,82,0.36)" : "rgba(255,93,82,0.22)" }),
-          stroke: new Stroke({
-            color: chosen ? COLORS.select : look.lifted ? `${COLORS.keepOut}80` : COLORS.keepOut,
-            width: chosen ? 2.5 : 1.8,
-            lineDash: chosen ? [] : [7, 4],
-          }),
-          text: words(look.lifted ? `${look.name}, lifted` : look.name, "#ffd9d5"),
-        }),
-      );
+      feature.setStyle(keepOutStyle(look.lifted ? `${look.name}, lifted` : look.name, chosen, look.lifted));
       feature.getGeometry()?.on("change", () => {
         feature.set("dirty", true, true);
         this.drawn = "";

@@ -27,6 +27,50 @@ export function lineColor(depth: number): string {
   return depth === 0 ? COLORS.main : (COLORS.branch[(depth - 1) % COLORS.branch.length] ?? COLORS.main);
 }
 
+/** Stripes of a keep-out, black and white beside the red: told from any ground in grey and by every eye. */
+const HATCH_PX = 14;
+let hatch: CanvasPattern | null = null;
+
+function hatching(): CanvasPattern | string {
+  if (hatch !== null) return hatch;
+  const tile = document.createElement("canvas");
+  const scale = Math.max(1, Math.round(devicePixelRatio));
+  tile.width = tile.height = HATCH_PX * scale;
+  const g = tile.getContext("2d");
+  if (g === null) return "rgba(255,93,82,0.36)";
+  g.scale(scale, scale);
+  g.fillStyle = "rgba(255,93,82,0.2)";
+  g.fillRect(0, 0, HATCH_PX, HATCH_PX);
+  for (const [color, width] of [["rgba(0,0,0,0.75)", 4.2], ["rgba(255,255,255,0.9)", 1.6]] as const) {
+    g.strokeStyle = color;
+    g.lineWidth = width;
+    g.beginPath();
+    for (const shift of [-HATCH_PX, 0, HATCH_PX]) {
+      g.moveTo(shift, HATCH_PX);
+      g.lineTo(shift + HATCH_PX, 0);
+    }
+    g.stroke();
+  }
+  hatch = g.createPattern(tile, "repeat");
+  return hatch ?? "rgba(255,93,82,0.36)";
+}
+
+/** A keep-out; one that is lifted is an outline. */
+export function keepOutStyle(name: string, chosen: boolean, lifted: boolean): Style[] {
+  const casing = new Stroke({ color: "rgba(10,12,14,0.85)", width: chosen ? 6 : 4.6 });
+  return [
+    new Style({ fill: new Fill({ color: lifted ? "rgba(255,93,82,0.05)" : hatching() }), stroke: lifted ? undefined : casing }),
+    new Style({
+      stroke: new Stroke({
+        color: chosen ? COLORS.select : lifted ? `${COLORS.keepOut}80` : "#fff1ef",
+        width: chosen ? 2.6 : 2,
+        lineDash: chosen || !lifted ? [] : [7, 4],
+      }),
+      text: words(name, "#ffd9d5"),
+    }),
+  ];
+}
+
 export interface TargetLook {
   target: Target;
   requests: ObservationRequest[];

@@ -104,6 +104,12 @@ export class MissionState {
   /** Kinds of condition that a request may have. */
   readonly kinds = $derived(this.profile?.constraints ?? []);
   readonly sol = $derived(this.sols[this.sols.length - 1] ?? null);
+  /** Where the rover stands when the open plan begins, else when the newest sol does. */
+  readonly startPose = $derived(
+    (this.sols.find((sol) => sol.id === this.plans.find((plan) => plan.id === app.route.plan)?.sol_id) ?? this.sol)?.start_pose ??
+      this.terrain?.start_pose ??
+      null,
+  );
   readonly startHour = $derived(this.sol?.start_lmst_h ?? 10);
   readonly network = $derived(this.networks[this.networks.length - 1] ?? null);
   readonly plan = $derived(this.plans.find((plan) => plan.id === app.route.plan) ?? null);
@@ -507,8 +513,8 @@ export class MissionState {
   /** Where the rover stands for a target (null: at the start) in the newest network, else the target itself. */
   placeOf(target: string | null): [number, number] | null {
     const node = this.network?.nodes.find((one) => one.target_id === target);
-    const pose = node?.pose ?? (target === null ? (this.sol?.start_pose ?? this.terrain?.start_pose) : this.targetById.get(target)?.position);
-    return pose === undefined ? null : [pose.east_m, pose.north_m];
+    const pose = node?.pose ?? (target === null ? this.startPose : this.targetById.get(target)?.position);
+    return pose == null ? null : [pose.east_m, pose.north_m];
   }
 
   /** Forbid a drive (null), give it corners, or leave it to the planner ("free"). */

@@ -1,0 +1,111 @@
+"""Execute the package of a plan on the training rover of its mission: a job."""
+
+from __future__ import annotations
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.errors import AlreadyExecutedError, InvalidInputError, StateError
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.jobs.row import JobRow
+from ground.jobs.value import Job, JobState
+from ground.records.actor import ALLOWED, Action, Actor, Role
+from ground.records.get_resource import find_row
+from ground.resources.ask_job import ask_job
+from ground.resources.downlinks.ingest_run import record_execution
+from ground.resources.executions.bodies import ExecutionCreate
+from ground.resources.executions.order import ORDERS, ExecutionWork, Signer
+from ground.resources.missions.terrain import terrain_row
+from ground.resources.packages.row import PackageRow
+from ground.resources.people.row import PersonRow, SigningKeyRow
+from ground.resources.plans.kind import PLAN
+from ground.resources.plans.row import PlanRow
+from ground.resources.plans.value import PlanState
+from ground.resources.problems.row import ProblemRow
+from ground.resources.sols.row import SolRow
+from mission import Sky
+from mission.codec import Document
+
+KIND = "execution"
+
+
+def execute_plan(repo: Repository, actor: Actor, plan_id: str, given: ExecutionCreate) -> Job:
+    """Return the job that executes the package of an uplinked plan; its result is the run.
+
+    Raises
+    ------
+    InvalidInputError
+        If the rover is not installed.
+    StateError
+        If the plan has no package yet, or is being executed.
+    AlreadyExecutedError
+        If a run of its package was taken in.
+    """
+    from rover_iface.registry import rover_names
+
+    if given.rover not in rover_names():
+        raise InvalidInputError(
+            f"there is no rover {given.rover!r}; installed are {', '.join(rover_names())}", pointer="/rover"
+        )
+    with repo.database.write() as session:
+        plan: PlanRow = find_row(session, PLAN, plan_id, lock=True)
+        actor.require(Action.UPLINK, plan.mission_id)
+        if plan.state == PlanState.EXECUTED.value:
+            raise AlreadyExecutedError(f"plan {plan.number} was executed before")
+        package = session.scalars(select(PackageRow).where(PackageRow.plan_id == plan.id)).first()
+        if package is None or plan.problem_id is None:
+            raise StateError(f"plan {plan.number} is {plan.state}; only an uplinked plan is executed")
+        going = select(JobRow.id).where(
+            JobRow.kind == KIND,
+            JobRow.subject_id == plan.id,
+            JobRow.state.in_([JobState.QUEUED.value, JobState.RUNNING.value]),
+        )
+        if (job := session.scalars(going).first()) is not None:
+            raise StateError(f"plan {plan.number} is being executed already, by the job {job}")
+        run_id = new_id("run")
+        sol = session.get_one(SolRow, plan.sol_id)
+        work = ExecutionWork(
+            run_id,
+            mission=plan.mission_id,
+            counter=package.sequence,
+            rover_dir=str(repo.training_dir(plan.mission_id)),
+            package_path=str(repo.files.path(package.sha256)),
+            run_dir=str(repo.run_dir(run_id)),
+            files_dir=str(repo.files.folder),
+            terrain_dir=str(repo.terrain_dir(terrain_row(session, plan.mission_id).id)),
+            problem=session.get_one(ProblemRow, plan.problem_id).document,
+            rover=given.rover,
+            seed=given.seed,
+            rover_profile=plan.rover_profile,
+            sky=Sky(start_lmst_h=sol.start_lmst_h),
+            signers=_signers(session, plan.mission_id),
+        )
+        order = ORDERS.document(work)
+        return ask_job(session, repo, actor, KIND, plan.mission_id, (PLAN, plan.id), order)
+
+
+def _signers(session: Session, mission_id: str) -> tuple[Signer, ...]:
+    """Return whose keys count on a training rover: roles in the trust file follow roles in the mission."""
+    query = (
+        select(SigningKeyRow.public, PersonRow)
+        .join(PersonRow, PersonRow.id == SigningKeyRow.person_id)
+        .where(SigningKeyRow.revoked_utc.is_(None), PersonRow.active)
+        .order_by(SigningKeyRow.id)
+    )
+    found = []
+    for public, person in session.execute(query):
+        may = ALLOWED[Actor(person.name, Role(person.role), person.mission_roles).role_in(mission_id)]
+        roles = ["author", "verifier"] * (Action.PLAN in may) + ["approver"] * (Action.APPROVE in may)
+        if roles:
+            found.append(Signer(person.name, public, tuple(roles)))
+    return tuple(found)
+
+
+def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+    """Take in the run as one that came down from a rover."""
+    plan = session.get(PlanRow, job.subject_id, with_for_update=True)
+    if plan is None:
+        return None
+    run = record_execution(session, Actor(job.author, Role.OPERATOR), plan, result, result["run"])
+    return f"/api/v1/runs/{run.id}"

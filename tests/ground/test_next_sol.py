@@ -1,0 +1,103 @@
+"""A sol closes over REST: package, training rover, products, what is carried over, and the sol after."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.errors import InvalidInputError
+from ground.uplink.training import TRUST_FILE, TrainedSigner, training_trust
+from ground.uplink.trust import checked
+from tests.ground.approving import public_text, signed_by_all, team_of
+from tests.ground.conftest import Api, yard
+from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.test_missions_api import problem
+
+
+def uplinked(api: Api, mission: Any, keys: Path) -> dict[str, Any]:
+    """Return a plan of Planner's that a dry run verified, both people signed and Operator packed."""
+    plan = planned(api, mission)
+    order = {"plan_id": plan["id"], "seed": 4}
+    finished(api, api.post(f"/missions/{mission.id}/runs", order, status=202))
+    signed_by_all(api, plan["id"], team_of(keys))
+    assert api("POST", f"/plans/{plan['id']}/package", who="Operator").status_code == 200
+    return plan
+
+
+def test_a_sol_is_executed_and_the_next_begins_where_it_ended(
+    sqlite_api: Api, terrain_folder: Path, tmp_path: Path
+) -> None:
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    file_requests(api, mission)
+    too_soon = planned(api, mission)
+    answer = problem(
+        api("POST", f"/plans/{too_soon['id']}/execution", {}, who="Operator"), 409, "wrong-state"
+    )
+    assert "only an uplinked plan is executed" in answer["detail"]
+
+    plan = uplinked(api, mission, tmp_path / "keys")
+    url = f"/plans/{plan['id']}/execution"
+    assert api("POST", url, {}, who="Planner").status_code == 403
+    problem(api("POST", url, {"rover": "hound"}, who="Operator"), 422, "invalid-input")
+    ended = finished(api, api.post(url, {"seed": 7}, who="Operator", status=202))
+    run = api.get(ended["result_url"].removeprefix("/api/v1"))
+    assert run["kind"] == "execution"
+    assert run["outcome"] == "SUCCEEDED"
+    assert run["author"] == "Operator"
+    assert api.get(f"/plans/{plan['id']}")["state"] == "executed"
+    problem(api("POST", url, {}, who="Operator"), 409, "already-executed")
+    states = {r["id"]: r["state"] for r in api.get(f"/missions/{mission.id}/observation-requests")["items"]}
+    assert {states[r] for r in run["achieved_request_ids"]} == {"satisfied"}
+
+    ends = api.get(f"/runs/{run['id']}/telemetry")
+    sol = api.post(f"/runs/{run['id']}/next-sol", None, status=201)
+    assert sol["number"] == 2
+    assert sol["start_pose"]["east_m"] == ends["east_m"][-1]
+    assert sol["start_pose"]["heading_rad"] == ends["heading_rad"][-1]
+    first = api.get(f"/missions/{mission.id}/sols")["items"][0]
+    assert [sol[k] for k in ("time_budget_s", "battery_j")] == [
+        first[k] for k in ("time_budget_s", "battery_j")
+    ]
+    left = [
+        r
+        for r in api.get(f"/missions/{mission.id}/observation-requests")["items"]
+        if r["state"] != "satisfied"
+    ]
+    assert {r["state"] for r in left} <= {"carried"}
+    assert all(r["state_reason"].startswith("carried over from sol 1") for r in left)
+    again = problem(api("POST", f"/runs/{run['id']}/next-sol"), 409, "wrong-state")
+    assert "sol 2 was opened after sol 1 already" in again["detail"]
+
+
+def test_a_rehearsal_ends_no_sol(sqlite_api: Api, terrain_folder: Path) -> None:
+    mission = yard(sqlite_api.repo, terrain_folder)
+    file_requests(sqlite_api, mission)
+    plan = planned(sqlite_api, mission)
+    order = {"plan_id": plan["id"], "seed": 4}
+    job = finished(sqlite_api, sqlite_api.post(f"/missions/{mission.id}/runs", order, status=202))
+    run = job["result_url"].removeprefix("/api/v1")
+    answer = problem(sqlite_api("POST", f"{run}/next-sol"), 409, "wrong-state")
+    assert "a sol ends with an execution" in answer["detail"]
+
+
+def test_a_training_rover_takes_the_keys_of_its_mission_as_they_stand(tmp_path: Path) -> None:
+    team = team_of(tmp_path / "keys")
+    ann = TrainedSigner("Ann", public_text(team.author), ("author", "verifier"))
+    bob = TrainedSigner("Bob", public_text(team.approver), ("approver",))
+    place = training_trust(tmp_path, "m1", [ann, bob])
+    assert place.name == TRUST_FILE
+    first = place.read_bytes()
+    trust = checked(first)
+    assert (trust.training, trust.missions, trust.version) == (True, ("m1",), 1)
+    training_trust(tmp_path, "m1", [ann, bob])
+    assert place.read_bytes() == first
+    training_trust(tmp_path, "m1", [ann])
+    later = checked(place.read_bytes(), pinned=trust.chain[-1])
+    assert later.version == 2
+    assert later.roles["approver"]["keys"] == []
+    assert (tmp_path / "root.key").stat().st_mode & 0o777 == 0o600
+    with pytest.raises(InvalidInputError, match="one key is one person's"):
+        training_trust(tmp_path, "m1", [ann, TrainedSigner("Eve", public_text(team.author), ("approver",))])
