@@ -78,6 +78,18 @@ def open_chain(session: Session, chain_id: str) -> None:
     session.flush()
 
 
+def hold_chain(session: Session, chain_id: str) -> None:
+    """Lock the head of a chain until the end of the transaction.
+
+    Whoever changes something takes the chain first and the rows behind it, as undo must: so no two wait for
+    each other. The embedded database has one writer, and needs no lock.
+    """
+    held = session.info.setdefault("held", set())
+    if chain_id not in held and session.get_bind().dialect.name != "sqlite":
+        session.execute(select(ChainRow.seq).where(ChainRow.id == chain_id).with_for_update())
+        held.add(chain_id)
+
+
 def record(session: Session, chain_id: str, change: Change) -> EventRow:
     """Append an event to a chain, in the caller's transaction: all events of one are one act for undo.
 

@@ -11,18 +11,13 @@ from ground.errors import (
     StaleRevisionError,
 )
 from ground.gdr.base import Columns, Row, utc_now
-from ground.gdr.history import SYSTEM, Change, dump_row, record
+from ground.gdr.history import Change, dump_row, hold_chain, record
 from ground.gdr.ids import new_id
 from ground.records.actor import Actor
 from ground.records.forms import Body
-from ground.records.get_resource import find_row, mission_of
+from ground.records.get_resource import chain_of, find_row, mission_of
 from ground.records.kind import Kind, plain
 from mission.codec import Document
-
-
-def chain_of(row: Row) -> str:
-    """Return the chain of events a row's changes are written to."""
-    return mission_of(row) or SYSTEM
 
 
 def new_row(kind: Kind[Any], actor: Actor, mission_id: str, given: Body, /, **columns: object) -> Any:
@@ -35,6 +30,7 @@ def new_row(kind: Kind[Any], actor: Actor, mission_id: str, given: Body, /, **co
 
 def insert(session: Session, actor: Actor, kind: Kind[Any], row: Row, *, reason: str = "") -> None:
     """Add a row and write the event."""
+    hold_chain(session, chain_of(row))
     session.add(row)
     session.flush()
     change = Change(actor.name, "create", kind.name, row.id, None, public(row), reason)
@@ -74,6 +70,7 @@ def update(
     """Set columns, count the revision up and write the event; nothing happens if nothing is new."""
     if all(getattr(row, name) == value for name, value in changes.items()):
         return
+    hold_chain(session, chain_of(row))
     before = public(row)
     for name, value in changes.items():
         setattr(row, name, value)
@@ -90,6 +87,7 @@ def update(
 def remove(session: Session, actor: Actor, kind: Kind[Any], row: Row, *, reason: str = "") -> None:
     """Delete a row and write the event, which keeps the whole row."""
     before, chain = public(row), chain_of(row)
+    hold_chain(session, chain)
     session.delete(row)
     session.flush()
     record(session, chain, Change(actor.name, "delete", kind.name, row.id, before, None, reason))

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError, NotFoundError
 from ground.gdr.base import Row
+from ground.gdr.history import SYSTEM, hold_chain
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.kind import Kind
@@ -21,6 +22,11 @@ _MISSIONS = table("missions", column("id"))
 def mission_of(row: Row) -> str | None:
     """Return the id of the mission a row belongs to."""
     return getattr(row, row.mission_key, None)
+
+
+def chain_of(row: Row) -> str:
+    """Return the chain of events a row's changes are written to."""
+    return mission_of(row) or SYSTEM
 
 
 @lru_cache(maxsize=64)
@@ -45,12 +51,18 @@ def find_row(
 ) -> Any:
     """Return a row, locked until the end of the transaction where it is about to change.
 
+    What can be undone is locked behind the head of its history, as undo does it.
+
     Raises
     ------
     NotFoundError
         If there is none; `pointer` is the member of the form that names it.
     """
-    row = session.get(kind.row, resource_id, with_for_update=True if lock else None)
+    row = session.get(kind.row, resource_id)
+    if lock and row is not None:
+        if kind.undoable:
+            hold_chain(session, chain_of(row))
+        row = session.get(kind.row, resource_id, with_for_update=True)
     if row is None:
         raise NotFoundError(f"there is no {kind.title} {resource_id}", pointer=pointer)
     return row

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
+from sqlalchemy import select, text
 
 from ground.gdr.repository import Repository
+from ground.records.actor import SYSTEM_ACTOR, Actor, Role
+from ground.records.edit import open_for_change, update
+from ground.resources.frames.row import FrameRow
+from ground.resources.history.undo import redo, undo
+from ground.resources.kinds import KINDS
 from ground.resources.missions.value import Mission
+from ground.resources.solutions.choose_solution import GivenSolution, insert_solution
+from ground.resources.targets.bodies import TargetCreate
+from ground.resources.targets.create_target import create_target
+from ground.resources.targets.row import TargetRow
 from studies.undo_in_any_order import BAD, digest, study
-from tests.ground.conftest import Api
+from tests.ground.conftest import PLANNER, Api
 
 
 def last(api: Api, mission: Mission) -> int:
@@ -88,6 +100,67 @@ def test_what_is_no_act_of_people_is_refused_by_name(api: Api, mission: Mission)
     event = {"event": last(api, mission)}
     assert api("POST", f"/missions/{mission.id}/undo", event).status_code == 409
     api.post(f"/missions/{mission.id}/undo", {**event, "anyone": True}, 200)
+
+
+def test_a_frame_does_not_go_with_solutions_that_a_job_made(api: Api, mission: Mission) -> None:
+    url = f"/missions/{mission.id}/frames"
+    site, other = (api.post(url, {"name": "SITE_FRAME", "counter": [n]})["id"] for n in (1, 2))
+    made = last(api, mission)
+    given = GivenSolution("adjusted", site, [1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
+    with api.repo.database.write() as session:
+        frame = session.get_one(FrameRow, other)
+        solution = insert_solution(session, SYSTEM_ACTOR, frame, given, {"kind": "traverse"}).id
+    answer = api("POST", f"/missions/{mission.id}/undo", {"event": made})
+    assert (answer.status_code, answer.json()["event"]) == (409, last(api, mission))
+    assert f"localization solution {solution} by system) rests on it" in answer.json()["detail"]
+    assert api.get(f"/solutions/{solution}")["frame_id"] == other
+
+
+def test_a_large_act_is_taken_back_whole_and_however_far_back(
+    repo: Repository, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ground.resources.history.undo.LOOK_BACK", 3)
+    given = [TargetCreate(east_m=0.1 * n, north_m=1.0) for n in range(8)]
+    with repo.database.act(lambda _session: None):
+        for body in given:
+            create_target(repo, PLANNER, mission.id, body)
+    scientist = Actor("Scientist", Role.SCIENTIST)
+    for body in given:
+        create_target(repo, scientist, mission.id, body)
+    assert len(undo(repo, PLANNER, mission.id)) == 8
+    assert len(redo(repo, PLANNER, mission.id)) == 8
+    assert len(undo(repo, PLANNER, mission.id)) == 8
+    assert len(undo(repo, scientist, mission.id)) == 1
+    with repo.database.read() as session:
+        assert len(session.scalars(select(TargetRow)).all()) == 7
+
+
+def blocked(repo: Repository) -> bool:
+    """Return whether somebody waits for a lock; on the embedded database a writer always does."""
+    if repo.database.is_sqlite:
+        return True
+    waits = "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()"
+    with repo.database.engine.connect() as connection:
+        return bool(connection.scalar(text(f"{waits} AND wait_event_type = 'Lock'")))
+
+
+def test_an_edit_and_an_undo_at_the_same_time_do_not_wait_for_each_other(
+    repo: Repository, mission: Mission
+) -> None:
+    target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=1.0, north_m=1.0, name="Rock"))
+    kind = KINDS["target"]
+    with ThreadPoolExecutor(1) as pool:
+        with repo.database.write() as session:
+            row = open_for_change(session, PLANNER, kind, target.id, None)
+            undone = pool.submit(undo, repo, PLANNER, mission.id)
+            end = time.monotonic() + 60.0
+            while not blocked(repo):
+                assert time.monotonic() < end
+                time.sleep(0.01)
+            update(session, PLANNER, kind, row, {"name": "Slab"})
+        assert [event.action for event in undone.result(60.0)] == ["undo"]
+    with repo.database.read() as session:
+        assert session.get_one(TargetRow, target.id).name == "Rock"
 
 
 def test_random_acts_taken_back_in_random_order_leave_the_first_mission(repo: Repository) -> None:

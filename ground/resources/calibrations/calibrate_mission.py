@@ -9,6 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError
+from ground.gdr.history import hold_chain
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.jobs.value import Job
@@ -98,6 +99,7 @@ def calibration_order(
 
 def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
     """Give the mission its calibration, unless it is gone."""
+    hold_chain(session, job.subject_id)
     row = session.get(MissionRow, job.subject_id, with_for_update=True)
     if row is None:
         return None

@@ -16,6 +16,7 @@ from sqlalchemy import Text, UniqueConstraint, cast, select
 from sqlalchemy.orm import Session
 
 from ground.errors import StateError
+from ground.gdr.base import Row
 from ground.gdr.history import EventRow
 from ground.resources.kinds import KINDS
 
@@ -214,6 +215,31 @@ def require_unique(acts: Acts, original: Line, row: Any, restored: Collection[st
             after = event.after or {}
             if names & cells(event) and all(after.get(n) == getattr(row, n) for n in names):
                 refuse(word, original, line)
+
+
+def require_unused(acts: Acts, original: Line, row: Row, word: str) -> None:
+    """Raise if rows would go with one that is to go, unseen by the history: those that a job made, say.
+
+    Raises
+    ------
+    StateError
+        It names the event by which one of them came.
+    """
+    table = row.__table__
+    for kind in KINDS.values():
+        for column in kind.row.__table__.columns:
+            if not any(key.column.table is table for key in column.foreign_keys):
+                continue
+            found = acts.session.scalar(select(kind.row.id).where(column == row.id).limit(1))
+            if found is None:
+                continue
+            e = EventRow
+            query = select(e).where(e.chain_id == acts.chain_id, e.subject_id == found).order_by(e.seq.desc())
+            came = acts.session.scalars(query.limit(1)).first()
+            number = None if came is None else came.seq
+            told = f"{kind.title} {found}" if came is None else str(_line_of(came))
+            stays = "" if kind.undoable else ", and stays"
+            raise StateError(f"cannot {word} {original}: {told} rests on it{stays}", event=number)
 
 
 def newest_touching(acts: Acts, original: Line, names: frozenset[str]) -> Line | None:

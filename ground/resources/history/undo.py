@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from ground.errors import GroundError, NotFoundError, StateError
 from ground.gdr.base import utc_now
-from ground.gdr.history import ChainRow, Change, EventRow, record
+from ground.gdr.history import ChainRow, Change, EventRow, hold_chain, record
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.edit import public
@@ -27,11 +27,12 @@ from ground.resources.history.acts import (
     require_free,
     require_there,
     require_unique,
+    require_unused,
 )
 from ground.resources.kinds import KINDS
 
 LOOK_BACK = 2000
-"""How many events back the last act is looked for; one that is named may be of any age."""
+"""How many events back the last act is looked for at first; then eight times as many, and so on."""
 
 
 def undo(
@@ -62,15 +63,11 @@ def _turn_back(
     try:
         with repo.database.write() as session:
             require_mission(session, mission_id)
-            head = session.scalar(
-                select(ChainRow.seq).where(ChainRow.id == mission_id).with_for_update()
-            )  # locked: nobody acts between look and change
+            hold_chain(session, mission_id)  # nobody acts between look and change
             if event is None:
-                acts = Acts(session, mission_id, max(1, (head or 0) - LOOK_BACK))
-                chosen = _last_act(acts, actor, anyone, word)
-            else:
-                acts = Acts(session, mission_id, _first_of_act(session, mission_id, event))
-                chosen = _named_act(acts, actor, anyone, event, word)
+                event = _event_of_last_act(session, actor, mission_id, anyone, word)
+            acts = Acts(session, mission_id, _first_of_act(session, mission_id, event))
+            chosen = _named_act(acts, actor, anyone, event, word)
             for original in chosen:
                 require_free(acts, original, word)
             if word == "redo":
@@ -111,26 +108,49 @@ def _may_turn(line: Line) -> bool:
     return line.counts and not (line.kind == "mission" and (line.action in {"create", "import"} or line.gone))
 
 
-def _last_act(acts: Acts, actor: Actor, anyone: bool, word: str) -> list[Line]:
-    """Return the originals of the act to turn back, newest first.
+def _event_of_last_act(session: Session, actor: Actor, mission_id: str, anyone: bool, word: str) -> int:
+    """Return the number of an event of the act to turn back, looked for further and further back."""
+    head = session.scalar(select(ChainRow.seq).where(ChainRow.id == mission_id)) or 0
+    reach = LOOK_BACK
+    while True:
+        first = max(1, head - reach + 1)
+        found = _last_act(Acts(session, mission_id, first), actor, anyone, word)
+        if found is not None:
+            return found
+        if first == 1:
+            raise StateError(f"there is nothing to {word}")
+        reach *= 8
+
+
+def _last_act(acts: Acts, actor: Actor, anyone: bool, word: str) -> int | None:
+    """Return the number of an original of the act to turn back; None if it is not among these events.
 
     Undo looks for what was done last, for the first time or again; redo for what was last taken back, and
     finds nothing once another act came behind it.
+
+    Raises
+    ------
+    StateError
+        If there is none, however far back one looks.
     """
     for line in reversed(acts.lines.values()):
         if not line.counts or not (anyone or line.actor == actor.name):
             continue
-        root = acts.lines.get(line.root)
-        if root is None or acts.last(line.root) != line:
+        if acts.last(line.root) != line:
             continue
+        root = acts.lines.get(line.root)
+        if root is None:
+            return None  # the act began further back
         if word == "undo" and line.action != "undo":
             if not _may_turn(root):
                 break
-            return [o for o in acts.act_of(root) if acts.is_done(o.seq)]
+            return line.root
         if word == "redo" and line.action == "undo":
-            return [o for o in acts.act_of(root) if not acts.is_done(o.seq)]
+            return line.root
         if word == "redo" and line.action != "redo":
             break
+    else:
+        return None
     raise StateError(f"there is nothing to {word}")
 
 
@@ -145,6 +165,7 @@ def _reverse(acts: Acts, actor: Actor, original: Line, word: str) -> EventRow:
     if (row is None) != (turned.after is None):
         raise StateError(f"cannot {word} {original}: it is not what the history says")
     if turned.before is None:
+        require_unused(acts, original, row, word)
         session.delete(row)
     else:
         values = _columns(kind.row, {n: turned.before[n] for n in turned.before if n in names})
