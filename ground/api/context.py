@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 import tempfile
-from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from typing import Annotated, Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import orjson
 from fastapi import APIRouter, Depends, Header, Path, Query, Request
+from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -22,6 +23,7 @@ from starlette.responses import FileResponse, Response
 
 from ground.api.etags import etag_of, revision_wanted
 from ground.api.problems import Answers, responses
+from ground.errors import InvalidInputError
 from ground.gdr.database import in_act
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
@@ -41,8 +43,9 @@ Id = Annotated[str, Path(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
 Limit = Annotated[int, Query(ge=1, le=1000, description="how many at most")]
 Cursor = Annotated[
     str | None,
-    Query(max_length=200, pattern=r"^[A-Za-z0-9_-]+$", description="`next_cursor` of the page before"),
+    Query(max_length=2000, pattern=r"^[A-Za-z0-9_-]+$", description="`next_cursor` of the page before"),
 ]
+Count = Annotated[bool, Query(description="say in `total` how many there are in all")]
 IfMatch = Annotated[str | None, Header(description="ETag of what was seen, or `*`; its revision counts")]
 SiteNumber = Annotated[int | None, Query(ge=0, le=2**31 - 1, description="frames of this site alone")]
 FilterId = Annotated[str | None, Query(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
@@ -121,6 +124,9 @@ class Ask:
         limit: int,
         cursor: str | None,
         where: Mapping[str, object] | None = None,
+        *,
+        sort: str | None = None,
+        count: bool = False,
     ) -> Response:
         """Answer with one page of a list; conditions that are None do not count."""
         return answer(
@@ -133,6 +139,8 @@ class Ask:
                 limit=limit,
                 cursor=cursor,
                 where=where,
+                sort=sort,
+                count=count,
             )
         )
 
@@ -195,6 +203,31 @@ class _Route(APIRoute):
             return await answer.later() if isinstance(answer, Queued) else answer
 
         super().__init__(path, once, **options)
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Return what answers a request; one with a parameter that nobody asked for is refused by its name.
+
+        A mistyped filter would else give everything.
+        """
+        handle = super().get_route_handler()
+        known = set(_query_of(self.dependant))
+
+        async def careful(request: Request) -> Response:
+            if request.scope["query_string"]:
+                strange = next((name for name in request.query_params if name not in known), None)
+                if strange is not None:
+                    there = f"there are {', '.join(sorted(known))}" if known else "it takes none"
+                    raise InvalidInputError(f"no parameter {strange[:40]!r}; {there}", pointer=strange[:40])
+            return await handle(request)
+
+        return careful
+
+
+def _query_of(dependant: Dependant) -> Iterator[str]:
+    """Yield the names of the parameters that an endpoint and what it depends on take behind the `?`."""
+    yield from (parameter.alias for parameter in dependant.query_params)
+    for part in dependant.dependencies:
+        yield from _query_of(part)
 
 
 def _at_once(endpoint: Coroutine[Any, Any, Answer]) -> Answer:

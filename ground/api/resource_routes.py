@@ -3,18 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
+from enum import Enum
 from inspect import Parameter, Signature
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from starlette.responses import Response
 
-from ground.api.context import PREFIX, Ask, Asked, Cursor, Id, IfMatch, Limit, api_router, created
+from ground.api.context import (
+    PREFIX,
+    Ask,
+    Asked,
+    Count,
+    Cursor,
+    FilterId,
+    Id,
+    IfMatch,
+    Limit,
+    api_router,
+    created,
+)
 from ground.api.jobs_answer import JOB_ANSWERS, Prefer, accepted
 from ground.api.problems import responses
 from ground.jobs.value import Job
-from ground.records.forms import Body, Page
+from ground.records.forms import ONE_LINE, Body, Page
 from ground.records.kind import Kind
+from ground.records.scalars import largest, narrowing, sortable
 
 Endpoint = Callable[..., Awaitable[Response]]
 UseCase = Callable[..., Any]
@@ -39,7 +53,8 @@ def resource_routes(
     Parameters
     ----------
     where
-        Columns by which a list can be narrowed, with the type of the parameter; None does not count.
+        Conditions of a list beside the members of the kind, with the type of the parameter; None does not
+        count.
     limit
         How many a list has unless it is said.
     makes, starts
@@ -51,8 +66,16 @@ def resource_routes(
     inside = f"/missions/{{mission_id}}/{kind.collection}" if mission else f"/{kind.collection}"
     known = (404,) if mission else ()
 
-    async def page(ask: Ask, limit: int, cursor: str | None, mission_id: str = "", **found: Any) -> Response:
-        return await ask.page(kind.name, mission_id or None, limit, cursor, found)
+    async def page(
+        ask: Ask,
+        limit: int,
+        cursor: str | None,
+        sort: str | None,
+        count: bool,
+        mission_id: str = "",
+        **found: Any,
+    ) -> Response:
+        return await ask.page(kind.name, mission_id or None, limit, cursor, found, sort=sort, count=count)
 
     async def one(ask: Ask, **place: str) -> Response:
         return await ask.one(kind.name, place[key])
@@ -69,7 +92,8 @@ def resource_routes(
     seen = {"if_match": (IfMatch, None)}
     if lists:
         given = {**mission, "limit": (Limit, limit), "cursor": (Cursor, None)}
-        given |= {column: (form, None) for column, form in (where or {}).items()}
+        given |= {"sort": (_sort(kind), None), "count": (Count, False)}
+        given |= {name: (form, None) for name, form in {**_filters(kind), **(where or {})}.items()}
         told = described(f"list_{kind.collection.replace('-', '_')}", lists, given, page)
         add("GET", inside, told, (*known, 422), response_model=Page.__class_getitem__(kind.value))
     if makes is not None:
@@ -87,6 +111,31 @@ def resource_routes(
         told = described(f"delete_{kind.name}", deletes, {key: Id, **seen}, delete)
         add("DELETE", path, told, (404, 409, 412, 422, 428), status_code=204)
     return router
+
+
+def _sort(kind: Kind[Any]) -> object:
+    """Return the type of the parameter by which a list is sorted."""
+    names = ", ".join(f"`{name}`" for name in sortable(kind))
+    about = f"{names}; with `-` in front the largest first, what has none last. Else as they were made"
+    words = "|".join(sortable(kind))
+    told = {"pattern": f"^-?({words})$"}
+    return Annotated[str | None, Query(max_length=60, description=about, json_schema_extra=told)]
+
+
+def _filters(kind: Kind[Any]) -> dict[str, object]:
+    """Return the parameters by which a list is narrowed, each with its type."""
+    found: dict[str, object] = {}
+    for name, form in narrowing(kind).items():
+        if issubclass(form, Enum) or form is bool:
+            found[name] = form | None
+        elif form is int:
+            most = largest(sortable(kind)[name])
+            found[name] = Annotated[int | None, Query(ge=-most - 1, le=most)]
+        elif name.endswith("_id"):
+            found[name] = FilterId
+        else:
+            found[name] = Annotated[str | None, Query(max_length=300, pattern=ONE_LINE)]
+    return found
 
 
 def _making(kind: Kind[Any], mission: Mapping[str, Any], use_case: UseCase, about: str) -> Endpoint:

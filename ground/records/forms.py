@@ -21,6 +21,7 @@ class Page(BaseModel, Generic[T]):
 
     items: list[T]
     next_cursor: str | None
+    total: int | None = Field(default=None, description="How many there are in all, with `count=true`")
 
 
 class Body(BaseModel):

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from sqlalchemy import ColumnElement, func, select
+
+from ground.errors import InvalidInputError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import require_mission
 from ground.records.kind import Kind
-from ground.records.paging import Page, decode_cursor, encode_cursor
+from ground.records.paging import Order, Page
+from ground.records.scalars import sortable
 
 
 def list_resources(
@@ -21,30 +25,61 @@ def list_resources(
     limit: int,
     cursor: str | None,
     where: Mapping[str, object] | None = None,
+    sort: str | None = None,
+    count: bool = False,
 ) -> Page:
-    """Return one page in the order in which the resources were made.
+    """Return one page, in the order in which the resources were made or by the member that `sort` names.
 
     `where` holds columns with the value they must have; those that are None do not count. `orphan` stands
-    for products without a request.
+    for products without a request. With `count` the page says how many there are in all.
+
+    Raises
+    ------
+    InvalidInputError
+        If they cannot be sorted so, or the cursor is not of this list.
     """
     actor.require(Action.READ, mission_id)
-    column = kind.row.__table__.c
-    query = kind.shown().order_by(column.id).limit(limit + 1)
-    if mission_id is not None:
-        query = query.where(column.mission_id == mission_id)
+    order, wanted = _order(kind, sort), _wanted(kind, mission_id, where or {})
+    query = order.put(kind.shown().where(*wanted)).limit(limit + 1)
     if cursor is not None:
-        query = query.where(column.id > decode_cursor(cursor))
-    for name, value in (where or {}).items():
-        if value is None:
-            continue
-        if name == "orphan":
-            query = query.where(column.request_id.is_(None) if value else column.request_id.is_not(None))
-        else:
-            query = query.where(column[name] == value)
-    with repo.database.read() if kind.related else repo.database.connection() as reader:
+        query = query.where(order.behind(cursor))
+    with repo.database.read() if kind.related or count else repo.database.connection() as reader:
         rows: list[Any] = list(reader.execute(query))
         if not rows and mission_id is not None:
             require_mission(reader, mission_id)
         more = len(rows) > limit
         rows = rows[:limit]
-        return Page(kind.show(reader, rows), encode_cursor(rows[-1].id) if more else None)
+        total = None
+        if count:
+            total = reader.scalar(select(func.count()).select_from(kind.row.__table__).where(*wanted))
+        return Page(kind.show(reader, rows), order.cursor(rows[-1]) if more else None, total)
+
+
+def _order(kind: Kind[Any], sort: str | None) -> Order:
+    """Return the order that a word such as `name` or `-created_utc` means."""
+    identifier = kind.row.__table__.c.id
+    word = sort or "id"
+    name = word.removeprefix("-")
+    columns = sortable(kind)
+    if name not in columns:
+        raise InvalidInputError(
+            f"{kind.title}s cannot be sorted by {name[:40]!r}; they can by {', '.join(columns)}",
+            pointer="sort",
+        )
+    return Order(name, columns[name], identifier, word.startswith("-"))
+
+
+def _wanted(
+    kind: Kind[Any], mission_id: str | None, where: Mapping[str, object]
+) -> list[ColumnElement[bool]]:
+    """Return the conditions of a list."""
+    column = kind.row.__table__.c
+    found = [] if mission_id is None else [column.mission_id == mission_id]
+    for name, value in where.items():
+        if value is None:
+            continue
+        if name == "orphan":
+            found.append(column.request_id.is_(None) if value else column.request_id.is_not(None))
+        else:
+            found.append(column[name] == value)
+    return found

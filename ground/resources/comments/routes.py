@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import Asked, FilterId, Id, created
+from ground.api.context import Asked, Id, created
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.resources.comments.bodies import CommentCreate
@@ -16,7 +16,6 @@ router = resource_routes(
     COMMENT,
     "comments",
     lists="List comments, on one resource if wanted.",
-    where={"subject_id": FilterId},
     reads="Read a comment.",
     changes="Change a comment.",
     deletes="Delete a comment.",

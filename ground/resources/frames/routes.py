@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from ground.api.context import SiteNumber
 from ground.api.resource_routes import resource_routes
 from ground.resources.frames.create_frame import create_frame
 from ground.resources.frames.kind import FRAME
-from ground.resources.frames.value import Level
 
 router = resource_routes(
     FRAME,
     "frames",
     lists="List sites, ends of drives and poses, each with its place by the solutions in use.",
-    where={"level": Level | None, "site": SiteNumber},
     makes=(
         create_frame,
         "Name a frame by its motion counter; the first site of a mission becomes its anchor.",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from starlette.responses import Response, StreamingResponse
 
-from ground.api.context import Asked, FilterId, Id, answer
+from ground.api.context import Asked, Id, answer
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.api.streams import EVENT_STREAM, LastEventId, job_stream, mission_stream
 from ground.jobs.kind import JOB
-from ground.jobs.value import Job, JobState
+from ground.jobs.value import Job
 from ground.resources.jobs.cancel_job import cancel_job as cancel_job_use_case
 from ground.resources.jobs.cancel_job import retry_job as retry_job_use_case
 
@@ -17,7 +17,6 @@ router = resource_routes(
     JOB,
     "jobs",
     lists="List the jobs of a mission.",
-    where={"state": JobState | None, "subject_id": FilterId},
     reads="Read a job: state, progress, log, what came of it.",
 )
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from ground.api.context import FilterId
 from ground.api.resource_routes import resource_routes
 from ground.resources.observation_requests.create_request import create_request
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
-from ground.resources.observation_requests.value import RequestState
 
 router = resource_routes(
     OBSERVATION_REQUEST,
     "observation requests",
     lists="List observation requests, of one target or in one state if wanted.",
-    where={"target_id": FilterId, "state": RequestState | None},
     makes=(create_request, "File an observation request; the observation point is found by base placement."),
     reads="Read an observation request.",
     changes="Change an observation request.",

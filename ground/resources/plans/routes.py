@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import Asked, FilterId, Id, answer
+from ground.api.context import Asked, Id, answer
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.resources.plans.answer_what_if import answer_what_if as answer_what_if_use_case
@@ -15,13 +15,12 @@ from ground.resources.plans.generate_plan import generate_plan
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.read_plan import read_crl, read_findings, read_summary, read_tree
 from ground.resources.plans.study_value import PlanComparison, WhatIfAnswer, WhyNot
-from ground.resources.plans.value import Finding, PlanState
+from ground.resources.plans.value import Finding
 
 router = resource_routes(
     PLAN,
     "planning",
     lists="List plans, oldest first.",
-    where={"state": PlanState | None, "sol_id": FilterId},
     starts=(
         generate_plan,
         "Ask for a plan: a job, whose subject is the plan (state draft until it is computed).",

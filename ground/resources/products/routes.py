@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from starlette.responses import FileResponse, Response
 
-from ground.api.context import PRODUCT_FILE, Asked, FilterId, Id, product_file
+from ground.api.context import PRODUCT_FILE, Asked, Id, product_file
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.resources.products.kind import PRODUCT
@@ -14,7 +14,7 @@ router = resource_routes(
     PRODUCT,
     "runs",
     lists="List data products by run, target or request; `orphan=true` lists those that match no request.",
-    where={"run_id": FilterId, "target_id": FilterId, "request_id": FilterId, "orphan": bool | None},
+    where={"orphan": bool | None},
     reads="Read what is known of a data product.",
 )
 

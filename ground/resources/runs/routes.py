@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import Query
 from starlette.responses import FileResponse, Response, StreamingResponse
 
-from ground.api.context import PRODUCT_FILE, Asked, FilterId, Id, answer, product_file
+from ground.api.context import PRODUCT_FILE, Asked, Id, answer, product_file
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.api.streams import EVENT_STREAM, LastEventId
@@ -26,7 +26,6 @@ router = resource_routes(
     RUN,
     "runs",
     lists="List runs, of one plan if wanted.",
-    where={"plan_id": FilterId},
     starts=(dry_run, "Run a plan on a simulated rover: a job, whose subject is the run."),
     reads="Read a run: outcome, utility, options taken.",
     changes="Change the notes of a run.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from starlette.responses import FileResponse, Response
 
-from ground.api.context import Asked, FilterId, Id
+from ground.api.context import Asked, Id
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.resources.site_maps.create_site_map import MEDIA, create_site_map, read_site_map
@@ -14,7 +14,6 @@ router = resource_routes(
     SITE_MAP,
     "frames",
     lists="List the maps made at sites, of one site if wanted.",
-    where={"frame_id": FilterId},
     makes=(
         create_site_map,
         "File an uploaded GeoTIFF in metres east and north of a site; it moves with the site.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import Asked, FilterId, Id, IfMatch, SiteNumber, answer, created
+from ground.api.context import Asked, Id, IfMatch, SiteNumber, answer, created
 from ground.api.etags import revision_wanted
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
@@ -20,7 +20,6 @@ router = resource_routes(
     SOLUTION,
     "frames",
     lists="List every solution there ever was, of one frame if wanted; the oldest first.",
-    where={"frame_id": FilterId},
     reads="Read a solution.",
     changes="Change the notes of a solution; what it says of its frame never changes.",
 )
