@@ -122,7 +122,7 @@ def sampler(text: str, short: bool) -> RareSampler:
     if short:
         cut = whole.crl_text[: whole.crl_text.index(" (task :id look")] + ")))"
         whole = Case(cut, whole.world_text, whole.rover)
-    return RareSampler(whole, read_event(text, TARGETS, ["look"], []))
+    return RareSampler(whole, read_event(text, {"failed": ["look"], "lost": TARGETS}))
 
 
 def estimate(text: str, short: bool, runs: int, seed: int) -> tuple[float, float, float, float]:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 FOLLOWED = frozenset({"child-failed", "parent-failed", "parent-ended", "not-chosen", "contingency-failed"})
 """Reasons that follow from another node's."""
 
+GUARD = "maintain-violated"
+"""Reason of a node whose maintain conditions broke."""
 PLAN = "plan"
 TIME, ENERGY = "time", "energy"
 KEYS = {"time": TIME, "energy-used": ENERGY, "battery-energy": ENERGY}
@@ -61,7 +63,7 @@ class Causes:
         for node in walk_plan(plan):
             for reason, conditions in (
                 ("start-condition", node.start_conditions),
-                ("maintain-violated", node.maintain_conditions),
+                (GUARD, node.maintain_conditions),
                 ("end-condition", node.end_conditions),
             ):
                 if conditions:
@@ -70,11 +72,23 @@ class Causes:
         return Causes(tests, texts)
 
     def of_row(self, row: Row) -> tuple[Cause, ...]:
-        """Return the causes in a row, in the order in which they came up, budgets last."""
+        """Return the causes in a row, in the order in which they came up, budgets last.
+
+        A run that a guard of time or energy ended is over that budget too, or it would not have been ended:
+        that is one failure, and the guard names it.
+        """
         found = [
             self._cause(row, task, why) for task, why in row.reasons.items() if _first(why) not in FOLLOWED
         ]
-        found += [Cause(PLAN, f"over the budget of {name}", name) for name in row.exceeded]
+        guarded = {
+            KEYS[test.key]
+            for task, why in row.reasons.items()
+            if _first(why) == GUARD
+            for test in self.tests.get((task, GUARD), ())
+            if test.key in KEYS and _is_false(test, row)
+        }
+        over = [name for name in row.exceeded if name not in guarded]
+        found += [Cause(PLAN, f"over the budget of {name}", name) for name in over]
         return tuple(dict.fromkeys(found))
 
     def _cause(self, row: Row, task: str, why: str) -> Cause:
@@ -88,10 +102,10 @@ class Causes:
         for test in self.tests[task, reason]:
             if test.key == "trackerstate" and test.argument in row.lost:
                 return Cause(task, f"track of {test.argument} lost", f"track of {test.argument}")
-            if reason == "maintain-violated" and _is_false(test, row):
+            if reason == GUARD and _is_false(test, row):
                 return Cause(task, f"{test.text} no longer held", KEYS[test.key])
         resources = {KEYS[t.key] for t in self.tests[task, reason] if t.key in KEYS}
-        words = "did not hold" if reason != "maintain-violated" else "no longer held"
+        words = "did not hold" if reason != GUARD else "no longer held"
         return Cause(
             task, f"{self.texts[task, reason]} {words}", resources.pop() if len(resources) == 1 else ""
         )

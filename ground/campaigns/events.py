@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ground.campaigns.row import Row
@@ -45,8 +45,8 @@ class RareEvent:
         return sum(1.0 if term.holds(row) else term.progress(row) for term in self.terms)
 
 
-def read_event(text: str, targets: Sequence[str], nodes: Sequence[str], options: Sequence[str]) -> RareEvent:
-    """Return the event that a text describes.
+def read_event(text: str, known: Mapping[str, Sequence[str]]) -> RareEvent:
+    """Return the event that a text describes; `known` are the names that may follow a word.
 
     Terms are `utility`, `end_s` or `energy_used_j` with `<`, `<=`, `>`, `>=` and a number; `failed NODE`;
     `lost TARGET`; `over BUDGET`; `option ID`; `outcome WORD`.
@@ -56,12 +56,11 @@ def read_event(text: str, targets: Sequence[str], nodes: Sequence[str], options:
     InvalidInputError
         If a term cannot be read, or names something that the plan or the world does not have.
     """
-    known = {"failed": nodes, "lost": targets, "option": options}
     terms = tuple(_term(part.strip(), known) for part in re.split(r"\s+and\s+", text.strip()))
     return RareEvent(" and ".join(t.text for t in terms), terms)
 
 
-def _term(text: str, known: dict[str, Sequence[str]]) -> Term:
+def _term(text: str, known: Mapping[str, Sequence[str]]) -> Term:
     if match := _AMOUNT.fullmatch(text):
         return _amount(*match.groups())
     match = _WORD.fullmatch(text)
@@ -71,10 +70,10 @@ def _term(text: str, known: dict[str, Sequence[str]]) -> Term:
             "failed NODE, lost TARGET, over BUDGET, option ID, outcome WORD"
         )
     word, name = match.groups()
-    if word in known and name not in known[word]:
-        raise InvalidInputError(
-            f'event "{text}": there is no {name}; known are {", ".join(known[word][:12])}'
-        )
+    names = known.get(word, ())
+    if name not in names:
+        listed = ", ".join(names[:12]) or "none"
+        raise InvalidInputError(f'event "{text}": there is no {word} {name}; known are {listed}')
     return Term(text, _word(word, name), lambda _row: 0.0)
 
 

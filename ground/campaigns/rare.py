@@ -19,7 +19,7 @@ import numpy as np
 
 from ground.campaigns.case import Case
 from ground.campaigns.events import RareEvent
-from ground.campaigns.intervals import Z
+from ground.campaigns.intervals import CONFIDENCE, Z
 from ground.campaigns.pilot import Pilot, pilot_of
 from ground.campaigns.row import Row
 from ground.errors import InvalidInputError
@@ -72,15 +72,16 @@ class RareResult:
     Parameters
     ----------
     probability, standard_error, low, high
-        Estimate and its interval of 95 %.
+        Estimate and its interval of 95 %; where it never happened, `high` is what the runs with the true odds
+        leave open.
     runs, pilot_runs
         Runs of the estimate; runs spent on looking for tilts.
     hits
         Runs of the estimate in which it happened.
     effective_runs
         Runs of plain sampling that would give the same standard error.
-    examples
-        Draws that were tilted most: array, index, shift or chance.
+    tilts
+        Draws that were tilted most, in words.
     """
 
     event: str
@@ -301,7 +302,7 @@ class RareSampler:
             mean,
             error,
             max(0.0, mean - Z * error),
-            mean + Z * error,
+            min(1.0, mean + Z * error) if hits else unseen_at_most(true_runs),
             left,
             spent,
             hits,
@@ -326,6 +327,14 @@ PROBES = 50
 """Runs that find which coins there are; each makes the failures that it saw more frequent for the next."""
 SMALL_SHIFT = 0.05
 """Shifts below this are noise of the fit and only spread the weights."""
+
+
+def unseen_at_most(runs: int) -> float:
+    """Return the upper end of the interval for what did not happen in so many runs with the true odds.
+
+    Exact (Clopper and Pearson 1934). Tilted runs prove nothing here: the tilt may lead away from the event.
+    """
+    return 1.0 - math.pow((1.0 - CONFIDENCE) / 2, 1.0 / runs)
 
 
 def _bent(u: float, true: float, tilted: float) -> float:
@@ -355,5 +364,5 @@ def summary_line(result: RareResult) -> str:
         f"relative standard error {result.standard_error / result.probability:.1%}, {result.hits:,} hits in "
         f"{result.runs:,} runs; plain sampling would need {result.effective_runs:,.0f}"
         if result.probability > 0
-        else f"P({result.event}): not seen in {result.runs:,} runs; nothing can be said but that it is rare"
+        else f"P({result.event}): not seen in {result.runs:,} runs; at most {result.high:.3g}"
     )

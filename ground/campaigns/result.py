@@ -87,7 +87,7 @@ class BadRun:
 class Difference:
     """A case minus the plan as it is, over the same seeds: mean of the differences with its interval.
 
-    `runs_apart` are the runs in which the two earn differently; `variance_ratio` is the variance that
+    `better` and `worse` count the runs in which it earns more and less; `variance_ratio` is the variance that
     independent seeds would have, over that of the pairs.
     """
 

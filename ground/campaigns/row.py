@@ -10,6 +10,8 @@ CSV_HEAD = "seed,utility,outcome,end_s,energy_used_j,options"
 UNFINISHED = "UNFINISHED"
 
 _LETTERS = {"SUCCEEDED": "S", "FAILED": "F", "ABORTED": "A", "SKIPPED": "-", None: "?"}
+OUTCOMES = ("SUCCEEDED", "FAILED", "ABORTED", "SKIPPED", UNFINISHED)
+"""Outcomes that a plan may have."""
 _WORDS = {letter: word for word, letter in _LETTERS.items()}
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ground.campaigns.case import Case
 from ground.campaigns.result import CampaignResult
+from ground.campaigns.row import OUTCOMES
 from ground.reports.plan_drawing import Box
 
 if TYPE_CHECKING:
@@ -57,10 +58,16 @@ def _line(name: str, share: tuple[float, float, float, float] | None) -> str:
     return f"{name}  {succeeded:.0%}" + (f", failed {wrong:.1%}" if wrong else "")
 
 
-def names_in(case: Case) -> tuple[list[str], list[str], list[str]]:
-    """Return the targets of a case's world, the nodes of its plan and the ids of its options."""
+def names_in(case: Case) -> dict[str, list[str]]:
+    """Return the names of a case that may follow each word of an event."""
     from executive.crl.nodes import Branch, walk_plan
 
-    nodes = list(walk_plan(case.plan()))
-    options = [option.id for node in nodes if isinstance(node, Branch) for option in node.options]
-    return [str(t["id"]) for t in case.problem.get("targets", ())], [node.id for node in nodes], options
+    plan = case.plan()
+    nodes = list(walk_plan(plan))
+    return {
+        "failed": [node.id for node in nodes],
+        "lost": [str(t["id"]) for t in case.problem.get("targets", ())],
+        "over": [budget.resource for budget in plan.budgets],
+        "option": [option.id for node in nodes if isinstance(node, Branch) for option in node.options],
+        "outcome": list(OUTCOMES),
+    }

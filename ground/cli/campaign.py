@@ -174,7 +174,7 @@ def rare(
 
     with refusals():
         case = read_case(plan, world, "abstract", any_world=any_world)
-        found = RareSampler(case, read_event(event, *names_in(case))).estimate(runs, seed)
+        found = RareSampler(case, read_event(event, names_in(case))).estimate(runs, seed)
         if out is not None:
             out.write_text(RARE.write(found, indent=1) + "\n", encoding="utf-8")
     typer.echo(summary_line(found))

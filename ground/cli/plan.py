@@ -92,7 +92,7 @@ def write_plan(problem: Problem, result: PlanResult, out: Path) -> None:
     import json
 
     from executive.crl.printer import digest, readable_text
-    from ground.resources.plans.work import summary_of
+    from ground.day.plan_summary import summary_of
     from planner.emit_crl import emit
     from planner.plan_tree import plan_tree_to_dict
     from planner.solve import PlanStatus

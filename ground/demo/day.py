@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ground.day.plan_summary import summary_of
 from ground.day.prepare import PreparedDay, prepare_day
 from ground.demo.mission import demo_mission
 from ground.errors import InvalidInputError
@@ -84,7 +85,7 @@ def run_day(
     RoverError, PlannerError, ExecutiveError
         If a room refuses its part.
     """
-    from executive.crl import canonical_text
+    from executive.crl import canonical_text, digest
     from planner.emit_crl import emit
     from planner.plan_tree import plan_tree_to_dict
     from planner.problem import problem_to_dict
@@ -120,8 +121,10 @@ def run_day(
         tree = plan_tree_to_dict(plan.tree, problem)
         _write_json(out / "plan_tree.json", tree)
     with clock.stage("CRL"):
-        crl_text = canonical_text(emit(problem, plan.tree, plan_id="demo"))
+        crl = emit(problem, plan.tree, plan_id="demo")
+        crl_text = canonical_text(crl)
         (out / "plan.crl").write_text(crl_text, encoding="utf-8")
+        _write_json(out / "summary.json", summary_of(problem, plan, digest(crl)))
     fault = loss_to_inject(document, tree)
     with clock.stage("dry run on the simulated rover") as tell:
         simulated = make_rover(

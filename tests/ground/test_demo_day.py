@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from executive.crl import digest, parse
+from ground.campaigns.inputs import expected_utility
 from ground.demo.day import loss_to_inject
 from tests.shared import ROOT, shared
 
@@ -32,6 +34,10 @@ def test_demo_runs_a_whole_day_on_generated_terrain(tmp_path: Path) -> None:
     assert problem["format"] == "problem/1"
     assert sum(len(t["observations"]) for t in problem["targets"]) <= 14
     assert json.loads((out / "plan_tree.json").read_text())["format"] == "plan-tree/2"
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["format"] == "plan-summary/1"
+    assert expected_utility(out / "plan.crl") == summary["expected_utility"] > 0
+    assert summary["crl_sha256"] == digest(parse((out / "plan.crl").read_text()))
     run = json.loads((out / "run.json").read_text())
     assert run["format"] == "run/1"
     assert [f["kind"] for f in run["faults"]] == ["lose-target"]

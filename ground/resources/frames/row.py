@@ -19,7 +19,7 @@ class FrameRow(Row):
 
     mission_id: Mapped[str] = mission_column()
     key: Mapped[str] = mapped_column(String(120))
-    """Text80 and motion counter, `ROVER_FRAME 137.26`."""
+    """Name and motion counter, `ROVER_FRAME 137.26`."""
     name: Mapped[Text80]
     counter: Mapped[list[Any]]
     level: Mapped[str] = mapped_column(String(10))

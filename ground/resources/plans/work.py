@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from ground.day.plan_summary import finite, summary_of
 from ground.day.prepare import Report
 from ground.errors import JobFailedError
 from ground.jobs.queue import WorkStoppedError
@@ -16,8 +17,6 @@ from planner.changes import changed_problem
 
 if TYPE_CHECKING:
     from executive.crl.dictionary import Dictionary
-    from planner.problem import Problem
-    from planner.solve import PlanResult
 
 STOPPED = "The search was stopped; this is the best plan it had found."
 
@@ -105,7 +104,7 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Do
         "expected_utility": result.expected_utility,
         "standard_error": None if check is None else check.standard_error,
         "lower": result.lower,
-        "upper": _finite(result.upper),
+        "upper": finite(result.upper),
         "branches": result.branches,
         "summary": {
             **summary_of(problem, result, digest(crl)),
@@ -115,37 +114,6 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Do
         "geometry": network_geometry(day),
         "observation_points": observation_points(day),
     }
-
-
-def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> Document:
-    """Return the planner's summary, `plan-summary/1`; infinite values become null."""
-    check = result.check
-    return {
-        "format": "plan-summary/1",
-        "status": result.status.value,
-        "strategy": result.strategy,
-        "evaluator": result.evaluator,
-        "expected_utility": result.expected_utility,
-        "standard_error": 0.0 if check is None else check.standard_error,
-        "monte_carlo": 0.0 if check is None else check.mean,
-        "overrun_probability": 0.0 if check is None else check.overrun,
-        "max_overrun_probability": problem.max_overrun_probability,
-        "lower": result.lower,
-        "upper": _finite(result.upper),
-        "optimum_estimate": _finite(result.optimum_estimate),
-        "branches": result.branches,
-        "value_by_branches": [_finite(value) for value in result.curve],
-        "wall_s": round(result.wall_s, 3),
-        "first_plan_s": round(result.first_plan_s, 3),
-        "seed": result.seed,
-        "reasons": list(result.reasons),
-        "problem_sha256": problem.digest(),
-        "crl_sha256": crl_sha256,
-    }
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
 
 
 def findings_of(text: str, language: Dictionary, *, battery_j: float) -> list[Document]:

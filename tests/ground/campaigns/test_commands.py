@@ -150,8 +150,13 @@ def test_a_folder_without_a_campaign_or_a_seed_is_told(tmp_path: Path) -> None:
     ("event", "message"),
     [
         ("late", "a term is utility, end_s"),
-        ("failed nothing", "there is no nothing; known are root"),
-        ("end_s > 1 and lost T9", "there is no T9; known are T1, T2"),
+        ("failed nothing", "there is no failed nothing; known are root"),
+        ("end_s > 1 and lost T9", "there is no lost T9; known are T1, T2"),
+        ("over money", "there is no over money; known are time, energy"),
+        (
+            "outcome LATE",
+            "there is no outcome LATE; known are SUCCEEDED, FAILED, ABORTED, SKIPPED, UNFINISHED",
+        ),
     ],
 )
 def test_an_event_that_cannot_be_read_is_told(tmp_path: Path, event: str, message: str) -> None:

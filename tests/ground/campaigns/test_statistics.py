@@ -17,7 +17,7 @@ from ground.campaigns.events import read_event
 from ground.campaigns.inputs import expected_utility, option_odds, read_case
 from ground.campaigns.intervals import quantile_interval, share_interval
 from ground.campaigns.pilot import pilot_of
-from ground.campaigns.rare import RareOptions, RareSampler, Tilt
+from ground.campaigns.rare import RareOptions, RareSampler, Tilt, summary_line
 from ground.campaigns.row import Row
 from tests.ground.campaigns.small import write_small
 
@@ -80,6 +80,11 @@ def test_failure_modes_name_task_condition_and_resource_and_their_examples_have_
     assert ("plan", "over the budget of time") in modes
     assert ("touch-T2", "action failed: no usable product") in modes
     causes = Causes.of(case.plan())
+    ended = [r for r in rows if r.reasons.get("root", "").startswith("maintain-violated")]
+    assert any("time" in r.exceeded for r in ended)
+    assert late.runs + modes["plan", "over the budget of time"].runs == sum(
+        "time" in r.exceeded for r in rows
+    )
     by_seed = {r.seed: r for r in rows}
     for mode in tally.failures():
         assert 1 <= len(mode.examples) <= 3
@@ -120,7 +125,7 @@ def test_the_interval_of_a_quantile_holds_the_truth_as_often_as_it_says(runs: in
 
 def test_a_tilted_draw_keeps_its_likelihood(case: Case) -> None:
     """Weights of the tilted runs have mean 1, and weighted means are those of the plain runs."""
-    event = read_event("end_s > 1", ["T1", "T2"], ["root"], [])
+    event = read_event("end_s > 1", {})
     sampler = RareSampler(case, event)
     tilt = Tilt(
         shift={("leg_time_s", (0, 1)): 0.7, ("obs_time_s", (1,)): -0.4},
@@ -140,7 +145,7 @@ def test_a_tilted_draw_keeps_its_likelihood(case: Case) -> None:
 
 
 def test_plain_runs_are_those_of_the_campaign(case: Case) -> None:
-    sampler = RareSampler(case, read_event("utility < 1", [], [], []))
+    sampler = RareSampler(case, read_event("utility < 1", {}))
     for seed in (1, 2, 77):
         assert sampler.fly(seed, Tilt()).row == pilot_of(case).row(seed)
 
@@ -155,13 +160,29 @@ def test_a_rare_event_with_a_closed_form_is_met(case: Case) -> None:
     end_s = 40 + drive_s + 90  # two track starts, and what tracking adds to a drive
     sampler = RareSampler(
         Case(short, case.world_text, "abstract"),
-        read_event(f"end_s > {end_s}", [], [], []),
+        read_event(f"end_s > {end_s}", {}),
         RareOptions(pilot_runs=200, pilots=5),
     )
     found = sampler.estimate(3000, 1)
     assert found.probability == pytest.approx(1e-4, abs=4 * found.standard_error)
     assert found.standard_error < 0.15e-4
     assert found.runs + found.pilot_runs == 3000
+
+
+def test_an_event_that_never_happened_may_still_have_the_chance_that_the_runs_leave_open(case: Case) -> None:
+    sampler = RareSampler(case, read_event("end_s < 0", {}), RareOptions(pilot_runs=20, pilots=1))
+    found = sampler.estimate(300, 1)
+    assert (found.probability, found.hits, found.low) == (0.0, 0, 0.0)
+    true_runs = round(0.1 * found.runs)
+    assert (1 - found.high) ** true_runs == pytest.approx(0.025)  # so seldom nothing at all is seen of it
+    assert summary_line(found).endswith(f"not seen in {found.runs} runs; at most {found.high:.3g}")
+
+
+def test_the_interval_of_what_nearly_always_happens_ends_at_one(case: Case) -> None:
+    sampler = RareSampler(case, read_event("end_s > 1", {}), RareOptions(pilot_runs=20, pilots=1))
+    found = sampler.estimate(300, 1)
+    assert found.probability > 0.9
+    assert found.high == 1.0
 
 
 def test_predictions_are_read_from_the_plan(tmp_path: Path) -> None:
