@@ -10,10 +10,13 @@ import contextlib
 import logging
 import socket
 import threading
+import time
 from collections.abc import Callable
+from enum import StrEnum
 from pathlib import Path
 
 from executive.errors import WireError
+from executive.ports import Link
 from executive.runtime.codec import Json, command_id_to_json
 from executive.runtime.live import LiveRuntime
 from executive.runtime.wire.address import Address, dial, listen
@@ -28,11 +31,24 @@ AGAIN_S = 0.1
 ANSWER_S = 2.0
 """How long an answer may take before the run counts as hung."""
 
+STOP_S = 1.0
+"""How long an answer to a stop waits for the rover's word; less than `ANSWER_S`."""
+STOP_POLL_S = 0.002
+
+
+class Stopped(StrEnum):
+    """What is known of the rover when a run has been told to stop."""
+
+    CONFIRMED = "stopped"
+    """It says that it has stopped."""
+    ASKED = "asked"
+    """It was told, or will be when there is a line, and has said nothing yet."""
+    SAFEMODE = "safemode"
+    """It has no link of its own and was sent the command `safemode`."""
+
 
 def link_document(runtime: LiveRuntime) -> Json:
     """Return the state of link and queue of a run as JSON."""
-    from executive.ports import Link
-
     document: Json = {"t_s": runtime.clock.now_ms() / 1000}
     if not isinstance(runtime.port, Link):
         return document
@@ -61,6 +77,18 @@ class RunControl:
         """Whether the plan is held, or goes on no further than a step."""
         return self.runtime.held
 
+    def _wait_for_stop(self) -> Stopped:
+        """Return how the rover stands after a stop; waits a while for its word."""
+        port = self.runtime.port
+        if not isinstance(port, Link):
+            return Stopped.SAFEMODE
+        end = time.monotonic() + STOP_S
+        while port.link().stopping:
+            if time.monotonic() > end:
+                return Stopped.ASKED
+            time.sleep(STOP_POLL_S)
+        return Stopped.CONFIRMED
+
     def answer(self, request: Json) -> Json:
         """Return the answer to a request; one that cannot be met says why."""
         runtime = self.runtime
@@ -68,6 +96,7 @@ class RunControl:
             case "stop":
                 self.stopped = True
                 runtime.emergency_stop()
+                return {"ok": True, "rover": self._wait_for_stop().value}
             case "abort":
                 self.stopped = True
                 runtime.stop()

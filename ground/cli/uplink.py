@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ground.uplink.verify import Package
 
 
-ROVER_SOCKET = "rover.sock"
 LINGER_S = 600.0
 """How long a simulated rover waits for an executive that died to come back."""
 
@@ -215,7 +214,7 @@ def execute_on_the_real_clock(
     from executive.crl.dictionary import load_dictionary
     from executive.runtime.wire import Address, Keys
     from ground.uplink.live import LiveOptions, LivePlace, execute_live
-    from ground.uplink.serve_rover import Serving, rover_at
+    from ground.uplink.serve_rover import ROVER_SOCKET, Serving, rover_at
 
     language = None if order.dictionary is None else load_dictionary(order.dictionary)
     named = None if language is None else (language.name, language.version, language.sha256)

@@ -18,8 +18,8 @@ from pathlib import Path
 from executive.errors import WireError
 from executive.ports import Command, CommandId, Operator, Product
 from executive.runtime.codec import Json, event_from_json
-from executive.runtime.control import CONTROL_SOCKET, ControlSocket, RunControl, ask_run
-from executive.runtime.journal import JournalFile, never_began
+from executive.runtime.control import CONTROL_SOCKET, ControlSocket, RunControl, Stopped, ask_run
+from executive.runtime.journal import JournalFile, never_began, plan_time
 from executive.runtime.live import LiveRuntime, LiveSettings, stop_on_signals
 from executive.runtime.session import RunOutcome
 from executive.runtime.wire.address import Address, Keys
@@ -35,6 +35,8 @@ logger = logging.getLogger(__name__)
 LIVE = "live.json"
 """In the folder of a live run: where its rover is, and the keys to it."""
 JOURNAL = "journal.jsonl"
+DICTIONARY = "dictionary.json"
+"""In the folder of a live run: which dictionary its rover told, and in which run."""
 PATIENCE_S = 0.1
 """How long a stop waits for the run before it goes to the rover."""
 
@@ -155,7 +157,7 @@ def execute_live(
         live = rover[0]
         if given.earlier is None:
             live.mark = lambda: given.ledger.append(given.entry(live_name(place), None))
-        rate = 1.0 if begun else live.wait_ready(chosen.connect_s).rate
+        rate = plan_rate(out) if begun else live.wait_ready(chosen.connect_s).rate
         _write_place(out, place)
         about = {
             "kind": "execution",
@@ -192,18 +194,34 @@ def _dictionary(place: LivePlace, rover: WireRover, out: Path, connect_s: float)
     """Return which dictionary the rover has: as given, as it says, or as the run knew before."""
     if place.dictionary is not None:
         return place.dictionary
-    known = out / "dictionary.json"
-    if known.exists():
-        told: Mapping[str, object] = json.loads(known.read_text(encoding="utf-8"))
-    else:
+    told = _known_dictionary(out, rover.run)
+    if told is None:
         told = rover.wait_ready(connect_s).dictionary
         if not told:
             raise InvalidInputError(
                 f"the rover at {place.address} does not tell its dictionary; give its file as --dictionary"
             )
         out.mkdir(parents=True, exist_ok=True)
-        known.write_text(json.dumps(dict(told)) + "\n", encoding="utf-8")
+        fresh = out / f"{DICTIONARY}.new"
+        fresh.write_text(json.dumps({**told, "run": rover.run}) + "\n", encoding="utf-8")
+        fresh.replace(out / DICTIONARY)
     return str(told.get("name")), str(told.get("version")), str(told.get("sha256"))
+
+
+def _known_dictionary(out: Path, run: str) -> Mapping[str, object] | None:
+    """Return what a rover told of its dictionary when this very run was begun, None if that is not known."""
+    if never_began(out / JOURNAL):
+        return None
+    try:
+        told = json.loads((out / DICTIONARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return told if isinstance(told, dict) and told.get("run") == run else None
+
+
+def plan_rate(out: Path) -> float:
+    """Return how many plan seconds a second of the wall clock has in a run that was begun."""
+    return plan_time(JournalFile(out / JOURNAL).header).rate
 
 
 def _begun(given: Admitted, out: Path, *, resume: bool) -> bool:
@@ -251,6 +269,9 @@ def run_live(
     """
     out.mkdir(parents=True, exist_ok=True)
     (out / "plan.crl").write_text(crl_text, encoding="utf-8")
+    if resume:  # what was told before this process may not have come down
+        told = journal_events(JournalFile(out / JOURNAL).records)
+        rover.fetch(event for event in told if isinstance(event, Product))
     runtime = LiveRuntime(
         crl_text, rover, run_id=rover.run, journal=out / JOURNAL, resume=resume, settings=settings
     )
@@ -295,31 +316,44 @@ def complete(flight: Flight) -> Flight:
     return write_run(flight.folder, flight.outcome, flight.samples, there, about)
 
 
-def stop_run(out: Path) -> str:
+def stop_run(out: Path, *, rover_s: float = 5.0) -> str:
     """Stop the live run in a folder, and its rover; return in a sentence how.
 
-    The run is asked first: its plan must end before its rover stops, or it would look for another way. If it
-    does not answer within a tenth of a second the rover is told directly, and the run heard on.
+    The run is asked first: its plan must end before its rover stops, or it would look for another way. If
+    within a tenth of a second it does not say that its rover has stopped, the rover is told directly, and the
+    run heard on. The rover's word is waited for `rover_s` seconds.
 
     Raises
     ------
     StateError
-        If neither answers, or the folder holds no live run.
+        If nobody says that the rover has stopped, or the folder holds no live run.
     """
     with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(ask_run, out, {"m": "stop"}, 1.0)
+        asked = pool.submit(ask_run, out, {"m": "stop"})
         with contextlib.suppress(TimeoutError, WireError):
-            asked.result(PATIENCE_S)
-            return "the run and its rover were stopped"
+            answer = asked.result(PATIENCE_S)
+            if answer.get("rover") != Stopped.ASKED:
+                return _how_stopped(answer)
         try:
             document = json.loads((out / LIVE).read_text(encoding="utf-8"))
             address = Address.parse(str(document["connect"]))
             keys = document.get("keys")
-            stop_rover(address, None if keys is None else Keys(*map(Path, keys)))
+            stop_rover(address, None if keys is None else Keys(*map(Path, keys)), rover_s)
         except (OSError, ValueError, KeyError, TypeError, WireError) as second:
-            with contextlib.suppress(WireError):
-                asked.result()
-                return "the run and its rover were stopped"
-            raise StateError(f"{asked.exception()}; nor could its rover be told: {second}") from second
+            try:
+                answer = asked.result()
+            except WireError as first:
+                raise StateError(f"{first}; nor could its rover be told: {second}") from second
+            if answer.get("rover") != Stopped.ASKED:
+                return _how_stopped(answer)
+            raise StateError(
+                f"the run was told to stop, but its rover has not said that it has stopped: {second}"
+            ) from second
         late = asked.exception()
-    return f"the rover was told directly and has stopped; {late or 'the run answered late'}"
+    return f"the rover was told directly and says that it has stopped; {late or 'the run was told to stop'}"
+
+
+def _how_stopped(answer: Mapping[str, object]) -> str:
+    if answer.get("rover") == Stopped.SAFEMODE:
+        return "the run was told to stop, and its rover was sent safemode"
+    return "the run was told to stop, and its rover says that it has stopped"

@@ -6,6 +6,7 @@ Standard library and `cryptography` alone; `scripts/build-onboard` packs it with
 from __future__ import annotations
 
 import argparse
+import errno
 import json
 import logging
 import sys
@@ -13,10 +14,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 PROGRAM = "outcrop-onboard"
+SUCCEEDED, ENDED_OTHERWISE, REFUSED = 0, 1, 2
+DEFECT, TRY_AGAIN = 70, 75
+"""EX_SOFTWARE and EX_TEMPFAIL of sysexits.h: a supervisor should begin again with `--resume`."""
+PASSING = frozenset(
+    (errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EIO)
+)
+"""Errors of the system that may be over a little later."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Return 0 if the plan succeeded or the wish was met, 1 if the plan ended otherwise, 2 if refused."""
+    """Return the exit status.
+
+    0 if the plan succeeded or the wish was met, 1 if the plan ended otherwise, 2 if refused, 70 if this
+    program is wrong, 75 if what failed may be mended by trying again: no rover answers, a disk is full.
+    """
     from executive.crl import CrlError
     from executive.errors import ExecutiveError
     from ground.errors import GroundError
@@ -27,9 +39,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(given.act(given))
     except (GroundError, ExecutiveError, CrlError) as err:
         sys.stderr.write(f"{PROGRAM}: {err}\n")
+        return TRY_AGAIN if _may_pass(err) else REFUSED
     except OSError as err:
         sys.stderr.write(f"{PROGRAM}: {err.filename or 'a file'}: {err.strerror or err}\n")
-    return 2
+        return TRY_AGAIN if _may_pass(err) else REFUSED
+    except Exception:
+        logging.getLogger(PROGRAM).exception("a defect of this program")
+        return DEFECT
+
+
+def _may_pass(error: BaseException | None) -> bool:
+    """Tell whether what failed may be over a little later: the line to the rover, or a full disk."""
+    from executive.errors import WireError
+
+    while error is not None:
+        if isinstance(error, WireError) or (isinstance(error, OSError) and error.errno in PASSING):
+            return True
+        error = error.__cause__
+    return False
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -63,13 +90,20 @@ def _parser() -> argparse.ArgumentParser:
 
 def _execute(given: argparse.Namespace) -> int:
     from executive.crl.dictionary import load_dictionary
+    from executive.errors import WireError
     from executive.runtime.wire.address import Address, Keys
+    from ground.errors import InvalidInputError
     from ground.uplink.live import LiveOptions, LivePlace, execute_live
 
     language = None if given.dictionary is None else load_dictionary(given.dictionary)
     named = None if language is None else (language.name, language.version, language.sha256)
-    keys = Keys.of(given.cert, given.key, given.ca)
-    place = LivePlace(Address.parse(given.connect), given.world, given.trust, keys, named)
+    try:
+        keys = Keys.of(given.cert, given.key, given.ca)
+        address = Address.parse(given.connect)
+        address.require_keys(keys)
+    except WireError as err:  # no line was tried: these words stay wrong
+        raise InvalidInputError(str(err)) from None
+    place = LivePlace(address, given.world, given.trust, keys, named)
     package, flight = execute_live(
         given.package,
         place,
@@ -83,7 +117,7 @@ def _execute(given: argparse.Namespace) -> int:
         f"package {package.counter} of {package.mission}: {run.outcome or 'unfinished'} "
         f"after {run.end_s or 0.0:.0f} s, {len(run.products)} products in {given.out}\n"
     )
-    return 0 if run.outcome == "SUCCEEDED" else 1
+    return SUCCEEDED if run.outcome == "SUCCEEDED" else ENDED_OTHERWISE
 
 
 def _stop(given: argparse.Namespace) -> int:

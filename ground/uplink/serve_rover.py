@@ -23,6 +23,8 @@ from ground.errors import InvalidInputError
 if TYPE_CHECKING:
     from executive.runtime.codec import Json
 
+ROVER_SOCKET = "rover.sock"
+"""Where the rover of a run listens that is made for it, in the folder of the run."""
 PROGRESS_S = 1.0
 """Seconds of the rover's clock between two reports of the pose during a drive."""
 
@@ -54,7 +56,6 @@ def serve_rover(serving: Serving, say: Callable[[str], None]) -> None:
     from rover_iface.registry import find_rover
     from rover_iface.simulator.world import load_world
 
-    door = listen(serving.address, serving.keys)
     language = load_world(serving.world).profile.language
     with tempfile.TemporaryDirectory() as scratch:
         out = serving.out or Path(scratch)
@@ -68,6 +69,7 @@ def serve_rover(serving: Serving, say: Callable[[str], None]) -> None:
             out=out,
             inject=_inject(rover),
         )
+        door = listen(serving.address, serving.keys)  # whoever finds it finds a rover behind it
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: server.stop_serving())
         if serving.linger_s is not None:

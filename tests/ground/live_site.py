@@ -6,6 +6,7 @@ import contextlib
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -74,12 +75,38 @@ def environment() -> dict[str, str]:
 
 
 @contextlib.contextmanager
+def lost_time(folder: Path) -> Iterator[list[float]]:
+    """Give seconds that the machine takes from whoever sleeps and writes beside; they grow as it goes on.
+
+    What a run is late by because the machine is busy, a thread beside it is late by as well.
+    """
+    over, lost = threading.Event(), [0.0]
+
+    def measure() -> None:
+        with (folder / "lost-time").open("wb") as file:
+            while not over.is_set():
+                begun = time.monotonic()
+                over.wait(0.01)
+                file.write(b".")
+                os.fsync(file.fileno())
+                lost.append(max(0.0, time.monotonic() - begun - 0.01))
+
+    thread = threading.Thread(target=measure, daemon=True)
+    thread.start()
+    try:
+        yield lost
+    finally:
+        over.set()
+        thread.join()
+
+
+@contextlib.contextmanager
 def rover_process(address: Address) -> Iterator[subprocess.Popen[bytes]]:
     """Give the process of a reference rover that listens."""
     assert address.path is not None
     process = subprocess.Popen([sys.executable, str(ROVER), str(address)])
     try:
-        end = time.monotonic() + 20
+        end = time.monotonic() + 120
         while not address.path.exists():
             assert time.monotonic() < end
             time.sleep(0.01)

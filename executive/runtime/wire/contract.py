@@ -71,7 +71,9 @@ class _Bench:
         self.taken: dict[CommandId, int] = {}
         """How far each command's answers were looked at."""
         self.count = 0
-        self.welcome = self.rover.wait_ready(patience_s)
+
+    def begin(self) -> None:
+        self.rover.wait_ready(self.patience_s)
 
     def close(self) -> None:
         self.rover.stop()
@@ -281,9 +283,11 @@ def check_wire(
 def _finding(
     name: str, check: Callable[[_Bench], None], make: Make, folder: Path, patience_s: float
 ) -> WireFinding:
+    bench = _Bench(make, folder, patience_s)
     try:
-        bench = _Bench(make, folder, patience_s)
+        bench.begin()
     except WireError as error:
+        bench.rover.close()
         return WireFinding(name, str(error))
     try:
         check(bench)

@@ -8,11 +8,13 @@ the executive's way: a job that hangs, or whose database does, holds up the tell
 from __future__ import annotations
 
 import json
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import IO
 
@@ -34,9 +36,10 @@ from ground.resources.runs.order import RunWork
 from ground.resources.runs.work import LIVE, read_run_folder, store_product, trace_event
 from ground.uplink.flight import SampleBook, product_line
 from ground.uplink.live import JOURNAL, LiveOptions, complete, run_live
-from ground.uplink.serve_rover import Serving, rover_at
+from ground.uplink.serve_rover import ROVER_SOCKET, Serving, rover_at
 
-ROVER_SOCKET = "rover.sock"
+logger = logging.getLogger(__name__)
+
 TELL_S = 0.1
 LINK_S = 1.0
 LINGER_S = 120.0
@@ -111,34 +114,50 @@ class _Watch:
         self._teller, self._budget_s, self._report, self._stop = teller, budget_s, report, stop
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
+        self._told, self._shown, self._failed, self._aborted = 0.0, "", "", False
 
     def begin(self, control: RunControl) -> None:
         self._thread = threading.Thread(target=self._watch, args=(control,), name="telling", daemon=True)
         self._thread.start()
 
     def _watch(self, control: RunControl) -> None:
-        told, asked, shown = 0.0, False, ""
         while not self._over.wait(TELL_S):
-            self._teller.tell()
-            t_s = control.runtime.clock.now_ms() / 1000
-            if time.monotonic() - told >= LINK_S:
-                told = time.monotonic()
-                self._teller.line("link", link_document(control.runtime))
-                self._report(min(0.97, t_s / self._budget_s), f"t = {t_s:.0f} s")
-            state = f"{control.held} {control.stopped}"
-            if state != shown:
-                shown = state
-                data = {"t_s": t_s, "pace": control.runtime.settings.rate, "paused": control.held}
-                self._teller.line("control", {**data, "steps": control.steps, "abort": control.stopped})
-            if self._stop() and not asked:
-                asked = True
-                control.answer({"m": "abort"})
+            for act in (self._teller.tell, partial(self._show, control), partial(self._look, control)):
+                self._guarded(act)
+
+    def _show(self, control: RunControl) -> None:
+        """Tell how the line stands, once a second, and what the run was asked, when it was."""
+        t_s = control.runtime.clock.now_ms() / 1000
+        if time.monotonic() - self._told >= LINK_S:
+            self._told = time.monotonic()
+            self._teller.line("link", link_document(control.runtime))
+            self._report(min(0.97, t_s / self._budget_s), f"t = {t_s:.0f} s")
+        state = f"{control.held} {control.stopped}"
+        if state != self._shown:
+            data = {"t_s": t_s, "pace": control.runtime.settings.rate, "paused": control.held}
+            self._teller.line("control", {**data, "steps": control.steps, "abort": control.stopped})
+            self._shown = state
+
+    def _look(self, control: RunControl) -> None:
+        """Abort the run if its job was given up."""
+        if not self._aborted and self._stop():
+            control.answer({"m": "abort"})
+            self._aborted = True
+
+    def _guarded(self, act: Callable[[], None]) -> None:
+        """Do a part of a round; a full disk or a busy database keeps the run from nothing, and passes."""
+        try:
+            act()
+        except Exception as error:
+            if str(error) != self._failed:
+                self._failed = str(error)
+                logger.exception("a live run cannot be told of")
 
     def end(self) -> None:
         self._over.set()
         if self._thread is not None:
             self._thread.join(timeout=10)
-        self._teller.tell()
+        self._guarded(self._teller.tell)
 
 
 def live_work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> dict[str, object]:

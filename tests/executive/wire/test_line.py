@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import socket
+import threading
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from executive.errors import WireError
 from executive.ports import Acknowledgement, Command, CommandId, Result
 from executive.runtime.wire import Address, Keys, WireRover
 from executive.runtime.wire.address import dial, listen
+from executive.runtime.wire.contract import check_wire
 from tests.executive.wire.servers import JumpingClock, Waiter, served
 from tests.executive.wire.test_wire import QUICK, hear, line_to, until
 
@@ -96,3 +99,29 @@ def test_a_path_that_no_file_can_have_is_said_not_raised() -> None:
     for act in (dial, listen):
         with pytest.raises(WireError, match=r"does not answer|cannot be listened on"):
             act(Address(Path("/tmp/a\0b")))
+
+
+def test_a_socket_is_removed_only_if_nobody_can_be_behind_it(tmp_path: Path) -> None:
+    place = Address(tmp_path / "r.sock")
+    with listen(place) as hung:  # it accepts nothing, and its queue is full
+        hung.listen(0)
+        waiting = []
+        with contextlib.ExitStack() as ends:
+            for _ in range(4):
+                line = ends.enter_context(socket.socket(socket.AF_UNIX))
+                line.setblocking(False)
+                with contextlib.suppress(BlockingIOError):
+                    line.connect(str(place.path))
+                    waiting.append(line)
+            with pytest.raises(WireError, match="in use"):
+                listen(place)
+        assert place.path is not None
+        assert place.path.exists()
+    listen(place).close()  # its owner is gone: nobody answers
+
+
+def test_a_check_that_finds_no_rover_leaves_no_thread(tmp_path: Path) -> None:
+    before = set(threading.enumerate())
+    findings = check_wire(Address(tmp_path / "none.sock"), patience_s=0.05)
+    assert not any(finding.passed for finding in findings)
+    assert not {t for t in threading.enumerate() if t.name.endswith("-wire")} - before
