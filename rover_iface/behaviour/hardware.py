@@ -250,7 +250,7 @@ class Hardware(Platform, Protocol):
         """Return ranges of the ground, a cloud (n, 3) per view, rover frame; `around`: to all sides."""
 
     def reach(self, target: str, point: Array, instrument: str) -> Contact:
-        """Put a tool on a point (3,), the way there left to the arm's own controller.
+        """Put a tool on a point (3,), the way there left to the arm's controller; says if it met a surface.
 
         Raises
         ------

@@ -269,13 +269,15 @@ def dense_stereo(
     step: int = 1,
     least_contrast: float = 2.5,
     scale: float = 1.0,
+    farthest_m: float | None = None,
 ) -> Cloud:
     """Return the cloud of a stereo pair, images float in 0..1, by semi-global matching on an aligned pair.
 
     Every `step`-th pixel gives a point, if its 9 x 9 neighbourhood varies by `least_contrast` of 255 and both
     images agree on it. Nothing may be nearer than `nearest_m` (depth along the axis): what is matches
-    falsely. The aligned pair is enlarged by `scale`: an aligned fisheye pair is coarser in its middle than
-    the images are, which costs depth.
+    falsely. With `farthest_m` nothing beyond that depth is searched for either, and a subframe of a near
+    thing, whose disparities are wider than itself, can be matched. The aligned pair is enlarged by `scale`:
+    an aligned fisheye pair is coarser in its middle than the images are, which costs depth.
 
     The frame is widened to the left by the largest disparity. What lies there has no match inside the frame
     of the right camera, but may have one in its image: in subframes that were cut differently, or where
@@ -292,14 +294,17 @@ def dense_stereo(
     if scale != 1.0:
         one, two = one.scaled(scale), two.scaled(scale)
     baseline = float(np.linalg.norm(two.C - one.C))
-    count = int(np.ceil(one.hs * baseline / nearest_m / 16.0)) * 16
-    count = max(16, min(count, one.width // 2 // 16 * 16))
+    least = 0 if farthest_m is None else int(one.hs * baseline / farthest_m)
+    count = int(np.ceil((one.hs * baseline / nearest_m - least) / 16.0)) * 16
+    room = one.width // 2 if farthest_m is None else one.width
+    count = max(16, min(count, room // 16 * 16))
+    widest = least + count
     # the axis of a subframe's camera need not lie in its middle: keep what the left image shows
     middle = (left.width - 1) / 2.0, (left.height - 1) / 2.0
     origin, ray = left.back_project(middle)
     across, down = one.project(origin + FAR_M * ray) - ((one.width - 1) / 2.0, (one.height - 1) / 2.0)
-    corner = round(float(across)) - count, round(float(down))
-    one, two = (c.window(*corner, c.width + count, c.height) for c in (one, two))
+    corner = round(float(across)) - widest, round(float(down))
+    one, two = (c.window(*corner, c.width + widest, c.height) for c in (one, two))
     # rays of a CAHVORE camera do not start in one point: warp for the ranges that matter
     focus = FAR_M if left.kind is not ModelKind.CAHVORE else 3.0 * nearest_m
     pair = [
@@ -307,7 +312,7 @@ def dense_stereo(
         for image, source, to in ((left_image, left, one), (right_image, right, two))
     ]
     matcher = cv2.StereoSGBM.create(
-        minDisparity=0,
+        minDisparity=least,
         numDisparities=count,
         blockSize=block_px,
         P1=8 * block_px**2,
@@ -320,7 +325,7 @@ def dense_stereo(
         mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     )
     disparity = matcher.compute(pair[0], pair[1]).astype(np.float64) / 16.0
-    valid = (disparity > 0.5) & (pair[0] > 0)
+    valid = (disparity > least + 0.5) & (pair[0] > 0)
     # beyond its image the right camera shows nothing, which matches nothing
     lines, samples = np.nonzero(valid)
     met = np.round(samples - disparity[lines, samples]).astype(np.int64)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from rover_iface.frames import Transform
 from rover_iface.placement.arm import Arm
 from rover_iface.placement.arm_motion import LINKS, Motion
+from rover_iface.profile.parts import Arm as ArmFigures
 from rover_iface.simulator.render.scene import Scene
 
 Array = npt.NDArray[np.float64]
@@ -63,6 +64,11 @@ def place_tool(
     hit = links_hit(scene, arm, site_from_rover, motion.joints[: motion.approach + 1])
     if hit:
         return Touch(False, hit, np.full(3, np.nan), at_standoff, math.nan)
+    return press(scene, profile, at_standoff)
+
+
+def press(scene: Scene, profile: ArmFigures, at_standoff: Transform) -> Touch:
+    """Return what comes of moving a tool along its axis (x) from its stand-off until a sensor touches."""
     axis = at_standoff.rotation[:, 0]
     angles = math.tau * np.arange(SENSORS) / SENSORS
     ring = 0.8 * profile.tool_radius_m * np.stack((np.zeros(SENSORS), np.cos(angles), np.sin(angles)), axis=1)
@@ -88,6 +94,14 @@ def place_tool(
         why = f"contact {-1000 * beyond:.0f} mm before the expected surface; {1000 * EARLY_M:.0f} are allowed"
         return Touch(False, why, point, stopped, beyond)
     return Touch(True, "", point, stopped, beyond)
+
+
+def over(point: Array, normal: Array, standoff_m: float) -> Transform:
+    """Return the pose of a tool (axis x) at its stand-off over a surface point, against its normal (3,)."""
+    axis = -np.asarray(normal, dtype=np.float64) / np.linalg.norm(normal)
+    side = np.cross(axis, (0.0, 0.0, 1.0) if abs(axis[2]) < 0.9 else (1.0, 0.0, 0.0))
+    side /= np.linalg.norm(side)
+    return Transform(np.stack((axis, side, np.cross(axis, side)), axis=1), point - standoff_m * axis)
 
 
 def links_hit(scene: Scene, arm: Arm, site_from_rover: Transform, joints: npt.ArrayLike) -> str:

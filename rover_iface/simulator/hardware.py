@@ -31,7 +31,7 @@ from rover_iface.placement.base_placement import check_observation_point
 from rover_iface.profile import RoverProfile
 from rover_iface.side_by_side import side_by_side
 from rover_iface.simulator.body import Body
-from rover_iface.simulator.contact import place_tool
+from rover_iface.simulator.contact import over, place_tool, press
 from rover_iface.simulator.engine import milliseconds
 from rover_iface.simulator.microscope import close_up
 from rover_iface.simulator.render.picture import Negative
@@ -205,18 +205,23 @@ class SimulatedHardware:
         check_observation_point(
             body.terrain, body.profile, body.pose, spot, target=target, instrument=instrument
         )
-        self.truth.touched[target] = place
         normal = np.asarray(body.terrain.normal(spot[0], spot[1], 0.08), dtype=np.float64)
-        camera = imager_over(place, normal)
+        arm = body.profile.arm
+        touch = press(body.renderer.scene, arm, over(place, normal, arm.standoff_m))
         believed_from_true = body.true_from_believed.inverse()
-        at = np.asarray(believed_from_true.apply(place), dtype=np.float64)
+        at = np.asarray(believed_from_true.apply(touch.point), dtype=np.float64)
+        if not touch.made:
+            self._close_up = None
+            return Contact(False, touch.reason, at, touch.beyond_m)
+        self.truth.touched[target] = touch.point
+        camera = imager_over(touch.point, normal)
 
         def seen(_name: str) -> CloseUp:
             frame = body.renderer.render(camera, None, body.sun(self.t_s), samples=2)
             return CloseUp(frame.image8, camera.transformed(believed_from_true), self.truth.took(frame))
 
         self._close_up = seen
-        return Contact(True, "", at)
+        return Contact(True, "", at, touch.beyond_m)
 
     def move_arm(self, target: str, motion: Motion) -> Doing[Contact]:
         yield from ()

@@ -79,8 +79,13 @@ class KltTracker(NccTracker):
         super().__init__(options)
         self.flow = flow or FlowOptions()
 
-    def _match(self, track: _Target, view: StereoView, judged: _Judgement) -> tuple[Array, Drift] | None:
+    looks_twice = False
+
+    def _match(
+        self, track: _Target, view: StereoView, judged: _Judgement, *, by_ranges: bool = False
+    ) -> tuple[Array, Drift] | None:
         """Return the target's pixel by the flow round it, and what it has drifted."""
+        del by_ranges
         import cv2
 
         flow, last, camera = self.flow, track.last, view.left_camera
@@ -122,7 +127,6 @@ class KltTracker(NccTracker):
         judged.scores["fit_px"] = rms
         at = similar[:, :2] @ last.pixel + similar[:, 2]
         judged.alike = (share - flow.least_share) / (1.0 - flow.least_share)
-        self._judge_surroundings(track, view, np.asarray(at), judged)
         spread = (rms**2 + self.options.least_px**2) * np.eye(2)
         return np.asarray(at), grown_drift(last, camera, last.point, last.normal, spread)
 

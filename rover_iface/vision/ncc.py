@@ -13,16 +13,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from rover_iface.cameras.model import Array
+from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import PointMatch, point_stereo
 from rover_iface.errors import TrackerError
 from rover_iface.vision.coverage_watch import CoverageWatch
 from rover_iface.vision.designation import require_range
+from rover_iface.vision.seen_relief import SeenRelief
 from rover_iface.vision.template import (
+    UNKNOWN_SHARE,
     Found,
     NccOptions,
     Template,
@@ -31,7 +34,7 @@ from rover_iface.vision.template import (
     template_roll,
     template_scale,
 )
-from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
+from rover_iface.vision.tracker import Image, StereoView, TrackState, TrackUpdate
 
 Drift = tuple[Array, Array]
 """Covariance (3, 3), m^2, and parallax (3, 2), metres: see `Template`."""
@@ -92,6 +95,9 @@ class NccTracker:
     perfect, passed through a logistic curve: 0.5 is the limit, 0.98 and more a clear match.
     """
 
+    looks_twice: ClassVar[bool] = True
+    """Whether what is not found over the plane of its face is looked for by the ranges of its last view."""
+
     def __init__(self, options: NccOptions | None = None) -> None:
         self.options = options or NccOptions()
         self.matcher = TemplateMatcher(self.options)
@@ -140,7 +146,14 @@ class NccTracker:
             require_range(target, view, np.asarray(position, dtype=np.float64), match)
         distance = float(np.linalg.norm(match.point - view.left_camera.C))
         view_template = Template(
-            view.left, view.left_camera, at, match.point, match.normal, distance, depth_m2=_depth_m2(match)
+            view.left,
+            view.left_camera,
+            at,
+            match.point,
+            match.normal,
+            distance,
+            depth_m2=_depth_m2(match),
+            relief=SeenRelief(view, distance),
         )
         judged = _Judgement(margins=[(match.score - self.options.stereo_limit) / 0.3])
         update = TrackUpdate(
@@ -214,9 +227,21 @@ class NccTracker:
     # ---- one update
 
     def _find(self, target: str, track: _Target, view: StereoView) -> TrackUpdate | _Judgement:
-        """Return the target's new place, or why no match is believed."""
+        """Return the target's new place, or why no match is believed.
+
+        Where the plane of its face leads nowhere, its last view is looked at through its ranges.
+        """
+        first = self._try(target, track, view, by_ranges=False)
+        if isinstance(first, TrackUpdate) or not self.looks_twice or not self.options.surroundings_px:
+            return first
+        second = self._try(target, track, view, by_ranges=True)
+        return second if isinstance(second, TrackUpdate) else first
+
+    def _try(
+        self, target: str, track: _Target, view: StereoView, *, by_ranges: bool
+    ) -> TrackUpdate | _Judgement:
         judged = _Judgement()
-        found = self._match(track, view, judged)
+        found = self._match(track, view, judged, by_ranges=by_ranges)
         if found is None:
             return judged
         at, drift = found
@@ -227,13 +252,20 @@ class NccTracker:
             return judged
         self._judge_position(track, view, match, distance, judged)
         if self.options.surroundings_px:
+            self._judge_surroundings(track, view, match, judged)
             self._judge_identity(judged)
         if judged.reasons:
             return judged
         return self._accept(target, track, view, at, match, drift, judged)
 
-    def _match(self, track: _Target, view: StereoView, judged: _Judgement) -> tuple[Array, Drift] | None:
-        """Return the pixel of the best match and what it has drifted; None when there is no match."""
+    def _match(
+        self, track: _Target, view: StereoView, judged: _Judgement, *, by_ranges: bool = False
+    ) -> tuple[Array, Drift] | None:
+        """Return the pixel of the best match and what it has drifted; None when there is no match.
+
+        With `by_ranges` the template is what the last view shows from here by its own ranges: what stands out
+        from the target's face, and what shows beside it, is no part of the face's plane.
+        """
         options, last, camera = self.options, track.last, view.left_camera
         prediction = camera.project(last.point)
         judged.scores["template_px"] = float(options.template_px)
@@ -247,7 +279,7 @@ class NccTracker:
         scores = judged.scores
         scores["scale"] = template_scale(last.range_m, distance)
         scores["roll_rad"] = template_roll(last.camera, camera, last.point, options.adjacent_m)
-        template = self.matcher.predict(last, camera, prediction, last.point)
+        template = self._predicted(last, camera, prediction, by_ranges)
         if template is None:
             judged.limit(-1.0, "the template lies outside the earlier image")
             return None
@@ -268,8 +300,6 @@ class NccTracker:
             judged.alike,
             f"correlation {score:.2f} is below {options.score_limit}",
         )
-        if options.surroundings_px:
-            self._judge_surroundings(track, view, at, judged)
         if math.isfinite(options.back_check_px):
             now = Template(view.left, camera, at, last.point, last.normal, distance)
             back = scores["back_px"] = self.matcher.back_error(now, last)
@@ -279,13 +309,28 @@ class NccTracker:
             )
         return at, drift
 
-    def _judge_surroundings(self, track: _Target, view: StereoView, at: Array, judged: _Judgement) -> None:
+    def _predicted(
+        self, last: Template, camera: CameraModel, prediction: Array, by_ranges: bool
+    ) -> Image | None:
+        """Return what the template should look like now: over the plane of its face, or by its own ranges."""
+        if not by_ranges or last.relief is None:
+            return self.matcher.predict(last, camera, prediction, last.point)
+        half, inner = self.options.context_px // 2, self.options.template_px // 2
+        out = last.relief.seen_by(camera, last.point, np.zeros(3), half)
+        if out is None:
+            return None
+        core = out[half - inner : half + inner + 1, half - inner : half + inner + 1]
+        return None if np.isnan(core).mean() > UNKNOWN_SHARE else out
+
+    def _judge_surroundings(
+        self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
+    ) -> None:
         """Hold what lies round the match against what lay round the target: the neighbours tell stones apart.
 
         A target that was lost must agree with both templates that are left of it.
         """
         sources = (track.last,) if not track.misses or track.key is track.last else (track.last, track.key)
-        seen = [self.matcher.surroundings(source, view, at) for source in sources]
+        seen = [self.matcher.surroundings(source, view, match.left_px, match.point) for source in sources]
         known = [score for score in seen if score is not None]
         if not known:
             if track.misses:
@@ -366,7 +411,10 @@ class NccTracker:
         normal = self._blend_normal(track, match, measured)
         found_again, track.misses = track.misses > 0, 0
         track.travelled_m = view.travelled_m
-        track.last = Template(view.left, camera, at, match.point, normal, measured, *drift, _depth_m2(match))
+        relief = SeenRelief(view, measured)
+        track.last = Template(
+            view.left, camera, at, match.point, normal, measured, *drift, _depth_m2(match), relief
+        )
         nearer = max(track.key.range_m / measured, measured / track.key.range_m)
         if nearer > self.options.key_scale or _turned(track.key, track.last) > KEY_TURN_RAD:
             track.key = track.last

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import PointStereo
 from rover_iface.errors import TrackerError
+from rover_iface.vision.seen_relief import SeenRelief
 from rover_iface.vision.tracker import Image, StereoView
 
 Warp = Literal["none", "scale", "similarity", "plane"]
@@ -25,6 +26,12 @@ NARROWER = 0.6
 """Of a window: what is compared with the whole."""
 BACK_SEARCH_PX = 12
 """How far a match is followed back to either side."""
+UNKNOWN_SHARE = 0.15
+"""Of a template, that may lie outside the picture it is cut from."""
+AS_GOOD = 0.02
+"""Correlation that tells two places apart: noise of 2 grey levels on a patch of contrast 20 costs 0.01."""
+CLEAR = 0.75
+"""Surroundings that agree so well need no second look by their ranges."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +138,8 @@ class Template:
         of the spot against its surroundings: a rock bulges one way, so the templates of a chain err together.
     depth_m2
         Variance of the depth of that spot against what surrounds it, along the line of sight.
+    relief
+        What the stereo pair of that view ranges, if it is kept.
     """
 
     image: Image
@@ -142,6 +151,7 @@ class Template:
     drift: Array = field(default_factory=lambda: np.zeros((3, 3)))
     parallax: Array = field(default_factory=lambda: np.zeros((3, 2)))
     depth_m2: float = 0.0
+    relief: SeenRelief | None = None
 
     @property
     def uncertainty(self) -> Array:
@@ -261,7 +271,7 @@ class TemplateMatcher:
             )
         inner = options.template_px // 2
         core = out[half - inner : half + inner + 1, half - inner : half + inner + 1]
-        return None if np.isnan(core).mean() > 0.15 else out
+        return None if np.isnan(core).mean() > UNKNOWN_SHARE else out
 
     def search(self, image: Image, template: Image, prediction: Array) -> Found | None:
         """Return the best match within the search window."""
@@ -317,11 +327,13 @@ class TemplateMatcher:
             spread += 0.5 * float((inner - at) @ (inner - at)) * np.eye(2)
         return float(score), spread + options.least_px**2 * np.eye(2)
 
-    def surroundings(self, source: Template, view: StereoView, at: Array) -> float | None:
+    def surroundings(self, source: Template, view: StereoView, at: Array, point: Array) -> float | None:
         """Return how alike the wide surroundings of a match and of a template's spot are, -1 to 1.
 
-        None where either reaches too far out of its picture. Scale and roll alone are taken out: the ground
-        round a rock does not lie in the plane of its face.
+        `point` (3,) is the surface point of the match. Scale and roll alone are taken out at first: the
+        ground round a rock does not lie in the plane of its face. Where that leaves a doubt, the template's
+        view is seen through its own ranges from where the rover is now, and the better of both counts. None
+        where either reaches too far out of its picture.
         """
         from rover_iface.vision import patch
 
@@ -333,26 +345,44 @@ class TemplateMatcher:
         out = np.empty((2 * half + 1, 2 * half + 1), np.float32)
         patch.similarity_template(source.image, source.pixel, scale, roll, half, out)
         score = float(patch.correlation(view.left, out, float(at[0]), float(at[1]), half))
+        if score < CLEAR and source.relief is not None:
+            seen = source.relief.seen_by(camera, point, point - source.point, half)
+            if seen is not None:
+                score = max(
+                    score, float(patch.correlation(view.left, seen, float(at[0]), float(at[1]), half))
+                )
         return None if score < -1.0 else score
 
     def back_error(self, now: Template, before: Template) -> float:
         """Return how far the patch of `now`, searched in the old image, ends from its place, px.
 
-        0 where that cannot be told: a patch that does not fit into the old image speaks against nothing.
+        0 where that cannot be told: a patch that does not fit into the old image speaks against nothing. A
+        better place elsewhere counts only if the patch, its shape left free as in the search forwards, does
+        not fit as well at its own: a slant that is off by some degrees moves the peak of whole pixels.
         """
         template = self.predict(now, before.camera, before.pixel, before.point)
-        return 0.0 if template is None else self._nearby(before.image, template, before.pixel)
+        if template is None:
+            return 0.0
+        found = self._nearby(before.image, template, before.pixel)
+        away = 0.0 if found is None else float(np.hypot(*(found - before.pixel)))
+        if found is None or away <= self.options.back_check_px or not self.options.subpixel:
+            return away
+        half = self.options.template_px // 2
+        own, other = before.pixel.copy(), found
+        own_score, _ = self.align(before.image, template, own, half)
+        other_score, _ = self.align(before.image, template, other, half)
+        return float(np.hypot(*(own - before.pixel))) if own_score >= other_score - AS_GOOD else away
 
-    def _nearby(self, image: Image, template: Image, at: Array) -> float:
+    def _nearby(self, image: Image, template: Image, at: Array) -> Array | None:
         import cv2
 
         cut = self._cut(image, template, at, BACK_SEARCH_PX)
         if cut is None:
-            return 0.0
+            return None
         core, region, left, top = cut
         half = self.options.template_px // 2
         _, _, _, place = cv2.minMaxLoc(cv2.matchTemplate(region, core, cv2.TM_CCOEFF_NORMED))
-        return float(np.hypot(place[0] + left + half - at[0], place[1] + top + half - at[1]))
+        return np.array([place[0] + left + half, place[1] + top + half], dtype=np.float64)
 
     def _cut(
         self, image: Image, template: Image, at: Array, reach_px: int

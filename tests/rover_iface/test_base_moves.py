@@ -35,7 +35,8 @@ class Bench:
             targets={"T": None}, tracked=lambda name: self.followed, forget=lambda name: None
         )
         self.followed: Any = SimpleNamespace(
-            target=SimpleNamespace(id="T"), update=SimpleNamespace(position=np.array([1.0, 0.0, 0.0]))
+            target=SimpleNamespace(id="T", normal=(0.0, 0.0, 1.0)),
+            update=SimpleNamespace(position=np.array([1.0, 0.0, 0.0]), covariance=1e-6 * np.eye(3)),
         )
 
     def spend(self, activity: str, share: float = 1.0) -> Generator[Step, None, float]:

@@ -1,0 +1,67 @@
+"""What the arm may be put on: targets that are known well enough, surfaces that are there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_iface.behaviour.placing import across_m
+from rover_iface.contract import write_contract_world
+from rover_iface.simulator.subframe_rover import make_rover
+from rover_iface.simulator.terrain_rover import TerrainRover
+from tests.rover_iface.test_subframe_rover import do
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_contract_world(tmp_path_factory.mktemp("world"))
+
+
+def arrived(world: Path) -> TerrainRover:
+    """Return a rover that stands at its target and tracks it."""
+    rover = make_rover(world, seed=4)
+    assert do(rover, "trackstart", target="T1").success
+    assert do(rover, "navigate", target="T1", mode="track", require_tracked=True).success
+    return rover
+
+
+def test_a_target_known_too_poorly_is_refused_with_its_figure(world: Path) -> None:
+    rover = arrived(world)
+    followed = rover.repertoire.follower.followed["T1"]
+    followed.update = replace(followed.update, covariance=0.02**2 * np.eye(3))
+    # the moves that are tried look again: they must not tell more than they see
+    tracker = rover.repertoire.follower.tracker
+    honest = tracker.update
+    tracker.update = lambda *a: replace(honest(*a), covariance=0.02**2 * np.eye(3))  # type: ignore[method-assign]
+    told = do(rover, "ipplaceinstrument", target="T1")
+    assert not told.success
+    assert told.values["made"] is False
+    assert "is known to 4.9 cm across its surface (95 %); 2 cm is the limit" in told.reason
+    assert "T1" not in rover.truth.touched
+
+
+def test_what_is_off_along_the_normal_is_the_contacts_to_find() -> None:
+    deep = np.diag([1e-6, 1e-6, 1.0])
+    assert across_m(deep, (0.0, 0.0, 1.0), 0.0) == pytest.approx(1e-3 * math.sqrt(5.991))
+    assert across_m(deep, (1.0, 0.0, 0.0), 0.0) == pytest.approx(math.sqrt(5.991))
+
+
+@pytest.mark.parametrize(
+    ("up_m", "reason"), [(0.05, "no contact within 20 mm"), (-0.05, "before the expected")]
+)
+def test_a_tool_that_meets_no_surface_where_it_should_claims_nothing(
+    world: Path, up_m: float, reason: str
+) -> None:
+    rover = arrived(world)
+    followed = rover.repertoire.follower.followed["T1"]
+    normal = np.array(followed.target.normal)
+    followed.update = replace(followed.update, position=followed.update.position + up_m * normal)
+    told = do(rover, "ipplaceinstrument", target="T1")
+    assert not told.success
+    assert told.values["made"] is False
+    assert reason in told.reason
+    assert "T1" not in rover.truth.touched
