@@ -169,7 +169,8 @@ def _backups(app: typer.Typer) -> None:
             typer.echo(f"{record}: its file is not in the store", err=True)
         typer.echo(
             f"{report.files} files, {len(report.unnamed)} of them named by no record, "
-            f"{len(report.stray_runs)} folders of no run" + (f", {len(gone)} removed" if sweep else "")
+            f"{len(report.strays)} folders of no run or campaign"
+            + (f", {len(gone)} removed" if sweep else "")
         )
         damaged = damaged_files(repo) if contents else []
         for name in damaged:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,8 @@ from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
 
 FOLDERS = ("files", "terrains")
+UNFINISHED = ".draft"
+"""End of the name of a file of a campaign that is being written."""
 ROWS, SECRETS = "rows.jsonl", "secrets.json"
 
 
@@ -41,8 +43,8 @@ def backup(repo: Repository, target: Path, *, passphrase: str | None = None) -> 
     """Write database and files into a file of its owner's alone.
 
     The database is read in one transaction, then the files it names are copied: files never change and
-    come before their rows, so the copy is consistent while the server goes on. Of the folders of runs the
-    journals of those that are over go with it. What is damaged goes with it too; that and
+    come before their rows, so the copy is consistent while the server goes on. Of runs and campaigns that are
+    over the journals and the folders go with it. What is damaged goes with it too; that and
     what is missing is named.
 
     Hashes of passwords and of API keys are left out, or sealed with `passphrase`.
@@ -60,31 +62,35 @@ def backup(repo: Repository, target: Path, *, passphrase: str | None = None) -> 
             if not repo.database.is_sqlite:
                 session.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ, READ ONLY"))
             counts = {table.name: 0 for table in METADATA.sorted_tables if table.name not in LEFT_OUT}
-            runs = []
+            over: dict[str, list[str]] = {"runs": [], "campaigns": []}
             for name, row in read_rows(session):
                 if name == "people":
                     row["password_hash"] = None
                 out.write(json.dumps([name, row]) + "\n")
                 counts[name] += 1
-                if name == "runs" and row["state"] not in {"queued", "running"}:
-                    runs.append(row["id"])
+                if name in over and row["state"] not in {"queued", "running"}:
+                    over[name].append(row["id"])
             secret = None if passphrase is None else seal(_secrets(session), passphrase)
         damaged = damaged_files(repo) + missing_files(repo)
         digest = hashlib.sha256(rows.read_bytes()).hexdigest()
         revision = current_revision(repo.database) or ""
         head = Listing(revision, utc_now().isoformat(), counts, digest, tuple(damaged))
-        write_container(target, head, _parts(repo, rows, runs, secret))
+        write_container(target, head, _parts(repo, rows, over, secret))
     return Saved(counts, damaged)
 
 
-def _parts(repo: Repository, rows: Path, runs: list[str], secret: bytes | None) -> Iterator[Part]:
+def _parts(
+    repo: Repository, rows: Path, over: Mapping[str, Sequence[str]], secret: bytes | None
+) -> Iterator[Part]:
     yield Part(ROWS, rows)
     if secret is not None:
         yield Part(SECRETS, secret)
     paths = [p for name in FOLDERS for p in sorted((repo.data_dir / name).rglob("*"))]
-    for path in (*paths, *(repo.run_dir(run) / JOURNAL for run in runs)):
+    paths += [p for name in over["campaigns"] for p in sorted(repo.campaign_dir(name).rglob("*"))]
+    for path in (*paths, *(repo.run_dir(run) / JOURNAL for run in over["runs"])):
         name = path.relative_to(repo.data_dir)
-        if path.is_file() and not any(part.startswith(DRAFT) for part in name.parts):
+        drafts = (part for part in name.parts if part.startswith(DRAFT) or part.endswith(UNFINISHED))
+        if path.is_file() and not any(drafts):
             yield Part(name.as_posix(), path)
 
 

@@ -13,6 +13,7 @@ from sqlalchemy import select
 
 from ground.gdr.durable import SUMS, damaged_in
 from ground.gdr.repository import Repository
+from ground.resources.campaigns.row import CampaignRow
 from ground.resources.missions.row import MissionRow
 from ground.resources.packages.row import PackageRow
 from ground.resources.products.row import ProductRow
@@ -28,12 +29,12 @@ FRESH_S = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class FileReport:
-    """Records whose file is missing, files that no record names, number of files, folders of no run."""
+    """Records whose file is missing, files that no record names, number of files, folders of no record."""
 
     without_file: list[str]
     unnamed: list[str]
     files: int
-    stray_runs: list[str]
+    strays: list[str]
 
 
 _NAMED = (
@@ -64,13 +65,18 @@ def named_files(repo: Repository) -> dict[str, str]:
         return named
 
 
-def stray_runs(repo: Repository) -> list[Path]:
-    """Return the folders of runs that are in no record: left by a downlink that did not come to its end."""
-    folder = repo.data_dir / "runs"
-    found = sorted(folder.iterdir()) if folder.is_dir() else []  # before the rows: who is faster is in them
+def stray_folders(repo: Repository) -> list[Path]:
+    """Return the folders of runs and campaigns that are in no record: left by a downlink that did not come to
+    its end, or by a mission that was deleted.
+    """
+    kept = {"runs": RunRow.id, "campaigns": CampaignRow.id}
+    found = {}
+    for name in kept:  # before the rows: who is faster is in them
+        folder = repo.data_dir / name
+        found[name] = sorted(folder.iterdir()) if folder.is_dir() else []
     with repo.database.read() as session:
-        known = set(session.scalars(select(RunRow.id)))
-    return [path for path in found if path.name not in known]
+        known = {name: set(session.scalars(select(column))) for name, column in kept.items()}
+    return [path for name, paths in found.items() for path in paths if path.name not in known[name]]
 
 
 def check_files(repo: Repository) -> FileReport:
@@ -78,7 +84,7 @@ def check_files(repo: Repository) -> FileReport:
     named = named_files(repo)
     present = set(repo.files.hashes())
     missing = sorted(owner for sha256, owner in named.items() if sha256 not in present)
-    strays = [path.name for path in stray_runs(repo)]
+    strays = [path.name for path in stray_folders(repo)]
     return FileReport(missing, sorted(present - set(named)), len(present), strays)
 
 
@@ -125,7 +131,7 @@ def sweep_files(repo: Repository) -> list[str]:
     """Remove files and folders that no record names and that are older than an hour; return their names."""
     old = time.time() - FRESH_S
     gone = repo.files.sweep(set(named_files(repo)), old)
-    for path in stray_runs(repo):
+    for path in stray_folders(repo):
         if path.stat().st_mtime < old:
             shutil.rmtree(path, ignore_errors=True)
             gone.append(path.name)

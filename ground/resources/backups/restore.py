@@ -65,7 +65,7 @@ def restore(
         migrate(repo.database)
         _require_empty(repo.database)
         missing = [f"{name} was damaged or missing before the backup was made" for name in head.damaged]
-        for name in (*FOLDERS, "runs"):
+        for name in (*FOLDERS, "runs", "campaigns"):
             for path in sorted((folder / name).rglob("*")):
                 if path.is_file():
                     copy_file(path, repo.data_dir / path.relative_to(folder))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -16,12 +17,16 @@ from ground.campaigns.folder import CampaignFolder
 from ground.campaigns.inputs import read_case
 from ground.campaigns.result import RESULTS
 from ground.gdr.migrate import migrate
+from ground.gdr.repository import open_repository
 from ground.jobs.worker import Worker
+from ground.resources.backups.backup import backup
+from ground.resources.backups.check_files import check_files, sweep_files
+from ground.resources.backups.restore import restore
 from ground.resources.campaigns import work as campaign_work
 from ground.resources.campaigns.order import ORDERS
 from ground.settings import Settings
 from tests.ground.campaigns.small import write_small
-from tests.ground.conftest import Api, yard
+from tests.ground.conftest import Api, settings_for, yard
 from tests.ground.test_approvals import archive_of, brought_in, without_history
 from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem
@@ -197,3 +202,29 @@ def test_an_archive_with_a_campaign_of_another_form_is_refused(sqlite_api: Api, 
 
     answer = brought_in(api, plan["mission_id"], archive_of(api, plan["mission_id"], forge))
     assert f"the campaign {campaign['id']} of the archive is malformed" in answer.json()["detail"]
+
+
+def test_a_backup_brings_the_runs_of_campaigns_back_and_a_sweep_takes_those_of_no_record(
+    sqlite_api: Api, terrain_folder: Path, tmp_path: Path
+) -> None:
+    api = sqlite_api
+    _plan, campaign = flown(api, terrain_folder, runs=30)
+    folder = api.repo.campaign_dir(campaign["id"])
+    (folder / "runs.draft").write_text("left by a crash")
+    backup(api.repo, tmp_path / "backup.tar")
+    fresh = open_repository(settings_for(tmp_path / "fresh"))
+    restore(fresh, tmp_path / "backup.tar")
+    there = fresh.campaign_dir(campaign["id"])
+    names = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {"runs.draft"}
+    assert {p.relative_to(there).as_posix() for p in there.rglob("*") if p.is_file()} == names
+    assert all((there / name).read_bytes() == (folder / name).read_bytes() for name in names)
+    fresh.database.dispose()
+
+    assert check_files(api.repo).strays == []
+    mission = f"/missions/{campaign['mission_id']}"
+    assert api("DELETE", mission, headers={"If-Match": "*"}, who="Administrator").status_code == 204
+    assert campaign["id"] in check_files(api.repo).strays
+    assert campaign["id"] not in sweep_files(api.repo)  # it is fresh
+    os.utime(folder, (0, 0))
+    assert campaign["id"] in sweep_files(api.repo)
+    assert not folder.exists()
