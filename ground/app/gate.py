@@ -32,8 +32,11 @@ SESSION = "/api/v1/session"
 OPEN = {SESSION, "/api/v1/openapi.json", "/api/v1/docs"}
 """Paths that need nobody in particular."""
 UPLOADS = "/api/v1/uploads"
-REPEATABLE = {UPLOADS, SESSION, "/api/v1/api-keys"}
-"""What takes no Idempotency-Key: bodies too large to keep, and answers with secrets, which nobody keeps."""
+REPEATABLE = {UPLOADS, SESSION, "/api/v1/api-keys", "/api/v1/people"}
+"""What takes no Idempotency-Key: bodies too large to keep, and what has secrets, of which nobody keeps a
+hash that can be guessed at."""
+ACCESS = ("/api/v1/people", SESSION, "/api/v1/api-keys")
+"""Paths whose changes say who may come in; sessions are among them."""
 SMALL_BODY = 8 * 2**20
 IDEMPOTENT_BODY = 1 << 20
 LOG_IN_BODY = 1 << 14
@@ -206,7 +209,7 @@ class Gate:
             await self.app(scope, counted, send)
         else:
             await self._once(scope, counted, send, key)
-        if method not in SAFE and path.startswith("/api/v1/people"):
+        if method not in SAFE and path.startswith(ACCESS):
             self.identities.forget()
 
     def _check_host(self, headers: Headers) -> None:

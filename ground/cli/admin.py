@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import typer
 
+from ground.cli.connection import PERSON, SERVER, connected
 from ground.cli.failure import fail
 from ground.cli.resources import group_of
 
@@ -214,10 +215,36 @@ def _people(app: typer.Typer) -> None:
         """Give somebody a password, and end their sessions. Needs no server."""
         from ground.cli.repository import open_or_fail
         from ground.records.actor import SYSTEM_ACTOR
-        from ground.resources.people.accounts import set_password
+        from ground.resources.people.passwords import set_password
 
-        secret = typer.prompt("Password", hide_input=True, confirmation_prompt=True)
-        if len(secret) < 8:
-            fail("a password needs 8 characters")
+        secret = _new_password()
         refused(lambda: set_password(open_or_fail(), SYSTEM_ACTOR, name, secret))
         typer.echo(f"{name} has a new password; sessions are ended")
+
+    @person.command("reset-password")
+    def reset_password_command(
+        person_id: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON
+    ) -> None:
+        """Give somebody else a password, and end their sessions, as an administrator. Needs a server."""
+        secret = _new_password()
+        with connected(server, person) as client:
+            client.reset_password(person_id, password=secret)
+        typer.echo(f"{person_id} has a new password; sessions are ended")
+
+    session = group_of(app, "session")
+
+    @session.command("password")
+    def change_password_command(server: str = SERVER, person: str | None = PERSON) -> None:
+        """Change one's own password; one's sessions end. Needs a server."""
+        old = typer.prompt("Password now", hide_input=True)
+        secret = _new_password()
+        with connected(server, person) as client:
+            client.change_password(old=old, new=secret)
+        typer.echo("your password is changed; your sessions are ended")
+
+
+def _new_password() -> str:
+    secret: str = typer.prompt("New password", hide_input=True, confirmation_prompt=True)
+    if len(secret) < 8:
+        fail("a password needs 8 characters")
+    return secret

@@ -48,6 +48,7 @@ ABOUT = {
     "history": "Changes of a mission.",
     "exchange": "Files in and out.",
     "api-key": "Keys for programs.",
+    "session": "Who one is, and where one is logged in.",
 }
 """Groups in which there are commands by hand or a word about them; others come as the interface has them."""
 KINDS = {"observation-requests": "request", "plans": "review", "path-networks": "network", "people": "person"}
@@ -66,6 +67,8 @@ PLACES = {
     "export_products": "exchange products",
     "get_run_report": "exchange report",
     "list_frame_files": "frame files",
+    "list_sessions": "session list",
+    "list_api_keys": "api-key list",
     "import_frames": "frame import",
     "export_frames": "frame export",
     "get_traverse_picture": "traverse picture",
@@ -97,6 +100,8 @@ LINES = {
     "retry_job": "{id} {state} {message}",
     "list_approvals": "{id}  {plan_id}  {approver}  {void}",
     "list_signing_keys": "{id}  {person}  {public}  {revoked_utc}",
+    "list_sessions": "{id}  {person}  {program}  until {expires_utc}  {current}",
+    "list_api_keys": "{id}  {person}  {name}  {role}  {mission_ids}  until {expires_utc}",
     "list_people": "{id}  {name}  {role}  {active}",
     "list_history": "{seq:6}  {at_utc}  {actor}  {action}  {kind} {subject_id}  {reason}",
     "undo": "{action} {kind} {subject_id}",
@@ -125,6 +130,8 @@ BY_HAND = {
     "list_rovers": "rover list",
     "read_rover": "rover show",
     "create_session": "api",
+    "change_password": "session password",
+    "reset_password": "person reset-password",
     "delete_session": "api",
 }
 """Operations whose command is written by hand; a file is uploaded by each command that takes one."""

@@ -54,12 +54,32 @@ ALLOWED: Mapping[Role, frozenset[Action]] = {
 
 
 @dataclass(frozen=True, slots=True)
+class KeyScope:
+    """What a key is for, of all that its owner may: at most what `role` may, in `missions` alone."""
+
+    role: Role | None = None
+    missions: frozenset[str] | None = None
+
+    def allows(self, action: Action, mission_id: str | None) -> bool:
+        """Say whether the key is for it; what belongs to no mission may be read with any key."""
+        if self.role is not None and action not in ALLOWED[self.role]:
+            return False
+        if self.missions is None or (mission_id is None and action is Action.READ):
+            return True
+        return mission_id in self.missions
+
+
+@dataclass(frozen=True, slots=True)
 class Actor:
-    """A person at work; `mission_roles` replaces the role for single missions."""
+    """A person at work; `mission_roles` replaces the role for single missions.
+
+    With a key that is narrowed it may do what both the person and the key's `scope` allow.
+    """
 
     name: str
     role: Role
     mission_roles: Mapping[str, str] = field(default_factory=dict)
+    scope: KeyScope | None = None
 
     def role_in(self, mission_id: str | None) -> Role:
         """Return the role that counts for a mission."""
@@ -72,6 +92,17 @@ class Actor:
         if action not in ALLOWED[role]:
             raise ForbiddenError(
                 f"{self.name} has the role {role.value}, which may not {action.value.replace('_', ' ')}"
+            )
+        if self.scope is not None and not self.scope.allows(action, mission_id):
+            what = action.value.replace("_", " ")
+            where = "" if mission_id is None else f" in mission {mission_id}"
+            raise ForbiddenError(f"the API key of {self.name} is not for: {what}{where}")
+
+    def require_person(self) -> None:
+        """Raise `ForbiddenError` for a narrowed key: keys, sessions and passwords are its owner's matter."""
+        if self.scope is not None:
+            raise ForbiddenError(
+                f"a narrowed API key of {self.name} may not touch keys, sessions or passwords"
             )
 
 

@@ -20,7 +20,8 @@ from ground.resources.backups.check_files import damaged_files
 from ground.resources.backups.container import Listing, Part, read_list, write_container
 from ground.resources.backups.restore import drill, restore
 from ground.resources.missions.value import Mission
-from ground.resources.people.accounts import create_person, identify
+from ground.resources.people.accounts import create_person
+from ground.resources.people.credentials import identify
 from ground.resources.people.row import PersonRow
 from ground.resources.targets.row import TargetRow
 from tests.ground.conftest import Api, settings_for

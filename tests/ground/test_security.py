@@ -34,8 +34,9 @@ from ground.resources.frames.row import FrameRow, SolutionRow
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.missions.value import Mission
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.people.accounts import ensure_profiles, set_password
+from ground.resources.people.accounts import ensure_profiles
 from ground.resources.people.log_in_limits import LogInLimits, address_of
+from ground.resources.people.passwords import set_password
 from ground.resources.people.row import CredentialRow, PersonRow
 from ground.resources.plans.row import PlanRow
 from ground.resources.runs.row import RunRow
@@ -373,6 +374,7 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("POST", r"/jobs/.*(cancel|retry)$", Action.PLAN),
     ("POST", r"/(frames|solutions|frame-files|site-maps)$", Action.EDIT_MISSION),
     ("PATCH", r"/frames/\{[a-z_]+\}$", Action.EDIT_MISSION),
+    ("PUT", r"/frames/\{[a-z_]+\}/solution$", Action.EDIT_MISSION),
     ("(PATCH|DELETE)", r"/(solutions|site-maps)/\{[a-z_]+\}$", Action.EDIT_MISSION),
     ("(POST|PATCH|DELETE)", r"/traverses(/\{[a-z_]+\})?$", Action.PLAN),
     ("POST", r"/(signatures|waivers)$", Action.APPROVE),
@@ -380,7 +382,7 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("POST", r"/(package|ingest|execution)$", Action.UPLINK),
     ("POST", r"/next-sol$", Action.EDIT_MISSION),
     ("POST", r"/uploads$", Action.EDIT_SCIENCE),
-    ("(POST|PATCH)", r"/people", Action.ADMINISTER),
+    ("(POST|PUT|PATCH)", r"/people", Action.ADMINISTER),
 )
 """Which right each changing endpoint needs; written down apart from the code that checks it."""
 FREE = re.compile(r"/(session|api-keys|signing-keys|undo|redo)|/(runs/ingest|missions/import)$")
@@ -392,7 +394,7 @@ def changing_endpoints() -> list[tuple[str, str]]:
         (method.upper(), path)
         for path, operations in build_api().openapi()["paths"].items()
         for method in operations
-        if method.upper() in {"POST", "PATCH", "DELETE"} and not FREE.search(path)
+        if method.upper() in {"POST", "PUT", "PATCH", "DELETE"} and not FREE.search(path)
     ]
 
 
@@ -426,6 +428,7 @@ BODIES: dict[str, Any] = {
     },
     "create_waiver": {"rule": "FR-TILT", "reason": "x"},
     "create_person": {"name": "Eve"},
+    "reset_password": {"password": "a new password"},
     "create_frame": {"name": "SITE_FRAME", "counter": [2]},
     "create_solution": {
         "label": "L",
@@ -433,6 +436,7 @@ BODIES: dict[str, Any] = {
         "offset_m": [0.0, 0.0, 0.0],
         "quaternion": [1.0, 0.0, 0.0, 0.0],
     },
+    "choose_solution": {"solution_id": "solution_id"},
     "import_frames": {"upload_id": "none"},
     "create_site_map": {"frame_id": "frame_id", "upload_id": "none"},
     "create_traverse": {

@@ -10,12 +10,13 @@ from starlette.datastructures import Headers
 from starlette.requests import Request, cookie_parser
 from starlette.responses import Response
 
-from ground.api.context import answer, call
+from ground.api.context import Ask, answer, call, no_content
 from ground.errors import AuthenticationError, ForbiddenError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
-from ground.resources.people import accounts as people
+from ground.resources.people import accounts, credentials
 from ground.resources.people.log_in_limits import LogInLimits, address_of, check, pay, refund
+from ground.resources.people.passwords import change_password, may_enter
 from ground.settings import Authentication
 from mission.codec import Document
 
@@ -59,7 +60,7 @@ class Identities:
                     raise
             else:
                 sent = headers.get(CSRF_HEADER, "")
-                if not with_profiles and method not in SAFE and sent != people.csrf_token(cookie):
+                if not with_profiles and method not in SAFE and sent != credentials.csrf_token(cookie):
                     raise ForbiddenError(
                         "a change with a session cookie needs the session's token in X-CSRF-Token"
                     )
@@ -67,7 +68,7 @@ class Identities:
         if not with_profiles:  # said without a thread: whoever knocks has to cost nothing
             raise AuthenticationError("log in, or send an API key")
         name = headers.get(PROFILE_HEADER)
-        actor_or_none = await self._lookup("profile", name or "", people.default_actor, self._repo, name)
+        actor_or_none = await self._lookup("profile", name or "", accounts.default_actor, self._repo, name)
         if actor_or_none is None:
             raise AuthenticationError(f"there is no profile {name!r}")
         return actor_or_none
@@ -77,7 +78,7 @@ class Identities:
         self._known.clear()
 
     async def _known_secret(self, secret: str) -> Actor:
-        actor = await self._lookup("secret", secret, people.identify, self._repo, secret)
+        actor = await self._lookup("secret", secret, credentials.identify, self._repo, secret)
         if actor is None:
             raise AuthenticationError("the session or API key is unknown, outdated or taken back")
         return actor
@@ -100,15 +101,36 @@ def session_value(repo: Repository, request: Request) -> Document:
     actor: Actor | None = getattr(request.state, "actor", None)
     cookie = request.cookies.get(COOKIE)
     return {
-        "person": None if actor is None else people.person_value(repo, actor.name),
-        "csrf_token": people.csrf_token(cookie) if cookie else "",
+        "person": None if actor is None else accounts.person_value(repo, actor.name),
+        "csrf_token": credentials.csrf_token(cookie) if cookie else "",
         "auth": repo.settings.auth.value,
     }
 
 
-async def log_in(
-    repo: Repository, limits: LogInLimits, name: str, password: str, host: str | None
-) -> Response:
+def secret_of(request: Request) -> str:
+    """Return the secret with which a request comes: that of its key, else of its session; empty without."""
+    bearer = request.headers.get("authorization", "").partition(" ")[2].strip()
+    return bearer or request.cookies.get(COOKIE, "")
+
+
+def _address(request: Request) -> str:
+    return address_of(None if request.client is None else request.client.host)
+
+
+async def change_own_password(request: Request, ask: Ask, old: str, new: str) -> Response:
+    """Change who asks' password; a wrong old one is a guess like one at a log-in, and paid for like it."""
+    limits: LogInLimits = request.app.state.limits
+    name, address = ask.who.name, _address(request)
+    limits.knock(name, address)
+    await call(pay, ask.repo, name, address)
+    kept = credentials.digest(secret_of(request))
+    await check(partial(change_password, ask.repo, ask.who, old, new, kept))
+    limits.forgive(name, address)
+    await call(refund, ask.repo, name, address)
+    return no_content()
+
+
+async def log_in(request: Request, repo: Repository, name: str, password: str) -> Response:
     """Answer a login with the cookie of a new session; a guess that has its place is paid for, then checked.
 
     Raises
@@ -119,12 +141,13 @@ async def log_in(
         After 5 guesses for the name from this address within 5 minutes, or 50 for all names.
     """
     if repo.settings.auth is Authentication.PROFILES:
-        person = await call(people.may_enter, repo, name, password)
+        person = await call(may_enter, repo, name, password)
     else:
-        address = address_of(host)
+        limits: LogInLimits = request.app.state.limits
+        address = _address(request)
         limits.knock(name, address)
         await call(pay, repo, name, address)
-        person = await check(partial(people.may_enter, repo, name, password))
+        person = await check(partial(may_enter, repo, name, password))
         if person is not None:
             limits.forgive(name, address)
             await call(refund, repo, name, address)
@@ -133,8 +156,10 @@ async def log_in(
         raise AuthenticationError(
             "name and password do not fit" if with_passwords else f"there is no profile {name!r}"
         )
-    secret = await call(people.open_session, repo, person)
-    content = {"person": person, "csrf_token": people.csrf_token(secret), "auth": repo.settings.auth.value}
+    program = request.headers.get("user-agent", "")
+    secret = await call(credentials.open_session, repo, person, program)
+    token = credentials.csrf_token(secret)
+    content = {"person": person, "csrf_token": token, "auth": repo.settings.auth.value}
     response = answer(content, 201)
     response.set_cookie(
         COOKIE,
@@ -152,7 +177,7 @@ async def log_out(repo: Repository, request: Request) -> Response:
     """End the session of the cookie."""
     secret = request.cookies.get(COOKIE)
     if secret:
-        await call(people.log_out, repo, secret)
+        await call(credentials.log_out, repo, secret)
     request.app.state.identities.forget()
     response = Response(status_code=204)
     response.delete_cookie(COOKIE, path="/")

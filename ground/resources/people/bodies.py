@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from typing import Annotated
 
 from pydantic import BaseModel, Field, StringConstraints
@@ -10,6 +9,8 @@ from pydantic import BaseModel, Field, StringConstraints
 from ground.records.actor import Role
 from ground.records.forms import Body, Flag, Id, Name, unset
 from ground.resources.people.value import Person
+
+Password = Annotated[str, StringConstraints(min_length=8, max_length=1000)]
 
 
 class SessionCreate(Body):
@@ -30,7 +31,7 @@ class SessionValue(BaseModel):
 class PersonCreate(Body):
     name: Name
     role: Role = Role.VIEWER
-    password: Annotated[str, StringConstraints(min_length=8, max_length=1000)] | None = None
+    password: Password | None = None
 
 
 class PersonChange(Body):
@@ -42,6 +43,23 @@ class PersonChange(Body):
 class ApiKeyCreate(Body):
     name: Name
     days: Annotated[int, Field(strict=True, ge=1, le=3650)] = 90
+    role: Role | None = None
+    """At most what this role may; else all that its owner may."""
+    mission_ids: Annotated[list[Id], Field(min_length=1, max_length=100)] | None = None
+    """In these missions alone."""
+
+
+class PasswordChange(Body):
+    """Change one's own password."""
+
+    old: Annotated[str, StringConstraints(max_length=1000)]
+    new: Password
+
+
+class PasswordReset(Body):
+    """Give somebody a password."""
+
+    password: Password
 
 
 class SigningKeyCreate(Body):
@@ -52,12 +70,3 @@ class SigningKeyCreate(Body):
     public: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]{43}=$")]
     proof: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]{86}==$")]
     name: Annotated[str, StringConstraints(max_length=80)] = ""
-
-
-class ApiKeyValue(BaseModel):
-    """A new key; the secret is shown once."""
-
-    id: str
-    name: str
-    secret: str
-    expires_utc: datetime

@@ -2,28 +2,46 @@
 
 from __future__ import annotations
 
-from fastapi import Request
+from functools import partial
+from typing import Annotated
+
+from fastapi import Query, Request
 from starlette.responses import Response
 
 from ground.api.context import Asked, Id, Repo, answer, call, created, no_content
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
-from ground.resources.people.accounts import create_api_key as create_api_key_use_case
 from ground.resources.people.accounts import create_person as create_person_use_case
-from ground.resources.people.accounts import delete_api_key as delete_api_key_use_case
-from ground.resources.people.authentication import log_in, log_out, session_value
+from ground.resources.people.authentication import (
+    change_own_password,
+    log_in,
+    log_out,
+    secret_of,
+    session_value,
+)
 from ground.resources.people.bodies import (
     ApiKeyCreate,
-    ApiKeyValue,
+    PasswordChange,
+    PasswordReset,
     PersonCreate,
     SessionCreate,
     SessionValue,
     SigningKeyCreate,
 )
+from ground.resources.people.credentials import create_api_key as create_api_key_use_case
+from ground.resources.people.credentials import delete_api_key as delete_api_key_use_case
+from ground.resources.people.credentials import digest
+from ground.resources.people.credentials import end_session as end_session_use_case
+from ground.resources.people.credentials import list_api_keys as list_api_keys_use_case
+from ground.resources.people.credentials import list_sessions as list_sessions_use_case
 from ground.resources.people.kind import PERSON
+from ground.resources.people.log_in_limits import check
+from ground.resources.people.passwords import reset_password as reset_password_use_case
 from ground.resources.people.signing_keys import list_signing_keys as list_signing_keys_use_case
 from ground.resources.people.signing_keys import register_signing_key, revoke_signing_key
-from ground.resources.people.value import Person, SigningKey
+from ground.resources.people.value import ApiKey, NewApiKey, OpenSession, Person, SigningKey
+
+Everyone = Annotated[bool, Query(description="everybody's, for administrators")]
 
 router = resource_routes(
     PERSON,
@@ -50,8 +68,7 @@ async def get_session(repo: Repo, request: Request) -> Response:
 @router.post("/session", response_model=SessionValue, status_code=201, responses=responses(400, 422, 429))
 async def create_session(repo: Repo, request: Request, body: SessionCreate) -> Response:
     """Log in, or change to another profile; sets the session cookie."""
-    host = None if request.client is None else request.client.host
-    return await log_in(repo, request.app.state.limits, body.name, body.password, host)
+    return await log_in(request, repo, body.name, body.password)
 
 
 @router.delete("/session", status_code=204)
@@ -60,10 +77,44 @@ async def delete_session(repo: Repo, request: Request) -> Response:
     return await log_out(repo, request)
 
 
-@router.post("/api-keys", response_model=ApiKeyValue, status_code=201, responses=responses(400, 422))
+@router.put("/session/password", status_code=204, responses=responses(400, 409, 422, 429))
+async def change_password(ask: Asked, request: Request, body: PasswordChange) -> Response:
+    """Change one's own password with the old one; one's other sessions end."""
+    return await change_own_password(request, ask, body.old, body.new)
+
+
+@router.put("/people/{person_id}/password", status_code=204, responses=responses(400, 404, 409, 422))
+async def reset_password(ask: Asked, person_id: Id, body: PasswordReset) -> Response:
+    """Give somebody else a password (administrators); their sessions end."""
+    await check(partial(reset_password_use_case, ask.repo, ask.who, person_id, body.password))
+    return no_content()
+
+
+@router.get("/sessions", response_model=list[OpenSession], responses=responses(422))
+async def list_sessions(ask: Asked, request: Request, everyone: Everyone = False) -> Response:
+    """List one's open sessions, or everybody's; `current` marks the one that asks."""
+    mine = digest(secret_of(request))
+    return answer(await ask.do(list_sessions_use_case, mine, everyone=everyone))
+
+
+@router.delete("/sessions/{session_id}", status_code=204, responses=responses(404, 422))
+async def end_session(ask: Asked, session_id: Id) -> Response:
+    """End a session of one's own, or anybody's (administrators)."""
+    await ask.do(end_session_use_case, session_id)
+    return no_content()
+
+
+@router.get("/api-keys", response_model=list[ApiKey], responses=responses(422))
+async def list_api_keys(ask: Asked, everyone: Everyone = False) -> Response:
+    """List one's API keys, or everybody's; never their secrets."""
+    return answer(await ask.do(list_api_keys_use_case, everyone=everyone))
+
+
+@router.post("/api-keys", response_model=NewApiKey, status_code=201, responses=responses(400, 422))
 async def create_api_key(ask: Asked, body: ApiKeyCreate) -> Response:
     """Make an API key for oneself; the secret is shown this once."""
-    return answer(await ask.do(create_api_key_use_case, body.name, body.days), 201)
+    key = await ask.do(create_api_key_use_case, body.name, body.days, body.role, body.mission_ids)
+    return answer(key, 201)
 
 
 @router.delete("/api-keys/{key_id}", status_code=204, responses=responses(404, 422))

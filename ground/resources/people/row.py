@@ -22,7 +22,7 @@ class PersonRow(Row):
 
 
 class CredentialRow(Base):
-    """A session or an API key; only the hash of its secret is kept."""
+    """A session or an API key; only the hash of its secret is kept. A session's name is its program."""
 
     __tablename__ = "credentials"
 
@@ -31,6 +31,10 @@ class CredentialRow(Base):
     person_id: Mapped[str] = mapped_column(ForeignKey("people.id", ondelete="CASCADE"), index=True)
     name: Mapped[Text80] = mapped_column(default="")
     secret_sha256: Mapped[Sha256] = mapped_column(unique=True)
+    role: Mapped[Text20 | None]
+    """What an API key may do at most; none where it may do all that its owner may."""
+    mission_ids: Mapped[list[Any] | None]
+    """Missions that an API key is for; none where it is for all of its owner's."""
     created_utc: Mapped[datetime] = mapped_column(default=utc_now)
     expires_utc: Mapped[datetime]
 

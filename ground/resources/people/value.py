@@ -30,3 +30,38 @@ class SigningKey:
     public: str
     created_utc: datetime
     revoked_utc: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class OpenSession:
+    """A log-in that has not ended: of whom, with which program, and whether it is the one that asks."""
+
+    id: str
+    person: str
+    program: str
+    created_utc: datetime
+    expires_utc: datetime
+    current: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ApiKey:
+    """A key of a program: it may do what its owner may, at most what `role` may, in `mission_ids` alone.
+
+    A role or missions that are None narrow nothing.
+    """
+
+    id: str
+    person: str
+    name: str
+    role: Role | None
+    mission_ids: list[str] | None
+    created_utc: datetime
+    expires_utc: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class NewApiKey(ApiKey):
+    """An API key with the one sight of its secret."""
+
+    secret: str

@@ -7,6 +7,7 @@ import { api, body, ifMatch, pages, ProblemError, sendFile, setCsrf } from "./cl
 import { ownKey, sha256, sign } from "../lib/signing";
 import type { components } from "./schema";
 import type {
+  ApiKey,
   Approval,
   CameraView,
   Comment,
@@ -20,6 +21,7 @@ import type {
   ObservationRequest,
   ObservationRequestChange,
   ObservationRequestCreate,
+  OpenSession,
   Panorama,
   PathNetwork,
   Person,
@@ -75,6 +77,26 @@ export async function logIn(name: string, password = ""): Promise<SessionValue> 
   setCsrf(value.csrf_token);
   return value;
 }
+
+export const logOut = (): Promise<unknown> => body(api.DELETE("/api/v1/session"));
+
+export const changePassword = (old: string, changed: string): Promise<unknown> =>
+  body(api.PUT("/api/v1/session/password", { body: { old, new: changed } }));
+
+export const openSessions = (everyone: boolean): Promise<OpenSession[]> =>
+  body(api.GET("/api/v1/sessions", { params: { query: { everyone } } }));
+
+export const endSession = (session_id: string): Promise<unknown> =>
+  body(api.DELETE("/api/v1/sessions/{session_id}", { params: { path: { session_id } } }));
+
+export const apiKeys = (everyone: boolean): Promise<ApiKey[]> =>
+  body(api.GET("/api/v1/api-keys", { params: { query: { everyone } } }));
+
+export const makeApiKey = (key: Schemas["ApiKeyCreate"]): Promise<Schemas["NewApiKey"]> =>
+  body(api.POST("/api/v1/api-keys", { body: key }));
+
+export const deleteApiKey = (key_id: string): Promise<unknown> =>
+  body(api.DELETE("/api/v1/api-keys/{key_id}", { params: { path: { key_id } } }));
 
 export const people = (): Promise<Person[]> =>
   pages((cursor) => body(api.GET("/api/v1/people", { params: pageOnly(cursor) })));

@@ -4,6 +4,7 @@ import type { components } from "./schema";
 
 export type Schemas = components["schemas"];
 
+export type ApiKey = Schemas["ApiKey"];
 export type Approval = Schemas["Approval"];
 export type CameraView = Schemas["CameraView"];
 export type ConstraintKind = Schemas["ConstraintKind"];
@@ -19,6 +20,7 @@ export type MissionCreate = Schemas["MissionCreate"];
 export type ObservationRequest = Schemas["ObservationRequest"];
 export type ObservationRequestCreate = Schemas["ObservationRequestCreate"];
 export type ObservationRequestChange = Schemas["ObservationRequestChange"];
+export type OpenSession = Schemas["OpenSession"];
 export type Panorama = Schemas["Panorama"];
 export type PathNetwork = Schemas["PathNetwork"];
 export type Person = Schemas["Person"];
