@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from ground.campaigns.folder import CampaignFolder
 from ground.campaigns.result import CampaignResult, Difference, Frequency, Interval
-from ground.campaigns.tree import frequency_tree
+from ground.campaigns.tree import conditions_of_options, frequency_tree
 from ground.reports.page import CHART_H, CHART_W, histogram, page, safe, table
 from ground.reports.plan_drawing import to_svg
 
 SHOWN_MODES = 20
+OUTSIDE = "(outside)"
 
 
 def report_page(folder: CampaignFolder, result: CampaignResult) -> str:
@@ -18,10 +19,11 @@ def report_page(folder: CampaignFolder, result: CampaignResult) -> str:
     order = folder.order()
     plan = order.case().plan()
     name = plan.name or plan.id or folder.path.name
-    return page(f"Campaign: {name}", _parts(result, to_svg(frequency_tree(plan, result))))
+    tree = to_svg(frequency_tree(plan, result), outline=True)
+    return page(f"Campaign: {name}", _parts(result, tree, conditions_of_options(plan)))
 
 
-def _parts(result: CampaignResult, tree: str) -> Iterator[str]:
+def _parts(result: CampaignResult, tree: str, taken_when: Mapping[str, str]) -> Iterator[str]:
     utility = result.utility
     last = result.seed + result.runs - 1
     yield (
@@ -47,8 +49,14 @@ def _parts(result: CampaignResult, tree: str) -> Iterator[str]:
     head = ("share of runs below", "utility", "interval", "end, s", "energy used, J")
     yield table(head, _quantiles(result), numbers=(0, 1, 2, 3, 4))
     yield "<h2>Outcomes and options</h2>"
-    rows = [_frequency(f) for f in result.frequencies]
-    yield table(("what", "runs", "share", "interval", "predicted"), rows, numbers=(1, 2, 3, 4))
+    rows = [_frequency(f, taken_when) for f in result.frequencies]
+    counted = ("what", "taken when", "runs", "share", "interval", "predicted")
+    yield table(counted, rows, numbers=(2, 3, 4, 5))
+    if not all(map(_within, result.frequencies)):
+        yield (
+            f"<p>{OUTSIDE}: the prediction lies outside the interval of the share that was flown. Of twenty "
+            "right predictions one does by chance.</p>"
+        )
     yield "<h2>The plan, by how often it came to each step</h2>"
     yield (
         "<p>After a step stand the shares of all runs in which it succeeded and in which it failed; a box is "
@@ -91,14 +99,17 @@ def _quantiles(result: CampaignResult) -> Iterator[Sequence[object]]:
         )
 
 
-def _frequency(found: Frequency) -> Sequence[object]:
+def _frequency(found: Frequency, taken_when: Mapping[str, str]) -> Sequence[object]:
     predicted = "" if found.predicted is None else f"{found.predicted:.2%}"
+    kind, _, option = found.what.partition(" ")
+    named = kind == "option" and option.startswith("option")  # an id of the planner's says that it is one
     return (
-        found.what,
+        option if named else found.what,
+        taken_when.get(option, "") if kind == "option" else "",
         f"{found.runs:,}",
         f"{found.share:.2%}",
         _ends(found.interval, "{:.2%}"),
-        predicted + ("" if _within(found) else " (outside)"),
+        predicted + ("" if _within(found) else f" {OUTSIDE}"),
     )
 
 

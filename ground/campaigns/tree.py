@@ -50,6 +50,18 @@ def frequency_tree(plan: Plan, result: CampaignResult) -> Box:
     return root
 
 
+def conditions_of_options(plan: Plan) -> dict[str, str]:
+    """Return what must hold for each option of a plan to be taken, as its CRL says it, by its id."""
+    from executive.crl.nodes import Branch, walk_plan
+    from executive.crl.printer import conditions_text
+
+    branches = (node for node in walk_plan(plan) if isinstance(node, Branch))
+    options = (option for branch in branches for option in branch.options)
+    return {
+        o.id: conditions_text(o.eligible_conditions) if o.eligible_conditions else "else" for o in options
+    }
+
+
 def _line(name: str, share: tuple[float, float, float, float] | None) -> str:
     if share is None:
         return name

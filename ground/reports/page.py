@@ -75,7 +75,7 @@ def map_picture(terrain: Terrain, problem: Document, tree: Document, alt: str, *
 
 def tree_drawing(tree: Document, problem: Document) -> str:
     """Return the plan tree as a drawing."""
-    return f'<div class="tree">{to_svg(boxes(tree, target_names(problem)))}</div>'
+    return f'<div class="tree">{to_svg(boxes(tree, target_names(problem)), outline=True)}</div>'
 
 
 def failure_table(tree: Document, problem: Document) -> str:

@@ -11,6 +11,8 @@ from typing import Any
 from mission.codec import Document
 
 BOX_W, LINE_H, PAD, GAP_X, GAP_Y = 210.0, 15.0, 7.0, 18.0, 46.0
+WIDE_W, INDENT, GAP_OUTLINE = 300.0, 34.0, 26.0
+"""Of an outline: width of a box, how far options stand to the right of their box, room for a label."""
 COMPARED = {"ge": "≥", "lt": "<", "le": "≤", "gt": ">"}
 
 
@@ -118,6 +120,26 @@ def lay_out(root: Box) -> tuple[float, float]:
     return right + PAD, bottom + PAD
 
 
+def lay_out_as_outline(root: Box) -> tuple[float, float]:
+    """Give each box its place, options below their box and a step to the right; return the size.
+
+    The width grows with the depth of the tree alone, so that a page holds it; the height with its boxes.
+    """
+    right = bottom = 0.0
+
+    def place(box: Box, left: float, top: float) -> float:
+        nonlocal right
+        box.x, box.y, box.width = left, top, WIDE_W
+        right = max(right, left + box.width)
+        below = top + box.height
+        for option in box.options:
+            below = place(option, left + INDENT, below + GAP_OUTLINE)
+        return below
+
+    bottom = place(root, PAD, PAD)
+    return right + PAD, bottom + PAD
+
+
 def _text(text: str) -> str:
     """Return text that may stand in an XML document: no control characters, markup escaped."""
     return html.escape("".join(c if c >= " " else " " for c in text))
@@ -135,29 +157,30 @@ def _cut(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def to_svg(root: Box) -> str:
-    """Return the drawing; edges are as wide as the chance that they are taken."""
-    width, height = lay_out(root)
+def to_svg(root: Box, *, outline: bool = False) -> str:
+    """Return the drawing; edges are as wide as the chance that they are taken.
+
+    As an outline it fits the width of a page; else options stand beside each other.
+    """
+    width, height = lay_out_as_outline(root) if outline else lay_out(root)
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
         f'width="{width:.0f}" height="{height:.0f}" font-family="sans-serif" font-size="11">',
         f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>',
     ]
+    labels = []
     for box in root.walk():
         for option in box.options:
-            x1, y1 = box.x + box.width / 2, box.y + box.height
-            x2, y2 = option.x + option.width / 2, option.y
             colour = "#2b7fa8" if option.label == "go on" else "#c8660b"
-            curve = f"C{x1:.1f} {y1 + 24:.1f} {x2:.1f} {y2 - 34:.1f} {x2:.1f} {y2:.1f}"
-            parts.append(
-                f'<path d="M{x1:.1f} {y1:.1f} {curve}"'
-                f' fill="none" stroke="{colour}" stroke-width="{1 + 5 * min(1.0, option.probability):.1f}"/>'
-            )
-            label = _text(_cut(f"{option.label}  {option.probability:.0%}", 38))
-            parts.append(
-                f'<text x="{x2:.1f}" y="{y2 - 6:.1f}" text-anchor="middle" fill="{colour}" '
+            thick = 1 + 5 * min(1.0, option.probability)
+            line, x, anchor = _elbow(box, option) if outline else _curve(box, option)
+            parts.append(f'<path d="{line}" fill="none" stroke="{colour}" stroke-width="{thick:.1f}"/>')
+            label = _text(_cut(f"{option.label}  {option.probability:.0%}", 54 if outline else 38))
+            labels.append(
+                f'<text x="{x:.1f}" y="{option.y - 6:.1f}" text-anchor="{anchor}" fill="{colour}" '
                 f'stroke="#ffffff" stroke-width="3" paint-order="stroke">{label}</text>'
             )
+    parts += labels  # over all lines
     for box in root.walk():
         parts.append(
             f'<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" height="{box.height:.1f}" rx="5" '
@@ -165,10 +188,24 @@ def to_svg(root: Box) -> str:
         )
         parts += [
             f'<text x="{box.x + PAD:.1f}" y="{box.y + PAD + LINE_H * (n + 0.75):.1f}" fill="#14202a">'
-            f"{_text(_cut(line, 36))}</text>"
+            f"{_text(_cut(line, 54 if outline else 36))}</text>"
             for n, line in enumerate(box.lines)
         ]
     return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _curve(box: Box, option: Box) -> tuple[str, float, str]:
+    """Return a line down from the middle of a box to an option, and where its label stands, how anchored."""
+    x1, y1 = box.x + box.width / 2, box.y + box.height
+    x2, y2 = option.x + option.width / 2, option.y
+    curve = f"M{x1:.1f} {y1:.1f} C{x1:.1f} {y1 + 24:.1f} {x2:.1f} {y2 - 34:.1f} {x2:.1f} {y2:.1f}"
+    return curve, x2, "middle"
+
+
+def _elbow(box: Box, option: Box) -> tuple[str, float, str]:
+    """Return a line down from a box's left end and to the right into an option, and its label's place."""
+    x1, y1, y2 = box.x + INDENT / 3, box.y + box.height, option.y + option.height / 2
+    return f"M{x1:.1f} {y1:.1f} V{y2:.1f} H{option.x:.1f}", option.x + PAD, "start"
 
 
 def to_dot(root: Box) -> str:

@@ -10,6 +10,7 @@ import json
 import xml.etree.ElementTree as ET
 import zipfile
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.errors import InvalidInputError
-from ground.reports.plan_drawing import boxes, lay_out, to_dot, to_svg
+from ground.reports.plan_drawing import Box, boxes, lay_out, lay_out_as_outline, to_dot, to_svg
 from ground.resources.geometry_files.site_geometry import read_shapes
 from ground.resources.targets.bodies import TargetCreate
 from tests.ground.approving import hand_in
@@ -153,11 +154,31 @@ def test_a_drawing_shows_every_step_and_option_and_no_two_boxes_overlap() -> Non
             apart = a.x + a.width <= b.x or b.x + b.width <= a.x
             assert apart or a.y + a.height <= b.y or b.y + b.height <= a.y
     svg = ET.fromstring(to_svg(root))
+    parts = [e.tag.rpartition("}")[2] for e in svg]
+    assert max(k for k, tag in enumerate(parts) if tag == "path") < parts.index(
+        "text"
+    )  # no line over a label
     shown = {"".join(e.itertext()) for e in svg.iter("{http://www.w3.org/2000/svg}text")}
     assert {"drive to Rock <1>", "visit Rock <1>", 'visit Say "hi"', "go on  50%"} <= shown
     dot = to_dot(root)
     assert (dot.count("->"), dot.count("[label=")) == (3, 7)
     assert r"visit Say \"hi\"" in dot
+
+
+def test_an_outline_is_as_wide_as_a_page_however_many_options_there_are() -> None:
+    def box(depth: int) -> Box:
+        return Box(["one", "two"], "if", 0.2, [box(depth - 1) for _ in range(4)] if depth else [])
+
+    root = box(3)
+    width, height = lay_out_as_outline(root)
+    found = root.walk()
+    assert len(found) == 85
+    assert width < 500
+    for upper, lower in pairwise(found):
+        assert upper.y + upper.height < lower.y  # each stands by itself, in the order of reading
+    assert found[-1].y + found[-1].height < height
+    svg = ET.fromstring(to_svg(root, outline=True))
+    assert float(svg.attrib["width"]) == pytest.approx(width, abs=1)
 
 
 class Page(HTMLParser):

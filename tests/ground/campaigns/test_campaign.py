@@ -25,8 +25,8 @@ from ground.campaigns.engines import Engine, HereEngine, PoolEngine
 from ground.campaigns.folder import CampaignFolder
 from ground.campaigns.inputs import read_case
 from ground.campaigns.pilot import pilot_of, replay_row
-from ground.campaigns.report import report_page
-from ground.campaigns.result import RESULTS, CampaignResult
+from ground.campaigns.report import _parts, report_page
+from ground.campaigns.result import RESULTS, CampaignResult, Frequency, Interval
 from ground.campaigns.variant import NamedCase, Variant, varied
 from ground.errors import GroundError, InvalidInputError
 from rover_iface.simulator.abstract_rover import make_rover
@@ -292,6 +292,11 @@ def test_the_report_is_one_file_that_loads_nothing(case: Case, tmp_path: Path) -
     assert "<script" not in text
     for word in ("touch-T2", "stay", "What would help most", "Convergence", f"{result.utility.mean:.3f}"):
         assert word in text
+    result = replace(result, frequencies=(Frequency("option option-1", 3, 0.01, Interval(0.0, 0.02), 0.5),))
+    told = "".join(_parts(result, "", {"option-1": "((database (:time < 800)))"}))
+    assert "<td>option-1</td><td>((database (:time &lt; 800)))</td>" in told
+    assert "50.00% (outside)" in told
+    assert "(outside): the prediction lies outside the interval" in told
 
 
 @pytest.mark.parametrize(
