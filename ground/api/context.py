@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import shutil
 import tempfile
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
+import time
+from collections.abc import AsyncIterable, AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
@@ -17,13 +18,14 @@ import orjson
 from fastapi import APIRouter, Depends, Header, Path, Query, Request
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
+from sqlalchemy import select
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import FileResponse, Response
+from starlette.responses import FileResponse, Response, StreamingResponse
 
 from ground.api.etags import etag_of, revision_wanted
 from ground.api.problems import Answers, responses
-from ground.errors import InvalidInputError
+from ground.errors import GroundError, InvalidInputError
 from ground.gdr.database import in_act
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
@@ -97,6 +99,8 @@ class Ask:
     repo: Repository
     who: Actor
     kinds: Mapping[str, Kind[Any]]
+    again: Callable[[], Awaitable[Actor]]
+    """Find anew who asks: for answers that go on after a role was changed or a session ended."""
 
     async def do(
         self,
@@ -159,7 +163,8 @@ class Ask:
 async def ask(request: Request) -> Ask:
     """Return what an endpoint works with; the gate has found who asks."""
     state = request.app.state
-    return Ask(state.repository, request.state.actor, state.kinds)
+    again = partial(state.identities.actor_of, "GET", request.headers)
+    return Ask(state.repository, request.state.actor, state.kinds, again)
 
 
 async def repository(request: Request) -> Repository:
@@ -188,16 +193,81 @@ ONCE: ContextVar[Once | None] = ContextVar("once", default=None)
 """The key of the request that is being answered, where it has one."""
 
 
+ABSENT = "~"
+"""Put before an id makes one that nothing has: ids are letters, digits, `_` and `-`."""
+OTHER_NAMES = {"other_id": "plan", "request_id": "observation_request"}
+"""Parameters that name a resource by another word than its kind."""
+LOOKED_AGAIN_S = 2.0
+"""How often it is asked whether who listens to a stream may still see it."""
+
+
+def _hidden(ask: Ask, given: Mapping[str, object], who: Actor) -> dict[str, str]:
+    """Return the parameters that name what belongs to a mission that a person may not see."""
+    found = {}
+    with ask.repo.database.connection() as reader:
+        for name, value in given.items():
+            kind = ask.kinds.get(OTHER_NAMES.get(name) or name.removesuffix("_id"))
+            if kind is None or not isinstance(value, str) or not name.endswith("_id"):
+                continue
+            column = kind.row.__table__.c
+            if kind.row.mission_key not in column:
+                continue
+            mission = reader.scalar(select(column[kind.row.mission_key]).where(column.id == value))
+            if mission is not None and not who.sees(mission):
+                found[name] = value
+    return found
+
+
+async def _as_if_absent(endpoint: Callable[..., Any], given: dict[str, Any]) -> Any:
+    """Answer as if what the person may not see were not there: with ids that nothing has.
+
+    So every route says the same as for a thing that never was, in the same order of checks.
+    """
+    ask = given.get("ask")
+    if not isinstance(ask, Ask):
+        return await endpoint(**given)
+    hidden = {} if ask.who.sees_all else await look(_hidden, ask, given, ask.who)
+    try:
+        answer = await endpoint(**{**given, **{name: ABSENT + value for name, value in hidden.items()}})
+    except GroundError as err:
+        for value in hidden.values():
+            err.message = err.message.replace(ABSENT + value, value)
+        raise
+    if isinstance(answer, StreamingResponse) and answer.media_type == "text/event-stream":
+        answer.body_iterator = _while_seen(answer.body_iterator, ask, given)
+    return answer
+
+
+async def _while_seen(parts: AsyncIterable[Any], ask: Ask, given: Mapping[str, object]) -> AsyncIterator[Any]:
+    """Give the parts of a stream until who listens may not see it any more, or is nobody any more."""
+    asked = time.monotonic()
+    async for part in parts:
+        if time.monotonic() - asked > LOOKED_AGAIN_S:
+            asked = time.monotonic()
+            try:
+                who = await ask.again()
+            except GroundError:
+                return
+            hidden = {} if who.sees_all else await look(_hidden, ask, given, who)
+            if hidden:
+                return
+        yield part
+
+
 class _Route(APIRoute):
     """A route whose endpoint runs in one thread and one transaction where the request carries a key."""
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
         @wraps(endpoint)
+        async def seen(**given: Any) -> Any:
+            return await _as_if_absent(endpoint, given)
+
+        @wraps(endpoint)
         async def once(**given: Any) -> Any:
             kept = ONCE.get()
             if kept is None:
-                return await endpoint(**given)
-            answer = await run_in_threadpool(kept.run, lambda: _at_once(endpoint(**given)))
+                return await seen(**given)
+            answer = await run_in_threadpool(kept.run, lambda: _at_once(seen(**given)))
             if isinstance(answer, StoredAnswer):
                 return replayed(answer)
             return await answer.later() if isinstance(answer, Queued) else answer

@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from ground.errors import ForbiddenError
+from ground.errors import ForbiddenError, NotFoundError
 
 
 class Role(StrEnum):
     """What a person may do is said by their role."""
 
+    NONE = "none"
+    """Sees nothing: as a role for one mission it hides that mission; in general, all but those named."""
     VIEWER = "viewer"
     SCIENTIST = "scientist"
     PLANNER = "planner"
@@ -43,6 +45,7 @@ _READER = frozenset({Action.READ})
 _SCIENTIST = _READER | {Action.COMMENT, Action.EDIT_SCIENCE}
 _PLANNER = _SCIENTIST | {Action.EDIT_MISSION, Action.PLAN}
 ALLOWED: Mapping[Role, frozenset[Action]] = {
+    Role.NONE: frozenset(),
     Role.VIEWER: _READER,
     Role.SCIENTIST: _SCIENTIST,
     Role.PLANNER: _PLANNER,
@@ -82,13 +85,26 @@ class Actor:
     scope: KeyScope | None = None
 
     def role_in(self, mission_id: str | None) -> Role:
-        """Return the role that counts for a mission."""
+        """Return the role that counts for a mission; none outside those that a narrowed key is for."""
+        only = None if self.scope is None else self.scope.missions
+        if mission_id is not None and only is not None and mission_id not in only:
+            return Role.NONE
         given = self.mission_roles.get(mission_id or "")
         return Role(given) if given is not None else self.role
 
     def require(self, action: Action, mission_id: str | None = None) -> None:
-        """Raise `ForbiddenError` unless this person may do it."""
+        """Raise `ForbiddenError` unless this person may do it.
+
+        Raises
+        ------
+        NotFoundError
+            If it is in a mission that they may not see. What belongs to no mission may be read by all.
+        """
         role = self.role_in(mission_id)
+        if mission_id is None and action is Action.READ:
+            return
+        if mission_id is not None and role is Role.NONE:
+            raise NotFoundError(f"there is no mission {mission_id}")
         if action not in ALLOWED[role]:
             raise ForbiddenError(
                 f"{self.name} has the role {role.value}, which may not {action.value.replace('_', ' ')}"
@@ -97,6 +113,43 @@ class Actor:
             what = action.value.replace("_", " ")
             where = "" if mission_id is None else f" in mission {mission_id}"
             raise ForbiddenError(f"the API key of {self.name} is not for: {what}{where}")
+
+    def require_somewhere(self, action: Action) -> None:
+        """Raise `ForbiddenError` unless this person may do it in general or in some mission."""
+        missions = [m for m in self.mission_roles if self.sees(m)]
+        roles = {self.role_in(mission_id) for mission_id in [None, *missions]}
+        narrowed = None if self.scope is None else self.scope.role
+        allowed = frozenset(Action) if narrowed is None else ALLOWED[narrowed]
+        if not any(action in ALLOWED[role] & allowed for role in roles):
+            self.require(action)
+            raise ForbiddenError(f"{self.name} may not {action.value.replace('_', ' ')}")
+
+    def sees(self, mission_id: str) -> bool:
+        """Say whether a mission is there for this person."""
+        return self.role_in(mission_id) is not Role.NONE
+
+    @property
+    def rights(self) -> str:
+        """What the person may do, as one word: the same as long as it is the same."""
+        scope = self.scope
+        narrowed = (
+            "" if scope is None else f"{scope.role} {sorted(scope.missions or ())} {scope.missions is None}"
+        )
+        return f"{self.role.value} {sorted(self.mission_roles.items())} {narrowed}\n"
+
+    @property
+    def sees_all(self) -> bool:
+        """Whether no mission is hidden."""
+        narrowed = self.scope is not None and self.scope.missions is not None
+        return not narrowed and self.role is not Role.NONE and Role.NONE not in self.mission_roles.values()
+
+    def visible_missions(self) -> tuple[frozenset[str] | None, frozenset[str]]:
+        """Return the missions alone that this person sees, None for all; and those that are hidden."""
+        named = frozenset(self.mission_roles)
+        hidden = frozenset(m for m in named if not self.sees(m))
+        if self.scope is not None and self.scope.missions is not None:
+            return frozenset(m for m in self.scope.missions if self.sees(m)), hidden
+        return (named - hidden if self.role is Role.NONE else None), hidden
 
     def require_person(self) -> None:
         """Raise `ForbiddenError` for a narrowed key: keys, sessions and passwords are its owner's matter."""

@@ -99,4 +99,5 @@ def get_resource(repo: Repository, actor: Actor, kind: Kind[V], resource_id: str
         if row is None:
             raise NotFoundError(f"there is no {kind.title} {resource_id}")
         actor.require(Action.READ, getattr(row, kind.row.mission_key, None))
-        return kind.show_one(reader, row)
+        value: V = kind.conceal(actor, kind.show_one(reader, row))
+        return value

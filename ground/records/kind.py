@@ -61,6 +61,10 @@ def _as_given(_repo: object, _session: object, _row: object, given: Body, _prepa
     return Changed(given_columns(given))
 
 
+def _as_it_is(_actor: Actor, value: Any) -> Any:
+    return value
+
+
 def given_columns(given: Body) -> dict[str, object]:
     """Return the members that a form names, as columns keep them."""
     return {name: plain(getattr(given, name)) for name in given.model_fields_set}
@@ -107,6 +111,8 @@ class Kind(Generic[V]):
     """The right needed to delete it, where that is not `edit`."""
     prepare: Prepare = _nothing_to_prepare
     apply: Apply = _as_given
+    conceal: Callable[[Actor, Any], Any] = _as_it_is
+    """Take out of a value what is not for who asks."""
     forget: tuple[Forget, ...] = ()
     hold: Callable[[Session, Any], None] | None = None
     """Raise unless a row fits with the others; asked after an undo, whose changes are no form's."""

@@ -39,7 +39,7 @@ def list_resources(
         If they cannot be sorted so, or the cursor is not of this list.
     """
     actor.require(Action.READ, mission_id)
-    order, wanted = _order(kind, sort), _wanted(kind, mission_id, where or {})
+    order, wanted = _order(kind, sort), _wanted(actor, kind, mission_id, where or {})
     query = order.put(kind.shown().where(*wanted)).limit(limit + 1)
     if cursor is not None:
         query = query.where(order.behind(cursor))
@@ -52,7 +52,8 @@ def list_resources(
         total = None
         if count:
             total = reader.scalar(select(func.count()).select_from(kind.row.__table__).where(*wanted))
-        return Page(kind.show(reader, rows), order.cursor(rows[-1]) if more else None, total)
+        shown = [kind.conceal(actor, value) for value in kind.show(reader, rows)]
+        return Page(shown, order.cursor(rows[-1]) if more else None, total)
 
 
 def _order(kind: Kind[Any], sort: str | None) -> Order:
@@ -70,11 +71,15 @@ def _order(kind: Kind[Any], sort: str | None) -> Order:
 
 
 def _wanted(
-    kind: Kind[Any], mission_id: str | None, where: Mapping[str, object]
+    actor: Actor, kind: Kind[Any], mission_id: str | None, where: Mapping[str, object]
 ) -> list[ColumnElement[bool]]:
     """Return the conditions of a list."""
     column = kind.row.__table__.c
-    found = [] if mission_id is None else [column.mission_id == mission_id]
+    found: list[ColumnElement[bool]] = [] if mission_id is None else [column.mission_id == mission_id]
+    if mission_id is None and kind.row.mission_key in column and not actor.sees_all:
+        mission = column[kind.row.mission_key]
+        only, hidden = actor.visible_missions()
+        found.append(mission.not_in(hidden) if only is None else mission.in_(only))
     for name, value in where.items():
         if value is None:
             continue

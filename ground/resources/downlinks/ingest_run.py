@@ -78,6 +78,8 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
     try:
         with repo.database.write() as session:
             plan = _executed_plan(session, document, folder.name)
+            if not actor.sees(plan.mission_id):
+                raise not_ours(folder.name)
             actor.require(Action.UPLINK, plan.mission_id)
             return record_execution(session, actor, plan, result, run_id)
     except GroundError:  # after anything else the rows may have been written: the sweep knows
@@ -94,8 +96,13 @@ def _executed_plan(session: Session, document: Mapping[str, Any], name: str) -> 
         raise ArchiveError(f"{name}: the run executed another text than plan {plan.number}")
     package = document["package_sha256"]
     if session.scalars(select(PackageRow.id).where(PackageRow.sha256 == package)).first() is None:
-        raise ArchiveError(f"{name}: its package was not made by this repository")
+        raise not_ours(name)
     return plan
+
+
+def not_ours(name: str) -> ArchiveError:
+    """Return the refusal of a run whose package is not known here."""
+    return ArchiveError(f"{name}: its package was not made by this repository")
 
 
 def record_execution(session: Session, actor: Actor, plan: PlanRow, result: Document, run_id: str) -> Run:

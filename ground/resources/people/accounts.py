@@ -15,7 +15,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor, KeyScope, Role
 from ground.records.edit import insert
-from ground.resources.people.kind import PERSON
+from ground.resources.people.kind import PERSON, conceal_missions
 from ground.resources.people.password_hash import hash_of
 from ground.resources.people.row import PersonRow
 from ground.resources.people.value import Person
@@ -107,8 +107,8 @@ def default_actor(repo: Repository, name: str | None) -> Actor | None:
         return None if person is None else actor_of(person)
 
 
-def person_value(repo: Repository, name: str) -> Person | None:
-    """Return a person by name."""
+def person_value(repo: Repository, actor: Actor) -> Person | None:
+    """Return who the actor is, as they may see it."""
     with repo.database.read() as session:
-        person = session.scalars(select(PersonRow).where(PersonRow.name == name)).first()
-        return None if person is None else PERSON.show_one(session, person)
+        person = session.scalars(select(PersonRow).where(PersonRow.name == actor.name)).first()
+        return None if person is None else conceal_missions(actor, PERSON.show_one(session, person))

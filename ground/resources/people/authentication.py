@@ -15,6 +15,7 @@ from ground.errors import AuthenticationError, ForbiddenError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.resources.people import accounts, credentials
+from ground.resources.people.kind import conceal_missions
 from ground.resources.people.log_in_limits import LogInLimits, address_of, check, pay, refund
 from ground.resources.people.passwords import change_password, may_enter
 from ground.settings import Authentication
@@ -101,7 +102,7 @@ def session_value(repo: Repository, request: Request) -> Document:
     actor: Actor | None = getattr(request.state, "actor", None)
     cookie = request.cookies.get(COOKIE)
     return {
-        "person": None if actor is None else accounts.person_value(repo, actor.name),
+        "person": None if actor is None else accounts.person_value(repo, actor),
         "csrf_token": credentials.csrf_token(cookie) if cookie else "",
         "auth": repo.settings.auth.value,
     }
@@ -159,7 +160,9 @@ async def log_in(request: Request, repo: Repository, name: str, password: str) -
     program = request.headers.get("user-agent", "")
     secret = await call(credentials.open_session, repo, person, program)
     token = credentials.csrf_token(secret)
-    content = {"person": person, "csrf_token": token, "auth": repo.settings.auth.value}
+    actor = Actor(person.name, person.role, person.mission_roles)
+    seen = conceal_missions(actor, person)
+    content = {"person": seen, "csrf_token": token, "auth": repo.settings.auth.value}
     response = answer(content, 201)
     response.set_cookie(
         COOKIE,

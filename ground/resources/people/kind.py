@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from ground.records.actor import Action
+from dataclasses import replace
+
+from ground.records.actor import Action, Actor
 from ground.records.kind import Kind
 from ground.resources.people.bodies import PersonChange, PersonCreate
 from ground.resources.people.row import PersonRow
 from ground.resources.people.value import Person
+
+
+def conceal_missions(actor: Actor, person: Person) -> Person:
+    """Return a person without their roles in missions that the actor may not see."""
+    if actor.sees_all:
+        return person
+    seen = {mission: role for mission, role in person.mission_roles.items() if actor.sees(mission)}
+    return replace(person, mission_roles=seen)
+
 
 PERSON = Kind(
     "person",
@@ -17,5 +28,6 @@ PERSON = Kind(
     Action.ADMINISTER,
     make=PersonCreate,
     change=PersonChange,
+    conceal=conceal_missions,
     unseen=frozenset({"password_hash"}),
 )

@@ -22,7 +22,7 @@ class UploadDraft:
     """A file being received: written to a scratch file, stored and recorded at the end."""
 
     def __init__(self, repo: Repository, actor: Actor, file_name: str) -> None:
-        actor.require(Action.EDIT_SCIENCE)
+        actor.require_somewhere(Action.EDIT_SCIENCE)
         self._repo, self._actor, self._name = repo, actor, file_name
         self._file = tempfile.TemporaryFile(dir=repo.data_dir)  # noqa: SIM115 - closed by close()
         self._size = 0

@@ -1,0 +1,175 @@
+"""A mission that a person may not see is not there: every operation answers as for one that never was."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+from collections.abc import AsyncIterator
+from datetime import datetime
+from typing import Any
+
+import pytest
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.api import context
+from ground.api.context import OTHER_NAMES, Ask
+from ground.app.api import build_api
+from ground.errors import AuthenticationError
+from ground.gdr.base import Utc, utc_now
+from ground.gdr.ids import new_id
+from ground.gdr.repository import Repository
+from ground.records.actor import ALLOWED, Action, Actor, KeyScope, Role
+from ground.resources.kinds import KINDS
+from ground.resources.missions.value import Mission
+from ground.resources.people.row import PersonRow
+from ground.resources.tables import METADATA
+from tests.ground.conftest import Api, yard
+from tests.ground.test_security import BODIES
+
+ABSENT = "never_was"
+NO_MISSION = {"person_id", "key_id", "session_id"}
+"""Ids of what belongs to no mission."""
+OPERATIONS = [
+    (method.upper(), path, operation["operationId"])
+    for path, operations in build_api().openapi()["paths"].items()
+    for method, operation in operations.items()
+    if "_id}" in path and not set(re.findall(r"\{([a-z_]+_id)\}", path)) <= NO_MISSION
+]
+
+
+def kind_of(parameter: str) -> str:
+    return OTHER_NAMES.get(parameter, parameter.removesuffix("_id"))
+
+
+def fill(session: Session, mission: Mission) -> dict[str, str]:
+    """Put one row of every kind into a mission, of whatever fits its columns; return its id by kind."""
+    ids = {"mission": mission.id}
+    kinds = {kind.row.__tablename__: kind for kind in KINDS.values()}
+    for table in METADATA.sorted_tables:
+        kind = kinds.get(table.name)
+        if kind is None or kind.name in ids or "mission_id" not in table.c:
+            continue
+        given: dict[str, Any] = {}
+        for column in table.c:
+            if column.name == "mission_id":
+                given[column.name] = mission.id
+            elif column.foreign_keys:
+                other = next(iter(column.foreign_keys)).column.table.name
+                known = kinds.get(other)
+                given[column.name] = ids.get(known.name) if known is not None else None
+                if given[column.name] is None and not column.nullable:
+                    given[column.name] = session.scalar(select(METADATA.tables[other].c.id).limit(1))
+            elif not column.nullable and column.default is None and column.server_default is None:
+                made = {str: f"hid{kind.name}"[:20], bool: False, int: 7, float: 1.0, datetime: utc_now()}
+                of_time = isinstance(column.type, Utc)
+                given[column.name] = made.get(datetime if of_time else column.type.python_type, [])
+        ids[kind.name] = given["id"] = f"hidden_{kind.name}"
+        session.execute(table.insert().values(**given))
+    return ids
+
+
+@pytest.fixture
+def hidden(sqlite_repo: Repository, terrain_folder: Any) -> Mission:
+    return yard(sqlite_repo, terrain_folder, "Secret Valley")
+
+
+@pytest.fixture
+def ids(sqlite_repo: Repository, hidden: Mission) -> dict[str, str]:
+    roles = {
+        "Eve": ("admin", {hidden.id: "none"}),
+        "Nobody": ("none", {}),
+        "Guest": ("none", {hidden.id: "viewer"}),
+    }
+    with sqlite_repo.database.write() as session:
+        for name, (role, missions) in roles.items():
+            row = PersonRow(id=new_id("psn"), author="", name=name, role=role, mission_roles=missions)
+            session.add(row)
+        return fill(session, hidden)
+
+
+def told(api: Api, who: str, method: str, path: str, operation: str, ids: dict[str, str]) -> tuple[int, str]:
+    """Return status and text of an answer, with the ids that were asked for taken out."""
+    named = re.findall(r"\{([a-z_]+_id)\}", path)
+    url = re.sub(r"\{index\}", "0", path)
+    for name in named:
+        url = url.replace(f"{{{name}}}", ids[kind_of(name)])
+    body = BODIES.get(operation, {}) if method in {"POST", "PATCH", "PUT"} else None
+    answer = api(method, url, body, who=who, headers={"If-Match": "*"})
+    content = answer.text
+    if "json" in answer.headers.get("content-type", ""):
+        document = answer.json()
+        if isinstance(document, dict):
+            document.pop("request_id", None)
+        content = json.dumps(document, sort_keys=True)
+    for name in named:
+        content = content.replace(ids[kind_of(name)], f"<{kind_of(name)}>")
+    return answer.status_code, content
+
+
+def test_every_id_of_a_path_is_known_to_belong_to_a_mission_or_to_none() -> None:
+    parameters = {name for _, path, _ in OPERATIONS for name in re.findall(r"\{([a-z_]+_id)\}", path)}
+    assert {kind_of(name) for name in parameters - NO_MISSION} <= set(KINDS)
+    assert len(OPERATIONS) > 100
+
+
+@pytest.mark.parametrize("who", ["Eve", "Nobody"])
+def test_every_operation_answers_as_if_the_mission_had_never_been(
+    sqlite_api: Api, ids: dict[str, str], hidden: Mission, who: str
+) -> None:
+    absent = {kind: f"{ABSENT}_{kind}" for kind in KINDS}
+    wanted = {kind_of(n) for _, path, _ in OPERATIONS for n in re.findall(r"\{([a-z_]+_id)\}", path)}
+    assert wanted <= set(ids), "each kind of a path has a row in the hidden mission"
+    wrong = []
+    for method, path, operation in OPERATIONS:
+        real = told(sqlite_api, who, method, path, operation, ids)
+        never = told(sqlite_api, who, method, path, operation, absent)
+        if real != never or hidden.name in real[1] or not 400 <= real[0] < 500:
+            wrong.append((method, path, real, never))
+    assert wrong == []
+
+
+def test_lists_and_roles_hold_no_word_of_it(sqlite_api: Api, ids: dict[str, str], hidden: Mission) -> None:
+    for who in ("Eve", "Nobody"):
+        page = sqlite_api.get("/missions?count=true", who=who)
+        assert (page["items"], page["total"]) == ([], 0)
+        assert hidden.id not in sqlite_api("GET", "/people", who=who).text
+        assert hidden.id not in sqlite_api("GET", "/session", who=who).text
+    assert [m["id"] for m in sqlite_api.get("/missions", who="Guest")["items"]] == [hidden.id]
+    assert sqlite_api("GET", f"/missions/{hidden.id}/targets", who="Guest").status_code == 200
+    assert [m["id"] for m in sqlite_api.get("/missions", who="Planner")["items"]] == [hidden.id]
+
+
+def test_a_key_for_other_missions_does_not_see_it() -> None:
+    key = Actor("Bo", Role.PLANNER, {}, KeyScope(missions=frozenset({"msn-1"})))
+    assert key.sees("msn-1")
+    assert not key.sees("msn-2")
+    assert key.visible_missions() == (frozenset({"msn-1"}), frozenset())
+    assert not key.sees_all
+    assert ALLOWED[Role.NONE] == frozenset()
+    key.require(Action.PLAN, "msn-1")
+
+
+@pytest.mark.parametrize("now", [Actor("Bo", Role.NONE), None])
+def test_a_stream_ends_when_its_listener_may_not_see_it_any_more(
+    sqlite_repo: Repository, hidden: Mission, now: Actor | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(context, "LOOKED_AGAIN_S", -1.0)
+    whoever = [Actor("Bo", Role.VIEWER), Actor("Bo", Role.VIEWER), now]
+
+    async def again() -> Actor:
+        who = whoever.pop(0)
+        if who is None:
+            raise AuthenticationError("the session has ended")
+        return who
+
+    async def parts() -> AsyncIterator[int]:
+        for number in range(9):
+            yield number
+
+    async def heard() -> list[int]:
+        ask = Ask(sqlite_repo, Actor("Bo", Role.VIEWER), KINDS, again)
+        return [n async for n in context._while_seen(parts(), ask, {"mission_id": hidden.id})]
+
+    assert asyncio.run(heard()) == [0, 1]
