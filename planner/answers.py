@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
-from planner.contingency.reduction import Reduction
+from planner.constraints.overrun import OverrunChance
+from planner.contingency.bounds import upper_bound
+from planner.contingency.reduction import Reduction, held_by
 from planner.evaluate.model import Model
+from planner.evaluate.monte_carlo import simulate
 from planner.large_plans import Checked
 from planner.plan_result import PlanResult, PlanStatus, Progress
 from planner.plan_tree import PlanTree, count_branches, planned_observations, with_ids
-from planner.stages import Chosen, Order, annotated, bounded
+from planner.stages import LONG_SHARE, Chosen, Order, annotated, bounded
+from planner.strategies import Found
+from planner.tally import StoppedError
+
+HASTY_S, HASTY_TARGETS = 0.4, 20
+"""Reckoned seconds for a bound once somebody stopped the work, and most targets for which it is tried."""
 
 SURE = 2.576
 """Quantile of the normal distribution: `PlanResult.lower` is too high once in 200 times."""
@@ -34,9 +43,6 @@ def without_plan(
             tree=PlanTree(order.problem.name, (), order.strategy),
             strategy=order.strategy,
             upper=upper,
-            wall_s=order.watch.elapsed_s(),
-            first_plan_s=order.watch.first_plan_s,
-            seed=order.seed,
             reasons=reasons + part.notes,
         ),
     )
@@ -51,7 +57,10 @@ def with_long_plan(
         f"{len(order.problem.observations)} observations: more than a table of the optimal policy holds"
     )
     choice = Chosen(long.plan, long.check, list(long.values))
-    return with_plan(order, part, choice, long.model, None, prices, evaluator="monte-carlo", notes=(note,))
+    most = max(1, order.max_branches)
+    done = min(1.0, count_branches(long.plan) / most) if order.watch.stop(LONG_SHARE) else 1.0
+    found = Found([], done=done)
+    return with_plan(order, part, choice, long.model, found, prices, evaluator="monte-carlo", notes=(note,))
 
 
 def with_plan(
@@ -59,7 +68,7 @@ def with_plan(
     part: Reduction,
     choice: Chosen,
     model: Model,
-    optimum: float | None,
+    found: Found,
     prices: Sequence[float],
     *,
     evaluator: str = "grid",
@@ -72,7 +81,7 @@ def with_plan(
     tree = annotated(order, model, PlanTree(order.problem.name, with_ids(plan), order.strategy))
     expected, check = choice.values[-1], choice.check
     lower = max(0.0, check.mean - SURE * check.standard_error) if check is not None else 0.0
-    known = optimum if part.exact else None
+    known = found.optimum if part.exact else None
     return _told(
         order,
         PlanResult(
@@ -86,16 +95,67 @@ def with_plan(
             optimum_estimate=known,
             curve=tuple(choice.values),
             evaluator=evaluator,
-            wall_s=watch.elapsed_s(),
-            first_plan_s=watch.first_plan_s,
-            seed=order.seed,
+            searched=found.done,
             reasons=notes or part.notes,
             regret_left=None if known is None else max(0.0, known - expected),
         ),
     )
 
 
+def when_stopped(order: Order) -> PlanResult:
+    """Return the best plan told of before somebody stopped the work, checked in a part of a second."""
+    problem, plan = order.problem, order.watch.best_plan
+    tree = PlanTree(problem.name, with_ids(plan), order.strategy)
+    result = PlanResult(
+        status=PlanStatus.TIMEOUT,
+        tree=PlanTree(problem.name, (), order.strategy),
+        strategy=order.strategy,
+        upper=_hasty_bound(order),
+        searched=0.0,
+        reasons=("stopped before the search was over",),
+    )
+    if plan and order.must <= {str(o) for o in planned_observations(plan)}:
+        model = Model.of(held_by(problem, plan))
+        check = simulate(model, plan, order.options.quick_check_futures, seed=order.seed + 1).estimate()
+        chance = OverrunChance.of(problem)
+        if check.mean > 0.0 and (chance is None or chance.kept(check.overrun, check.futures)):
+            result = dataclasses.replace(
+                result,
+                status=PlanStatus.PLANNED,
+                tree=tree,
+                evaluator="monte-carlo",
+                expected_utility=check.mean,
+                check=check,
+                lower=max(0.0, check.mean - SURE * check.standard_error),
+                curve=(check.mean,),
+            )
+    return _told(order, result)
+
+
+def _hasty_bound(order: Order) -> float:
+    """Return what no policy earns more than, as far as `HASTY_S` tell; at most the sum of all utilities."""
+    problem, tally = order.problem, order.watch.tally
+    most = sum(o.utility * o.p_success for o in problem.observations)
+    if len(problem.targets) > HASTY_TARGETS:
+        return most
+    until = tally.seconds + HASTY_S
+    tally.stop = lambda: tally.seconds > until
+    try:
+        return min(most, upper_bound(Model.of(problem), limit_s=order.options.hasty_bound_s).value)
+    except StoppedError:
+        return most
+    finally:
+        tally.stop = None
+
+
 def _told(order: Order, result: PlanResult) -> PlanResult:
-    tree = result.tree
+    tree, watch = result.tree, order.watch
+    result = dataclasses.replace(
+        result,
+        work_s=watch.work_s(),
+        wall_s=watch.elapsed_s(),
+        first_plan_s=watch.first_plan_s,
+        seed=order.seed,
+    )
     order.watch.report(Progress(1.0, "done", result.expected_utility, result.upper, tree.branches, tree.plan))
     return result

@@ -23,8 +23,8 @@ Count = Annotated[int, Ge(1)]
 class PlannerOptions:
     """How planning spends its work.
 
-    Seconds are those of a processor of 2.1 GHz. "By hand" says that a number was chosen for the reason given
-    and not fitted to any set of problems.
+    Seconds are those of a processor of 2.1 GHz as `planner.tally` reckons them. "By hand" says that a number
+    was chosen for the reason given and not fitted to any set of problems.
     """
 
     search_nodes: Nodes = (49, 29)
@@ -45,11 +45,11 @@ class PlannerOptions:
     most_noted_tracks: Count = 9
     """Targets tracked at once up to which notes come from a grid; each doubles its states. By hand."""
 
-    bound_s: Positive = 4.0
-    """Processor seconds for the upper bound. By hand: with `search_s` it leaves a final plan for 8 targets
-    within about 10 s."""
+    bound_s: Positive = 1.2
+    """Processor seconds for the table of an upper bound. By hand: with `search_s` it leaves a final plan for
+    8 targets within about 10 s."""
 
-    hasty_bound_s: Positive = 0.2
+    hasty_bound_s: Positive = 0.06
     """Processor seconds for an upper bound that somebody waits for. By hand."""
 
     search_s: Positive = 6.5

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from planner.constraints.overrun import OverrunChance
@@ -28,7 +26,7 @@ def held_up(
     seed: int,
     chance: OverrunChance | None,
     least_taken: float,
-    hasty: Callable[[], bool],
+    hasty: bool,
 ) -> tuple[Plan, Estimate | None, list[float]]:
     """Return the plan of the curve that holds up on fresh futures, with its check and the values by
     branches.
@@ -43,7 +41,7 @@ def held_up(
     check: Estimate | None = None
     values: list[float] = []
     for most, (_, candidate) in enumerate(curve):
-        if 0 < most < len(curve) - 1 and hasty():
+        if 0 < most < len(curve) - 1 and hasty:
             values.append(best_value)  # who is in a hurry waits for the best plan alone
             continue
         plan = candidate

@@ -40,7 +40,8 @@ class PlanResult:
 
     `lower` is the Monte Carlo mean less its 99 % error; `expected_utility` is the sampling-free value.
     `curve[k]` is the value of the best plan found with at most k branches. `reasons` say why a plan is
-    empty or there is none.
+    empty or there is none. `searched` is the share of the search that was done (1: nothing was cut short),
+    `work_s` the seconds of a processor that all took, as they are reckoned; `wall_s` is what the clock says.
     """
 
     status: PlanStatus
@@ -53,6 +54,8 @@ class PlanResult:
     optimum_estimate: float | None = None
     curve: tuple[float, ...] = ()
     evaluator: str = "grid"
+    searched: float = 1.0
+    work_s: float = 0.0
     wall_s: float = 0.0
     first_plan_s: float = 0.0
     seed: int = 0

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
-from planner.answers import with_long_plan, with_plan, without_plan
+from planner.answers import when_stopped, with_long_plan, with_plan, without_plan
 from planner.constraints.overrun import OverrunChance
 from planner.contingency.reduction import reduce_problem
 from planner.errors import PlannerError
@@ -17,6 +18,7 @@ from planner.progress import Watch
 from planner.reasons import why_empty, why_impossible
 from planner.stages import Order, chosen, long_plan, pressed, searched, searched_within
 from planner.strategies import strategy_named
+from planner.tally import StoppedError, tallied
 from planner.threads import one_blas_thread
 
 __all__ = ["PlanResult", "PlanStatus", "Progress", "solve"]
@@ -47,9 +49,10 @@ def solve(
     max_branches
         Most options in the whole tree.
     time_limit_s
-        Wall time; the search also ends by itself when nothing more is to be won.
+        Seconds of one processor, as `planner.tally` reckons them from the steps that were done: the same
+        order gives the same plan at any load. The search also ends by itself when nothing more is to be won.
     iterations
-        A deterministic limit instead of time: with it the same seed gives the same plan on every machine.
+        A limit in candidates looked at instead.
     seed
         Of the Monte Carlo check; the search itself draws nothing.
     least_taken
@@ -57,8 +60,8 @@ def solve(
     options
         Numbers that steer the work.
     report, should_stop
-        Told of progress with the best plan so far; asked often. When stopped, the best plan so far is
-        returned.
+        Told of progress with the best plan so far; asked after every fiftieth part of a second or so,
+        wherever the work stands. When stopped, the best plan so far is returned.
     warm
         Plans to begin with, from an earlier solution of a similar problem.
     quick
@@ -76,13 +79,19 @@ def solve(
         raise PlannerError(f"time_limit_s is {time_limit_s:g}; it must be more than 0")
     if iterations is not None and iterations < 1:
         raise PlannerError(f"iterations is {iterations}; it must be at least 1")
-    watch = Watch(time_limit_s, iterations is not None, should_stop, report)
-    order = Order(
-        problem, strategy, search, max_branches, iterations, seed, least_taken, warm, quick,
-        options or PlannerOptions(), watch,
-    )  # fmt: skip
-    with one_blas_thread():
-        return _planned(order)
+    with one_blas_thread(), tallied() as tally:
+        watch = Watch(time_limit_s if iterations is None else math.inf, tally, report, begun_s=tally.seconds)
+        order = Order(
+            problem, strategy, search, max_branches, iterations, seed, least_taken, warm, quick,
+            options or PlannerOptions(), watch,
+        )  # fmt: skip
+        tally.stop = should_stop
+        try:
+            return _planned(order)
+        except StoppedError:
+            return when_stopped(order)
+        finally:
+            tally.stop = None
 
 
 def _planned(order: Order) -> PlanResult:
@@ -123,4 +132,4 @@ def _planned(order: Order) -> PlanResult:
         return without_plan(order, part, status, reasons, prices)
 
     # 5. What no policy earns more than, and notes on the plan.
-    return with_plan(order, part, choice, small, found.optimum, prices)
+    return with_plan(order, part, choice, small, found, prices)

@@ -27,6 +27,12 @@ from planner.progress import Watch
 from planner.strategies import Found, Task
 from planner.strategies.registry import Curve
 
+LONG_SHARE = 0.75
+"""Share of the limit that plans grown on sampled futures may use. By hand."""
+
+LEAST_BOUND_S = 0.2
+"""Seconds for a bound where the search has used up the limit: without one a plan says nothing. By hand."""
+
 
 @dataclass(frozen=True, eq=False)
 class Order:
@@ -72,7 +78,7 @@ def long_plan(order: Order) -> Checked | None:
         fresh_seed=order.seed + 1,
         first_price=_first_price(order, order.problem.utility_sum),
         warm=order.warm,
-        should_stop=lambda: order.watch.stop(0.6 if order.quick else 0.75),
+        should_stop=lambda: order.watch.stop(0.6 if order.quick else LONG_SHARE),
         told=order.watch.told,
     )
     if found is not None:
@@ -106,10 +112,13 @@ def searched_within(
 
     `model` is `small` with what must be done pressed for.
     """
+    shares = [1.0]
 
     def find(price: float, quick: bool) -> list[Plan]:
         priced = dataclasses.replace(model, penalty=model.penalty + price)
-        return [plan for _, plan in searched(order, priced, part, quick=quick).curve]
+        found = searched(order, priced, part, quick=quick)
+        shares.append(found.done)
+        return [plan for _, plan in found.curve]
 
     plans, prices = plans_within(
         find,
@@ -123,7 +132,7 @@ def searched_within(
     for most in range(order.max_branches + 1):
         within = [pair for pair in valued if count_branches(pair[1]) <= most]
         curve.append(within[-1] if within else (0.0, ()))
-    return Found(curve), prices
+    return Found(curve, done=min(shares)), prices
 
 
 def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
@@ -150,7 +159,7 @@ def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
             seed=order.seed + 1,
             chance=OverrunChance.of(order.problem),
             least_taken=order.least_taken,
-            hasty=lambda: order.quick or order.watch.cancelled(),
+            hasty=order.quick,
         )
     )
 
@@ -161,19 +170,14 @@ def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
     Any price gives a bound (`OverrunChance.bound`); the least is taken.
     """
     watch, options = order.watch, order.options
-    left = max(0.5, watch.limit_s - watch.elapsed_s())
-    hasty = watch.cancelled()
-    seconds, wall_s = (options.hasty_bound_s, 1.0) if order.quick or hasty else (options.bound_s, left)
-    share = 1.0 / len(prices)
+    seconds = options.hasty_bound_s if order.quick else options.bound_s
+    allowed_s = min(max(LEAST_BOUND_S, watch.left_s()), seconds) / len(prices)
     chance = OverrunChance.of(order.problem) or OverrunChance(0.0)
     return min(
         chance.bound(
             upper_bound(
                 dataclasses.replace(model, penalty=model.penalty + price),
-                time_limit_s=min(left, seconds) * share,
-                wall_limit_s=wall_s * share,
-                deterministic=watch.deterministic,
-                should_stop=lambda: not hasty and watch.cancelled(),
+                limit_s=allowed_s,
             ).value,
             price,
         )

@@ -33,8 +33,10 @@ def plan(
         None, "--options", help="TOML file with numbers that steer planning (docs/planner.md)."
     ),
     max_branches: int = typer.Option(6, min=0, max=200, help="Most options in the whole plan."),
-    time_limit: float = typer.Option(60.0, help="Seconds of wall time."),
-    iterations: int | None = typer.Option(None, min=1, help="A limit that does not depend on the machine."),
+    time_limit: float = typer.Option(
+        60.0, help="Seconds of one processor, reckoned from the work done: the plan is the same at any load."
+    ),
+    iterations: int | None = typer.Option(None, min=1, help="A limit in candidates looked at instead."),
     seed: int = typer.Option(0, min=0, help="Of the Monte Carlo check."),
     least_taken: float = typer.Option(
         0.0, min=0.0, max=1.0, help="Leave out options taken in a smaller share of the futures."
@@ -81,6 +83,7 @@ def plan(
     typer.echo(
         f"expected utility {result.expected_utility:.4f} (Monte Carlo: {sampled}), "
         f"no policy earns more than {result.upper:.4f}; {result.branches} branches, {result.wall_s:.1f} s"
+        + ("" if result.searched >= 1.0 else f"; {100.0 * result.searched:.0f} % of the search was done")
     )
 
 

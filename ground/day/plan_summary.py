@@ -30,6 +30,8 @@ def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> Documen
         "optimum_estimate": finite(result.optimum_estimate),
         "branches": result.branches,
         "value_by_branches": [finite(value) for value in result.curve],
+        "searched": round(result.searched, 4),
+        "work_s": round(result.work_s, 3),
         "wall_s": round(result.wall_s, 3),
         "first_plan_s": round(result.first_plan_s, 3),
         "seed": result.seed,

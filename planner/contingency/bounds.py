@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.optimize import linprog
 
 from planner.contingency.flow_bound import flow_bound
+from planner.contingency.linear_program import solved
 from planner.contingency.policy import LiveSets, Moves, Policy, TooLargeError
 from planner.evaluate.grid import Grid, Rounding, probability_below
 from planner.evaluate.model import Model
+from planner.tally import SECONDS, Step
 
 GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 385, 513, 769))
 """Nodes in time and energy."""
@@ -23,17 +22,8 @@ GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 3
 TABLE_MB = 1200.0
 """Largest table of a bound, in single precision, MB. By hand: a worker is to stay well below 4 GB."""
 
-MACS_PER_S = 1e10
-"""Multiplications and additions a second that a table's cost is reckoned with, single precision. By hand."""
-
-DRIVE_S = 1.5e-5
-"""Seconds of overhead for each drive of a table. By hand."""
-
-FIXED_S = 4.0
-"""Processor seconds that a bound may cost where the answer must not depend on the machine. By hand."""
-
-LP_LIMIT_S = 10.0
-"""Seconds for one linear program. By hand."""
+LP_SHARE = 8.0
+"""What the linear programs may use, of the limit for a table: they are for where none fits. By hand."""
 
 LP_CELLS = 48
 """Cells of time in the program over start times: more are tighter and slower. By hand."""
@@ -62,30 +52,23 @@ def trivial_bound(model: Model) -> Bound:
 def upper_bound(
     model: Model,
     *,
-    time_limit_s: float,
-    wall_limit_s: float = math.inf,
-    deterministic: bool = False,
-    should_stop: Callable[[], bool] = lambda: False,
+    limit_s: float,
 ) -> Bound:
-    """Return the best bound that the time allows: a table with consumption rounded down on a fine grid.
+    """Return the best bound that the limit allows: a table with consumption rounded down on a fine grid.
 
-    `time_limit_s` are processor seconds; the linear programs keep to `wall_limit_s` by the clock as well.
-    It bounds every policy, also one that goes through places or comes back. Where no table fits, the
-    better of two linear programs is taken: `relaxed_bound` over start times, which knows windows, and
-    `flow_bound` over expected drives, which knows where targets lie. With `deterministic` the grid depends on
-    the problem alone.
+    `limit_s` are seconds of a processor as `planner.tally` reckons them. It bounds every policy, also one
+    that goes through places or comes back. Where no table fits, the better of two linear programs is taken:
+    `relaxed_bound` over start times, which knows windows, and `flow_bound` over expected drives, which knows
+    where targets lie.
     """
     best = trivial_bound(model)
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0 or best.value <= 0.0:
         return Bound(0.0, "nothing can be done")
 
     def relaxed() -> Bound:
-        seconds = min(LP_LIMIT_S, max(0.1, 2.0 * time_limit_s))
-        began = time.monotonic()
-        drives = flow_bound(model, limit_s=seconds, wall_s=wall_limit_s, should_stop=should_stop)
+        drives = flow_bound(model, limit_s=LP_SHARE / 2.0 * limit_s)
         flow = Bound(drives, "linear relaxation over drives")
-        left = max(seconds / 2.0, wall_limit_s - (time.monotonic() - began))
-        over_starts = relaxed_bound(model, limit_s=min(LP_LIMIT_S, left))
+        over_starts = relaxed_bound(model, limit_s=LP_SHARE / 2.0 * limit_s)
         return min(best, over_starts, flow, key=lambda bound: bound.value)
 
     if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:
@@ -100,16 +83,16 @@ def upper_bound(
     for live in every:
         here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
         drives += (4 * here + model.n) * model.n // 4  # those that win nothing are looked at once
-    allowed = min(time_limit_s, FIXED_S) if deterministic else time_limit_s
     chosen: tuple[int, int] | None = None
     for nt, ng in GRIDS:
-        cost = drives * (nt * ng * (nt + ng) / MACS_PER_S + DRIVE_S)
+        each = nt * ng * ((nt + ng) * SECONDS[Step.CELL] + SECONDS[Step.ELEMENT])
+        cost = drives * (each + SECONDS[Step.DRIVE])
         size_mb = len(every) * (model.n + 1) * nt * ng * 4 / 1e6
-        if size_mb <= TABLE_MB and cost <= allowed:
+        if size_mb <= TABLE_MB and cost <= limit_s:
             chosen = nt, ng
     if chosen is None:
         return relaxed()
-    policy = Policy(Grid(model, *chosen, Rounding.DOWN, np.float32), moves=Moves.ALL, should_stop=should_stop)
+    policy = Policy(Grid(model, *chosen, Rounding.DOWN, np.float32), moves=Moves.ALL)
     if not policy.complete:
         return relaxed()
     value = policy.best() * (1.0 + MARGIN) + 1e-9
@@ -124,7 +107,7 @@ def _within(ln: tuple[float, float], cells: int, step: float) -> np.ndarray[Any,
     return np.asarray(probability_below(edges, ln[0], ln[1]))
 
 
-def relaxed_bound(model: Model, *, limit_s: float = LP_LIMIT_S) -> Bound:
+def relaxed_bound(model: Model, *, limit_s: float = math.inf) -> Bound:
     """Return a bound by linear programming over start times, for problems that no table holds.
 
     Variables are the chances that an observation, or a drive to a target, starts in a cell of time. A drive
@@ -209,14 +192,7 @@ def relaxed_bound(model: Model, *, limit_s: float = LP_LIMIT_S) -> Bound:
     matrix = sparse.csr_matrix(
         (np.concatenate(vals), (np.concatenate(rows), np.concatenate(cols))), shape=(row, column)
     )
-    result = linprog(
-        np.array(cost),
-        A_ub=matrix,
-        b_ub=np.array(limits),
-        bounds=(0, None),
-        method="highs",
-        options={"time_limit": limit_s},
-    )
+    result = solved(np.array(cost), matrix, np.array(limits), (0, None), limit_s)
     if result.status != 0:
         return trivial_bound(model)
     return Bound(-float(result.fun) * (1.0 + 1e-6), "linear relaxation over start times")

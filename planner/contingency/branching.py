@@ -43,7 +43,8 @@ class Search:
     optimum: float
     curve: list[tuple[float, Plan]] = field(default_factory=list)
     iterations: int = 0
-    finished: bool = False
+    done: float = 1.0
+    """Share of the passes that were carried out to their end; 1 where nothing more was to be won."""
 
     def best(self, branches: int) -> tuple[float, Plan]:
         return self.curve[min(branches, len(self.curve) - 1)]
@@ -148,8 +149,11 @@ def plan_optimal(
     lines = lines[: limits.main_lines] + [settler.reflag(ValuedPlan(fitter.tails, plan)) for plan in paths]
     optimum = policy.best()
     enough = limits.enough * max(abs(optimum), 1e-9)
+    passed = 0
     for width in PASSES if lines else ():
         grower.grow(
             lines, limits.max_branches, width, best.note, lambda: optimum - best.curve[-1][0] <= enough
         )
-    return Search(policy, optimum, best.curve, fitter.iterations, not fitter.over())
+        passed += not fitter.over()
+    won = not lines or optimum - best.curve[-1][0] <= enough
+    return Search(policy, optimum, best.curve, fitter.iterations, 1.0 if won else passed / len(PASSES))

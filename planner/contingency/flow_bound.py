@@ -22,18 +22,17 @@ Overruns cost nothing here, windows that are not yet over and precedence are lef
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.optimize import linprog
 from scipy.sparse.csgraph import maximum_flow
 from scipy.special import ndtr, ndtri
 
+from planner.contingency.linear_program import solved
 from planner.evaluate.model import Floats, Ints, Model
+from planner.tally import Step, spend, tallied
 
 FINE, COARSE, MANY = (64, 129), (8, 33), 2500
 """Cells and nodes for the cost of an energy, the coarse ones with more than `MANY` legs and observations."""
@@ -52,9 +51,6 @@ BINDING = 1e-6
 
 ROUNDS = 40
 """Rounds of cuts; the bound of any round holds. By hand."""
-
-LONGEST_S = 3600.0
-"""Where no limit is given; the solver takes no infinity."""
 
 LP_TOLERANCE = 1e-6
 """Relative allowance for the solver's own tolerance of 1e-7 (HiGHS)."""
@@ -178,17 +174,16 @@ class _Program:
         self.rows.append(_Row(np.append(into, self.seen[k]), np.append(np.full(len(into), -1.0), 1.0), 0.0))
 
     def solve(self, limit_s: float) -> Any:
-        """Return the answer of the solver."""
+        """Return the answer of the solver within a limit."""
         at = np.repeat(np.arange(len(self.rows)), [len(row.at) for row in self.rows])
         values = np.concatenate([row.values for row in self.rows])
         columns = np.concatenate([row.at for row in self.rows])
-        return linprog(
+        return solved(
             self.cost,
-            A_ub=sparse.csr_matrix((values, (at, columns)), shape=(len(self.rows), self.count)),
-            b_ub=np.array([row.limit for row in self.rows]),
-            bounds=np.stack([np.zeros(self.count), self.upper], axis=1),
-            method="highs",
-            options={"time_limit": min(max(0.05, limit_s), LONGEST_S)},
+            sparse.csr_matrix((values, (at, columns)), shape=(len(self.rows), self.count)),
+            np.array([row.limit for row in self.rows]),
+            np.stack([np.zeros(self.count), self.upper], axis=1),
+            limit_s,
         )
 
     def cut(self, x: Floats, slack: Floats) -> int:
@@ -206,6 +201,7 @@ class _Program:
             if most < VIOLATED:
                 continue
             flow = maximum_flow(graph, 0, place)
+            spend(Step.CALL, n1)
             entering = float(flow.flow_value) / SCALE
             if entering >= most - VIOLATED:
                 continue
@@ -230,32 +226,26 @@ def _reached(residual: Any, start: int) -> set[int]:
     return found
 
 
-def flow_bound(
-    model: Model,
-    *,
-    limit_s: float,
-    wall_s: float = math.inf,
-    should_stop: Callable[[], bool] = lambda: False,
-) -> float:
-    """Return what no policy earns more than; infinite if the solver found no answer in time.
+def flow_bound(model: Model, *, limit_s: float) -> float:
+    """Return what no policy earns more than; infinite if the solver found no answer in its limit.
 
-    `limit_s` are processor seconds, so that a busy machine does not loosen the bound; `wall_s` is a limit by
-    the clock besides.
+    `limit_s` are seconds of a processor as `planner.tally` reckons them: a busy machine does not loosen the
+    bound.
     """
-    began, used = time.monotonic(), time.thread_time()
     program = _Program(model)
     if not len(program.wanted) or not len(program.to):
         return 0.0
     best = math.inf
-    for _ in range(ROUNDS):
-        left = wall_s - (time.monotonic() - began)
-        late = left <= 0.0 or time.thread_time() - used >= limit_s
-        if (late and best < math.inf) or should_stop():
-            break
-        answer = program.solve(left)
-        if answer.status != 0:
-            break
-        best = min(best, -float(answer.fun) * (1.0 + LP_TOLERANCE) + 1e-9)
-        if not program.cut(answer.x, answer.slack):
-            break
+    with tallied() as tally:
+        until = tally.seconds + limit_s
+        for _ in range(ROUNDS):
+            left = until - tally.seconds
+            if left <= 0.0 and best < math.inf:
+                break
+            answer = program.solve(left)
+            if answer.status != 0:
+                break
+            best = min(best, -float(answer.fun) * (1.0 + LP_TOLERANCE) + 1e-9)
+            if not program.cut(answer.x, answer.slack):
+                break
     return best

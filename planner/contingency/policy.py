@@ -20,6 +20,7 @@ import numpy as np
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import State
+from planner.tally import Step, spend
 
 BATCHED_NODES = 80
 """Up to so many time nodes the drives to a place are computed in one batch."""
@@ -160,6 +161,7 @@ class LiveSets:
         queue = list(seen)
         while queue:
             live = queue.pop()
+            spend(Step.SET)
             steps = []
             for m in range(self.model.m):
                 if (live.bits >> m) & 1:
@@ -193,6 +195,7 @@ class LiveSets:
         queue: list[tuple[Live, int]] = [(live, 0) for live in clean]
         while queue:
             live, stay = queue.pop()
+            spend(Step.SET)
             steps: list[tuple[Live, int]] = []
             for place in range(1, self.model.n + 1) if stay == 0 else (stay,):
                 here = int(self.model.target_bits[place]) & live.bits
@@ -397,6 +400,9 @@ class Policy:
             return
         grid, count = self.grid, len(tracked)
         penalty = grid.dtype.type(self.model.penalty)
+        spend(Step.DRIVE)
+        spend(Step.CELL, len(origins) * (grid.products + len(rows) * grid.nt * grid.ng))
+        spend(Step.ELEMENT, len(origins) * grid.nt * grid.ng)
         key = (place, tuple(origins), tuple(tracked))
         chances = self._chances.get(key)
         if chances is None:

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.constraints.registry import columns_of
+from planner.constraints.rule import MAX_BITS
 from planner.contingency.policy import LiveSets, Moves, TooLargeError
 from planner.evaluate.model import Model
+from planner.plan_tree import Navigate, Plan, planned_observations, walk
 from planner.problem import ObservationId, Problem, TargetId
 
 if TYPE_CHECKING:
@@ -164,6 +166,19 @@ def only(problem: Problem, names: set[ObservationId]) -> Problem:
         replace(t, observations=tuple(o for o in t.observations if o.id in names)) for t in problem.targets
     )
     return part_of(replace(problem, targets=targets), {t.id for t in targets if t.observations})
+
+
+def held_by(problem: Problem, plan: Plan) -> Problem:
+    """Return a part of a problem that a model holds, with all that a plan drives to and observes."""
+    if len(problem.observations) <= MAX_BITS and len(problem.targets) <= MAX_BITS:
+        return problem
+    places = {step.to for _, step in walk(plan) if isinstance(step, Navigate)}
+    names = planned_observations(plan)
+    targets = tuple(
+        replace(t, observations=tuple(o for o in t.observations if o.id in names)) for t in problem.targets
+    )
+    kept = {t.id for t in targets if t.observations} | places
+    return part_of(replace(problem, targets=targets), kept)
 
 
 def mean_route_of(problem: Problem, share: float, *, seed: int = 1) -> tuple[ObservationId, ...]:

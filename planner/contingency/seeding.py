@@ -13,6 +13,8 @@ import numpy as np
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import State
 from planner.plan_tree import Navigate, Observe, OnFail, Plan, Step, TrackStart
+from planner.tally import Step as Work
+from planner.tally import spend
 
 MAX_LABELS = 60_000
 """Labels after which the best route so far is taken. By hand."""
@@ -101,6 +103,7 @@ class _MeanRoutes:
                     for move in moves:
                         new = self._moved(label, move)
                         after = chosen | 1 << move.m
+                        spend(Work.LABEL)
                         if new is None or not _kept(following.setdefault((after, move.target), []), new):
                             continue
                         made += 1

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from planner.evaluate.model import Floats, Model
+from planner.tally import Step, spend
 
 
 class Rounding(StrEnum):
@@ -104,6 +105,9 @@ class Grid:
         else:
             alive = np.where(self.energy <= model.e_max_j * (1.0 + 1e-12), 1.0, 0.0)
         self.alive = alive.astype(self.dtype)
+        self.products = nt * ng * (nt + ng)
+        """Multiplications of one action: a kernel of time and one of energy."""
+        self._kind = Step.CELL if self.dtype == np.float32 else Step.NODE
         self._leg_t: dict[tuple[int, int, int], Any] = {}
         self._leg_g: dict[tuple[int, int], Any] = {}
         self._obs_t: dict[int, Any] = {}
@@ -182,21 +186,31 @@ class Grid:
 
     # ------------------------------------------------------------------------------------- one action
 
+    def count(self, actions: int = 1) -> None:
+        """Count actions worked out on this grid."""
+        spend(Step.CALL)
+        spend(self._kind, actions * self.products)
+        spend(Step.ELEMENT, actions * self.nt * self.ng)
+
     def before_leg(self, a: int, b: int, tracked: int, after: Any) -> Any:
         """Return the value before a drive, given the value after it (losses already averaged)."""
+        self.count()
         gain = self.alive * (after + self.model.penalty)
         return self.leg_t(a, b, tracked) @ gain @ self.leg_g(a, b).T - self.model.penalty
 
     def before_observation(self, m: int, after: Any, utility: float) -> Any:
         """Return the value before an observation that is carried out."""
+        self.count()
         gain = self.alive * (after + (self.model.penalty + utility))
         return self.obs_t(m) @ gain @ self.obs_g(m).T - self.model.penalty
 
     def after_leg(self, a: int, b: int, tracked: int, mass: Any) -> Any:
         """Return the mass that is within the budgets after a drive."""
+        self.count()
         return self.alive * (self.leg_t(a, b, tracked).T @ mass @ self.leg_g(a, b))
 
     def after_observation(self, m: int, mass: Any) -> Any:
+        self.count()
         return self.alive * (self.obs_t(m).T @ mass @ self.obs_g(m))
 
     def corner(self, t_s: float, g_j: float) -> tuple[slice, slice, Floats]:

@@ -19,6 +19,7 @@ from planner.evaluate.model import Floats, Model
 from planner.evaluate.program import Program, compile_plan
 from planner.evaluate.rollout import Costs, Draws, Odds, Outcome, Passages, Rows, Standing, World, roll
 from planner.plan_tree import Plan
+from planner.tally import Step, spend
 
 CHUNK = 4096
 """Futures per chunk; sums are formed within chunks and then over chunks in order."""
@@ -102,6 +103,7 @@ def simulate(
     a seed is the same whatever plan meets it. With `watch` the futures hold what was seen at each row.
     """
     program = plan if isinstance(plan, Program) else compile_plan(model, plan)
+    spend(Step.ACTION, futures * _actions(program))
     how = correlation or Correlation()
     odds = Odds(seed, how.day_factor_sd, how.slip_persistence, how.p_recover)
     outcome = Outcome.empty(futures)
@@ -125,6 +127,14 @@ def simulate(
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, range(workers)))
     return Futures(*outcome, np.sum(visits, axis=0), seen)
+
+
+def _actions(program: Program) -> int:
+    """Return about how many rows a future of a program comes to: those of its main line."""
+    here, count = program.entry, 0
+    while here:
+        here, count = int(program.go[here]), count + 1
+    return count
 
 
 def resume(model: Model, plan: Plan | Program, standing: Standing, *, seed: int) -> Floats:

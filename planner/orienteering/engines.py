@@ -13,14 +13,15 @@ from mission.plugins import Registry
 from planner.errors import RoutingError
 from planner.orienteering.check import route_value
 from planner.orienteering.problem import Experiment, RoutingProblem, RoutingSolution
+from planner.tally import tallied
 
 AUTO = "auto"
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """What an engine may spend: wall seconds, and a limit in its own steps which does not depend on the
-    machine; `threads` only where an engine has use for more than one.
+    """What an engine may spend: seconds of a processor as `planner.tally` reckons them, and a limit in its
+    own steps; `threads` only where an engine has use for more than one.
     """
 
     time_limit_s: float
@@ -33,7 +34,7 @@ class RoutingEngine(Protocol):
     """Solve a routing problem.
 
     An implementer promises: the route passes `route_value`, `value` is what it is worth, no route is worth
-    more than `upper`, and the answer is the same for the same seed when `iterations` is what stops it.
+    more than `upper`, and the answer is the same for the same seed, effort and one thread.
     """
 
     def __call__(self, problem: RoutingProblem, effort: Effort) -> RoutingSolution: ...
@@ -138,10 +139,10 @@ def solve(
     Parameters
     ----------
     time_limit_s
-        Wall seconds, looked at between steps.
+        Seconds of a processor, reckoned from the steps that are done: the answer does not depend on what
+        else the machine does.
     iterations
-        A limit in the engine's own steps (labels, search steps, thousandths of deterministic time); with
-        it and a generous `time_limit_s` the answer does not depend on the machine.
+        A limit in the engine's own steps (labels, search steps, thousandths of deterministic time).
     engine
         A name in `ENGINES` (`exact`, `cp-sat`, `survey`, or an installed package's), or `auto`: surveys go
         to the local search (and, when small, on to the
@@ -164,9 +165,8 @@ def solve(
     if not problem.experiments:
         return _nothing_to_do(problem, seed)
     warm_up()
-    begin = time.perf_counter()
     if is_survey(problem):
-        return _survey_then_bound(problem, effort, begin)
+        return _survey_then_bound(problem, effort)
     return (solve_exact if ExactSolver.fits(problem) else solve_by_model)(problem, effort)
 
 
@@ -178,21 +178,33 @@ def _nothing_to_do(problem: RoutingProblem, seed: int) -> RoutingSolution:
     return RoutingSolution(value, value, True, (), "none", seed)
 
 
-def _survey_then_bound(problem: RoutingProblem, effort: Effort, begin: float) -> RoutingSolution:
-    """Return the local search's route with the bound of the exact engine's table where that is affordable."""
+LEAST_TABLES = 4
+"""Tables that a bound worth having takes: its multipliers are set by several. By hand."""
+
+
+def _survey_then_bound(problem: RoutingProblem, effort: Effort) -> RoutingSolution:
+    """Return the local search's route with the bound of the exact engine's table where that is affordable.
+
+    A table that leaves no room for others in its share of the limit is not begun: it took 16 s of 1 s.
+    """
+    begin = time.perf_counter()
     from planner.orienteering.exact import ExactSolver
     from planner.orienteering.survey import solve_survey
 
     time_limit_s, iterations, seed = effort.time_limit_s, effort.iterations, effort.seed
     count = len(problem.experiments)
-    affordable = count <= 200 and time_limit_s >= 0.5 and ExactSolver.fits(problem)
-    share = 0.5 if affordable and count <= 70 else 0.7 if affordable else 1.0
-    found = solve_survey(problem, time_limit_s=share * time_limit_s, iterations=iterations, seed=seed)
-    if affordable and found.value is not None and not found.proven:
-        left = time_limit_s - (time.perf_counter() - begin)
-        solver = ExactSolver(problem)
-        solver.prepare(0.6 * left)
-        left = time_limit_s - (time.perf_counter() - begin)
+    solver = ExactSolver(problem) if count <= 200 and ExactSolver.fits(problem) else None
+    share = 0.5 if count <= 70 else 0.7
+    if solver is None or solver.cost_s() * LEAST_TABLES > 0.6 * (1.0 - share) * time_limit_s:
+        found = solve_survey(problem, time_limit_s=time_limit_s, iterations=iterations, seed=seed)
+        return replace(found, wall_s=time.perf_counter() - begin)
+    with tallied() as tally:
+        until = tally.seconds + time_limit_s
+        found = solve_survey(problem, time_limit_s=share * time_limit_s, iterations=iterations, seed=seed)
+        if found.value is None or found.proven:
+            return replace(found, wall_s=time.perf_counter() - begin)
+        solver.prepare(0.6 * (until - tally.seconds))
+        left = until - tally.seconds
         closed = solver.solve(time_limit_s=left, iterations=iterations, hint=found.route, seed=seed)
         if closed.value is not None and closed.value >= found.value:
             found = replace(closed, engine="survey+exact" if closed.route == found.route else closed.engine)

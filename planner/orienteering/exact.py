@@ -13,7 +13,6 @@ experiments done is answered from the same table: `ExactSolver.solve`.
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +23,7 @@ from planner.orienteering.label_kernels import NEVER, expand
 from planner.orienteering.layout import Layout, Root
 from planner.orienteering.problem import IntArray, RoutingProblem, RoutingSolution
 from planner.orienteering.relaxation import Multipliers, Relaxation, Slack, slack_of
+from planner.tally import Step, Tally, affordable, now_s, spend, tallied
 
 ENGINE = "exact"
 
@@ -130,20 +130,33 @@ class ExactSolver:
         self._noon = relaxed
         return relaxed
 
+    def cost_s(self) -> float:
+        """Return what one coarse table takes, in seconds of a processor as they are reckoned."""
+        return self._relaxed.cost_s(self._buckets(fine=False))
+
+    def _midday_cost_s(self) -> float:
+        if self._noon is not None:
+            return 0.0
+        coarse = self._relaxed.cost_s(min(_MIDDAY_BUCKETS, self._buckets(fine=False)))
+        return _MIDDAY_ROUNDS * coarse + self._relaxed.cost_s(self._buckets(fine=True))
+
     def prepare(self, seconds: float = math.inf) -> None:
         """Build the table: multipliers on coarse tables first, then the fine one when the search needs it.
 
         The start site, start time and energy of the problem steer the multipliers only; the table answers
-        for any.
+        for any. `seconds` are those of a processor, as `planner.tally` reckons them.
         """
-        started = time.perf_counter()
+        with tallied() as tally:
+            self._prepare(tally, tally.seconds + seconds)
+
+    def _prepare(self, tally: Tally, until: float) -> None:
         lay, relaxed = self._layout, self._relaxed
         now = Multipliers.none(lay)
         relaxed.set(now)
         root = lay.root(self._problem)
         best_bound, best = math.inf, now
         relaxed.fill(self._buckets(fine=False))
-        incumbent, route, _ = self._pass(relaxed, root, 30, -1, started + seconds)
+        incumbent, route, _ = self._pass(relaxed, root, 30, -1, until)
         pace, quiet, lane = 1.0, 0, 0
         for r in range(self._options.rounds):
             if r:
@@ -155,7 +168,7 @@ class ExactSolver:
             if value <= NEVER // 2:
                 break
             if r in _LOOKS:
-                better, found, _ = self._pass(relaxed, root, 150, incumbent, started + seconds)
+                better, found, _ = self._pass(relaxed, root, 150, incumbent, until)
                 if better > incumbent:
                     incumbent, route = better, found
             bound = (relaxed.offset + value + relaxed.start(root)) / relaxed.scale
@@ -165,7 +178,7 @@ class ExactSolver:
                 quiet += 1
                 if quiet >= 3:
                     pace, quiet = pace / 2, 0
-            if bound - max(incumbent, 0) < 1.0 or time.perf_counter() - started > seconds:
+            if bound - max(incumbent, 0) < 1.0 or tally.seconds + 2.0 * self.cost_s() > until:
                 break
             slack = slack_of(lay, relaxed.walk(root, lane))
             step = now.stepped(lay, slack, pace * max(bound - max(incumbent, 0), 0.5))
@@ -196,12 +209,25 @@ class ExactSolver:
             A variant of the solver's problem: other `start_site`, `start_time`, `energy_used` or `done`,
             all else the same. `None`: the problem itself.
         time_limit_s, iterations
-            Limits in wall seconds and in labels made; both are looked at between levels.
+            Limits in seconds of a processor, as `planner.tally` reckons them, and in labels made; both are
+            looked at between levels.
         hint
             A feasible route to start from.
         """
-        started = time.perf_counter()
-        deadline = started + time_limit_s
+        with tallied() as tally:
+            deadline = tally.seconds + time_limit_s
+            return self._solve(problem, time_limit_s, deadline, iterations, hint, seed, tally)
+
+    def _solve(
+        self,
+        problem: RoutingProblem | None,
+        time_limit_s: float,
+        deadline: float,
+        iterations: int | None,
+        hint: tuple[int, ...],
+        seed: int,
+        tally: Tally,
+    ) -> RoutingSolution:
         p = self._problem if problem is None else problem
         if not self._ready:
             self.prepare(0.35 * time_limit_s)
@@ -234,9 +260,12 @@ class ExactSolver:
                     proven = True
                     break
                 if width > _EASY:
+                    if tally.seconds + self._midday_cost_s() > deadline:
+                        break
                     relaxed = self._midday()
+                paid = affordable(Step.WIDE, deadline - tally.seconds) // max(1, len(self._layout.order))
                 value, found, dropped = self._pass(
-                    relaxed, root, min(width, self._options.labels), best, deadline, budget
+                    relaxed, root, max(30, min(width, self._options.labels, paid)), best, deadline, budget
                 )
                 if value > best:
                     best, route = value, found
@@ -244,10 +273,9 @@ class ExactSolver:
                 if dropped <= best:
                     proven = True
                     break
-                if time.perf_counter() > deadline or self.iterations >= budget:
+                if tally.seconds > deadline or self.iterations >= budget:
                     break
-        wall = time.perf_counter() - started
-        solution = self._answer(p, best, route, upper, proven, seed, wall)
+        solution = self._answer(p, best, route, upper, proven, seed)
         return checked(p, replace(solution, iterations=self.iterations - made_before))
 
     def _answer(
@@ -258,7 +286,6 @@ class ExactSolver:
         upper: int,
         proven: bool,
         seed: int,
-        wall: float,
     ) -> RoutingSolution:
         lay = self._layout
         done = np.zeros(len(lay.order), dtype=bool)
@@ -269,7 +296,7 @@ class ExactSolver:
         if best < 0 or held < wanted:
             # With every missing must-do worth more than all prizes, a bound below the full bonus is a proof.
             impossible = proven or upper < wanted * lay.bonus
-            return RoutingSolution(None, None, impossible, (), ENGINE, seed, wall)
+            return RoutingSolution(None, None, impossible, (), ENGINE, seed)
         cut = wanted * lay.bonus
         return RoutingSolution(
             best - cut + p.base_prize,
@@ -278,7 +305,6 @@ class ExactSolver:
             tuple(int(lay.order[x]) for x in route),
             ENGINE,
             seed,
-            wall,
         )
 
     def _pass(
@@ -325,6 +351,7 @@ class ExactSolver:
                     max(dropped, int(level.bound.max()) // relaxed.scale),
                 )
             self.iterations += fresh.count
+            spend(Step.WIDE, level.count * len(self._layout.order))
             if at >= 0:
                 best, best_level, best_at = best_now, len(trail), at
             alive = np.nonzero(fresh.bound // relaxed.scale > best)[0]
@@ -340,7 +367,7 @@ class ExactSolver:
                 if at >= 0:
                     best_at = int(np.searchsorted(alive, at))
             level = fresh.taken(alive)
-            if level.count and (time.perf_counter() > deadline or self.iterations >= budget):
+            if level.count and (now_s() > deadline or self.iterations >= budget):
                 dropped = max(dropped, int(level.bound.max()) // relaxed.scale)
                 break
         return best, self._follow(trail, best_level, best_at), dropped

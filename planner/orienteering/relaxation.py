@@ -18,6 +18,7 @@ import numpy.typing as npt
 from planner.orienteering.label_kernels import NEVER, fill_table, lay_moves, trace_table
 from planner.orienteering.layout import Layout, Root
 from planner.orienteering.problem import IntArray
+from planner.tally import SECONDS, Step, spend
 
 Floats = npt.NDArray[np.float64]
 
@@ -159,11 +160,27 @@ class Relaxation:
         self.gain: IntArray = gain
         self.once: IntArray = lam
 
+    def _step(self, buckets: int) -> int:
+        lay = self.layout
+        budget = lay.problem.time_budget
+        return max(1, min(math.ceil(max(1, budget) / max(16, buckets)), lay.shortest_move))
+
+    def _work(self, buckets: int) -> float:
+        """Return how many moves from cells a table of so many buckets looks at; 16 lanes count as one."""
+        lay = self.layout
+        cells = lay.states * (lay.problem.time_budget // self._step(buckets) + 1)
+        return float(cells) * len(lay.order) * (1.0 + len(self.price) / 16.0)
+
+    def cost_s(self, buckets: int) -> float:
+        """Return what a table takes, in seconds of a processor as they are reckoned."""
+        return self._work(buckets) * SECONDS[Step.RELAXED]
+
     def fill(self, buckets: int, since: int = 0) -> None:
         """Make the table with at least about so many time buckets, good for roots from `since` on."""
         lay = self.layout
         budget = lay.problem.time_budget
-        step = max(1, min(math.ceil(max(1, budget) / max(16, buckets)), lay.shortest_move))
+        step = self._step(buckets)
+        spend(Step.RELAXED, self._work(buckets))
         if step != self.step:
             self.step = step
             self._ahead, self._last, self._soonest, self._paid = lay_moves(

@@ -9,7 +9,6 @@ exponent, shortens the tour (2-opt and or-opt) and is accepted by annealing on p
 
 from __future__ import annotations
 
-import math
 import time
 from itertools import pairwise
 from typing import Any
@@ -20,13 +19,15 @@ import numpy.typing as npt
 from planner.orienteering.check import checked
 from planner.orienteering.problem import RoutingProblem, RoutingSolution
 from planner.orienteering.survey_kernels import search
+from planner.tally import Step, affordable, spend
 
 ENGINE = "survey"
 
 Array = npt.NDArray[Any]
 
 _STARTS = 12
-_RATE = 40_000  # steps a second that are reckoned with
+_LOOKED_AT = 200  # nodes that a step looks at beside its neighbours and the route, of one take-out and repair
+_NEIGHBOUR = 5  # times that a step looks at each of the neighbours
 _CHUNKS = 150  # pieces into which the steps are cut
 _HEAT = 3.0  # first temperature in mean prizes
 _COLDEST = 0.01  # last temperature as a share of the first
@@ -54,7 +55,7 @@ def solve_survey(
     iterations: int | None = None,
     seed: int = 0,
 ) -> RoutingSolution:
-    """Return the best route found; no bound. Deterministic for a seed when `iterations` is what stops it."""
+    """Return the best route found; no bound. The same for the same seed and limit on every machine."""
     begin = time.perf_counter()
     p = problem
     sites = np.array([p.start_site, *(e.site for e in p.experiments), p.end_site], dtype=np.int64)
@@ -87,23 +88,24 @@ def solve_survey(
                 usable, size=min(len(usable), 0 if s == 0 else int(rng.integers(1, 4))), replace=False
             )
             pool.append((0, s, _first_route(d, budget, seeds.astype(np.int64), n)))
-        planned = iterations if iterations is not None else min(_RATE * time_limit_s, 1e9)
+        each = _LOOKED_AT + _NEIGHBOUR * k + n
+        planned = iterations if iterations is not None else affordable(Step.SURVEY, time_limit_s) // each
         chunk = int(min(20_000.0, max(50.0, planned / _CHUNKS)))
-        limit = math.inf if iterations is None else float(iterations)
+        limit = float(planned)
+        if iterations is not None:
+            limit = min(limit, float(max(1, affordable(Step.SURVEY, time_limit_s) // each)))
         temperature = max(1.0, float(prize[usable].mean())) * _HEAT
         stage, stop = 0, False
         while not stop:
             fresh = []
             for value, s, route in pool:
-                elapsed = (time.perf_counter() - begin) / max(time_limit_s, 1e-9)
-                share = max(elapsed, done / limit) if math.isfinite(limit) else elapsed
-                if share >= 1.0 or done >= limit:
+                if done >= limit:
                     stop = True
                     fresh.append((value, s, route))
                     continue
                 steps = int(min(chunk, limit - done))
-                cooled = share if iterations is None else done / limit
-                heat = temperature * _COLDEST ** min(1.0, cooled)
+                heat = temperature * _COLDEST ** min(1.0, done / limit)
+                spend(Step.SURVEY, steps * each)
                 top, top_value, last = search(
                     d, prize, near, budget, route, steps, heat, int(rng.integers(1, 2**62)), usable
                 )

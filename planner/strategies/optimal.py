@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from planner.contingency.branching import SearchLimits, plan_optimal
@@ -38,16 +36,17 @@ def search(task: Task) -> Found:
     )
     allowed_s = options.search_s * max(1.0, task.max_branches / USUAL_BRANCHES)
     allowed_s += options.search_s_per_target * max(0, model.n - USUAL_TARGETS)
-    until = time.thread_time() + (options.quick_search_s if task.quick else allowed_s)
+    until = watch.work_s() + (options.quick_search_s if task.quick else allowed_s)
+    counted = task.iterations is not None
     found = plan_optimal(
         policy,
         task.grid,
         limits,
-        should_stop=lambda: watch.stop(0.6) or (not watch.deterministic and time.thread_time() > until),
+        should_stop=lambda: not counted and (watch.stop(0.6) or watch.work_s() > until),
         report=watch.told,
         extra=(*(fitted(model.problem, plan) for plan in task.warm), *early),
     )
-    return Found(found.curve, found.optimum)
+    return Found(found.curve, found.optimum, found.done)
 
 
 def routes_cut_short(task: Task) -> tuple[Plan, ...]:

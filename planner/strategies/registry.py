@@ -57,6 +57,8 @@ class Found:
 
     curve: Curve
     optimum: float | None = None
+    done: float = 1.0
+    """Share of the search that was done; 1 where it ended by itself."""
 
 
 class Strategy(Protocol):

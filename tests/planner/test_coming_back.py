@@ -47,7 +47,7 @@ def test_no_bound_lies_below_what_the_best_policy_earns(family: str) -> None:
     for seed in range(12):
         problem = generated(family, seed)
         model, best = Model.of(problem), optimum(problem)
-        assert upper_bound(model, time_limit_s=0.2).value >= best - 1e-9
+        assert upper_bound(model, limit_s=0.2).value >= best - 1e-9
         assert relaxed_bound(model).value >= best - 1e-9
         assert flow_bound(model, limit_s=5.0) >= best - 1e-9
 

@@ -22,13 +22,14 @@ from planner.problem import Problem
 from planner.progress import Watch
 from planner.solve import PlanStatus, solve
 from planner.strategies import STRATEGIES, Found, Task, strategy_named
+from planner.tally import Tally
 from tests.planner.examples import example, observation
 
 
 def task(problem: Problem, *, branches: int = 2, stop: bool = False) -> tuple[Task, list[Progress]]:
     told: list[Progress] = []
     model, options = Model.of(problem), PlannerOptions()
-    watch = Watch(60.0, True, lambda: stop, told.append)
+    watch = Watch(1e-9 if stop else 60.0, Tally(1.0), told.append)
     grid = Grid(model, *options.quick_nodes)
     return Task(model, grid, branches, 30, (), False, options, watch), told
 
@@ -118,7 +119,7 @@ def test_options_come_from_a_file_and_change_the_work(tmp_path: Path) -> None:
         ("bound_s = 0.0", "bound_s is 0.0; it must be more than 0"),
         ("bound = 1.0", "bound is no member that is known"),
         ("bound_s = 'x'", 'bound_s must be a number, found "x"'),
-        ("bound_s = 0.1", "hasty_bound_s is 0.2; it must be at most bound_s"),
+        ("bound_s = 0.05", "hasty_bound_s is 0.06; it must be at most bound_s"),
         ("bound_s", "is not TOML"),
     ],
 )

@@ -98,7 +98,7 @@ def test_more_downlink_volume_never_lowers_the_optimum_or_its_bounds() -> None:
     for limit, optimum in zip(limits, optima, strict=True):
         model = Model.of(_limited(limit))
         assert relaxed_bound(model).value >= optimum * 0.999
-        assert upper_bound(model, time_limit_s=0.5).value >= optimum * 0.999
+        assert upper_bound(model, limit_s=0.5).value >= optimum * 0.999
     bounds = [relaxed_bound(Model.of(_limited(limit))).value for limit in limits]
     assert bounds == sorted(bounds)
     assert bounds[1] < bounds[-1]

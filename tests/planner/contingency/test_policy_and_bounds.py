@@ -58,7 +58,7 @@ def test_no_unbranched_plan_beats_the_upper_bounds(problem: Problem) -> None:
         for order in itertools.permutations(names, count):
             best = max(best, evaluator.value(visits(problem, *order)).value)
     slack = 0.003 * (1.0 + problem.utility_sum)
-    assert best <= upper_bound(model, time_limit_s=2.0).value + slack
+    assert best <= upper_bound(model, limit_s=2.0).value + slack
     assert best <= relaxed_bound(model).value + slack
     assert relaxed_bound(model).value <= trivial_bound(model).value * 1.00001 or best <= slack
 
@@ -122,7 +122,7 @@ def test_a_search_cut_short_is_narrower_but_has_all_its_branches() -> None:
     limits = SearchLimits(max_branches=6, iterations=400)
     search = plan_optimal(policy, Grid(model, 49, 29), limits)
     value, plan = search.best(6)
-    assert not search.finished
+    assert search.done < 1.0
     assert count_branches(plan) == 6
     assert value >= 0.982 * search.optimum
 

@@ -1,0 +1,104 @@
+"""Limits count work: the same order gives the same plan at any load, a stop is heard wherever the work is."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.orienteering import solve as solve_routing
+from planner.orienteering.problem import Experiment, RoutingProblem
+from planner.plan_tree import plan_tree_to_dict
+from planner.problem import problem_from_dict
+from planner.solve import PlanStatus, solve
+from planner.tally import SECONDS, Step, StoppedError, spend, tallied
+from tests.planner.examples import example, observation, problem_document
+
+
+def _large(targets: int) -> Any:
+    rng = np.random.default_rng(3)
+    places = [(float(x), float(y)) for x, y in rng.uniform(-12.0, 12.0, (targets, 2))]
+    rows = [
+        [observation(f"I{k}", utility=float(k % 7 + 1)), observation(f"P{k}", "place", 4.0)]
+        for k in range(targets)
+    ]
+    return problem_from_dict(
+        problem_document(places=places, observations=rows, time_s=20_000.0, energy_j=2e6)
+    )
+
+
+def test_a_clock_that_runs_away_leaves_a_plan_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = example(time_s=4000.0)
+    calm = solve(problem, time_limit_s=0.5)
+    ticks = itertools.count(0.0, 1000.0)
+    for clock in ("monotonic", "perf_counter", "thread_time", "process_time"):
+        monkeypatch.setattr(time, clock, lambda: next(ticks))
+    hectic = solve(problem, time_limit_s=0.5)
+    assert hectic.work_s == calm.work_s
+    assert plan_tree_to_dict(hectic.tree, problem) == plan_tree_to_dict(calm.tree, problem)
+    assert (hectic.upper, hectic.curve) == (calm.upper, calm.curve)
+
+
+def test_a_search_that_is_cut_short_says_how_much_was_done() -> None:
+    problem = example(spread=0.9, overrun_penalty=10.0, time_s=4500.0)
+    whole, cut = solve(problem, time_limit_s=60.0), solve(problem, time_limit_s=0.2)
+    assert whole.searched == 1.0
+    assert cut.searched < 1.0
+    assert cut.status is PlanStatus.PLANNED
+    assert cut.work_s < whole.work_s
+
+
+@pytest.mark.parametrize("after", [0, 5, 40, 100])
+def test_a_stop_is_answered_within_a_second_of_work_wherever_it_comes(after: int) -> None:
+    asked = 0
+
+    def stop() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked > after
+
+    with tallied() as tally:
+        at_stop: list[float] = []
+
+        def stop_and_note() -> bool:
+            if stop():
+                at_stop.append(tally.seconds)
+                return True
+            return False
+
+        result = solve(_large(12), time_limit_s=600.0, should_stop=stop_and_note)
+    assert at_stop, "it ended before it was stopped"
+    assert tally.seconds - at_stop[0] < 1.0
+    assert result.status in (PlanStatus.PLANNED, PlanStatus.TIMEOUT)
+    assert result.lower <= result.expected_utility <= result.upper
+    assert after < 100 or result.status is PlanStatus.PLANNED
+
+
+def test_a_survey_keeps_to_a_limit_that_a_bound_would_break() -> None:
+    """200 nodes: the table of the exact engine alone took 15 s of 1 s."""
+    rng = np.random.default_rng(200)
+    xy = rng.uniform(0.0, 1000.0, (201, 2))
+    roads = np.ceil(np.linalg.norm(xy[:, None] - xy[None], axis=2)).astype(np.int64)
+    prizes = tuple(Experiment(k, k, int(rng.integers(1, 100))) for k in range(1, 200))
+    problem = RoutingProblem(roads, 0 * roads, prizes, 5000, end_site=200)
+    with tallied() as tally:
+        first = solve_routing(problem, time_limit_s=1.0, seed=1)
+        assert 0.8 < tally.seconds < 1.2
+    again = solve_routing(problem, time_limit_s=1.0, seed=1)
+    assert (again.route, again.upper) == (first.route, first.upper)
+
+
+def test_steps_are_counted_once_in_the_outermost_tally_and_a_stop_is_raised_once() -> None:
+    spend(Step.LABEL)  # where no tally is kept, nothing is
+    with tallied() as outer:
+        with tallied() as inner:
+            spend(Step.LABEL, 10)
+        assert inner is outer
+        assert outer.seconds == pytest.approx(10 * SECONDS[Step.LABEL])
+        outer.stop = lambda: True
+        with pytest.raises(StoppedError):
+            spend(Step.LABEL)
+        spend(Step.LABEL)
