@@ -100,8 +100,10 @@ def test_products_of_a_run_that_was_killed_come_down_when_it_comes_back(
         )
         thread.start()
         until(lambda: all((out / p).is_file() for p in products))
-        began[-1].runtime.stop()
-        thread.join(30)
+        until(lambda: len(began) == 2)
+        began[1].runtime.stop()
+        thread.join(60)
+        assert not thread.is_alive()
         rover.close()
 
 
