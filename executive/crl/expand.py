@@ -25,6 +25,9 @@ EXPANSION_LIMIT = 1_000_000
 NESTING_LIMIT = 300
 """Lists within lists in a source: three levels to a node, and half the depth of Python's stack."""
 
+LETTERS = 16
+"""Letters of a name that count as one item: no plan's memory may grow by names alone."""
+
 TRUTHS = ("t", "true", "nil")
 
 
@@ -114,8 +117,12 @@ def expand_items(items: list[Item], lines: LineTable, *, limit: int = EXPANSION_
         E200 to E207, at the place in the source.
     """
     expander = _Expander(lines, limit)
-    rest = [item for item in items if not expander.define(item)]
-    return expander.items(rest, expander.constants)
+    try:
+        rest = [item for item in items if not expander.define(item)]
+        return expander.items(rest, expander.constants)
+    except RecursionError:  # how deep the stack is depends on the caller
+        place = expander.last if expander.last is not None else items[0]
+        expander.fail("E206", "lists are nested too deep to be expanded", place)
 
 
 @dataclass(slots=True)
@@ -128,6 +135,9 @@ class _Expander:
     """Macros that are being expanded, the outermost first."""
     count: int = 0
     depth: int = 0
+    """Lists around the item that is being expanded, in what is made of it."""
+    last: Item | None = None
+    """The item that was looked at last."""
 
     # --- definitions ----------------------------------------------------------------
 
@@ -202,13 +212,11 @@ class _Expander:
                 bound = self.bound(item, names)
                 spliced = bound.spliced and not whole and isinstance(bound.item, Form)
                 for entry in bound.item if spliced and isinstance(bound.item, Form) else (bound.item,):
-                    yield self.copy(entry)
+                    yield self.copy(entry, self.depth)
             else:
                 yield item
             return
-        self.depth += 1
-        if self.depth > NESTING_LIMIT:
-            self.fail("E206", f"lists are nested deeper than {NESTING_LIMIT}", item)
+        self.depth = self.deeper(self.depth, item)
         head = head_of(item)
         if not head.startswith("!"):
             form = Form(item.offset)
@@ -222,6 +230,7 @@ class _Expander:
         elif head == "!name":
             parts = [self.one(part, names, "a part of !name") for part in item[1:]]
             text = "-".join(self.part(part) for part in parts)
+            self.charge(item, len(text) // LETTERS)
             if not is_symbol(text):
                 self.fail("E200", f'"{text}" is no symbol', item)
             yield Atom(Kind.SYMBOL, text, item.offset, item.length)
@@ -342,25 +351,34 @@ class _Expander:
             self.fail("E201", f'"?{name}" stands for nothing here', atom, nearest(name, names))
         return found
 
-    def copy(self, item: Item) -> Item:
-        """Return an item anew: no list may stand in two places of the tree."""
+    def copy(self, item: Item, depth: int) -> Item:
+        """Return an item anew, to stand at a depth: no list may stand in two places of the tree."""
         self.charge(item)
         if isinstance(item, Atom):
             return item
+        inside = self.deeper(depth, item)
         form = Form(item.offset)
         form.length = item.length
-        form.extend(self.copy(entry) for entry in item)
+        form.extend(self.copy(entry, inside) for entry in item)
         return form
 
-    def charge(self, item: Item) -> None:
-        self.count += 1
+    def deeper(self, depth: int, item: Item) -> int:
+        """Return the depth of what stands in a list at a depth."""
+        if depth >= NESTING_LIMIT:
+            self.fail("E206", f"lists are nested deeper than {NESTING_LIMIT}", item)
+        return depth + 1
+
+    def charge(self, item: Item, count: int = 1) -> None:
+        self.last = item
+        self.count += count
         if self.count > self.limit:
             self.fail("E206", f"the expansion has more than {self.limit:,} items", item)
 
     def fail(self, code: str, message: str, item: Item, hint: str = "") -> NoReturn:
         line, column = self.lines.position(item.offset)
         if self.using:
-            message += f" (in macro {' -> '.join(self.using)})"
+            using = self.using if len(self.using) <= 6 else [*self.using[:3], "...", *self.using[-3:]]
+            message += f" (in macro {' -> '.join(using)})"
         raise CrlSyntaxError(message, code=code, line=line, column=column, hint=hint)
 
 

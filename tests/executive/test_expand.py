@@ -161,3 +161,40 @@ def test_the_command_prints_the_canonical_plan_and_shows_findings_in_the_source(
     assert shown.exit_code == 1
     assert f"{file}:4:" in shown.stderr
     assert "E041" in shown.stderr
+
+
+def nested(head: str, count: int, inner: str = "1") -> str:
+    return f"({head} " * count + inner + ")" * count
+
+
+DEEP = {
+    "arithmetic": f"(task :id a :action x :retries {nested('!max', 299)})",
+    "each": "(block :id r :node-list (" + "(!each (y " * 145 + "b" + ") ?y)" * 145 + "))",
+    "constants": "(!constant c0 x)\n"
+    + "\n".join(f"(!constant c{n} {nested('', 250, f'?c{n - 1}')})" for n in range(1, 9))
+    + "\n(task :id ?c8 :action x)",
+    "macros": "".join(f"(!macro m{n} () (!use m{n + 1}))\n" for n in range(400))
+    + "(!macro m400 () x)\n(task :id (!use m0) :action x)",
+}
+
+
+@pytest.mark.parametrize("name", DEEP)
+def test_what_is_nested_too_deep_is_refused_however_deep_the_caller_stands(name: str) -> None:
+    def findings(frames: int) -> list[tuple[str, str]]:
+        if frames:
+            return findings(frames - 1)
+        return [(f.code, f.message) for f in check(DEEP[name], front=expand_items).findings]
+
+    for frames in (0, 100, 500):
+        found = [(code, text) for code, text in findings(frames) if code == "E206"]
+        assert len(found) <= 1
+        assert all("nested" in text and len(text) < 200 for _, text in found)
+        assert found or (frames < 500 and name in ("arithmetic", "each"))
+
+
+def test_names_that_grow_are_charged_by_their_letters() -> None:
+    source = f'(!constant s0 "{"a" * 1000}")\n'
+    source += "\n".join(f"(!constant s{n} (!name {f'?s{n - 1} ' * 1000}))" for n in range(1, 4))
+    code, line, message = refusal(source + "\n(task :id ?s3 :action x)")
+    assert (code, line) == ("E206", 3)
+    assert "1,000,000" in message
