@@ -210,6 +210,8 @@ class TemporalNetwork:
                 points = b
         del self._time[points:], self._fixed[points:], self._out[points:], self._in[points:]
         self._suspect = None
+        # what was worked out within the trial may name its points, and times that only it made
+        self._late, self._early, self._closing, self._watch = None, [], [], False
 
     def mark_points(self) -> None:
         """Within a trial: `pop` also drops the points that are added from here on."""
@@ -371,8 +373,10 @@ class TemporalNetwork:
         """Return when the network will have become inconsistent if nothing occurs before, None if never.
 
         It is a millisecond after the latest time of the point that has to occur first. Where a constraint has
-        gone since, it may be too early. Meaningful while the network is consistent.
+        gone since, it may be too early. None, too, while the network is inconsistent.
         """
+        if self._suspect is not None:
+            return None
         closing, fixed = self._closing, self._fixed
         while self._late is not None and closing and fixed[closing[0][1]]:
             heapq.heappop(closing)

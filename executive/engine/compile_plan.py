@@ -35,7 +35,7 @@ from executive.engine.spec import (
 
 
 def compile_plan(
-    plan: crl.Plan, *, digest: str = "", text: str = "", identity: Callable[[str], str] = str
+    plan: crl.Plan, *, identity: Callable[[str], str], digest: str = "", text: str = ""
 ) -> PlanSpec:
     """Return the plan as the engine runs it.
 

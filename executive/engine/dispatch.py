@@ -94,7 +94,8 @@ class DispatchNetwork:
         self.points: dict[tuple[Instance, int], int] = {}
         self.anchors: dict[Instance, list[int]] = {}
         """Constraints of a start that count from a point and will count from the activation."""
-        self.delayed: dict[Instance, None] = {}
+        self.delayed: dict[Instance, set[int]] = {}
+        """Nodes that may not start yet, each with the times for which timers are set."""
         self.reported = False
         self.rebuild()
 
@@ -156,10 +157,12 @@ class DispatchNetwork:
         if start is None or (due is not None and due <= self.run.t):
             self.delayed.pop(node, None)
             return True
-        self.delayed[node] = None
-        for time in (due, network.breaks_at()):  # an inconsistent network delays nothing (8.3)
-            if time is not None:
-                self.run.agenda.set_timer(time, node)
+        both = (due, network.breaks_at())  # an inconsistent network delays nothing (8.3)
+        times = {time for time in both if time is not None}
+        known = self.delayed.get(node, set())
+        for time in times - known:
+            self.run.agenda.set_timer(time, node)
+        self.delayed[node] = times | {time for time in known if time > self.run.t}
         return False
 
     def bound(self, node: Instance) -> int | None:

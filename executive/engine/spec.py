@@ -136,6 +136,8 @@ class ResourceSpec:
 class PlanSpec:
     id: str
     root: NodeSpec
+    identity: Callable[[str], str]
+    """Canonical text of the task of an id; two tasks are identical iff it is equal (CRL.md 2)."""
     epoch: str | None = None
     """UTC instant of plan time 0 (ISO 8601)."""
     resources: dict[str, ResourceSpec] = field(default_factory=dict)
@@ -146,8 +148,6 @@ class PlanSpec:
     digest: str = ""
     text: str = ""
     """Canonical text, which a journal holds so that it can be replayed by itself."""
-    identity: Callable[[str], str] = str
-    """Canonical text of the task of an id; two tasks are identical iff it is equal (CRL.md 2)."""
     windowed: tuple[NodeSpec, ...] = ()
     """All nodes that have windows, in any tree."""
 

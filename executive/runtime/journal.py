@@ -73,26 +73,27 @@ class Sink(Protocol):
 
 
 class MemoryJournal:
-    """A journal that lives as long as its process: for simulations and tests."""
+    """A journal that lives as long as its process: for simulations and tests.
+
+    One thread appends, any may read. What was appended stays as it was then, whatever becomes of the objects
+    that it was made from.
+    """
 
     def __init__(self, records: Sequence[Json] = ()) -> None:
         self._records: list[Json] = list(records)
-        self._unread: list[Entry] = []
         self.durable = len(self._records)
         """How many records were said to be safe."""
 
     @property
     def records(self) -> list[Json]:
         """All records, as a file would hold them."""
-        unread, self._unread = self._unread, []
-        start = len(self._records)
-        self._records += ({"n": start + i, **entry_to_json(entry)} for i, entry in enumerate(unread))
         return self._records
 
     def append(self, records: Sequence[Entry], *, durable: bool) -> None:
-        self._unread += records
+        start = len(self._records)
+        self._records += [{"n": start + i, **entry_to_json(entry)} for i, entry in enumerate(records)]
         if durable:
-            self.durable = len(self._records) + len(self._unread)
+            self.durable = len(self._records)
 
     def close(self) -> None:
         pass

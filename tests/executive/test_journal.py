@@ -5,14 +5,15 @@ from __future__ import annotations
 import errno
 import json
 import os
+import threading
 from pathlib import Path
 
 import pytest
 
 from executive.errors import JournalError
-from executive.ports import Command, CommandId
+from executive.ports import Command, CommandId, Update
 from executive.runtime import run_plan
-from executive.runtime.codec import Json, trace_line
+from executive.runtime.codec import Input, Json, trace_line
 from executive.runtime.journal import FileJournal, JournalFile, MemoryJournal, line_of, record_of
 from executive.runtime.loading import load_plan
 from executive.runtime.recovery import recorded_trace, recover_run, replay, state_at
@@ -243,3 +244,30 @@ def test_nonsense_of_a_utility_source_is_noted_and_the_table_holds() -> None:
     outcome = run_plan(PLAN, ScriptedRover({}, ACTIONS), utility_source=lambda o, t, d: float("nan"))
     assert outcome.outcomes["c"] is not None
     assert [n.text for n in outcome.notes if n.kind == "ignored"] == ["the utility source gave nan"] * 2
+
+
+def test_a_journal_in_memory_holds_what_was_said_not_what_became_of_it() -> None:
+    journal, values = MemoryJournal(), {"soc": 80.0}
+    journal.append([Input("step", 0, [Update(0, values)])], durable=True)
+    values["soc"] = 3.0
+    assert journal.records[0]["events"][0]["values"] == {"soc": 80.0}
+    assert journal.durable == 1
+
+
+def test_a_journal_in_memory_loses_nothing_to_whoever_reads_it() -> None:
+    journal, over = MemoryJournal(), threading.Event()
+
+    def read() -> None:
+        while not over.is_set():
+            _ = len(journal.records)
+
+    readers = [threading.Thread(target=read) for _ in range(3)]
+    for reader in readers:
+        reader.start()
+    for n in range(3_000):
+        journal.append([Input("step", n), Input("deadline", n)], durable=False)
+    over.set()
+    for reader in readers:
+        reader.join()
+    assert [r["n"] for r in journal.records] == list(range(6_000))
+    assert [r["t"] for r in journal.records] == [n // 2 for n in range(6_000)]

@@ -264,3 +264,24 @@ def test_a_node_that_waits_for_a_key_to_be_known_hears_of_its_coming() -> None:
         ScriptedRover({}, {}, [Update(1000, {"k": 9})]),
     )
     assert session.run().end_s == 2
+
+
+def test_a_start_that_waits_keeps_few_timers_however_often_it_is_asked() -> None:
+    def most_timers(count: int) -> int:
+        chatter = "".join(
+            f"(task :id k{n} :action wait :start-temporal-conditions (({n} 9999)))" for n in range(count)
+        )
+        plan = f"""(plan :id p :node (concurrent-block :id r :node-list (
+          (task :id a :action wait)
+          (task :id b :action wait :start-temporal-conditions ((a start (0 50)) (2000 3000)))
+          (block :id s :node-list ({chatter})))))"""
+        run = Session(plan, ScriptedRover({}, {"wait": (Behaviour(500),)}))
+        most = 0
+        for t_ms in range(0, 1_000 * count, 1_000):
+            run.step(t_ms)
+            timers = run.engine.run.agenda._timers
+            most = max(most, len(timers._line) + len(timers._heap))
+        assert list(run.engine.run.network.delayed)
+        return most
+
+    assert most_timers(200) <= most_timers(20) + 2

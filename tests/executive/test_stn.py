@@ -287,3 +287,39 @@ def test_running_a_large_network_in_a_feasible_order_never_makes_it_inconsistent
         network.advance(now)
         network.execute(point, now)
         assert network.consistent
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_trial_leaves_nothing_behind(seed: int) -> None:
+    rng = random.Random(seed)
+
+    def network() -> TemporalNetwork:
+        made, chance = TemporalNetwork(), random.Random(seed)
+        points = [made.add_point() for _ in range(6)]
+        for before, after in itertools.pairwise(points):
+            made.declare(before, after, chance.randrange(0, 900), chance.choice((None, 2_000)))
+        made.declare(ORIGIN, points[-1], 0, 11_000)
+        assert made.check() is None
+        made.advance(10)
+        return made
+
+    tried, other = network(), network()
+    for _ in range(5):
+        if rng.random() < 0.5:
+            tried.breaks_at()
+        tried.push()
+        tried.mark_points()
+        extra = tried.add_point()
+        tried.add(rng.randrange(6), extra, 0, rng.randrange(500))
+        tried.add(extra, rng.randrange(1, 6), rng.randrange(500), None)
+        tried.breaks_at()
+        tried.pop()
+        assert tried.consistent == other.consistent
+        assert tried.breaks_at() == other.breaks_at()
+        for point in range(1, 7):
+            assert tried.dispatch_bound(point) == other.dispatch_bound(point)
+        now = tried.now_ms + rng.randrange(300)
+        for one in (tried, other):
+            one.advance(now)
+        assert tried.schedule() == other.schedule()
+        assert tried.consistent == other.consistent
