@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Protocol, cast, runtime_checkable
 
 from executive.crl import Plan, canonical_text, parse
-from executive.engine.instance import Note
+from executive.engine.instance import Instance, Note
 from executive.engine.run import command_of
 from executive.engine.snapshot import Snapshot
 from executive.errors import MisuseError
@@ -87,6 +87,8 @@ class LiveSettings:
 
     silence_ms: int | None = 60_000
     grace_ms: int = 10_000
+    stuck_ms: int | None = 60_000
+    """How long a command may go on that was told to stop, on a rover that answers otherwise."""
     heartbeat_ms: int | None = 5_000
     monitor_ms: int | None = 10_000
     rate: float = 1.0
@@ -146,6 +148,8 @@ class LiveRuntime:
         self._inbox = Inbox(port, self.complain)
         self._own_sink = isinstance(journal, Path)
         self._safing_since: int | None = None
+        self._stops_asked: dict[CommandId, int] = {}
+        """When the owner first saw that a command is to stop."""
         self._threads: list[threading.Thread] = []
         self._stopping = threading.Event()
         self._owner = threading.RLock()
@@ -392,10 +396,28 @@ class LiveRuntime:
             self._beat = now
             if isinstance(self.port, Heartbeat):
                 self._inbox.ask("heartbeat", partial(self.port.heartbeat, now), None)
+        self._end_stuck(now)
         if self._safing_since is not None:
             self._finish_safing(now, self._safing_since)
         elif settings.silence_ms is not None and now - self._heard >= settings.silence_ms:
             self._make_safe(now)
+
+    def _end_stuck(self, now: int) -> None:
+        """A command that does not stop keeps the plan from its alternate only for so long."""
+        asked = {c: self._stops_asked.get(c, now) for c, n in self._commands() if n.abort_asked}
+        self._stops_asked = asked
+        limit_ms = self.settings.stuck_ms
+        for command, since in asked.items():
+            if limit_ms is not None and now - since >= limit_ms:
+                self.complain(
+                    "risk",
+                    f"{command} was told to stop {(now - since) / 1000:g} s ago and is not acknowledged, "
+                    "though the rover answers: taken as stopped",
+                )
+                self._inbox.events.append(Acknowledgement(now, command))
+
+    def _commands(self) -> list[tuple[CommandId, Instance]]:
+        return list(self.session.engine.run.commands.items())
 
     def _make_safe(self, now: int) -> None:
         """The rover has been silent for too long."""
@@ -418,7 +440,7 @@ class LiveRuntime:
         if self._heard > since:
             self._safing_since = None
             return
-        for command, node in list(self.session.engine.run.commands.items()):
+        for command, node in self._commands():
             if node.abort_asked:
                 self.complain("safing", f"{command} was not acknowledged: taken as stopped")
                 self._inbox.events.append(Acknowledgement(now, command))

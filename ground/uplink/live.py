@@ -49,6 +49,8 @@ class LiveOptions:
     ----------
     silence_s
         After so long without a word the plan gives way to `safe`, or is aborted; None = never.
+    stuck_s
+        How long a command may go on that was told to stop, on a rover that answers otherwise.
     connect_s
         How long a new run waits for its rover; one that is resumed waits for nothing.
     products_s
@@ -57,6 +59,7 @@ class LiveOptions:
 
     silence_s: float | None = 60.0
     grace_s: float = 10.0
+    stuck_s: float = 60.0
     heartbeat_s: float = 5.0
     monitor_s: float = 5.0
     connect_s: float = 30.0
@@ -71,6 +74,7 @@ class LiveOptions:
         return LiveSettings(
             silence_ms=None if self.silence_s is None else plan_ms(self.silence_s),
             grace_ms=plan_ms(self.grace_s),
+            stuck_ms=plan_ms(self.stuck_s),
             heartbeat_ms=plan_ms(self.heartbeat_s),
             monitor_ms=plan_ms(self.monitor_s),
             rate=rate,
