@@ -36,6 +36,7 @@ from executive.runtime.wire import Address
 from executive.runtime.wire.contract import as_lines, check_wire
 from tests.executive.wire.proxy import BadLink
 from tests.ground.live_site import ROOT, ROVER, Site, environment, live_site
+from tests.rover_iface.worlds import small_problem
 
 PLAN = """(plan :id day :library ((alternate :id safe :node (task :id beacon :action safemode)))
  :node (block :id all :node-list (
@@ -154,6 +155,8 @@ def judge(site: Site, log: Path, outcome: Outcome) -> None:
     told = json.loads((site.run / "run.json").read_text("utf-8"))
     if told["outcome"] != "SUCCEEDED":
         outcome.problems.append(f"outcome {told['outcome']} {told['reason']}")
+    if told["products_missing"]:
+        outcome.problems.append(f"products that did not come down: {told['products_missing']}")
     begun = [tuple(entry[1]) for entry in log_of(log) if entry[0] == "begin"]  # type: ignore[arg-type]
     if len(begun) != len(set(begun)):
         outcome.problems.append(f"carried out twice: {begun}")
@@ -180,19 +183,39 @@ def judge(site: Site, log: Path, outcome: Outcome) -> None:
                 outcome.quiet_ms.append(outcome.late_ms[-1])
 
 
+HOLDS_THE_DATABASE = """
+import sqlite3, sys, time
+held = sqlite3.connect(sys.argv[1], isolation_level=None)
+held.execute("CREATE TABLE IF NOT EXISTS t (x)")
+held.execute("BEGIN EXCLUSIVE")
+time.sleep(1e6)
+"""
+
+
+def planner(folder: Path) -> subprocess.Popen[bytes]:
+    """Return a planner that is at work for far longer than a stop takes."""
+    problem = folder / "problem.json"
+    problem.write_text(json.dumps(small_problem()), encoding="utf-8")
+    command = [sys.executable, "-m", "ground.cli", "plan", str(problem), "--time-limit", "600"]
+    command += ["--iterations", "100000000", "--out", str(folder / "plans")]
+    return subprocess.Popen(command, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def database(folder: Path) -> subprocess.Popen[bytes]:
+    """Return a process that holds a transaction on a database open for ever."""
+    return subprocess.Popen([sys.executable, "-c", HOLDS_THE_DATABASE, str(folder / "outcrop.db")])
+
+
 def one_stop(seed: int, hung: bool) -> tuple[float, str]:
     """Return milliseconds from `outcrop stop` to zero wheel speed at the rover, and how it went.
 
-    With `hung` the executive is stopped by SIGSTOP first, as planner or database could not hang it.
+    Planner and database are stopped by SIGSTOP beside it; with `hung` the executive is, too.
     """
     with tempfile.TemporaryDirectory() as folder:
         site, log = live_site(Path(folder), LONG), Path(folder) / "rover.log"
         with watched_rover(site, log):
             process = executive(site)
-            # neither planner nor database is a part of a live run: bystanders stand for them, stopped as well
-            bystanders = [
-                subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1e6)"]) for _ in range(2)
-            ]
+            bystanders = [planner(Path(folder)), database(Path(folder))]
             try:
                 end = time.monotonic() + 60
                 while not any(e[0] == "begin" for e in log_of(log)) and time.monotonic() < end:
@@ -321,8 +344,13 @@ What was carried out is counted by the rover, and when a command was there is re
 fell into an absence is due when the executive is back.""",
     "stops": """Stopped
 
-From `outcrop stop` to the rover's word that its wheels stand. Two further processes are stopped by SIGSTOP
-beside the run, as planner and database: a live run has no part that waits for them.""",
+From `outcrop stop` to the rover's word that its wheels stand. A planner at work (`outcrop plan`) and a
+process that holds a transaction on a database open are stopped by SIGSTOP beside the run; a live run has no
+part that waits for them.""",
+    "windows": """A window closes, a command is cancelled
+
+From the instant at which a task's window closes, by the plan clock, to the rover's own log of the cancel on
+the wire. Beside it a thread sleeps up to instants like these: what it is late by is the machine.""",
     "links": """A link that is bad, and away
 
 `outcrop rover check --hardware` with 500 ms of jitter, 5 % of frames lost, and a time in which nothing
