@@ -43,12 +43,14 @@ def _audit(app: typer.Typer) -> None:
         against: Path | None = typer.Option(None, help="file of `outcrop audit head`, kept elsewhere"),
         key: str | None = typer.Option(None, help="public key, or its file, that must have signed it"),
     ) -> None:
-        """Check the hash chain of every history; exit status 1 if one is broken. Needs no server.
+        """Check the hash chain of every history, and every row against it; exit status 1 at a fault.
 
+        Needs no server. Rows from before the histories held seals are counted, not checked.
         With --against every chain must go on from where it was when that file was written.
         """
         from ground.cli.repository import open_or_fail
         from ground.gdr.history import verify_against, verify_chains
+        from ground.resources.history.verify_rows import verify_rows
         from ground.uplink.audit_head import read_head
 
         if key is not None and against is None:
@@ -58,11 +60,16 @@ def _audit(app: typer.Typer) -> None:
         with repo.database.read() as session:
             count, faults = verify_chains(session)
             faults += verify_against(session, heads or {})
+            rows = verify_rows(session)
         for fault in faults:
             typer.echo(f"{fault.chain_id} event {fault.seq}: {fault.reason}", err=True)
+        for row_fault in rows.faults:
+            typer.echo(str(row_fault), err=True)
+        untold = f", {rows.untold} rows of before stand in no event" if rows.untold else ""
         kept = "" if heads is None else f", {len(heads)} histories held against {against}"
-        typer.echo(f"{count} events checked, {len(faults)} faults{kept}")
-        if faults:
+        odd = len(faults) + len(rows.faults)
+        typer.echo(f"{count} events and {rows.checked} rows checked, {odd} faults{untold}{kept}")
+        if faults or rows.faults:
             raise typer.Exit(1)
 
     @audit.command("head")
@@ -138,7 +145,7 @@ def _backups(app: typer.Typer) -> None:
         moment = None if until is None else until.replace(tzinfo=until.tzinfo or UTC)
         try:
             if test:
-                missing = drill(repo, source, passphrase=phrase)
+                missing = drill(repo, source, until=moment, passphrase=phrase)
                 typer.echo(f"{source}: drilled, {len(missing)} faults")
             else:
                 done = restore(repo, source, until=moment, passphrase=phrase)

@@ -81,19 +81,31 @@ SUMS = ".sha256sums"
 """File in a folder that is kept whole: the SHA-256 of each other file in it."""
 
 
+_HEAD = "#sha256 "
+
+
 def seal_folder(folder: Path) -> None:
-    """Write down what the files of a folder hold, in the form of `sha256sum`."""
-    (folder / SUMS).write_text("".join(f"{digest}  {name}\n" for name, digest in _sums(folder).items()))
+    """Write down what the files of a folder hold, as `sha256sum` does; a comment has the list's own hash."""
+    listed = "".join(f"{digest}  {name}\n" for name, digest in _sums(folder).items())
+    own = hashlib.sha256(listed.encode()).hexdigest()
+    (folder / SUMS).write_text(f"{_HEAD}{own}\n{listed}", encoding="utf-8")
 
 
 def damaged_in(folder: Path) -> list[str]:
-    """Return the names of files that are not what was written down; none where nothing was."""
+    """Return the names of files that are not what was written down; none where nothing was.
+
+    Where the list itself is damaged it alone is named. Lists of older versions do not say what they were.
+    """
     try:
-        lines = (folder / SUMS).read_text(encoding="utf-8").splitlines(keepends=True)
+        text = (folder / SUMS).read_text(encoding="utf-8")
     except FileNotFoundError:
         return []
     except (OSError, ValueError):
         return [SUMS]
+    head, _, listed = text.partition("\n") if text.startswith(_HEAD) else ("", "", text)
+    if head and head != _HEAD + hashlib.sha256(listed.encode()).hexdigest():
+        return [SUMS]
+    lines = listed.splitlines(keepends=True)
     said = {}
     for line in lines:
         digest, gap, name = line[:64], line[64:66], line[66:-1]

@@ -17,15 +17,18 @@ from sqlalchemy import (
     BigInteger,
     String,
     Text,
+    event,
     select,
     update,
 )
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from ground.gdr.as_stored import stored_rows
 from ground.gdr.base import Base, Columns, utc_now
 from ground.gdr.ids import new_id
+from ground.gdr.seals import SYSTEM as SYSTEM
+from ground.gdr.seals import drain, pending_of
 
-SYSTEM = "system"
 GENESIS = "0" * 64
 
 
@@ -69,6 +72,8 @@ def event_digest(event: EventRow, previous: str) -> str:
         "after": event.after,
         "previous": previous,
     }
+    if event.rows is not None:
+        content["rows"] = event.rows
     return hashlib.sha256(orjson.dumps(content, option=orjson.OPT_SORT_KEYS)).hexdigest()
 
 
@@ -102,7 +107,7 @@ def record(session: Session, chain_id: str, change: Change) -> EventRow:
         .returning(ChainRow.seq, ChainRow.sha256)
         .execution_options(synchronize_session=False)
     ).one()
-    event = EventRow(
+    written = EventRow(
         chain_id=chain_id,
         seq=head.seq,
         at_utc=utc_now(),
@@ -115,17 +120,27 @@ def record(session: Session, chain_id: str, change: Change) -> EventRow:
         group=session.info.setdefault("act", new_id("act")),
         before=change.before,
         after=change.after,
+        rows=drain(session, chain_id),
         sha256="",
     )
-    event.sha256 = event_digest(event, head.sha256)
-    session.add(event)
+    written.sha256 = event_digest(written, head.sha256)
+    session.add(written)
     session.execute(
         update(ChainRow)
         .where(ChainRow.id == chain_id)
-        .values(sha256=event.sha256)
+        .values(sha256=written.sha256)
         .execution_options(synchronize_session=False)
     )
-    return event
+    return written
+
+
+@event.listens_for(Session, "before_commit")
+def _seal_the_rest(session: Session) -> None:
+    """Write an event of its own for what was written and stands in no event: no row is without a seal."""
+    session.flush()
+    for chain_id in list(pending_of(session)):
+        if pending_of(session)[chain_id]:
+            record(session, chain_id, Change(SYSTEM, "seal", "rows", chain_id, None, None))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,31 +179,37 @@ def verify_against(session: Session, heads: Heads) -> list[ChainFault]:
 def verify_chains(session: Session) -> tuple[int, list[ChainFault]]:
     """Return how many events were checked, and every place where a chain is broken."""
     faults: list[ChainFault] = []
+    heads: dict[str, tuple[int, str]] = {}
+    for head in stored_rows(session, ChainRow.__table__):  # type: ignore[arg-type]
+        chain_id, seq = str(head.values["id"]), head.values["seq"]
+        heads[chain_id] = (seq, str(head.values["sha256"]))
+        faults += [ChainFault(chain_id, seq, f"the head's {name} cannot be read") for name in head.damaged]
+    ends = dict.fromkeys(heads, (0, GENESIS))
     count = 0
-    chains = session.execute(select(ChainRow.id, ChainRow.seq, ChainRow.sha256).order_by(ChainRow.id)).all()
-    known = {c.id for c in chains}
-    for chain in chains:
-        previous, seq = GENESIS, 0
-        query = select(EventRow).where(EventRow.chain_id == chain.id).order_by(EventRow.seq)
-        for event in session.scalars(query.execution_options(yield_per=500)):
-            count += 1
-            if event.seq != seq + 1:
-                faults.append(ChainFault(chain.id, event.seq, f"event {seq + 1} is missing"))
-            if event_digest(event, previous) != event.sha256:
-                faults.append(ChainFault(chain.id, event.seq, "content does not match its hash"))
-            previous, seq = event.sha256, event.seq
-        if (seq, previous) != (chain.seq, chain.sha256):
-            faults.append(
-                ChainFault(
-                    chain.id, chain.seq, f"the head is at event {chain.seq}, the last one here is {seq}"
-                )
-            )
-    faults += (
-        ChainFault(stray, 0, "events without a chain head")
-        for stray in session.scalars(select(EventRow.chain_id).distinct())
-        if stray not in known
-    )
+    for found in stored_rows(session, EventRow.__table__):  # type: ignore[arg-type]
+        count += 1
+        stored = event_of(found.values)
+        chain_id, seq = stored.chain_id, stored.seq
+        if chain_id not in ends:
+            faults.append(ChainFault(chain_id, seq, "events without a chain head"))
+        last, previous = ends.get(chain_id, (0, GENESIS))
+        if seq != last + 1:
+            faults.append(ChainFault(chain_id, seq, f"event {last + 1} is missing"))
+        if found.damaged:
+            faults.append(ChainFault(chain_id, seq, f"its {found.damaged[0]} is not as it was written"))
+        elif event_digest(stored, previous) != stored.sha256:
+            faults.append(ChainFault(chain_id, seq, "content does not match its hash"))
+        ends[chain_id] = (seq, stored.sha256)
+    for chain_id, (seq, sha256) in heads.items():
+        if ends[chain_id] != (seq, sha256):
+            told = f"the head is at event {seq}, the last one here is {ends[chain_id][0]}"
+            faults.append(ChainFault(chain_id, seq, told))
     return count, faults
+
+
+def event_of(values: Columns) -> EventRow:
+    """Return an event from the columns of its row."""
+    return EventRow(**{"group" if name == "group_id" else name: value for name, value in values.items()})
 
 
 class ChainRow(Base):
@@ -219,4 +240,6 @@ class EventRow(Base):
     """Changes made by one act, that is in one transaction; undo takes them back together."""
     before: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     after: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    rows: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    """Seals of the rows that the transaction had written by then, by `table/key`; null for one that went."""
     sha256: Mapped[str] = mapped_column(String(64))

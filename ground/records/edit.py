@@ -93,12 +93,13 @@ def remove(session: Session, actor: Actor, kind: Kind[Any], row: Row, *, reason:
     record(session, chain, Change(actor.name, "delete", kind.name, row.id, before, None, reason))
 
 
-_BULKY = frozenset({"tree", "summary", "crl_text", "document", "geometry", "payload", "log", "password_hash"})
+BULKY = frozenset({"tree", "summary", "crl_text", "document", "geometry", "payload", "log", "password_hash"})
+"""Columns of computed results and secrets: the history has their digest, not their content."""
 
 
 def public(row: Row) -> Columns:
     """Return a row as it stands in the history: without secrets and without the bulk of computed results."""
-    return {name: value for name, value in dump_row(row).items() if name not in _BULKY}
+    return {name: value for name, value in dump_row(row).items() if name not in BULKY}
 
 
 def next_number(session: Session, row: Any, mission_id: str) -> int:

@@ -6,8 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-from sqlalchemy import select
+from sqlalchemy import select, update
+from typer.testing import CliRunner
 
+from ground.cli.main import app, register_all
 from ground.errors import InvalidInputError
 from ground.gdr.history import (
     GENESIS,
@@ -71,3 +73,41 @@ def test_a_head_that_was_altered_or_is_anothers_is_refused(tmp_path: Path) -> No
     (tmp_path / "bad.json").write_text("[1")
     with pytest.raises(InvalidInputError, match="is no file of"):
         read_head(tmp_path / "bad.json")
+
+
+def test_heads_are_written_and_held_against_by_command(
+    api: Api, mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OUTCROP_DATA_DIR", str(api.repo.data_dir))
+    monkeypatch.setenv("OUTCROP_DATABASE_URL", api.repo.database.url.render_as_string(hide_password=False))
+    make_key(tmp_path / "ann.key")
+    other = public_text(make_key(tmp_path / "bob.key"))
+    kept = str(tmp_path / "head.json")
+
+    if not app.registered_groups:
+        register_all()
+
+    def outcrop(*words: str) -> tuple[int, str]:
+        result = CliRunner().invoke(app, ["audit", *words])
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+        return result.exit_code, result.output
+
+    code, said = outcrop("head", kept, "--key", str(tmp_path / "ann.key"))
+    assert (code, said) == (0, f"{kept}: the heads of 2 histories\n")
+    api.post(f"/missions/{mission.id}/targets", {"east_m": 1.0, "north_m": 1.0})
+    code, said = outcrop("verify", "--against", kept)
+    assert code == 0
+    assert f"rows checked, 0 faults, 2 histories held against {kept}" in said
+    assert outcrop("verify", "--against", kept, "--key", other)[0] == 2
+    assert outcrop("verify", "--key", other) == (2, "outcrop: --key is for the file of --against\n")
+    assert outcrop("verify", "--against", str(tmp_path / "none.json"))[0] == 2
+    rewrite(api.repo, mission.id)
+    assert outcrop("verify")[0] == 0, "a whole new chain holds together"
+    code, said = outcrop("verify", "--against", kept)
+    assert code == 1
+    assert f"{mission.id} event 2: the event is not the one that was the head" in said
+    with api.repo.database.write() as session:
+        session.execute(update(EventRow).where(EventRow.chain_id == mission.id).values(actor="Nobody"))
+    code, said = outcrop("head", kept, "--key", str(tmp_path / "ann.key"))
+    assert code == 2
+    assert "content does not match its hash; nothing is signed" in said

@@ -19,6 +19,7 @@ from ground.resources.backups.backup import backup
 from ground.resources.backups.check_files import damaged_files
 from ground.resources.backups.container import Listing, Part, read_list, write_container
 from ground.resources.backups.restore import drill, restore
+from ground.resources.history.verify_rows import verify_rows
 from ground.resources.missions.value import Mission
 from ground.resources.people.accounts import create_person
 from ground.resources.people.credentials import identify
@@ -168,13 +169,14 @@ def test_a_backup_restores_as_of_any_moment_before_it(api: Api, mission: Mission
     assert restore(repo, tmp_path / "b.tar", until=moment).missing == []
     after = contents(repo)
     with repo.database.read() as session:
-        assert verify_chains(session)[1] == []
+        assert verify_chains(session)[1] == verify_rows(session).faults == []
         marks = session.scalars(select(EventRow).where(EventRow.action == "restore")).all()
         assert [m.chain_id for m in marks] == [SYSTEM]
         assert {t.name for t in session.scalars(select(TargetRow))} == {"Rock", "Gone"}
     differing = {name for name in before if before[name] != after[name]}
     assert differing <= {"events", "event_chains"}
     repo.database.dispose()
+    assert drill(api.repo, tmp_path / "b.tar", until=moment) == []
 
 
 def test_a_drill_restores_compares_and_leaves_nothing(api: Api, mission: Mission, tmp_path: Path) -> None:

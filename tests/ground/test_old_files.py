@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import update
 
 from ground.app.service import JOB_KINDS
 from ground.errors import ArchiveError
@@ -23,7 +24,9 @@ from ground.gdr.history import verify_chains
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR
+from ground.resources.history.verify_rows import verify_rows
 from ground.resources.mission_archives.import_mission import import_mission
+from ground.resources.targets.row import TargetRow
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.keys import load_public, make_key
 from ground.uplink.trust import allow, change_trust, new_trust, write_trust
@@ -75,7 +78,12 @@ def test_a_job_of_each_kind_queued_by_the_old_version_ends_as_it_did_there(old_a
 
 def test_old_history_still_agrees_with_itself(old_api: Api) -> None:
     with old_api.repo.database.read() as session:
-        assert verify_chains(session)[1] == []
+        assert verify_chains(session)[1] == verify_rows(session).faults == []
+    with old_api.repo.database.write() as session:
+        session.execute(update(TargetRow).where(TargetRow.name == "Near").values(up_m=0.25))
+    with old_api.repo.database.read() as session:
+        (fault,) = verify_rows(session).faults
+    assert fault.reason == "its up_m is not what its last event says"
 
 
 def test_an_old_archive_comes_in_with_plan_run_and_products(repo: Repository) -> None:

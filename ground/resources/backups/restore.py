@@ -26,6 +26,7 @@ from ground.resources.backups.container import FORMAT, LIST, Listing, read_list
 from ground.resources.backups.rewind import rewind
 from ground.resources.backups.rows import LEFT_OUT, Record, brought_up, fill, parse_rows, read_rows
 from ground.resources.backups.secrets import unseal
+from ground.resources.history.verify_rows import verify_rows
 from ground.resources.tables import METADATA
 
 OLD = "backup/1"
@@ -132,11 +133,14 @@ def _require_empty(database: Database) -> None:
                 raise ConflictError("the repository is not empty; restore into a new data folder or database")
 
 
-def drill(repo: Repository, source: Path, *, passphrase: str | None = None) -> list[str]:
+def drill(
+    repo: Repository, source: Path, *, until: datetime | None = None, passphrase: str | None = None
+) -> list[str]:
     """Restore a backup into a scratch place and compare; return what does not fit, a sentence each.
 
     The scratch place is a folder with an embedded database, which is removed. Every row that comes back is
-    held against the backup's, every file against its hash, and every history is followed.
+    held against the backup's, or with `until` against what the history up to then says of it, every file
+    against its hash, and every history is followed.
     """
     with tempfile.TemporaryDirectory(prefix="outcrop-drill-") as work:
         place = Path(work)
@@ -148,12 +152,14 @@ def drill(repo: Repository, source: Path, *, passphrase: str | None = None) -> l
             files=FileStore(place / "files"),
         )
         try:
-            found = list(restore(scratch, source, passphrase=passphrase).missing)
+            found = list(restore(scratch, source, until=until, passphrase=passphrase).missing)
             found += [f"{name} is damaged" for name in damaged_files(scratch)]
             found += [f"{owner}: its file is missing" for owner in check_files(scratch).without_file]
             with scratch.database.read() as session:
                 found += [f"{f.chain_id} event {f.seq}: {f.reason}" for f in verify_chains(session)[1]]
-                found += _differences(_rows_of(source), list(read_rows(session)))
+                found += map(str, verify_rows(session).faults)
+                if until is None:
+                    found += _differences(_rows_of(source), list(read_rows(session)))
         finally:
             scratch.database.dispose()
     return found

@@ -9,7 +9,10 @@ from sqlalchemy import Table, delete, insert, or_, select, update
 from sqlalchemy.orm import Session
 
 from ground.gdr.history import GENESIS, SYSTEM, ChainRow, EventRow
+from ground.gdr.seals import row_digest
 from ground.jobs.row import JobRow
+from ground.records.edit import BULKY
+from ground.resources.history.verify_rows import verify_rows
 from ground.resources.kinds import KINDS
 from ground.resources.tables import METADATA
 
@@ -45,6 +48,25 @@ def rewind(session: Session, until: datetime) -> list[str]:
         else:
             chain.seq, chain.sha256 = (0, GENESIS) if last is None else (last.seq, last.sha256)
     session.flush()
+    return missing + _without_results(session)
+
+
+def _without_results(session: Session) -> list[str]:
+    """Take computed results off rows that had none at the moment; return a sentence for each that is odd.
+
+    Events hold no results; the seals tell whether there were any.
+    """
+    missing = []
+    for fault in verify_rows(session).faults:
+        name, _, key = fault.row.partition("/")
+        table = METADATA.tables[name]
+        mine = next(iter(table.primary_key.columns)) == key
+        row = session.execute(select(table).where(mine)).mappings().first()
+        results = {c.name: None for c in table.columns if c.name in BULKY and c.nullable}
+        if row is not None and results and row_digest(table, {**row, **results}) == fault.seal:
+            session.execute(update(table).where(mine).values(**results))
+        else:
+            missing.append(str(fault))
     return missing
 
 

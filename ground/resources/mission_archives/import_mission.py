@@ -18,6 +18,7 @@ from ground.gdr.history import ChainRow, Change, open_chain
 from ground.gdr.history import record as write_event
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
+from ground.gdr.seals import seal, seal_mission
 from ground.jobs.value import JobState
 from ground.records.actor import Action, Actor
 from ground.resources.mission_archives.mission_archive import (
@@ -124,6 +125,9 @@ def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows
     session.add(els)
     session.flush()
     heads = {"events": len(rows["events"]), "head": rows["event_chains"][0]["sha256"], "elsewhere": els.id}
+    seal_mission(session, mission_id)
+    if known is None:
+        seal(session, session.get_one(TerrainRow, terrain["id"]))
     write_event(session, mission_id, Change(actor.name, "import", "mission", mission_id, None, heads))
     if known is None:  # whatever lies there is of an import that failed
         copy_folder(folder / "terrain", repo.terrain_dir(terrain["id"]))

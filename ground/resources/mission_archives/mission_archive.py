@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 from ground.campaigns.result import RESULTS
 from ground.errors import ArchiveError, InvalidInputError
 from ground.gdr.base import Utc
-from ground.gdr.history import GENESIS, EventRow, event_digest
+from ground.gdr.history import GENESIS, event_digest, event_of
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import require_mission
@@ -202,7 +202,7 @@ def _check_history(rows: Rows) -> None:
     """Raise unless the events of an archive hold together up to its head."""
     previous, seq = GENESIS, 0
     for record in sorted(rows["events"], key=lambda r: int(r["seq"])):
-        event = EventRow(**{"group" if k == "group_id" else k: v for k, v in typed("events", record).items()})
+        event = event_of(typed("events", record))
         if event.seq != seq + 1 or event_digest(event, previous) != event.sha256:
             raise ArchiveError(f"the history of the archive is broken at event {event.seq}")
         previous, seq = event.sha256, event.seq
