@@ -13,7 +13,8 @@ from planner.evaluate.monte_carlo import simulate
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, State, TailValues, forward
 from planner.plan_edits import replace_option, without_option
-from planner.plan_tree import Branch, OptionNotes, Path, PlanTree, StepNotes, TrackStart, walk
+from planner.plan_tree import Branch, OptionNotes, Path, Plan, PlanTree, StepNotes, TrackStart, walk
+from planner.problem import Problem
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 TABLE_POINTS = 5
@@ -28,6 +29,17 @@ def _quantiles(values: Floats, weights: Floats) -> tuple[float, ...]:
     total = np.cumsum(weights[order])
     at = np.searchsorted(total, np.array(QUANTILES) * total[-1])
     return tuple(round(float(values[order][min(k, len(order) - 1)]), 3) for k in at)
+
+
+SKETCH_NODES = (49, 29)
+"""Of time and energy, for a plan that is looked at while better ones are sought: medians within a step of the
+grid, 2 % of the day."""
+
+
+def sketch(problem: Problem, plan: Plan) -> PlanTree:
+    """Return a plan with notes from a coarse grid, in a few hundredths of a second."""
+    model = Model.of(problem)
+    return annotate(model, Grid(model, *SKETCH_NODES), PlanTree(problem.name, plan))
 
 
 def annotate_sampled(model: Model, tree: PlanTree, *, seed: int) -> PlanTree:

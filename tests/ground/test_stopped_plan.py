@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +12,7 @@ import pytest
 
 from ground.day.worksite import Worksite
 from ground.jobs.queue import WorkStoppedError
+from ground.resources.plans import draft
 from ground.resources.plans import work as plan_work
 from ground.resources.plans.order import PlanWork, Search
 from mission import Day, Limits, Pose
@@ -54,6 +58,36 @@ def test_a_cancelled_plan_is_the_best_so_far_and_says_so(day: SimpleNamespace) -
     tree = plan_tree_from_dict(result["tree"], problem)
     assert {str(o) for o in planned_observations(tree.plan)} == set(result["planned_request_ids"])
     assert result["crl_text"]
+
+
+def test_each_better_plan_can_be_looked_at_while_the_search_goes_on(
+    day: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(draft, "network_geometry", lambda day: {"nodes": []})
+    day.problem = problem = problem_from_dict(
+        problem_document(places=[(4.0, 1.0), (-3.0, 2.0), (6.0, -5.0), (-8.0, -4.0)])
+    )
+    place = tmp_path / "plan-draft.json"
+    seen: dict[int, dict[str, Any]] = {}
+
+    def look(_share: float, _text: str) -> None:
+        if place.exists():
+            found = json.loads(place.read_text())
+            seen.setdefault(found["number"], found)
+
+    search = replace(SEARCH, iterations=20)
+    result = plan_work.work(replace(ORDER, search=search, draft=str(place)), look, lambda: False)
+    assert list(seen) == list(range(1, len(seen) + 1)), "every one was there when it was told of"
+    assert len(seen) > 1
+    for found in seen.values():
+        assert found["format"] == "plan-draft/1"
+        tree = plan_tree_from_dict(found["tree"], problem)
+        assert planned_observations(tree.plan)
+        assert any(step.get("p_reached") for step in found["tree"]["plan"]), (
+            "odds and times are there to be drawn"
+        )
+        assert found["value"] <= result["upper"] + 1e-6
+    assert max(found["value"] for found in seen.values()) >= 0.95 * result["expected_utility"]
 
 
 def test_a_plan_that_ended_by_itself_is_not_marked(day: SimpleNamespace) -> None:

@@ -50,6 +50,28 @@ def test_a_page_at_rest_draws_nothing(server: Server) -> None:
         assert page.get_by_test_id("scene").get_attribute("data-drawn") == drawn
 
 
+def test_better_plans_are_drawn_while_they_are_found(server: Server) -> None:
+    with chromium() as browser, open_page(browser, server, "?webgl=off") as page:
+        open_demo(page)
+        page.get_by_role("tab", name="Plan", exact=True).click()
+        if page.get_by_role("button", name="Settings").count():
+            page.get_by_role("button", name="Settings").click()
+        page.get_by_label("Time limit, s").fill("600")
+        page.get_by_test_id("plan").click()
+        # What is drawn stands beside the word that a search goes on, on the sheet and over time.
+        expect(page.get_by_test_id("so-far")).to_contain_text("Plan so far")
+        expect(page.get_by_test_id("plan-state")).to_have_text("draft")
+        expect(page.get_by_test_id("outline")).to_be_visible()
+        expect(
+            page.get_by_role("img", name=re.compile("Value of the best plan since the first"))
+        ).to_be_visible()
+        shot(page, "planning")
+        page.get_by_role("button", name="Cancel", exact=True).first.click()
+        expect(page.get_by_test_id("plan-state")).to_have_text("computed")
+        expect(page.get_by_test_id("so-far")).to_have_count(0)
+        expect(page.get_by_test_id("outline")).to_be_visible()
+
+
 def test_without_webgl_the_map_does_it_all(server: Server) -> None:
     with chromium() as browser, open_page(browser, server, "?webgl=off") as page:
         open_demo(page)

@@ -81,6 +81,28 @@ class TreeDocument(BaseModel):
     format: str
 
 
+class GeometryDocument(BaseModel):
+    """Nodes and segments of a path network."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class DraftDocument(BaseModel):
+    """The best plan so far: its tree, the network it drives on, its value and the bound if known.
+
+    `number` counts the plans found so far.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    format: str
+    number: int
+    value: float
+    upper: float | None
+    branches: int
+    tree: TreeDocument
+    network: GeometryDocument
+
+
 class SummaryDocument(BaseModel):
     """The planner's summary."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import orjson
@@ -27,6 +28,7 @@ from ground.resources.path_networks.kind import PATH_NETWORK
 from ground.resources.path_networks.row import PathNetworkRow
 from ground.resources.plans.answer_what_if import keep_outs_of
 from ground.resources.plans.bodies import PlanCreate
+from ground.resources.plans.draft import draft_of
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.order import ORDERS, PlanWork, Search
 from ground.resources.plans.row import PlanRow
@@ -82,7 +84,8 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, given: PlanCr
         )
         insert(session, actor, PLAN, row)
         search = Search(given.strategy, given.max_branches, given.time_limit_s, given.iterations, given.seed)
-        work = PlanWork(worksite(repo, session, mission), day, row.id, search, changes)
+        draft = str(draft_of(repo, row.id))
+        work = PlanWork(worksite(repo, session, mission), day, row.id, search, changes, draft)
         return ask_job(session, repo, actor, KIND, mission_id, (PLAN, row.id), ORDERS.document(work), job_id)
 
 
@@ -102,8 +105,9 @@ def _changed(day: Day, inputs: str, changes: Changes) -> tuple[Day, str]:
     return day, hashlib.sha256(orjson.dumps([inputs, changes.as_dict()])).hexdigest()
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+def settle(repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
     """Write plan, problem and network; requests in the plan become planned."""
+    draft_of(repo, job.subject_id).unlink(missing_ok=True)
     plan = session.get(PlanRow, job.subject_id)
     if plan is None:
         return None
@@ -164,6 +168,9 @@ def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -
 
 def abandon(session: Session, job: JobRow) -> None:
     """Say on the plan that there is none."""
+    draft = ORDERS.from_document(job.payload).draft
+    if draft:
+        Path(draft).unlink(missing_ok=True)
     plan = session.get(PlanRow, job.subject_id)
     if plan is not None:
         kind = (job.problem or {}).get("type", "")

@@ -24,13 +24,17 @@ class Search:
 
 @value
 class PlanWork:
-    """A plan for a day at a worksite; with `what_if` for that day changed."""
+    """A plan for a day at a worksite; with `what_if` for that day changed.
+
+    The best plan so far is kept in the file `draft`, for whoever watches; without one it is not.
+    """
 
     site: Worksite
     day: Day
     plan_id: str
     search: Search
     what_if: Changes | None = None
+    draft: str = ""
 
 
 def _from_version_0(payload: dict[str, Any]) -> dict[str, Any]:

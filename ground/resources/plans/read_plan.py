@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 from sqlalchemy.orm import Session
 
 from ground.errors import StateError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
+from ground.resources.plans.draft import draft_of
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import Finding
@@ -33,6 +36,20 @@ def read_tree(repo: Repository, actor: Actor, plan_id: str) -> Document:
     """Return the plan tree."""
     with repo.database.read() as session:
         return computed_plan(session, actor, plan_id).tree or {}
+
+
+def read_draft(repo: Repository, actor: Actor, plan_id: str) -> Document | None:
+    """Return the best plan so far of a search that goes on, `plan-draft/1`; None without one."""
+    with repo.database.read() as session:
+        row: PlanRow = find_row(session, PLAN, plan_id)
+        actor.require(Action.READ, row.mission_id)
+        if row.crl_text is not None:
+            return None
+    try:
+        found: Document = json.loads(draft_of(repo, plan_id).read_text("utf-8"))
+    except (FileNotFoundError, ValueError):
+        return None
+    return found
 
 
 def read_summary(repo: Repository, actor: Actor, plan_id: str) -> Document:

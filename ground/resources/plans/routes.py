@@ -8,12 +8,12 @@ from ground.api.context import Asked, Id, answer
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.resources.plans.answer_what_if import answer_what_if as answer_what_if_use_case
-from ground.resources.plans.bodies import SummaryDocument, TreeDocument, WhatIf
+from ground.resources.plans.bodies import DraftDocument, SummaryDocument, TreeDocument, WhatIf
 from ground.resources.plans.explain_plan import compare_plans as compare_plans_use_case
 from ground.resources.plans.explain_plan import explain_request as explain_request_use_case
 from ground.resources.plans.generate_plan import generate_plan
 from ground.resources.plans.kind import PLAN
-from ground.resources.plans.read_plan import read_crl, read_findings, read_summary, read_tree
+from ground.resources.plans.read_plan import read_crl, read_draft, read_findings, read_summary, read_tree
 from ground.resources.plans.study_value import PlanComparison, WhatIfAnswer, WhyNot
 from ground.resources.plans.value import Finding
 
@@ -35,6 +35,12 @@ router = resource_routes(
 async def get_plan_tree(ask: Asked, plan_id: Id) -> Response:
     """Read the plan tree (`plan-tree/2`): steps, options, odds, quantiles."""
     return answer(await ask.do(read_tree, plan_id))
+
+
+@router.get("/plans/{plan_id}/draft", response_model=DraftDocument | None, responses=responses(404, 422))
+async def get_plan_draft(ask: Asked, plan_id: Id) -> Response:
+    """Read the best plan so far while the search goes on (`plan-draft/1`); null when there is none."""
+    return answer(await ask.do(read_draft, plan_id))
 
 
 @router.get(

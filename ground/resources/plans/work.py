@@ -11,6 +11,7 @@ from ground.day.prepare import Report
 from ground.errors import JobFailedError
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.path_networks.geometry import network_geometry, observation_points
+from ground.resources.plans.draft import Drawing
 from ground.resources.plans.order import PlanWork
 from mission.codec import Document
 from planner.changes import changed_problem
@@ -43,7 +44,10 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Do
     search = order.search
     stopped = False
 
+    drawing = Drawing(order.draft, day)
+
     def follow(progress: Progress) -> None:
+        drawing.show(progress)
         text = progress.phase
         if progress.value is not None:
             text += f": {progress.value:.2f}, {progress.branches} branches"

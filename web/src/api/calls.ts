@@ -382,6 +382,19 @@ const planPath = (plan_id: string) => ({ path: { plan_id } });
 export const planTree = async (id: string): Promise<PlanTree> =>
   (await body(api.GET("/api/v1/plans/{plan_id}/tree", { params: planPath(id) }))) as unknown as PlanTree;
 
+/** The best plan so far of a search that goes on. */
+export interface PlanDraft {
+  number: number;
+  value: number;
+  upper: number | null;
+  branches: number;
+  tree: PlanTree;
+  network: PathNetwork;
+}
+
+export const planDraft = async (id: string): Promise<PlanDraft | null> =>
+  (await body(api.GET("/api/v1/plans/{plan_id}/draft", { params: planPath(id) }))) as unknown as PlanDraft | null;
+
 export const planCrl = (id: string): Promise<string> =>
   body(api.GET("/api/v1/plans/{plan_id}/crl", { params: planPath(id), parseAs: "text" }));
 

@@ -33,6 +33,8 @@ import { app } from "./app.svelte";
 import type { WhatIfState } from "./what-if.svelte";
 
 const RELOAD_MS = 120;
+/** Between two looks at the best plan so far: it is drawn within 0.3 s after it was found. */
+const DRAFT_MS = 200;
 const ACTIVE = new Set(["queued", "running"]);
 
 /** What a selection means for the other views. */
@@ -44,6 +46,13 @@ export interface Focus {
   product: string | null;
   keepOut: string | null;
   task: string | null;
+}
+
+/** A better plan that was found while the search goes on. */
+export interface Found {
+  at_s: number;
+  value: number;
+  upper: number | null;
 }
 
 const NO_FOCUS: Focus = {
@@ -92,6 +101,10 @@ export class MissionState {
   orderProblem = $state("");
 
   tree = $state.raw<PlanTree | null>(null);
+  /** The best plan so far, while the open plan is made. */
+  draft = $state.raw<calls.PlanDraft | null>(null);
+  /** Values of the better and better plans, by the seconds since the first was seen; the bound where it is known. */
+  course = $state.raw<readonly Found[]>([]);
   crl = $state.raw<string | null>(null);
   findings = $state.raw<Finding[]>([]);
   planError = $state<string | null>(null);
@@ -115,7 +128,7 @@ export class MissionState {
   readonly plan = $derived(this.plans.find((plan) => plan.id === app.route.plan) ?? null);
   /** The network the open plan was made on. */
   readonly planNetwork = $derived(
-    this.networks.find((network) => network.id === this.plan?.network_id) ?? this.network,
+    this.draft?.network ?? this.networks.find((network) => network.id === this.plan?.network_id) ?? this.network,
   );
   readonly lines = $derived<Line[]>(this.tree === null ? [] : linesOf(this.tree));
   readonly legs = $derived<Leg[]>(legsOf(this.lines));
@@ -311,10 +324,13 @@ export class MissionState {
   async loadPlan(): Promise<void> {
     const plan = this.plan;
     if (plan === null || plan.crl_sha256 === null) {
-      this.tree = null;
+      const same = plan !== null && plan.id === this.draftOf;
+      if (!same) this.dropDraft();
+      this.tree = same ? (this.draft?.tree ?? null) : null;
       this.crl = null;
       this.findings = [];
       this.planLoaded = "";
+      if (plan !== null) this.watchDraft(plan.id);
       return;
     }
     if (this.planLoaded === plan.id) return;
@@ -327,6 +343,7 @@ export class MissionState {
         calls.planFindings(plan.id),
       ]);
       if (app.route.plan !== plan.id) return;
+      this.dropDraft();
       this.tree = tree;
       this.crl = crl;
       this.findings = findings;
@@ -335,6 +352,48 @@ export class MissionState {
       this.tree = null;
       this.planError = error instanceof Error ? error.message : String(error);
     }
+  }
+
+  private draftOf = "";
+  private draftTimer: ReturnType<typeof setTimeout> | null = null;
+  private draftSince = 0;
+
+  private dropDraft(): void {
+    if (this.draftTimer !== null) clearTimeout(this.draftTimer);
+    this.draftTimer = null;
+    this.draftOf = "";
+    this.draft = null;
+    this.course = [];
+  }
+
+  /** Draw each better plan while it is sought. */
+  private watchDraft(id: string): void {
+    if (this.draftTimer !== null && this.draftOf === id) return;
+    if (this.draftOf !== id) {
+      this.dropDraft();
+      this.draftSince = performance.now();
+    }
+    this.draftOf = id;
+    this.draftTimer = setTimeout(() => void this.lookAtDraft(id), DRAFT_MS);
+  }
+
+  private async lookAtDraft(id: string): Promise<void> {
+    this.draftTimer = null;
+    const open = this.plan;
+    if (this.closed || this.draftOf !== id || open?.id !== id || open.crl_sha256 !== null) return;
+    if (this.planJob !== null && !ACTIVE.has(this.planJob.state)) return;
+    try {
+      const found = await calls.planDraft(id);
+      if (this.draftOf === id && found !== null && found.number !== this.draft?.number) {
+        this.draft = found;
+        this.tree = found.tree;
+        const at_s = (performance.now() - this.draftSince) / 1000;
+        this.course = [...this.course, { at_s, value: found.value, upper: found.upper }];
+      }
+    } catch {
+      // The plan itself is read when it is there; a look that fails is tried again.
+    }
+    if (this.draftOf === id) this.watchDraft(id);
   }
 
   private jobChanged(job: Job): void {
@@ -359,6 +418,10 @@ export class MissionState {
     if (stream === undefined) return;
     stream.close();
     this.jobStreams.delete(job.id);
+    if (job.state !== "succeeded" && job.subject_id === this.draftOf) {
+      this.dropDraft();
+      this.tree = null;
+    }
     if (job.state === "failed") {
       app.toast("bad", `${calls.jobTitle(job)} failed`, this.reasonOf(job));
     }

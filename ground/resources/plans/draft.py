@@ -1,0 +1,59 @@
+"""The best plan so far of a search that goes on: a file, for whoever watches."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import orjson
+
+from ground.gdr.repository import Repository
+from ground.resources.path_networks.geometry import network_geometry
+
+if TYPE_CHECKING:
+    from ground.day.prepare import PreparedDay
+    from planner.plan_result import Progress
+    from planner.plan_tree import Plan
+
+FORM = "plan-draft/1"
+
+
+def draft_of(repo: Repository, plan_id: str) -> Path:
+    """Return the file in which the best plan so far is kept while a plan is made."""
+    return repo.job_dir() / f"{plan_id}.plan-draft.json"
+
+
+class Drawing:
+    """Writes each better plan into a file; without a path, nothing."""
+
+    def __init__(self, path: str, day: PreparedDay) -> None:
+        self._path, self._day = path, day
+        self._drawn: Plan | None = None
+        self._network = network_geometry(day) if path else {}
+        self._number = 0
+
+    def show(self, progress: Progress) -> None:
+        """Take up what the planner tells, if it tells of another plan."""
+        from planner.notes import sketch
+        from planner.plan_tree import plan_tree_to_dict
+
+        plan = progress.plan
+        if not self._path or not plan or plan == self._drawn:
+            return
+        self._drawn = plan
+        self._number += 1
+        problem = self._day.problem
+        document = {
+            "format": FORM,
+            "number": self._number,
+            "value": progress.value or 0.0,
+            "upper": progress.upper if progress.upper is not None and math.isfinite(progress.upper) else None,
+            "branches": progress.branches,
+            "tree": plan_tree_to_dict(sketch(problem, plan), problem),
+            "network": self._network,
+        }
+        target = Path(self._path)
+        fresh = target.with_name(f".{target.name}")
+        fresh.write_bytes(orjson.dumps(document))
+        fresh.replace(target)
