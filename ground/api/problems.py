@@ -11,6 +11,7 @@ import orjson
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, Field
+from sqlalchemy.exc import DBAPIError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
@@ -177,6 +178,16 @@ def from_anything(path: str, error: Exception) -> Response:
             "There is no room left",
             "the disk of the server is full; nothing of this request was kept",
             instance=path,
+        )
+    if any(isinstance(cause, DBAPIError) and cause.connection_invalidated for cause in _causes(error)):
+        return problem(
+            503,
+            "unavailable",
+            "A part that is needed is not there",
+            "the database closed the connection, and whether this was kept is not known; with its "
+            "Idempotency-Key a request can be sent again",
+            instance=path,
+            headers={"Retry-After": "1"},
         )
     return problem(
         500, "internal-error", "Something broke here", "the server's log has the details", instance=path

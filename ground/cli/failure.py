@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Iterator
 from typing import NoReturn
 
@@ -33,3 +34,19 @@ def refusals() -> Iterator[None]:
         fail(str(err))
     except OSError as err:
         fail(f"{err.filename or 'a file'}: {err.strerror or err}")
+    except Exception as err:
+        if not _connection_lost(err):
+            raise
+        fail(
+            "the database closed the connection; whether this was kept is not known, so look before you "
+            "repeat it"
+        )
+
+
+def _connection_lost(err: Exception) -> bool:
+    """Return whether an error says that the connection to the database is gone.
+
+    SQLAlchemy is looked at only where a command has loaded it: most need no database, and it is slow to load.
+    """
+    library = sys.modules.get("sqlalchemy.exc")
+    return library is not None and isinstance(err, library.DBAPIError) and err.connection_invalidated

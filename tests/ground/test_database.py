@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-import pytest
-from sqlalchemy import create_engine, text
+from pathlib import Path
 
+import pytest
+import typer
+from sqlalchemy import create_engine, event, text
+
+from ground.cli.failure import refusals
 from ground.gdr.database import Database
-from tests.ground.conftest import PostgresServer
+from ground.gdr.repository import open_repository
+from ground.records.actor import Actor, Role
+from ground.resources.people.accounts import create_person, ensure_profiles
+from tests.ground.conftest import PostgresServer, open_api, settings_for
+from tests.ground.test_missions_api import problem
 
 CLOSE = (
     "SELECT count(pg_terminate_backend(pid, 5000)) FROM pg_stat_activity "
@@ -40,4 +48,31 @@ def test_the_first_requests_after_a_restart_of_the_server_do_not_fail(postgres: 
     with database.read() as session:
         assert session.scalar(text("SELECT count(*) FROM kept")) in {3, 4}
     database.dispose()
+    postgres.drop(address)
+
+
+@pytest.mark.postgres
+def test_a_connection_that_is_lost_in_a_request_is_told_in_words(
+    postgres: PostgresServer, tmp_path: Path
+) -> None:
+    address = postgres.clone()
+    repo = open_repository(settings_for(tmp_path / "data", address))
+    ensure_profiles(repo)
+    server = create_engine(postgres.address)
+
+    def lose(_connection: object, _cursor: object, statement: str, *_rest: object) -> None:
+        if statement.startswith("INSERT INTO people"):
+            with server.connect() as connection:
+                connection.execute(text(CLOSE), {"name": repo.database.url.database})
+
+    event.listen(repo.database.write_engine, "before_cursor_execute", lose)
+    body = {"name": "New", "role": "viewer"}
+    for api in open_api(repo):
+        answer = problem(api("POST", "/people", body, who="Administrator"), 503, "unavailable")
+        assert "can be sent again" in answer["detail"]
+        assert api.get("/people", who="Administrator")
+    with pytest.raises(typer.Exit), refusals():
+        create_person(repo, Actor("Administrator", Role.ADMIN), name="New", role=Role.VIEWER)
+    repo.database.dispose()
+    server.dispose()
     postgres.drop(address)
