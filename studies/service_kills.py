@@ -3,31 +3,33 @@
     .venv/bin/python -m studies.service_kills --kills 300
     .venv/bin/python -m studies.service_kills --kills 300 --database postgresql://postgres@127.0.0.1/postgres
 
-Each kill (SIGKILL) hits one of the five processes, which is started again. Clients send every request with a
-key of its own until it is answered, now to the one server, now to the other. In the end each thing that was
-asked for has to be there exactly once, each job done exactly once, and no key may have been refused. With
+Each kill (SIGKILL) hits one process, which is started again: an HTTP server, a worker, `outcrop execute`, or
+a client of the database (`outcrop ingest`); on PostgreSQL also the database's process behind one connection.
+Clients send every request with a key of its own until it is answered, now to the one server, now to the
+other. In the end each thing that was asked for has to be there exactly once, each job done and each package
+executed and taken in exactly once, each run as if nothing had died, and no key may have been refused. With
 PostgreSQL the study works in a database of its own on that server.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import random
 import secrets
 import socket
-import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections import Counter
 from dataclasses import dataclass, field
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import httpx
-from sqlalchemy import create_engine, func, make_url, select, text
+from sqlalchemy import Engine, create_engine, func, make_url, select, text
+from sqlalchemy.engine import URL
 
 from ground.gdr.history import EventRow, verify_chains
 from ground.gdr.migrate import migrate
@@ -43,11 +45,19 @@ from ground.resources.sols.create_sol import create_sol
 from ground.resources.targets.row import TargetRow
 from ground.resources.uploads.row import UploadRow
 from ground.settings import load_settings
+from studies.killed_uplink import EXECUTE, INGEST, Uplink
+from studies.nursery import start
 
 SERVERS, WORKERS, CLIENTS = 2, 3, 3
 LEASE_S = 3.0
 PATIENCE_S = 120.0
 """A request that is not answered by then stands for a service that did not come back."""
+THINKING_S = 0.2
+"""Between an answer and the next request, so that the machine's time goes to deaths and starts."""
+STUDY = "study"
+"""Name of the study's own connections, which are not killed."""
+KINDS = ("server", "worker", EXECUTE, INGEST)
+CONNECTION = "connection"
 
 
 def free_port() -> int:
@@ -64,15 +74,11 @@ class Service:
     folder: Path
     address: str
     ports: list[int] = field(default_factory=lambda: [free_port() for _ in range(SERVERS)])
-    processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    processes: dict[str, BaseProcess] = field(default_factory=dict)
 
-    def start(self, name: str) -> None:
-        kind, _, number = name.partition("-")
-        arguments = ["worker"]
-        if kind == "server":
-            arguments = ["serve", "--no-worker", "--port", str(self.ports[int(number)])]
-        environment = {
-            **os.environ,
+    @property
+    def environment(self) -> dict[str, str]:
+        return {
             "OUTCROP_DATA_DIR": str(self.folder),
             "OUTCROP_DATABASE_URL": self.address,
             "OUTCROP_EXECUTOR": "inline",
@@ -82,14 +88,24 @@ class Service:
             "OUTCROP_JOB_ATTEMPTS": "20",
             "OUTCROP_LOG_LEVEL": "error",
         }
-        with (self.folder / "processes.log").open("ab") as log:
-            self.processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "ground.cli", *arguments], env=environment, stdout=log, stderr=log
-            )
 
-    def kill(self, name: str) -> None:
-        self.processes[name].kill()
-        self.processes[name].wait()
+    def names(self, kind: str) -> list[str]:
+        return [f"{kind}-{n}" for n in range(SERVERS if kind == "server" else WORKERS)]
+
+    def start(self, name: str) -> None:
+        kind, _, number = name.partition("-")
+        arguments = ["worker"]
+        if kind == "server":
+            arguments = ["serve", "--no-worker", "--port", str(self.ports[int(number)])]
+        self.processes[name] = start(arguments, self.folder / "processes.log", self.environment)
+
+    def kill(self, name: str) -> bool:
+        """Kill a process; return whether it was alive."""
+        process = self.processes[name]
+        alive = process.is_alive()
+        process.kill()
+        process.join()
+        return alive
 
     def stop(self) -> None:
         for name in self.processes:
@@ -107,24 +123,27 @@ class Client(threading.Thread):
         self.found: Counter[str] = Counter()
         self.ending = threading.Event()
         self.broken = ""
+        self._http = httpx.Client(timeout=20.0, trust_env=False)
 
     def run(self) -> None:
         count = 0
         while not self.ending.is_set():
             count += 1
             name = f"c{self.number}-{count}"
-            kind = self.rng.choices(["comment", "target", "job"], [6, 3, 1])[0]
+            kind = self.rng.choices(["comment", "target", "upload", "job"], [12, 6, 3, 1])[0]
             url = f"/api/v1/missions/{self.mission_id}"
             place = {"east_m": self.rng.uniform(-8, 8), "north_m": self.rng.uniform(-8, 8)}
-            asked: tuple[str, dict[str, Any]] = {
-                "comment": (f"{url}/comments", {"text": name, **self._subject()}),
-                "target": (f"{url}/targets", {"name": name, **place}),
-                "job": (f"{url}/path-networks", {}),
-            }[kind]
-            answer = self._until_answered(*asked, key=f"{name}-{secrets.token_hex(4)}")
+            orders: dict[str, tuple[str, dict[str, Any]]] = {
+                "comment": (f"{url}/comments", {"json": {"text": name, **self._subject()}}),
+                "target": (f"{url}/targets", {"json": {"name": name, **place}}),
+                "upload": (f"/api/v1/uploads?file_name={name}", {"content": name.encode() * 5000}),
+                "job": (f"{url}/path-networks", {"json": {}}),
+            }
+            answer = self._until_answered(*orders[kind], key=f"{name}-{secrets.token_hex(4)}")
             if answer is None:
                 return
             self.asked[kind].append(answer["subject_id"] if kind == "job" else name)
+            time.sleep(THINKING_S)
 
     def _subject(self) -> dict[str, str]:
         return {"subject_kind": "mission", "subject_id": self.mission_id}
@@ -135,7 +154,7 @@ class Client(threading.Thread):
             tries += 1
             server = f"http://127.0.0.1:{self.rng.choice(self.service.ports)}"
             try:
-                answer = httpx.post(server + url, json=body, headers={"Idempotency-Key": key}, timeout=20.0)
+                answer = self._http.post(server + url, headers={"Idempotency-Key": key}, **body)
             except httpx.HTTPError:
                 time.sleep(0.1)
                 continue
@@ -164,7 +183,7 @@ def judge(repo: Repository, clients: list[Client]) -> Counter[str]:
     found: Counter[str] = Counter()
     with repo.database.read() as session:
         comments = list(session.scalars(select(CommentRow.text)))
-        targets = list(session.scalars(select(TargetRow.name)))
+        targets = list(session.scalars(select(TargetRow.name).where(TargetRow.name.like("c%-%"))))
         networks = list(session.scalars(select(PathNetworkRow.id)))
         jobs = dict(session.execute(select(JobRow.subject_id, JobRow.state)).all())
         settled = select(EventRow.subject_id, func.count()).where(
@@ -172,19 +191,19 @@ def judge(repo: Repository, clients: list[Client]) -> Counter[str]:
         )
         done = dict(session.execute(settled.group_by(EventRow.subject_id)).all())
         found["faults of the chain"] = len(verify_chains(session)[1])
-        events, sums = session.execute(select(func.count(), func.max(EventRow.seq))).one()
-        found["events"] = events + 0 * (sums or 0)
-        wanted_uploads = set(session.scalars(select(UploadRow.sha256)))
+        uploads = dict(session.execute(select(UploadRow.file_name, UploadRow.sha256)).all())
     for kind, there in (("comment", comments), ("target", targets), ("job", networks)):
         asked = [name for client in clients for name in client.asked[kind]]
         found[f"{kind}s"] = len(asked)
         found["lost"] += len(set(asked) - set(there))
         found["twice"] += _twice(there) + len(set(there) - set(asked))
+    acknowledged = {name for client in clients for name in client.asked["upload"]}
+    found["uploads"] = len(acknowledged)
+    found["lost"] += len(acknowledged - set(uploads))
     found["jobs not done"] = sum(state != "succeeded" for state in jobs.values())
     found["jobs done twice"] = sum(count > 1 for count in done.values())
-    found["records without file"] = len(check_files(repo).without_file) + len(
-        [sha for sha in wanted_uploads if not repo.files.is_sound(sha)]
-    )
+    found["records without file"] = len(check_files(repo).without_file)
+    found["records without file"] += sum(not repo.files.is_sound(sha256) for sha256 in uploads.values())
     for client in clients:
         found += client.found
         if client.broken:
@@ -200,61 +219,121 @@ BAD = (
     "gave up",
     "jobs not done",
     "jobs done twice",
+    "executions lost",
+    "executions twice",
+    "executions changed by a death",
     "faults of the chain",
     "records without file",
 )
 
 
+class Killer:
+    """Kills one process after another, each when some more requests have been answered."""
+
+    def __init__(self, service: Service, clients: list[Client], uplink: Uplink, seed: int) -> None:
+        self.service, self.clients, self.uplink = service, clients, uplink
+        self.rng, self.found = random.Random(seed), Counter[str]()
+        self._server: Engine | None = None
+        if make_url(service.address).get_backend_name() == "postgresql":
+            self._server = create_engine(_as_study(service.address), isolation_level="AUTOCOMMIT")
+
+    def kill(self) -> None:
+        """Kill one process, and start it again unless its owner does."""
+        kind = self.rng.choice([*KINDS, CONNECTION] if self._server is not None else KINDS)
+        self._wait(self._answered, self._answered() + self.rng.randint(1, 4))
+        time.sleep(self.rng.uniform(0.0, 0.1))
+        if kind in {EXECUTE, INGEST}:
+            self.uplink.wanted.add(kind)
+            self._wait(lambda: kind not in self.uplink.wanted or bool(self.uplink.broken), True)
+        elif kind == CONNECTION:
+            self._wait(self._cut_off, True)
+        else:
+            name = self.rng.choice(self.service.names(kind))
+            self.found[f"kills of a {kind}"] += self.service.kill(name)
+            self.service.start(name)
+
+    def _answered(self) -> int:
+        return sum(client.found["answered"] for client in self.clients)
+
+    def _wait(self, reached: Any, wanted: int) -> None:
+        until = time.monotonic() + PATIENCE_S
+        while reached() < wanted and time.monotonic() < until:
+            time.sleep(0.02)
+
+    def _cut_off(self) -> bool:
+        """End the process of PostgreSQL behind one connection, drawn at random."""
+        assert self._server is not None
+        query = (
+            "SELECT pid FROM pg_stat_activity WHERE datname = current_database() AND application_name <> :own"
+        )
+        with self._server.connect() as connection:
+            found = list(connection.scalars(text(query), {"own": STUDY}))
+            if not found:
+                return False
+            connection.execute(text("SELECT pg_terminate_backend(:pid)"), {"pid": self.rng.choice(found)})
+        self.found["kills of a connection"] += 1
+        return True
+
+    def close(self) -> None:
+        if self._server is not None:
+            self._server.dispose()
+
+
 def study(folder: Path, address: str, kills: int, seed: int) -> Counter[str]:
     """Return the counts of one run of the service under so many kills."""
-    repo = open_repository(load_settings(data_dir=folder, database_url=address, job_lease_s=LEASE_S))
+    own = load_settings(data_dir=folder, database_url=_as_study(address), job_lease_s=LEASE_S)
+    repo = open_repository(own)
     migrate(repo.database)
     ensure_profiles(repo)
     planner = Actor("Planner", Role.PLANNER)
     source = GeneratedTerrain(seed=1, size_m=48.0, rock_cover=0.0)
     mission = create_mission(repo, planner, name="Kills", source=source)
     create_sol(repo, planner, mission.id)
-    service, rng = Service(folder, address), random.Random(seed)
-    names = [f"server-{n}" for n in range(SERVERS)] + [f"worker-{n}" for n in range(WORKERS)]
-    for name in names:
-        service.start(name)
+    service = Service(folder, address)
+    uplink = Uplink(repo, mission, service.environment, seed)
     clients = [Client(number, service, mission.id, seed) for number in range(CLIENTS)]
-    found: Counter[str] = Counter()
+    killer = Killer(service, clients, uplink, seed)
     try:
-        for client in clients:
-            client.start()
-        for _ in range(kills):
-            before, wanted = _answered(clients), rng.randint(1, 12)
-            until = time.monotonic() + PATIENCE_S
-            while _answered(clients) < before + wanted and time.monotonic() < until:
-                time.sleep(0.02)
-            time.sleep(rng.uniform(0.0, 0.1))
-            name = rng.choice(names)
-            service.kill(name)
-            found[f"kills of a {name.partition('-')[0]}"] += 1
+        for name in service.names("server") + service.names("worker"):
             service.start(name)
-        for client in clients:
-            client.ending.set()
-        for client in clients:
-            client.join(PATIENCE_S + 30.0)
+        for thread in (*clients, uplink):
+            thread.start()
+        for number in range(kills):
+            if any(actor.broken for actor in (*clients, uplink)):
+                break
+            killer.kill()
+            if number % 20 == 0:
+                print(f"{number + 1} kills", file=sys.stderr, flush=True)
+        for ending in (*(client.ending for client in clients), uplink.ending):
+            ending.set()
+        for thread in (*clients, uplink):
+            thread.join(PATIENCE_S + 30.0)
         until = time.monotonic() + PATIENCE_S
         while _open_jobs(repo) and time.monotonic() < until:
             time.sleep(0.3)
     finally:
         service.stop()
-    found += judge(repo, clients)
+        killer.close()
+    found = killer.found + judge(repo, clients) + uplink.judge()
+    found["tracebacks in the logs"] = (
+        (folder / "processes.log").read_text(errors="replace").count("Traceback")
+    )
     repo.database.dispose()
     return found
-
-
-def _answered(clients: list[Client]) -> int:
-    return sum(client.found["answered"] for client in clients)
 
 
 def _open_jobs(repo: Repository) -> int:
     with repo.database.read() as session:
         query = select(func.count()).select_from(JobRow).where(JobRow.state.in_(["queued", "running"]))
         return int(session.scalar(query) or 0)
+
+
+def _as_study(address: str) -> str:
+    """Return an address whose connections carry the name of the study, where connections have names."""
+    if not address or make_url(address).get_backend_name() != "postgresql":
+        return address
+    named = make_url(address).update_query_dict({"application_name": STUDY})
+    return named.render_as_string(hide_password=False)
 
 
 def own_database(address: str) -> tuple[str, str]:
@@ -266,7 +345,7 @@ def own_database(address: str) -> tuple[str, str]:
     return server.set(database=name).render_as_string(hide_password=False), name
 
 
-def _run(server: Any, statement: str) -> None:
+def _run(server: URL, statement: str) -> None:
     engine = create_engine(server, isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
         connection.execute(text(statement))
@@ -275,20 +354,26 @@ def _run(server: Any, statement: str) -> None:
 
 def main() -> None:
     """Print the counts; end with 1 if anything was lost, done twice or refused."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kills", type=int, default=300)
     parser.add_argument("--seed", type=int, default=secrets.randbelow(2**31))
     parser.add_argument("--database", default="", help="a PostgreSQL server; empty = SQLite")
     asked = parser.parse_args()
+    begun = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="outcrop-kills-") as folder:
         address, name = own_database(asked.database) if asked.database else ("", "")
+        address = address or f"sqlite:///{Path(folder) / 'outcrop.db'}"
         try:
             found = study(Path(folder), address, asked.kills, asked.seed)
         finally:
             if name:
                 server = make_url(load_settings(database_url=asked.database).database_address)
                 _run(server, f'DROP DATABASE "{name}" WITH (FORCE)')
-    print(f"{'postgresql' if name else 'sqlite'}, seed {asked.seed}: {dict(found)}")
+    wall_s = time.monotonic() - begun
+    print(f"{'postgresql' if name else 'sqlite'}, seed {asked.seed}, {wall_s:.0f} s: {dict(found)}")
+    print({word: found[word] for word in BAD})
     raise SystemExit(1 if any(found[word] for word in BAD) else 0)
 
 
