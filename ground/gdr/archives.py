@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import stat
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 
 from ground.errors import ArchiveError
 
 MAX_ENTRIES = 100_000
 MAX_RATIO = 200
+MAX_NAME, MAX_PART = 1000, 200
+"""Characters of a name in an archive, and bytes of one part of it; Linux allows 4,095 and 255 with the folder
+that it is unpacked in."""
 _RATIO_FROM = 1 << 20
 
 
@@ -41,6 +45,8 @@ def checked_names(archive: zipfile.ZipFile, max_bytes: int) -> list[zipfile.ZipI
             or any(ord(c) < 32 for c in name)
         ):
             raise ArchiveError(f"the archive holds a name that leads outside: {name!r}")
+        if len(name) > MAX_NAME or any(len(part.encode()) > MAX_PART for part in path.parts):
+            raise ArchiveError(f"the archive holds a name of {len(name)} characters: {name[:40]!r}...")
         if stat.S_ISLNK(entry.external_attr >> 16):
             raise ArchiveError(f"the archive holds a link: {name!r}")
         if entry.is_dir():
@@ -78,5 +84,7 @@ def extract_zip(source: Path, folder: Path, *, max_bytes: int) -> None:
                         if left < 0:
                             raise ArchiveError(f"the archive unpacks to more than {max_bytes} bytes")
                         writer.write(block)
-    except (zipfile.BadZipFile, NotImplementedError, EOFError, OSError, RuntimeError) as err:
-        raise ArchiveError(f"the archive is damaged: {err}") from err
+    except OSError as err:
+        raise ArchiveError(f"the archive cannot be unpacked: {err.strerror or err}") from err
+    except (zipfile.BadZipFile, NotImplementedError, EOFError, RuntimeError, ValueError, zlib.error) as err:
+        raise ArchiveError(f"the archive is damaged: {str(err)[:200]}") from err

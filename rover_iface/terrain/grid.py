@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rover_iface.errors import TerrainFormatError
+from rover_iface.terrain.outside import opened_image
 
 Floats = NDArray[np.floating]
 Array = NDArray[np.floating]
@@ -123,15 +124,10 @@ class Ortho:
         """Return pixels [rows, columns, 3], row 0 in the north."""
         if self.pixels is not None:
             return self.pixels
-        from PIL import Image
-
         if self.path is None:
             raise TerrainFormatError("ortho image has neither pixels nor a file")
-        try:
-            with Image.open(self.path) as image:
-                return np.asarray(image.convert("RGB"))
-        except OSError as err:
-            raise TerrainFormatError(f"ortho image {self.path}: {err}") from err
+        with opened_image(self.path, "ortho image") as image:
+            return np.asarray(image.convert("RGB"))
 
     @property
     def spacing(self) -> float:

@@ -33,6 +33,7 @@ from mission.values import reads_over, value
 from rover_iface.errors import TerrainFormatError
 from rover_iface.terrain.grid import Bounds, HeightLayer, Ortho
 from rover_iface.terrain.mesh import MESHES, load_mesh_terrain
+from rover_iface.terrain.outside import inside, opened_image, require_size
 from rover_iface.terrain.rocks import ROCKS, Rock, RockList
 from rover_iface.terrain.terrain import Terrain
 
@@ -131,7 +132,7 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
     shift: tuple[float, float] | None = None
     origin = dict(described.origin)
     for entry in described.layers:
-        heights, west, south, spacing = read_dem(folder / entry.dem)
+        heights, west, south, spacing = read_dem(inside(folder, entry.dem))
         if shift is None:
             # A map projection counts from far away: the site frame then starts in the middle of the first
             # DEM.
@@ -145,12 +146,12 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
                 origin.update({"east_m": middle[0], "north_m": middle[1]})
         ground = None
         if entry.ground:
-            ground, *place = read_dem(folder / entry.ground)
+            ground, *place = read_dem(inside(folder, entry.ground))
             if ground.shape != heights.shape or not np.allclose(place, (west, south, spacing)):
                 raise TerrainFormatError(
                     f"{entry.ground} has another grid than {entry.dem}: {ground.shape} posts at {place}"
                 )
-        mask = _read_mask(folder / entry.mask, heights.shape) if entry.mask else None
+        mask = _read_mask(inside(folder, entry.mask), heights.shape) if entry.mask else None
         digest.update(heights.tobytes())
         layer = HeightLayer(
             heights, west - shift[0], south - shift[1], spacing, ground, mask, Path(entry.dem).stem
@@ -160,15 +161,18 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
     orthos = []
     for layer, entry in read:
         if entry.ortho:
-            image = folder / entry.ortho
+            image = inside(folder, entry.ortho)
             if not image.is_file():
                 raise TerrainFormatError(f"ortho image {image} does not exist")
+            with opened_image(image, "ortho image"):
+                pass  # its pixels are read when somebody looks at them
             orthos.append(Ortho(_ortho_bounds(image, layer, shift or (0.0, 0.0)), path=image))
             digest.update(image.read_bytes())
     rocks: tuple[Rock, ...] = ()
     if described.rocks:
-        listing = read_object(folder / described.rocks, TerrainFormatError)
-        rocks = ROCKS.from_document(listing, str(folder / described.rocks)).rocks
+        named = inside(folder, described.rocks)
+        listing = read_object(named, TerrainFormatError)
+        rocks = ROCKS.from_document(listing, str(named)).rocks
         digest.update(json.dumps(listing, sort_keys=True).encode())
     return Terrain(
         described.name or name,
@@ -191,19 +195,20 @@ def read_dem(path: Path) -> tuple[NDArray[np.float32], float, float, float]:
         known height.
     """
     import rasterio
-    from rasterio.errors import NotGeoreferencedWarning, RasterioIOError
+    from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
     if not path.is_file():
         raise TerrainFormatError(f"DEM {path} does not exist")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         try:
-            with rasterio.open(path) as dataset:
+            with rasterio.open(path, driver="GTiff") as dataset:  # others may name files elsewhere
+                require_size(f"DEM {path}", dataset.width, dataset.height)
                 transform = dataset.transform
                 crs = dataset.crs
                 band = dataset.read(1, masked=True)
                 unit = (dataset.units[0] or "").lower() if dataset.units else ""
-        except RasterioIOError as err:
+        except (RasterioError, ValueError) as err:
             raise TerrainFormatError(f"DEM {path}: {err}") from err
     if transform.is_identity:
         raise TerrainFormatError(
@@ -238,13 +243,8 @@ def read_dem(path: Path) -> tuple[NDArray[np.float32], float, float, float]:
 
 
 def _read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    from PIL import Image
-
-    try:
-        with Image.open(path) as image:
-            data = np.asarray(image.convert("L")) > 127
-    except OSError as err:
-        raise TerrainFormatError(f"mask {path}: {err}") from err
+    with opened_image(path, "mask") as image:
+        data = np.asarray(image.convert("L")) > 127
     if data.shape != shape:
         raise TerrainFormatError(f"mask {path} has {data.shape} pixels; its DEM has {shape} posts")
     return np.ascontiguousarray(data[::-1])
@@ -260,9 +260,7 @@ def _ortho_bounds(image: Path, layer: HeightLayer, shift: tuple[float, float]) -
                 raise TerrainFormatError(f"world file {world}: six numbers are needed") from err
             if b or d or a <= 0 or e >= 0:
                 raise TerrainFormatError(f"world file {world}: the image must be north up")
-            from PIL import Image
-
-            with Image.open(image) as opened:
+            with opened_image(image, "ortho image") as opened:
                 columns, rows = opened.size
             west, north = c - a / 2 - shift[0], f - e / 2 - shift[1]
             return west, north + rows * e, west + columns * a, north

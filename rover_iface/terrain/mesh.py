@@ -13,12 +13,15 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mission.codec import read_object
 from rover_iface.errors import TerrainFormatError
 from rover_iface.terrain.grid import HeightLayer
+from rover_iface.terrain.outside import inside
 from rover_iface.terrain.rocks import Mesh
 from rover_iface.terrain.terrain import Terrain
 
@@ -26,6 +29,9 @@ Array = NDArray[np.floating]
 
 MESHES = (".glb", ".gltf", ".obj", ".ply")
 """Endings of the files that are read."""
+
+MAX_REACH_M = 100_000.0
+"""From the origin of the site: as for maps of sites. Heights in single precision are good to 8 mm there."""
 
 HOLE_LIMIT = 0.01
 """Share of posts inside the outline that may be unknown."""
@@ -83,6 +89,9 @@ def load_mesh_terrain(
     step = spacing_m if spacing_m is not None else float(np.median(sides))
     if not step > 0:
         raise TerrainFormatError(f"mesh {path} gives a post spacing of {step} m; it must be positive")
+    reach = float(np.abs(used).max())
+    if not reach <= MAX_REACH_M:
+        raise TerrainFormatError(f"mesh {path} reaches {reach:g} m far; at most {MAX_REACH_M:g} m are read")
     columns, rows = (max(2, math.floor((high[k] - low[k]) / step) + 1) for k in (0, 1))
     if columns * rows > 64_000_000:
         raise TerrainFormatError(
@@ -149,6 +158,8 @@ def read_mesh(path: Path, *, skip: Sequence[str] = ()) -> Mesh:
     suffix = path.suffix.lower()
     if suffix not in MESHES:
         raise TerrainFormatError(f'mesh {path}: "{suffix}" is not among {", ".join(s[1:] for s in MESHES)}')
+    if suffix == ".gltf":
+        _require_inside(path)
     try:
         scene = trimesh.load_scene(path, process=False, skip_materials=True)
         parts = [
@@ -173,6 +184,15 @@ def read_mesh(path: Path, *, skip: Sequence[str] = ()) -> Mesh:
     if not np.isfinite(vertices).all():
         raise TerrainFormatError(f"mesh {path} has vertices that are no numbers")
     return Mesh(vertices, triangles, path.stem)
+
+
+def _require_inside(path: Path) -> None:
+    """Raise if a glTF file takes its buffers from outside its folder."""
+    buffers = read_object(path, TerrainFormatError).get("buffers")
+    for buffer in buffers if isinstance(buffers, list) else ():
+        uri = buffer.get("uri") if isinstance(buffer, dict) else None
+        if isinstance(uri, str) and not uri.startswith("data:"):
+            inside(path.parent, unquote(uri))
 
 
 def _skipped(scene: Any, node: str, skip: Sequence[str]) -> bool:

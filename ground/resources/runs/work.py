@@ -22,6 +22,16 @@ from ground.gdr.ids import new_id
 from ground.gdr.terrain_folders import load_cached
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.runs.order import RunWork
+from ground.resources.runs.run_form import (
+    DOCUMENT,
+    PRODUCT,
+    SAMPLE,
+    held,
+    held_record,
+    is_number,
+    read_json,
+    read_lines,
+)
 from ground.uplink.flight import Sample, fly, product_line
 from ground.uplink.link import Link
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
@@ -230,22 +240,18 @@ def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document
     import orjson
 
     store = FileStore(files_dir)
-    try:
-        document = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        rows = _lines(folder / "trace.jsonl")
-        samples = _lines(folder / "telemetry.jsonl")
-        products = _lines(folder / "products.jsonl")
-    except (OSError, ValueError) as err:
-        raise ArchiveError(f"{folder.name} is no complete run/1 folder: {err}") from err
-    if not isinstance(document, dict) or document.get("format") != "run/1":
+    path = folder / "run.json"
+    document = held(path, read_json(path), DOCUMENT)
+    if document.get("format") != "run/1":
         raise ArchiveError(f"{folder.name}: run.json has not the format run/1")
-    try:
-        events = [trace_event(row[0], row[1], row[2:]) for row in rows]
-        table = columns(samples)
-        there = stored or {}
-        items = [there.get(row["path"]) or store_product(folder, store, row) for row in products]
-    except (KeyError, TypeError, IndexError, ValueError) as err:
-        raise ArchiveError(f"{folder.name}: a line is malformed: {err!r}") from err
+    path = folder / "trace.jsonl"
+    rows = [held_record(path, row) for row in read_lines(path)]
+    events = [trace_event(row[0], row[1], row[2:]) for row in rows]
+    path = folder / "telemetry.jsonl"
+    table = columns([held(path, sample, SAMPLE) for sample in read_lines(path)])
+    path, there = folder / "products.jsonl", stored or {}
+    products = [held(path, row, PRODUCT) for row in read_lines(path)]
+    items = [there.get(row["path"]) or store_product(folder, store, row) for row in products]
     trace = {
         "outcome": document.get("outcome") or "UNFINISHED",
         "end_s": document.get("end_s"),
@@ -258,7 +264,7 @@ def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document
         "outcome": trace["outcome"],
         "utility": document.get("utility"),
         "duration_s": document.get("end_s") if document.get("end_s") is not None else last_s,
-        "energy_used_j": used[-1] if used else None,
+        "energy_used_j": used[-1] if used and is_number(used[-1]) else None,
         "options_taken": [
             e["arguments"][1] for e in events if e["event"] == "choose" and len(e["arguments"]) > 1
         ],
@@ -268,11 +274,7 @@ def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document
     }
 
 
-def _lines(path: Path) -> list[Any]:
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
-
-
-def store_product(folder: Path, store: FileStore, row: Json) -> Json:
+def store_product(folder: Path, store: FileStore, row: Document) -> Json:
     """Store the file of one line of `products.jsonl`; the line's digest must be that of the file."""
     relative = PurePosixPath(str(row["path"]))
     if relative.is_absolute() or ".." in relative.parts or "\\" in str(relative):
@@ -304,7 +306,7 @@ def _whole_label(file: Path, sha256: str) -> dict[str, Any]:
         return {}
     try:
         label = json.loads(beside.read_bytes())
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     return label if isinstance(label, dict) and label.get("sha256") == sha256 else {}
 
