@@ -24,6 +24,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, Response, StreamingResponse
 
 from ground.api.etags import etag_of, revision_wanted
+from ground.api.hub import Hub
 from ground.api.problems import Answers, responses
 from ground.errors import GroundError, InvalidInputError
 from ground.gdr.database import in_act
@@ -101,6 +102,7 @@ class Ask:
     kinds: Mapping[str, Kind[Any]]
     again: Callable[[], Awaitable[Actor]]
     """Find anew who asks: for answers that go on after a role was changed or a session ended."""
+    hub: Hub
 
     async def do(
         self,
@@ -164,7 +166,7 @@ async def ask(request: Request) -> Ask:
     """Return what an endpoint works with; the gate has found who asks."""
     state = request.app.state
     again = partial(state.identities.actor_of, "GET", request.headers)
-    return Ask(state.repository, request.state.actor, state.kinds, again)
+    return Ask(state.repository, request.state.actor, state.kinds, again, state.hub)
 
 
 async def repository(request: Request) -> Repository:

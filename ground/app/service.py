@@ -10,6 +10,7 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
+from ground.api.hub import Hub
 from ground.app.api import build_api
 from ground.app.compression import Compression
 from ground.app.conditional import Conditional
@@ -45,6 +46,7 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
     service does not wait for that.
     """
     worker = make_worker(repo) if with_worker else None
+    hub = Hub(repo)
 
     @asynccontextmanager
     async def life(_app: FastAPI) -> AsyncIterator[None]:
@@ -57,12 +59,14 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
         finally:
             if worker is not None:
                 await run_in_threadpool(worker.stop)
+            await run_in_threadpool(hub.stop)
             repo.database.dispose()
 
     app = build_api(lifespan=life)
     identities = Identities(repo)
     app.state.repository = repo
     app.state.kinds = KINDS
+    app.state.hub = hub
     app.state.identities = identities
     app.state.limits = LogInLimits()
     app.state.worker = worker

@@ -22,6 +22,7 @@ from sqlalchemy.orm import Session
 
 from ground.errors import BusyError
 from ground.gdr.durable import FILE_MODE, make_folder
+from ground.gdr.notices import tell_of
 
 if TYPE_CHECKING:
     import psycopg
@@ -240,6 +241,7 @@ class Database:
                 yield session
         else:
             with Session(self.write_engine, expire_on_commit=False) as session, session.begin():
+                tell_of(session)
                 yield session
 
     def ping(self) -> None:

@@ -243,3 +243,8 @@ class EventRow(Base):
     rows: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     """Seals of the rows that the transaction had written by then, by `table/key`; null for one that went."""
     sha256: Mapped[str] = mapped_column(String(64))
+
+    @property
+    def topic(self) -> str:
+        """Return what those follow to whom it is told."""
+        return self.chain_id

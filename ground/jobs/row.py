@@ -45,3 +45,8 @@ class JobRow(Row):
     log: Mapped[list[Any]]
     started_utc: Mapped[datetime | None]
     finished_utc: Mapped[datetime | None]
+
+    @property
+    def topic(self) -> str:
+        """Return what those follow to whom a change is told."""
+        return self.id

@@ -40,7 +40,7 @@ async def retry_job(ask: Asked, job_id: Id) -> Response:
 )
 async def stream_job(ask: Asked, job_id: Id, last_event_id: LastEventId = None) -> Response:
     """Stream a job: events `job` with the whole job at each change, the last one when it is over."""
-    return await job_stream(ask.repo, ask.who, job_id, last_event_id)
+    return await job_stream(ask.repo, ask.hub, ask.who, job_id, last_event_id)
 
 
 @router.get(
@@ -50,4 +50,4 @@ async def stream_job(ask: Asked, job_id: Id, last_event_id: LastEventId = None) 
 )
 async def stream_mission(ask: Asked, mission_id: Id, last_event_id: LastEventId = None) -> Response:
     """Stream the changes of a mission: events `change`; without Last-Event-ID from now on."""
-    return await mission_stream(ask.repo, ask.who, mission_id, last_event_id)
+    return await mission_stream(ask.repo, ask.hub, ask.who, mission_id, last_event_id)

@@ -1,0 +1,119 @@
+"""Streams of one server: each thing that somebody follows has one reader, however many follow it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass, field
+
+from ground.errors import GroundError
+from ground.gdr.notices import Watch
+from ground.gdr.repository import Repository
+
+logger = logging.getLogger(__name__)
+
+Part = tuple[int, bytes]
+"""One event: its number, and what is sent of it."""
+Read = Callable[[int], Sequence[Part]]
+"""Read what came behind a number; called in the thread that hears of changes."""
+BACKLOG = 1000
+"""Batches that a listener may be behind; one that takes nothing for so long is let go, and comes again."""
+
+
+@dataclass(eq=False, slots=True)
+class Listener:
+    """One stream: its queue gets what is behind `since`, no event as a sign of life, None at the end."""
+
+    since: int
+    loop: asyncio.AbstractEventLoop
+    queue: asyncio.Queue[Sequence[Part] | None] = field(default_factory=lambda: asyncio.Queue(BACKLOG))
+
+    def take(self, parts: Sequence[Part] | None) -> None:
+        """Take what is new; None ends the stream."""
+        try:
+            self.queue.put_nowait(parts)
+        except asyncio.QueueFull:
+            while not self.queue.empty():
+                self.queue.get_nowait()
+            self.queue.put_nowait(None)
+
+
+@dataclass(slots=True)
+class _Topic:
+    read: Read
+    seen: int
+    listeners: set[Listener] = field(default_factory=set)
+
+
+class Hub:
+    """Reads what changed once and gives it to all who follow it."""
+
+    def __init__(self, repo: Repository) -> None:
+        self._topics: dict[str, _Topic] = {}
+        self._lock = threading.Lock()
+        self._every_s = repo.settings.stream_seconds
+        self._watch = Watch(repo.database.url, self._look, lambda: bool(self._topics))
+
+    def join(self, topic: str, seen: int, read: Read) -> Listener:
+        """Return a new listener to a topic whose newest event has (or had just now) the number `seen`."""
+        with self._lock:
+            followed = self._topics.setdefault(topic, _Topic(read, seen))
+            listener = Listener(followed.seen, asyncio.get_running_loop())
+            followed.listeners.add(listener)
+            is_new = len(followed.listeners) == 1
+        if is_new:
+            self._watch.poke()
+            listener.loop.call_later(self._every_s, self._pulse, topic, followed)
+        return listener
+
+    def _pulse(self, name: str, followed: _Topic) -> None:
+        """Give all who follow a topic a sign of life, again and again while anybody does.
+
+        One clock for all: a timer of each listener cost more than all else in silence.
+        """
+        with self._lock:
+            listeners = list(followed.listeners) if self._topics.get(name) is followed else []
+        if listeners:
+            _hand_out(listeners, ())
+            listeners[0].loop.call_later(self._every_s, self._pulse, name, followed)
+
+    def leave(self, topic: str, listener: Listener) -> None:
+        """Let a listener go; what nobody follows is read no more."""
+        with self._lock:
+            followed = self._topics.get(topic)
+            if followed is not None:
+                followed.listeners.discard(listener)
+                if not followed.listeners:
+                    del self._topics[topic]
+
+    def stop(self) -> None:
+        """End the thread that hears of changes."""
+        with self._lock:
+            self._topics.clear()
+        self._watch.stop()
+
+    def _look(self, changed: Set[str] | None) -> None:
+        with self._lock:
+            wanted = [(n, t) for n, t in self._topics.items() if changed is None or n in changed]
+        for name, topic in wanted:
+            try:
+                parts: Sequence[Part] | None = topic.read(topic.seen)
+            except GroundError:  # it was deleted: who follows it is let go
+                parts = None
+            except Exception:
+                logger.exception("what is followed cannot be read", extra={"topic": name})
+                continue
+            if parts is not None and not parts:
+                continue
+            with self._lock:
+                topic.seen = topic.seen if parts is None else parts[-1][0]
+                listeners = list(topic.listeners)
+            if listeners:
+                listeners[0].loop.call_soon_threadsafe(_hand_out, listeners, parts)
+
+
+def _hand_out(listeners: Sequence[Listener], parts: Sequence[Part] | None) -> None:
+    for listener in listeners:
+        listener.take(parts)

@@ -1,0 +1,116 @@
+"""Hear that something was written, by whichever process: PostgreSQL tells it, SQLite's counter shows it.
+
+What is written tells its topics in the same transaction (`LISTEN`/`NOTIFY`), so nobody hears of what was
+rolled back and every server hears of what another did. SQLite has no such thing, but a number that changes
+with every commit of another connection, and reading it costs some microseconds.
+"""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Set
+from typing import Any
+
+from sqlalchemy import URL, event, text
+from sqlalchemy.orm import Session
+
+logger = logging.getLogger(__name__)
+
+CHANNEL = "outcrop"
+TICK_S = 0.05
+"""How often SQLite's counter is read, and how often many changes are looked at: a person waits no longer."""
+AGAIN_S = 10.0
+"""Everything is looked at so often even in silence: a proxy between us and the server may lose a word."""
+
+Heard = Callable[[Set[str] | None], None]
+"""Takes the topics that changed; None where it may be any."""
+
+
+def tell_of(session: Session) -> None:
+    """Let a session on PostgreSQL tell of the rows with a topic that it writes."""
+    event.listen(session, "after_flush", _tell)
+
+
+def _tell(session: Session, _context: Any) -> None:
+    topics = {getattr(row, "topic", None) for row in (*session.new, *session.dirty)} - {None}
+    for topic in sorted(str(topic) for topic in topics):
+        session.connection().execute(text(f"SELECT pg_notify('{CHANNEL}', :topic)"), {"topic": topic})
+
+
+class Watch:
+    """One thread of a process that hears of changes, while somebody listens."""
+
+    def __init__(self, address: URL, heard: Heard, wanted: Callable[[], bool]) -> None:
+        self._address, self._heard, self._wanted = address, heard, wanted
+        self._poked = threading.Event()
+        self._stopped = False
+        self._thread: threading.Thread | None = None
+
+    def poke(self) -> None:
+        """Look at everything soon; the thread begins with the first listener."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="notices", daemon=True)
+            self._thread.start()
+        self._poked.set()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._stopped = True
+        self._poked.set()
+        if self._thread is not None:
+            self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        is_sqlite = self._address.get_backend_name() == "sqlite"
+        follow = self._follow_sqlite if is_sqlite else self._follow_postgres
+        while not self._stopped:
+            if not self._wanted():
+                self._poked.wait()
+                self._poked.clear()
+                continue
+            try:
+                follow()
+            except Exception:
+                logger.exception("changes cannot be followed; tried again")
+                time.sleep(1.0)
+
+    def _going(self) -> bool:
+        return not self._stopped and self._wanted()
+
+    def _follow_sqlite(self) -> None:
+        connection = sqlite3.connect(str(self._address.database), isolation_level=None)
+        try:
+            seen, looked = None, 0.0
+            while self._going():
+                version = connection.execute("PRAGMA data_version").fetchone()
+                now = time.monotonic()
+                if version != seen or self._poked.is_set() or now - looked > AGAIN_S:
+                    self._poked.clear()
+                    seen, looked = version, now
+                    self._heard(None)
+                time.sleep(TICK_S)
+        finally:
+            connection.close()
+
+    def _follow_postgres(self) -> None:
+        import psycopg
+
+        address = self._address.set(drivername="postgresql").render_as_string(hide_password=False)
+        with psycopg.connect(address, autocommit=True) as connection:
+            connection.execute(f"LISTEN {CHANNEL}")
+            self._heard(None)  # what was told before somebody listened
+            looked = time.monotonic()
+            while self._going():
+                topics = {told.payload for told in connection.notifies(timeout=4 * TICK_S, stop_after=1)}
+                if topics:
+                    topics |= {told.payload for told in connection.notifies(timeout=TICK_S / 2)}
+                now = time.monotonic()
+                if self._poked.is_set() or now - looked > AGAIN_S:
+                    self._poked.clear()
+                    looked = now
+                    self._heard(None)
+                elif topics:
+                    self._heard(topics)
