@@ -20,12 +20,14 @@ from ground.api.context import (
     Id,
     IfMatch,
     Limit,
+    answer,
     api_router,
     created,
 )
 from ground.api.jobs_answer import JOB_ANSWERS, Prefer, accepted
 from ground.api.problems import responses
 from ground.jobs.value import Job
+from ground.records.bulk import BulkDone, bulk_form, write_many
 from ground.records.forms import ONE_LINE, Body, Page
 from ground.records.kind import Kind
 from ground.records.scalars import largest, narrowing, sortable
@@ -110,7 +112,19 @@ def resource_routes(
     if deletes:
         told = described(f"delete_{kind.name}", deletes, {key: Id, **seen}, delete)
         add("DELETE", path, told, (404, 409, 412, 422, 428), status_code=204)
+    if mission and makes is not None and changes and deletes:
+        told = _writing_many(kind, makes[0])
+        add("POST", f"{inside}/bulk", told, (400, 404, 409, 413, 422), response_model=BulkDone)
     return router
+
+
+def _writing_many(kind: Kind[Any], use_case: UseCase) -> Endpoint:
+    async def write(ask: Ask, mission_id: str, body: Body) -> Response:
+        return answer(await ask.do(write_many, ask.kinds[kind.name], mission_id, use_case, body))
+
+    about = f"Delete, change and make many {kind.title}s as one act: all of the rows, or none of them."
+    given = {"mission_id": Id, "body": bulk_form(kind)}
+    return described(f"bulk_{kind.collection.replace('-', '_')}", about, given, write)
 
 
 def _sort(kind: Kind[Any]) -> object:

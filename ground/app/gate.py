@@ -38,7 +38,7 @@ hash that can be guessed at."""
 ACCESS = ("/api/v1/people", SESSION, "/api/v1/api-keys")
 """Paths whose changes say who may come in; sessions are among them."""
 SMALL_BODY = 8 * 2**20
-IDEMPOTENT_BODY = 1 << 20
+IDEMPOTENT_BODY = SMALL_BODY
 LOG_IN_BODY = 1 << 14
 """A name of 80 characters and a password of 1,000, each written as `\\uXXXX`, twice over."""
 _LOOPBACK = {"localhost", "127.0.0.1", "::1", "[::1]", "testserver"}

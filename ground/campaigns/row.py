@@ -6,6 +6,8 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ground.spreadsheet import inert
+
 CSV_HEAD = "seed,utility,outcome,end_s,energy_used_j,options"
 UNFINISHED = "UNFINISHED"
 
@@ -102,7 +104,7 @@ class Row:
 
     def csv(self) -> str:
         """Return the row as a line of `runs.csv`, without the break; options are joined by `;`."""
-        options = ";".join(self.options)
+        options = inert(";".join(self.options))
         return (
             f"{self.seed},{self.utility!r},{self.outcome},{self.end_s:.3f},{self.energy_used_j:.3f},{options}"
         )

@@ -135,6 +135,7 @@ BY_HAND = {
     "delete_session": "api",
 }
 """Operations whose command is written by hand; a file is uploaded by each command that takes one."""
+WORDS = "members by position or by name; @FILE for a list or object in a file"
 TURNED = {"cursor", "after"}
 """Parameters with which the client turns pages."""
 
@@ -146,7 +147,7 @@ def place_of(operation: Operation) -> tuple[str, str]:
         return group, name
     words = [part for part in operation.path.split("/") if part]
     inside = len(words) > 2 and words[0] == "missions" and (operation.paged or operation.method == "POST")
-    if inside and (operation.paged or operation.name.startswith("create_")):
+    if inside and (operation.paged or operation.name.startswith(("create_", "bulk_"))):
         words = words[2:]
     kind = KINDS.get(words[0], words[0].removesuffix("s"))
     rest = [word for word in words[1:] if not word.startswith("{")]
@@ -211,7 +212,11 @@ def _command(operation: Operation) -> Callable[..., None]:
     if operation.body:
         needed = [member.name.upper() for member in operation.body if member.required]
         told = " ".join([*needed, "NAME=VALUE..."])
-        words = typer.Argument(... if needed else None, metavar=told, help="members by position or by name")
+        words = typer.Argument(
+            ... if needed else None,
+            metavar=told,
+            help="members by position or by name; @FILE for a list or object in a file",
+        )
         found["words"] = (list[str], words)
     if operation.media not in {"", "application/json", "text/plain", "text/event-stream"}:
         found["out"] = (Path, typer.Argument(..., help="file to write"))
@@ -305,6 +310,11 @@ def _values_of(known: Sequence[Member], words: Sequence[str]) -> dict[str, Any]:
 def _value(member: Member, text: str) -> Any:
     if member.types == {"string"}:
         return text
+    if text.startswith("@"):
+        try:
+            text = Path(text[1:]).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as err:
+            fail(f"{text[1:]}: {err}")
     try:
         return json.loads(text)
     except ValueError:

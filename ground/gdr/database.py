@@ -218,6 +218,15 @@ class Database:
             _ACT.reset(mark)
 
     @contextmanager
+    def together(self) -> Iterator[None]:
+        """Make one transaction of all that is written inside, or of the act that it is part of."""
+        if in_act():
+            yield
+        else:
+            with self.act(lambda _session: None):
+                yield
+
+    @contextmanager
     def apart(self) -> Iterator[None]:
         """Let what is written inside be committed by itself, before the act that it prepares."""
         act = _ACT.get()

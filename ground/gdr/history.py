@@ -7,6 +7,8 @@ the hash of the one before, and the head stands apart, so that an altered, remov
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -30,6 +32,10 @@ from ground.gdr.seals import SYSTEM as SYSTEM
 from ground.gdr.seals import drain, pending_of
 
 GENESIS = "0" * 64
+
+
+Heads = dict[str, tuple[int, str]]
+"""Number and SHA-256 of the newest event of each chain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,16 +106,21 @@ def record(session: Session, chain_id: str, change: Change) -> EventRow:
 
     The head is counted up first: that locks it, so events of one chain are written one after the other.
     """
-    head = session.execute(
-        update(ChainRow)
-        .where(ChainRow.id == chain_id)
-        .values(seq=ChainRow.seq + 1)
-        .returning(ChainRow.seq, ChainRow.sha256)
-        .execution_options(synchronize_session=False)
-    ).one()
+    heads: Heads | None = session.info.get("heads")
+    if heads is not None and chain_id in heads:
+        number, previous = heads[chain_id][0] + 1, heads[chain_id][1]
+    else:
+        head = session.execute(
+            update(ChainRow)
+            .where(ChainRow.id == chain_id)
+            .values(seq=ChainRow.seq + 1)
+            .returning(ChainRow.seq, ChainRow.sha256)
+            .execution_options(synchronize_session=False)
+        ).one()
+        number, previous = head.seq, head.sha256
     written = EventRow(
         chain_id=chain_id,
-        seq=head.seq,
+        seq=number,
         at_utc=utc_now(),
         actor=change.actor,
         action=change.action,
@@ -123,15 +134,38 @@ def record(session: Session, chain_id: str, change: Change) -> EventRow:
         rows=drain(session, chain_id),
         sha256="",
     )
-    written.sha256 = event_digest(written, head.sha256)
+    written.sha256 = event_digest(written, previous)
     session.add(written)
+    if heads is None:
+        _set_head(session, chain_id, number, written.sha256)
+    else:
+        heads[chain_id] = (number, written.sha256)
+    return written
+
+
+def _set_head(session: Session, chain_id: str, seq: int, sha256: str) -> None:
     session.execute(
         update(ChainRow)
         .where(ChainRow.id == chain_id)
-        .values(sha256=written.sha256)
+        .values(seq=seq, sha256=sha256)
         .execution_options(synchronize_session=False)
     )
-    return written
+
+
+@contextmanager
+def batched(session: Session) -> Iterator[None]:
+    """Keep the heads of chains in memory while much is written in one transaction, and write them once.
+
+    The first event of a chain still locks its head.
+    """
+    heads: Heads = {}
+    session.info["heads"] = heads
+    try:
+        yield
+        for chain_id, (seq, sha256) in heads.items():
+            _set_head(session, chain_id, seq, sha256)
+    finally:
+        del session.info["heads"]
 
 
 @event.listens_for(Session, "before_commit")
@@ -150,10 +184,6 @@ class ChainFault:
     chain_id: str
     seq: int
     reason: str
-
-
-Heads = dict[str, tuple[int, str]]
-"""Number and SHA-256 of the newest event of each chain."""
 
 
 def heads_of(session: Session) -> Heads:

@@ -23,6 +23,7 @@ from ground.errors import InvalidInputError
 from ground.records.forms import Body
 from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.targets.bodies import TargetCreate
+from ground.spreadsheet import inert, shown
 
 MAX_ROWS = 5000
 LIMIT_M = 100_000.0
@@ -123,9 +124,15 @@ def _lines(text: str) -> Iterator[tuple[int, dict[str, Any]]]:
         if not {"kind", "name"} <= set(reader.fieldnames or ()):
             raise InvalidInputError("the CSV needs a first line with the columns kind and name, and more")
         for members in reader:
-            yield reader.line_num, {name: value for name, value in members.items() if value not in {None, ""}}
+            found = {name: _read(value) for name, value in members.items()}
+            yield reader.line_num, {name: value for name, value in found.items() if value not in (None, "")}
     except csv.Error as err:
         raise InvalidInputError(f"the CSV is damaged at line {reader.line_num}: {err}") from err
+
+
+def _read(cell: Any) -> Any:
+    """Return what a cell says; those behind the last column come as a list."""
+    return shown(cell) if isinstance(cell, str) else cell
 
 
 def _shape(row: int, members: Mapping[Any, Any], exchanged: Mapping[str, Exchanged]) -> Shape:
@@ -264,7 +271,7 @@ def to_csv(values: Values, exchanged: Mapping[str, Exchanged] = EXCHANGED) -> by
 def _cell(make: type[Body], name: str, content: Any) -> str:
     if content is None:
         return ""
-    return str(content) if _is_text(make, name) else json.dumps(content)
+    return inert(str(content) if _is_text(make, name) else json.dumps(content))
 
 
 def _place_cells(value: Any) -> dict[str, str]:

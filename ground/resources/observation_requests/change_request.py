@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from sqlalchemy import select
+from sqlalchemy import String, cast, select
 from sqlalchemy.orm import Session
 
 from ground.day.rovers import instrument_name, profile_of
@@ -74,7 +74,8 @@ def change_request(
 def forget_precedence(session: Session, actor: Actor, row: ObservationRequestRow, _reason: str) -> None:
     """Take a request that is about to go out of the order of the others."""
     rows = ObservationRequestRow
-    for other in session.scalars(select(rows).where(rows.mission_id == row.mission_id)):
+    ordered = cast(rows.after, String) != "[]"  # most have none: a mission may have ten thousand
+    for other in session.scalars(select(rows).where(rows.mission_id == row.mission_id, ordered)):
         if row.id in other.after:
             after = [i for i in other.after if i != row.id]
             update(session, actor, OBSERVATION_REQUEST, other, {"after": after})

@@ -18,7 +18,7 @@ from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.place_rover import place_rover
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.targets.bodies import TargetChange
-from ground.resources.targets.create_target import names_of, target_columns
+from ground.resources.targets.create_target import NamesOf, target_columns
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.rules import free_name
 from ground.resources.targets.tie_target import tied_target
@@ -61,7 +61,7 @@ def change_target(
     if any((r.id, r.instrument) not in prepared.points for r in requests):
         return None
     if "name" in given.model_fields_set and given.name != row.name:
-        free_name(names_of(session, row.mission_id), given.name)
+        free_name(NamesOf(session, row.mission_id), given.name)
     columns = given_columns(given) | dict(prepared.columns)
     return Changed(
         columns | tied_target(session, row, columns),

@@ -41,7 +41,8 @@ def create_request(
         manual = None if given.observation_pose is None else given.observation_pose.value()
         point = place_rover(repo, session, target, instrument, manual)
     with repo.database.write() as session:
-        require_order(order_of(session, mission_id), None, given.after)
+        if given.after:
+            require_order(order_of(session, mission_id), None, given.after)
         row = new_row(
             OBSERVATION_REQUEST,
             actor,

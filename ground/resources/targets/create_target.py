@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from sqlalchemy import select
+from dataclasses import dataclass
+
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from ground.errors import UnobservedGroundError
@@ -52,7 +54,7 @@ def target_row(
     NameTakenError, InvalidInputError
         If another target has the name, or the mission has no such frame.
     """
-    name = free_name(names_of(session, mission_id), given.name)
+    name = free_name(NamesOf(session, mission_id), given.name)
     row: TargetRow = new_row(TARGET, actor, mission_id, given, **{**columns, "name": name})
     for column, value in tied_target(session, row, columns).items():
         setattr(row, column, value)
@@ -90,6 +92,17 @@ def target_columns(
     }
 
 
-def names_of(session: Session, mission_id: str) -> set[str]:
-    """Return the names that a mission's targets have."""
-    return set(session.scalars(select(TargetRow.name).where(TargetRow.mission_id == mission_id)))
+@dataclass(frozen=True, slots=True)
+class NamesOf:
+    """The names that a mission's targets have, asked for one by one: a mission may have ten thousand."""
+
+    session: Session
+    mission_id: str
+
+    def __len__(self) -> int:
+        query = select(func.count()).where(TargetRow.mission_id == self.mission_id)
+        return self.session.scalar(query) or 0
+
+    def __contains__(self, name: object) -> bool:
+        query = select(TargetRow.id).where(TargetRow.mission_id == self.mission_id, TargetRow.name == name)
+        return self.session.scalars(query).first() is not None

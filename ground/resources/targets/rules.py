@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from typing import Protocol
 
 from ground.errors import NameTakenError
 
 
-def free_name(taken: Set[str], wanted: str | None) -> str:
+class Names(Protocol):
+    """Names that are taken."""
+
+    def __len__(self) -> int: ...
+
+    def __contains__(self, name: object) -> bool: ...
+
+
+def free_name(taken: Names, wanted: str | None) -> str:
     """Return a target's name: the one wanted, or the next of T1, T2, ...
 
     Raises

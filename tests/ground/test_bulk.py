@@ -1,0 +1,124 @@
+"""Many rows at once: all of them or none, each wrong one named, one act for undo, once for each key."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ground.gdr.history import verify_chains
+from ground.records import bulk
+from ground.resources.missions.value import Mission
+from tests.ground.conftest import Api
+from tests.ground.test_missions_api import problem
+
+
+def places(count: int, name: str = "R") -> list[dict[str, Any]]:
+    return [{"name": f"{name}{n}", "east_m": -6.0 + 0.1 * n, "north_m": 3.0} for n in range(count)]
+
+
+def targets(api: Api, mission: Mission) -> dict[str, Any]:
+    return {t["name"]: t for t in api.get(f"/missions/{mission.id}/targets?limit=1000")["items"]}
+
+
+def test_rows_are_one_act_that_one_undo_takes_back(api: Api, mission: Mission) -> None:
+    url = f"/missions/{mission.id}/targets/bulk"
+    first = api.post(url, {"create": places(40)}, status=200)
+    before = targets(api, mission)
+    assert [row["id"] for row in first["created"]] == [before[f"R{n}"]["id"] for n in range(40)]
+    rows = {
+        "delete": [{"id": before[f"R{n}"]["id"], "revision": 1} for n in range(10)],
+        "update": [
+            {"id": before[f"R{n}"]["id"], "revision": None, "changes": {"name": f"R{n - 10}", "notes": "x"}}
+            for n in range(10, 20)  # the names of those that go
+        ],
+        "create": [*places(2, "New"), {"east_m": 1.0, "north_m": 1.0}],
+    }
+    done = api.post(url, rows, status=200)
+    assert [len(done[w]) for w in ("created", "updated", "deleted")] == [3, 10, 10]
+    assert {row["revision"] for row in done["updated"]} == {2}
+    after = targets(api, mission)
+    assert after["R3"]["id"] == before["R13"]["id"]
+    assert len(after) == 33
+    api.post(f"/missions/{mission.id}/undo", {}, status=200)
+    back = targets(api, mission)
+    assert {n: t["id"] for n, t in back.items()} == {n: t["id"] for n, t in before.items()}
+    with api.repo.database.read() as session:
+        assert verify_chains(session)[1] == []
+
+
+def test_if_one_row_is_wrong_nothing_is_done_and_each_wrong_one_is_named(api: Api, mission: Mission) -> None:
+    url = f"/missions/{mission.id}/targets"
+    kept = api.post(url, {"name": "Kept", "east_m": 1.0, "north_m": 1.0})
+    seq = api.get(f"/missions/{mission.id}/history?newest_first=true&limit=1")["items"][0]["seq"]
+    rows = {
+        "create": [
+            *places(2),
+            {"name": "Kept", "east_m": 2.0, "north_m": 1.0},
+            {"east_m": 900, "north_m": 0},
+        ],
+        "update": [{"id": kept["id"], "revision": 7, "changes": {"notes": "x"}}],
+        "delete": [{"id": "tgt-none", "revision": None}],
+    }
+    told = problem(api("POST", f"{url}/bulk", rows), 422, "invalid-input")
+    assert [w["pointer"] for w in told["errors"]] == [
+        "/delete/0",
+        "/update/0",
+        "/create/2/name",
+        "/create/3/east_m",
+    ]
+    assert "4 of 6 rows" in told["detail"]
+    assert list(targets(api, mission)) == ["Kept"]
+    assert api.get(f"/missions/{mission.id}/history?newest_first=true&limit=1")["items"][0]["seq"] == seq
+    malformed = {"create": [{"east_m": 1.0}, {"east_m": "x", "north_m": 1.0}]}
+    told = problem(api("POST", f"{url}/bulk", malformed), 422, "invalid-input")
+    assert [w["pointer"] for w in told["errors"]] == ["/create/0/north_m", "/create/1/east_m"]
+
+
+def test_rows_of_another_mission_and_roles_that_may_not_are_refused(
+    api: Api, mission: Mission, terrain_folder: Any
+) -> None:
+    from tests.ground.conftest import yard
+
+    other = yard(api.repo, terrain_folder, "Other")
+    theirs = api.post(f"/missions/{other.id}/targets", {"east_m": 1.0, "north_m": 1.0})
+    rows = {"delete": [{"id": theirs["id"], "revision": 1}]}
+    problem(api("POST", f"/missions/{mission.id}/targets/bulk", rows), 422, "invalid-input")
+    problem(api("POST", f"/missions/{mission.id}/targets/bulk", {}, who="Viewer"), 403, "forbidden")
+    problem(api("POST", "/missions/msn-none/targets/bulk", {}), 404, "not-found")
+
+
+def test_a_repeat_with_its_key_gets_the_first_answer(api: Api, mission: Mission) -> None:
+    url, key = f"/missions/{mission.id}/targets/bulk", {"Idempotency-Key": "k-1"}
+    body = {"create": [{**p, "notes": "n" * 15_000} for p in places(100)]}  # more than 1 MiB
+    first = api("POST", url, body, headers=key)
+    again = api("POST", url, body, headers=key)
+    assert (first.status_code, again.json()) == (200, first.json())
+    assert again.headers["idempotent-replay"] == "true"
+    assert len(targets(api, mission)) == 100
+
+
+def test_too_many_rows_are_refused(api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bulk, "MAX_ROWS", 5)
+    url = f"/missions/{mission.id}/keep-outs/bulk"
+    ring = {"polygon_m": [[1, 1], [2, 1], [2, 2]]}
+    told = problem(api("POST", url, {"create": [ring] * 6}), 422, "invalid-input")
+    assert told["detail"] == "6 rows; at most 5 are one act"
+    assert len(api.post(url, {"create": [ring] * 5}, status=200)["created"]) == 5
+
+
+def test_requests_of_a_mission_are_filed_and_deleted_together(api: Api, mission: Mission) -> None:
+    target = api.post(f"/missions/{mission.id}/targets", {"east_m": 4.0, "north_m": 1.0})["id"]
+    url = f"/missions/{mission.id}/observation-requests"
+    row = {"target_id": target, "instrument": "science_camera", "value": 2.0}
+    made = api.post(f"{url}/bulk", {"create": [row] * 3}, status=200)["created"]
+    api(
+        "PATCH",
+        f"/observation-requests/{made[2]['id']}",
+        {"after": [made[0]["id"]]},
+        headers={"If-Match": "*"},
+    )
+    gone = [{"id": made[0]["id"], "revision": None}, {"id": made[1]["id"], "revision": None}]
+    api.post(f"{url}/bulk", {"delete": gone}, status=200)
+    (left,) = api.get(url)["items"]
+    assert (left["id"], left["after"]) == (made[2]["id"], [])
