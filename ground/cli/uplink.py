@@ -172,6 +172,18 @@ def _live(app: typer.Typer) -> None:
             fail(f"{what!r} is nothing a run can be asked; hold, go, step, abort and state are")
         typer.echo(json.dumps(_ask(run, {"m": what})))
 
+    @runs.command("export")
+    def export(
+        run: Path = typer.Argument(..., help="folder of a run, over or not"),
+        mcap: Path = typer.Option(..., help="the MCAP file to write (extra `mcap`)"),
+    ) -> None:
+        """Write a run as MCAP for Foxglove: pose, telemetry, plan, notes, pictures. Needs no server."""
+        from ground.uplink.mcap_export import export_mcap
+
+        with refusals():
+            for topic, count in sorted(export_mcap(run, mcap).items()):
+                typer.echo(f"{count:7d}  {topic}")
+
     @runs.command("inject")
     def inject(
         run: Path = RUN,

@@ -1,0 +1,179 @@
+"""A run as MCAP (mcap.dev): pose, telemetry, plan, notes and pictures, for Foxglove and its like.
+
+All comes from the journal, so a run that goes on, or was cut off, is exported as far as it got. Messages are
+JSON with JSON Schema; `/pose`, `/log` and the pictures have the names and members of Foxglove's own schemas
+(docs.foxglove.dev/docs/visualization/message-schemas), so its panels show them as they are.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from executive.ports import CommandId, Product
+from executive.runtime.codec import Json, event_from_json
+from executive.runtime.journal import JournalFile
+from executive.runtime.wire.downloads import safe_path
+from ground.errors import InvalidInputError, NameTakenError
+from ground.uplink.flight import Sample, SampleBook, product_line
+
+JOURNAL = "journal.jsonl"
+FORMATS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
+"""Pictures that `foxglove.CompressedImage` may hold, by the suffix of their files."""
+INFO, WARNING = 2, 3
+"""Levels of `foxglove.Log`."""
+WARNINGS = ("risk", "garbage", "safing", "port", "link", "clock", "product")
+"""Kinds of notes that an operator should see."""
+TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+_NUMBER = {"type": "number"}
+_TEXT = {"type": "string"}
+_XYZ = {"type": "object", "properties": dict.fromkeys("xyz", _NUMBER)}
+_POSE = {
+    "type": "object",
+    "properties": {
+        "position": _XYZ,
+        "orientation": {"type": "object", "properties": dict.fromkeys("xyzw", _NUMBER)},
+    },
+}
+SCHEMAS: Mapping[str, Mapping[str, object]] = {
+    "foxglove.PoseInFrame": {"timestamp": TIME, "frame_id": _TEXT, "pose": _POSE},
+    "foxglove.Log": {"timestamp": TIME, "level": {"type": "integer"}, "message": _TEXT, "name": _TEXT},
+    "foxglove.CompressedImage": {
+        "timestamp": TIME,
+        "frame_id": _TEXT,
+        "data": {"type": "string", "contentEncoding": "base64"},
+        "format": _TEXT,
+    },
+    "outcrop.Telemetry": {"t_s": _NUMBER, "battery_j": _NUMBER, "energy_used_j": _NUMBER, "task": _TEXT},
+    "outcrop.PlanEvent": {"t_s": _NUMBER, "event": _TEXT, "node": _TEXT, "detail": {"type": "array"}},
+    "outcrop.Command": {"t_s": _NUMBER, "task": _TEXT, "attempt": {"type": "integer"}, "action": _TEXT},
+    "outcrop.Product": {"t_s": _NUMBER, "task": _TEXT, "kind": _TEXT, "path": _TEXT, "sha256": _TEXT},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message: topic, name of its schema, plan time in milliseconds, content."""
+
+    topic: str
+    schema: str
+    t_ms: int
+    content: Json
+
+
+def export_mcap(run: Path, target: Path) -> dict[str, int]:
+    """Write the run in a folder as MCAP; return how many messages each topic has.
+
+    Raises
+    ------
+    InvalidInputError
+        If the package `mcap` is not installed.
+    NameTakenError
+        If the file exists.
+    JournalError
+        If the folder holds no journal, or one that is damaged.
+    """
+    try:
+        from mcap.writer import Writer
+    except ImportError:
+        raise InvalidInputError("MCAP needs the package mcap: pip install 'outcrop[mcap]'") from None
+    if target.exists():
+        raise NameTakenError(f"{target} exists already")
+    journal = JournalFile(run / JOURNAL)
+    zero_ns = _zero_ns(journal.header)
+    counts: dict[str, int] = {}
+    channels: dict[str, int] = {}
+    fresh = target.with_name(f"{target.name}.part")
+    try:
+        with fresh.open("wb") as file:
+            writer = Writer(file)
+            writer.start(profile="", library="outcrop")
+            schemas = {
+                name: writer.register_schema(
+                    name, "jsonschema", json.dumps({"type": "object", "properties": members}).encode()
+                )
+                for name, members in SCHEMAS.items()
+            }
+            for number, one in enumerate(messages(run, journal.records, zero_ns)):
+                if one.topic not in channels:
+                    channels[one.topic] = writer.register_channel(one.topic, "json", schemas[one.schema])
+                at_ns = zero_ns + 1_000_000 * one.t_ms
+                data = json.dumps(one.content, allow_nan=False).encode()
+                writer.add_message(channels[one.topic], at_ns, data, at_ns, number)
+                counts[one.topic] = counts.get(one.topic, 0) + 1
+            writer.finish()
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(target)
+    finally:
+        fresh.unlink(missing_ok=True)
+    return counts
+
+
+def _zero_ns(header: Json) -> int:
+    """Return plan time 0 in nanoseconds of UTC; 0 for a virtual clock, which has no instant."""
+    instant = header.get("instant")
+    return 0 if instant is None else round(datetime.fromisoformat(instant).timestamp() * 1000) * 1_000_000
+
+
+def messages(run: Path, records: list[Json], zero_ns: int) -> Iterator[Message]:
+    """Yield the messages of a journal, in its order."""
+    book, t_ms = SampleBook(), 0
+    for record in records:
+        t_ms = max(t_ms, record.get("t", t_ms))
+        match record["k"]:
+            case "trace":
+                node, *detail = record["a"] or [""]
+                told = {"t_s": t_ms / 1000, "event": record["e"], "node": node, "detail": detail}
+                yield Message("/plan", "outcrop.PlanEvent", t_ms, told)
+            case "send":
+                command = CommandId(*record["id"])
+                book.sent(command)
+                about = {"task": command.task, "attempt": command.attempt, "action": record["action"]}
+                sent = {"t_s": t_ms / 1000, **about, "parameters": record["parameters"]}
+                yield Message("/commands", "outcrop.Command", t_ms, sent)
+            case "note":
+                level = WARNING if record["kind"] in WARNINGS else INFO
+                log = {"level": level, "message": record["text"], "name": record["kind"]}
+                yield Message("/log", "foxglove.Log", t_ms, {**_stamp(zero_ns, t_ms), **log})
+            case "step":
+                for document in record["events"]:
+                    event = event_from_json(document)
+                    sample = book.heard(event)
+                    if sample is not None:
+                        yield from _sample(sample, zero_ns, t_ms)
+                    elif isinstance(event, Product):
+                        yield from _product(run, event, zero_ns, t_ms)
+
+
+def _stamp(zero_ns: int, t_ms: int) -> Json:
+    seconds, nanoseconds = divmod(zero_ns + 1_000_000 * t_ms, 1_000_000_000)
+    return {"timestamp": {"sec": seconds, "nsec": nanoseconds}}
+
+
+def _sample(sample: Sample, zero_ns: int, t_ms: int) -> Iterator[Message]:
+    yield Message("/telemetry", "outcrop.Telemetry", t_ms, sample.as_dict())
+    half = sample.heading_rad / 2  # about z, east-north-up
+    pose = {
+        "position": {"x": sample.east_m, "y": sample.north_m, "z": 0.0},
+        "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
+    }
+    content = {**_stamp(zero_ns, t_ms), "frame_id": "site", "pose": pose}
+    yield Message("/pose", "foxglove.PoseInFrame", t_ms, content)
+
+
+def _product(run: Path, product: Product, zero_ns: int, t_ms: int) -> Iterator[Message]:
+    yield Message("/products", "outcrop.Product", t_ms, product_line(product))
+    path = safe_path(product.path)
+    kind = FORMATS.get(Path(product.path).suffix.lower())
+    if path is None or kind is None or not (run / path).is_file():
+        return
+    data = base64.b64encode((run / path).read_bytes()).decode()
+    content = {**_stamp(zero_ns, t_ms), "frame_id": product.kind, "data": data, "format": kind}
+    yield Message(f"/images/{product.kind}", "foxglove.CompressedImage", t_ms, content)
