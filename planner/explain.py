@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,16 +36,22 @@ LEAST_CHANCE = 0.01
 """A plan that makes an observation in fewer than one future of a hundred does not let it in."""
 FEW = 5_000
 """Futures to tell such a chance: its standard error is 0.0014."""
-TIME, ENERGY, BOTH = "time budget", "energy budget", "time and energy budgets"
+TIME, ENERGY, VOLUME, WINDOW = "time budget", "energy budget", "downlink volume", "window"
+FORCED_WIDTH = 8
+"""Beginnings kept at each length for plans that must attempt an observation. By hand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Relaxation:
-    """The smallest change found that lets something in: what, by which factor, and the value then."""
+    """The smallest change found that lets something in: what, by which factor, and the value then.
+
+    A window is made so many times as long, about its middle. `plan` makes the observation with the change.
+    """
 
     what: str
     factor: float
     value: float
+    plan: Plan = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +60,9 @@ class WhyNot:
 
     `forced` is the best unbranched plan found that must attempt it; `change` its value less that of the best
     unbranched plan without that demand, with `standard_error` over common futures. `displaced` are
-    observations of the plan that the forced one gives up. `reason` says it in a sentence.
+    observations of the plan that the forced one gives up. `relaxations` are the smallest found of each kind
+    that lets it in alone, least first; where none does alone, of all together. `reason` says it in a
+    sentence, and of what was not found no more than that.
     """
 
     observation: ObservationId
@@ -63,7 +72,12 @@ class WhyNot:
     standard_error: float = 0.0
     forced: Plan = ()
     displaced: tuple[ObservationId, ...] = ()
-    relaxation: Relaxation | None = None
+    relaxations: tuple[Relaxation, ...] = ()
+
+    @property
+    def relaxation(self) -> Relaxation | None:
+        """The smallest change that lets it in."""
+        return self.relaxations[0] if self.relaxations else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +128,7 @@ def _best_unbranched(model: Model, forced: int | None = None) -> tuple[float, Pl
     """
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0:
         return 0.0, ()
+    model = model.within_reach()
     policy = Policy(Grid(model, *GRID, Rounding.MID, np.float32), moves=moves_of(model))
     best: tuple[float, Plan] = (0.0 if forced is None else -np.inf, ())
     untracked: Masses = {State(0, 0, 0): np.zeros(())}
@@ -121,7 +136,8 @@ def _best_unbranched(model: Model, forced: int | None = None) -> tuple[float, Pl
         if bound <= best[0]:
             break
         masses: Masses = {State(0, 0, tracked): policy.grid.point(*policy.start_point(tracked))}
-        for found in best_sequences(policy, masses, width=3, forced=forced):
+        width = 3 if forced is None else FORCED_WIDTH
+        for found in best_sequences(policy, masses, width=width, forced=forced):
             if found.value > best[0]:
                 head: Plan = tuple(
                     TrackStart(model.target_ids[p - 1]) for p in range(1, model.n + 1) if (tracked >> p) & 1
@@ -162,38 +178,37 @@ def _why_not(
     m = model.number_of[what.id]
     forced = _best_unbranched(model, m)[1]
     if what.id not in planned_observations(forced):
-        relaxation = _smallest_relaxation(part, what.id)
-        limit = relaxation.what if relaxation is not None else "budgets"
+        relaxations = _smallest_relaxations(part, what)
         return WhyNot(
             what.id,
-            f"no plan found makes {what.id} within the budgets; {_said(relaxation)}",
-            limit,
-            relaxation=relaxation,
+            f"found no way to make {what.id} within the budgets; {_said(relaxations)}",
+            relaxations[0].what if relaxations else "budgets",
+            relaxations=relaxations,
         )
     free = _best_unbranched(model)[1]
     comparison = compare_plans(part, forced, free, futures=futures, seed=seed)
     displaced = tuple(sorted(planned_observations(free) - planned_observations(forced)))
-    relaxation = _smallest_relaxation(part, what.id)
+    relaxations = _smallest_relaxations(part, what)
     gives_up = f" and gives up {', '.join(displaced)}" if displaced else ""
     return WhyNot(
         observation=what.id,
         reason=(
-            f"the best plan that attempts {what.id} changes the value by {comparison.difference:+.2f}"
-            f"{gives_up}; {_said(relaxation)}"
+            f"the best plan found that attempts {what.id} changes the value by {comparison.difference:+.2f}"
+            f"{gives_up}; {_said(relaxations)}"
         ),
-        limit=relaxation.what if relaxation is not None else "value",
+        limit=relaxations[0].what if relaxations else "value",
         change=comparison.difference,
         standard_error=comparison.standard_error,
         forced=forced,
         displaced=displaced,
-        relaxation=relaxation,
+        relaxations=relaxations,
     )
 
 
-def _said(relaxation: Relaxation | None) -> str:
-    if relaxation is None:
-        return "tried up to three times the time, the energy, and both: none lets it in"
-    return f"it comes in with {relaxation.factor:g} times the {relaxation.what}"
+def _said(relaxations: tuple[Relaxation, ...]) -> str:
+    if not relaxations:
+        return f"found no way with up to {WIDEST:g} times the budgets and the window, each and all together"
+    return "it comes in with " + " or ".join(f"{r.factor:g} times the {r.what}" for r in relaxations)
 
 
 def _obstacle(problem: Problem, what: Observation) -> Obstacle | None:
@@ -224,32 +239,40 @@ def _with_room_for(problem: Problem, what: Observation, held: set[ObservationId]
     return only(problem, names)
 
 
-def _smallest_relaxation(problem: Problem, observation: ObservationId) -> Relaxation | None:
-    """Return the smallest larger budget found with which the best unbranched plan makes an observation.
+def _smallest_relaxations(problem: Problem, what: Observation) -> tuple[Relaxation, ...]:
+    """Return, least first, the smallest changes found with which the best unbranched plan makes one more.
 
-    Time and energy are each closed in on by bisection, both together where neither is enough alone. A plan
-    with the factor that is told was made, and makes the observation.
+    Each is closed in on by bisection: time, energy, and where they are limited the downlink volume and the
+    observation's window, each alone; all together where none is enough alone. A plan with the factor that is
+    told was made, and makes the observation.
     """
-    best: Relaxation | None = None
+    kinds = [TIME, ENERGY]
+    kinds += [VOLUME] if problem.budget.data_mbit is not None else []
+    kinds += [WINDOW] if what.window_s is not None else []
 
-    def tried(what: str, factor: float) -> Relaxation | None:
-        model = Model.of(_widened(problem, what, factor))
+    together = " and ".join(kinds)
+
+    def tried(kind: str, factor: float) -> Relaxation | None:
+        model = Model.of(_widened(problem, what, kinds if kind == together else [kind], factor))
         value, plan = _best_unbranched(model)
-        held = observation in planned_observations(plan) and _chance(model, plan, observation) >= LEAST_CHANCE
-        return Relaxation(what, factor, value) if held else None
+        held = what.id in planned_observations(plan) and _chance(model, plan, what.id) >= LEAST_CHANCE
+        return Relaxation(kind, factor, value, plan) if held else None
 
-    for what in (TIME, ENERGY, BOTH):
-        if best is not None and what is BOTH:
-            break
-        found = tried(what, WIDEST if best is None else best.factor)
-        low = 1.0
-        while found is not None and found.factor > low * CLOSE:
-            middle = round(math.sqrt(low * found.factor), 3)
-            nearer = tried(what, middle)
-            low, found = (middle, found) if nearer is None else (low, nearer)
-        if found is not None and (best is None or found.factor < best.factor):
-            best = found
-    return best
+    alone = [found for kind in kinds if (found := _least(tried, kind)) is not None]
+    if not alone and (jointly := _least(tried, together)) is not None:
+        alone = [jointly]
+    return tuple(sorted(alone, key=lambda relaxation: relaxation.factor))
+
+
+def _least(tried: Callable[[str, float], Relaxation | None], kind: str) -> Relaxation | None:
+    """Return the smallest factor found by bisection; None if the widest does not do."""
+    found = tried(kind, WIDEST)
+    low = 1.0
+    while found is not None and found.factor > low * CLOSE:
+        middle = round(math.sqrt(low * found.factor), 3)
+        nearer = tried(kind, middle)
+        low, found = (middle, found) if nearer is None else (low, nearer)
+    return found
 
 
 def _chance(model: Model, plan: Plan, observation: ObservationId) -> float:
@@ -261,11 +284,24 @@ def _chance(model: Model, plan: Plan, observation: ObservationId) -> float:
     return float((flown[0].utility - flown[1].utility).mean() / model.utility[m])
 
 
-def _widened(problem: Problem, what: str, factor: float) -> Problem:
+def _widened(problem: Problem, what: Observation, kinds: Sequence[str], factor: float) -> Problem:
+    """Return the problem with these limits so many times as wide."""
     budget = problem.budget
-    if what in (TIME, BOTH):
+    if TIME in kinds:
         budget = dataclasses.replace(budget, time_s=budget.time_s * factor)
-    if what in (ENERGY, BOTH):
+    if ENERGY in kinds:
         more = budget.usable_energy_j * (factor - 1.0)
         budget = dataclasses.replace(budget, energy_j=budget.energy_j + more)
-    return dataclasses.replace(problem, budget=budget)
+    if VOLUME in kinds and budget.data_mbit is not None:
+        budget = dataclasses.replace(budget, data_mbit=budget.data_mbit * factor)
+    problem = dataclasses.replace(problem, budget=budget)
+    if WINDOW not in kinds or what.window_s is None:
+        return problem
+    opens, closes = what.window_s
+    more = (closes - opens) * (factor - 1.0) / 2.0
+    wider = dataclasses.replace(what, window_s=(opens - more, closes + more))
+    targets = tuple(
+        dataclasses.replace(t, observations=tuple(wider if o.id == what.id else o for o in t.observations))
+        for t in problem.targets
+    )
+    return dataclasses.replace(problem, targets=targets)

@@ -34,7 +34,7 @@ def held_up(
     A plan with more branches replaces the one before only if it is better on the fine grids and also on
     futures that took no part in the search.
     """
-    evaluator = Evaluator(model)
+    evaluator = Evaluator(model.within_reach())
     best: Plan = ()
     best_value = 0.0
     earned = np.zeros(futures)

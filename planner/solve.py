@@ -114,7 +114,7 @@ def _planned(order: Order) -> PlanResult:
         return with_long_plan(order, part, long)
 
     # 3. Plans with 0, 1, 2, ... branches; under a chance constraint an overrun has a price (Everett 1963).
-    model, prices = pressed(small), [0.0]
+    model, prices = pressed(small.within_reach()), [0.0]
     if chance is None:
         found = searched(order, model, part, quick=order.quick)
     else:

@@ -126,7 +126,7 @@ def searched_within(
         first_price=_first_price(order, float(small.utility.sum())),
         should_stop=lambda: order.watch.stop(0.55),
     )
-    evaluator = Evaluator(small)
+    evaluator = Evaluator(small.within_reach())
     valued = sorted(((evaluator.value(plan).value, plan) for plan in plans), key=lambda pair: pair[0])
     curve: Curve = []
     for most in range(order.max_branches + 1):
@@ -189,4 +189,5 @@ def annotated(order: Order, model: Model, tree: PlanTree) -> PlanTree:
     """Return the tree with notes on its steps and options."""
     if sum(isinstance(step, TrackStart) for step in tree.plan) > order.options.most_noted_tracks:
         return annotate_sampled(model, tree, seed=order.seed + 4)
+    model = model.within_reach()
     return annotate(model, Grid(model, *order.options.notes_nodes), tree)

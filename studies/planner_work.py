@@ -15,7 +15,6 @@ import json
 import statistics
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,36 +22,11 @@ from planner.orienteering import Experiment, RoutingProblem
 from planner.orienteering import solve as solve_routing
 from planner.orienteering.engines import warm_up
 from planner.plan_tree import plan_tree_to_dict
-from planner.problem import Problem, problem_from_dict
 from planner.solve import solve
 from planner.tally import tallied
-from tests.planner.examples import observation, problem_document
+from studies.common.planner_days import day
 
 LIMITS = (2.0, 5.0, 20.0)
-
-
-def day(rng: np.random.Generator) -> Problem:
-    """Return a day of 4 to 9 targets with windows, penalties and tracks by chance."""
-    count = int(rng.integers(4, 10))
-    rows: list[list[dict[str, Any]]] = []
-    for k in range(count):
-        kind = "place" if rng.random() < 0.5 else "image"
-        row = [observation(f"A{k}", kind, float(rng.integers(2, 11)), p_success=0.9)]
-        if rng.random() < 0.3:
-            opens = float(rng.integers(0, 6000))
-            row[0]["window_s"] = [opens, opens + float(rng.integers(1500, 6000))]
-        rows.append(row)
-    return problem_from_dict(
-        problem_document(
-            places=[(float(x), float(y)) for x, y in rng.uniform(-9.0, 9.0, (count, 2))],
-            observations=rows,
-            time_s=float(rng.integers(5000, 12_000)),
-            energy_j=float(rng.integers(500, 1200)) * 1000.0,
-            spread=float(rng.choice([0.3, 0.6])),
-            loss=float(rng.choice([0.05, 0.2])),
-            overrun_penalty=float(rng.choice([0.0, 10.0])),
-        )
-    )
 
 
 def survey(rng: np.random.Generator) -> RoutingProblem:
@@ -78,7 +52,7 @@ def main() -> None:
     solve(day(np.random.default_rng(0)), iterations=5)
     rows, same = [], 0
     for _ in range(options.days):
-        problem, limit = day(rng), float(rng.choice(LIMITS))
+        problem, limit = day(rng, least=4), float(rng.choice(LIMITS))
         plans = []
         for _ in range(2):
             began = time.process_time()

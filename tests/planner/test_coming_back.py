@@ -119,3 +119,19 @@ def test_a_table_of_all_moves_is_worth_no_less_and_searched_where_that_matters()
     assert moves_of(Model.of(light())) is Moves.ALL
     assert moves_of(Model.of(hub())) is Moves.ALL
     assert moves_of(Model.of(example())) is Moves.TO_WORK
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_hundred_times_the_budgets_give_a_plan_that_is_worth_no_less(seed: int) -> None:
+    """Grids lay evenly over the budgets: two thirds of the value was lost, and the prediction with it."""
+    problem = generated("penalty", seed, spread=0.3)
+    found = []
+    for factor in (2.0, 200.0):
+        budget = problem.budget
+        wider = dataclasses.replace(budget, time_s=factor * budget.time_s, energy_j=factor * budget.energy_j)
+        found.append(solve(dataclasses.replace(problem, budget=wider), max_branches=1, iterations=30))
+    less, more = found
+    assert less.check is not None
+    assert more.check is not None
+    assert more.check.mean >= less.check.mean - 4.0 * less.check.standard_error
+    assert more.expected_utility == pytest.approx(more.check.mean, rel=0.01)

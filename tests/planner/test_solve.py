@@ -16,9 +16,9 @@ from planner.errors import PlannerError
 from planner.explain import compare_plans, why_not
 from planner.plan_edits import fitted
 from planner.plan_tree import TrackStart, planned_observations
-from planner.problem import Problem, load_problem, problem_from_dict, problem_to_dict
+from planner.problem import ObservationId, Problem, load_problem, problem_from_dict, problem_to_dict
 from planner.solve import PlanStatus, Progress, solve
-from tests.planner.examples import example, observation, problem_document
+from tests.planner.examples import example, observation, problem_document, visits
 from tests.shared import shared
 
 register_all()
@@ -262,8 +262,9 @@ def test_what_takes_more_of_both_budgets_is_not_said_to_be_out_of_reach() -> Non
     problem = example(places=[(4.0, 1.0)], time_s=900.0, energy_j=60_000.0, spread=0.05)
     found = why_not(problem, (), "O1", futures=1000)
     assert found.relaxation is not None
-    assert found.relaxation.what == "time and energy budgets"
-    assert f"with {found.relaxation.factor:g} times the time and energy budgets" in found.reason
+    assert found.relaxation.what == "time budget and energy budget"
+    assert f"with {found.relaxation.factor:g} times the time budget and energy budget" in found.reason
+    assert ObservationId("O1") in planned_observations(found.relaxation.plan)
 
     def held(time: float, energy: float) -> bool:
         return "O1" in planned_observations(solve(_wider(problem, time, energy), **QUICK).tree.plan)
@@ -276,7 +277,25 @@ def test_what_takes_more_of_both_budgets_is_not_said_to_be_out_of_reach() -> Non
 def test_what_no_budget_lets_in_is_told_with_what_was_tried() -> None:
     found = why_not(example(places=[(4.0, 1.0)], time_s=90.0), (), "O1", futures=1000)
     assert found.relaxation is None
-    assert "tried up to three times the time, the energy, and both: none lets it in" in found.reason
+    assert "found no way with up to 3 times the budgets and the window, each and all together" in found.reason
+
+
+def test_a_window_and_the_downlink_volume_are_relaxed_too() -> None:
+    """The window of O1 is over when the rover comes; O2 leaves no volume for O3."""
+    rows = [
+        [observation("O1", utility=9.0, window_s=[200.0, 900.0])],
+        [observation("O2", utility=9.0, data_mbit=6.0)],
+        [observation("O3", utility=2.0, data_mbit=5.0)],
+    ]
+    problem = example(observations=rows, spread=0.05, time_s=8000.0, energy_j=1e6)
+    problem = dataclasses.replace(problem, budget=dataclasses.replace(problem.budget, data_mbit=10.0))
+    plan = visits(problem, "O2")
+    late, large = (why_not(problem, plan, name, futures=2000) for name in ("O1", "O3"))
+    assert [r.what for r in late.relaxations] == ["window"]
+    assert [r.what for r in large.relaxations] == ["downlink volume"]
+    assert large.relaxations[0].factor == pytest.approx(1.1, rel=0.02)
+    for found in (late, large):
+        assert found.observation in planned_observations(found.relaxations[0].plan)
 
 
 # ------------------------------------------------------------------------------------- the command
