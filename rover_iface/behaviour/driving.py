@@ -14,6 +14,7 @@ from rover_iface.behaviour.hardware import Hardware
 from rover_iface.behaviour.motion_watch import MotionWatch
 from rover_iface.behaviour.products import png
 from rover_iface.behaviour.sight import Sight
+from rover_iface.cameras.model import Array
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.navigation.navigator import Navigator, Progress, Way
 from rover_iface.telemetry import TrackState
@@ -21,7 +22,7 @@ from rover_iface.telemetry import TrackState
 STUCK = "wheel stuck"
 """What is told of a drive that a wheel stopped."""
 NEAR_M = 1.2
-ARRIVED_M, SHUT_OUT_M = 0.35, 0.5
+ARRIVED_M, SHUT_OUT_M = 0.35, 1.0
 """Distance from the goal at which a rover that is led off again, or after many looks gets no nearer, has
 arrived: the arm says if it reaches, and what move would help."""
 FARTHER_M = 0.02
@@ -29,6 +30,8 @@ FARTHER_M = 0.02
 RETREATS, RETREAT_M, TRIES = 2, 0.2, 3
 """How often, how far and in how many tries a rover backs off what it touches in the last metre: a way that
 begins in touch ends after its first few centimetres."""
+FACING_SHARE = 0.9
+"""Of the mast's pan: what lies farther round is turned to before it is looked at for the first time."""
 SHORTEST_M = 0.02
 """Shifts shorter than this are turns only."""
 LOOKS, LOOKS_PER_M = 20, 5.0
@@ -64,6 +67,22 @@ class Driving:
         by = np.asarray(self.follower.position(name)[:2], dtype=float) - np.array(target.point[:2])
         stand = target.observation_point
         return Pose(stand.x + float(by[0]), stand.y + float(by[1]), heading=stand.heading)
+
+    def face(self, point: Array) -> Generator[Step, None, str]:
+        """Turn in place as far as it takes for the mast to look at a believed point (3,).
+
+        Returns why it went wrong, or an empty string.
+        """
+        here = self.hardware.believed
+        bearing = wrap_angle(math.atan2(point[1] - here.y, point[0] - here.x) - here.heading)
+        beyond = abs(bearing) - FACING_SHARE * self.hardware.profile.mast.pan_limit_rad
+        if beyond <= 0.0:
+            return ""
+        trouble = yield from self._go(Way(math.copysign(beyond, bearing), 0.0, 0.0))
+        yield from self.follower.update_all()
+        self.follower.set_ranges()
+        self.hardware.report()
+        return trouble
 
     def shift(self, pose: Pose) -> Generator[Step, None, str]:
         """Move to a near pose of the believed frame by turn, drive and turn, without a look.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from executive.ports import Command
-from rover_iface.behaviour.action import Action
+from rover_iface.behaviour.action import Action, Outcome
 from rover_iface.behaviour.arm_placing import ArmPlacing
 from rover_iface.behaviour.base_moves import BaseMoves
 from rover_iface.behaviour.driving import Driving
@@ -45,7 +45,7 @@ class Repertoire:
         self._actions: dict[str, Callable[[Command], Action]] = {
             "navigate": driving.navigate,
             "turn": driving.turn,
-            "trackstart": follower.start,
+            "trackstart": self._start_track,
             "trackstop": follower.stop,
             "ipplaceinstrument": placing.place,
             "handoff": placing.hand_off,
@@ -53,6 +53,15 @@ class Repertoire:
             "imagepanorama": imaging.panorama,
             "pointmast": imaging.point_mast,
         }
+
+    def _start_track(self, command: Command) -> Action:
+        """Carry out `trackstart`; what lies behind the mast's reach is turned to first."""
+        name = str(command.parameters["target"])
+        if name in self.follower.targets and name not in self.follower.followed:
+            trouble = yield from self.driving.face(self.follower.position(name))
+            if trouble:
+                return Outcome(False, f"target {name} is behind the mast's reach; on the turn: {trouble}")
+        return (yield from self.follower.start(command))
 
     def act(self, command: Command) -> Action | None:
         """Return the action of a command."""

@@ -18,7 +18,7 @@ import numpy as np
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import PointMatch, point_stereo
 from rover_iface.errors import TrackerError
-from rover_iface.vision.designation import require_range
+from rover_iface.vision.first_view import require_range
 from rover_iface.vision.narrow_range import KnownRange
 from rover_iface.vision.template import (
     Found,

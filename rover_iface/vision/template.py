@@ -26,6 +26,8 @@ NARROWER = 0.6
 """Of a window: what is compared with the whole."""
 BACK_SEARCH_PX = 12
 """How far a match is followed back to either side."""
+WEIGHT_SHARE = 0.30
+"""Spread of an alignment's weights, of its half window: `patch.WEIGHT`, which numba is not loaded for."""
 UNKNOWN_SHARE = 0.15
 """Of a template, that may lie outside the picture it is cut from."""
 AS_GOOD = 0.02
@@ -63,6 +65,10 @@ class NccOptions:
     identity_limit
         Mean of the margins of correlation, surroundings and range below which it is another stone. On tuning
         seeds 1,081 right matches have 0.57 and more, the one false lock 0.07.
+    relief_slope
+        Of a rock against the plane of its face, tangent: so much deeper or higher than told a place lies for
+        each metre that it lies astray, and a spot against the window round it. On tuning seeds 0 to 7 of
+        `studies.domains` 0.5 lets the 95 % ellipsoid hold 97.4 and 96.3 % of the errors, 0.9 98 and 99 %.
     key_scale
         Change of range at which the key template is replaced.
     shape_sd
@@ -95,6 +101,7 @@ class NccOptions:
     surroundings_px: int = 61
     surroundings_limit: float = 0.5
     identity_limit: float = 0.35
+    relief_slope: float = 0.5
     stereo: PointStereo = field(default_factory=PointStereo)
 
     def __post_init__(self) -> None:
@@ -452,7 +459,7 @@ def grown_drift(
     depth between them.
     """
     jacobian = camera.jacobian(point)
-    out = _on_plane(camera, point, normal, jacobian)
+    out = on_plane(camera, point, normal, jacobian)
     aside = parallax_px(source, camera, point)
     return np.asarray(source.drift + out @ spread_px2 @ out.T), np.asarray(source.parallax + aside * out)
 
@@ -464,7 +471,7 @@ def parallax_px(source: Template, camera: CameraModel, point: Array) -> float:
     return math.sqrt(0.5 * source.depth_m2) * float(np.linalg.norm(aside))
 
 
-def _on_plane(camera: CameraModel, point: Array, normal: Array, jacobian: Array) -> Array:
+def on_plane(camera: CameraModel, point: Array, normal: Array, jacobian: Array) -> Array:
     """Return how a point on a plane (facing the camera, if it is too steep) moves (3, 2) with its pixel."""
     toward = camera.C - point
     toward = toward / np.linalg.norm(toward)

@@ -65,3 +65,14 @@ def test_a_tool_that_meets_no_surface_where_it_should_claims_nothing(
     assert told.values["made"] is False
     assert reason in told.reason
     assert "T1" not in rover.truth.touched
+
+
+def test_a_target_behind_the_mast_is_turned_to_before_it_is_tracked(world: Path) -> None:
+    rover = make_rover(world, seed=4)
+    x, y = rover.repertoire.follower.position("T1")[:2]
+    here = rover.hardware.believed
+    away = math.atan2(y - here.y, x - here.x) + math.pi
+    assert do(rover, "turn", heading=math.remainder(away, math.tau)).success
+    told = do(rover, "trackstart", target="T1")
+    assert told.success, told.reason
+    assert abs(math.remainder(rover.hardware.believed.heading - away, math.tau)) > 0.2

@@ -57,7 +57,8 @@ def pair(aside_m: float) -> StereoView:
                 up=np.array([0.0, 0.0, 1.0]),
             )
         )
-    return StereoView(drawn(cameras[0]), drawn(cameras[1]), *cameras)
+    left, right = cameras
+    return StereoView(drawn(left), drawn(right), left, right)
 
 
 def template(view: StereoView, *, ranged: bool) -> Template:
