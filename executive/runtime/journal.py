@@ -206,7 +206,7 @@ def never_began(path: Path) -> bool:
 
 
 class JournalFile:
-    """What a journal on disk holds.
+    """What a journal on disk holds; `data` are its bytes where somebody has read them already.
 
     Attributes
     ----------
@@ -218,13 +218,13 @@ class JournalFile:
         Bytes up to the end of the last whole record.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, data: bytes | None = None) -> None:
         self.path = path
         self.records: list[Json] = []
         self.torn = False
         self.size = 0
         try:
-            data = path.read_bytes()
+            data = path.read_bytes() if data is None else data
         except OSError as error:
             raise JournalError(f"journal {path} cannot be read: {error.strerror}") from error
         self._read(data)

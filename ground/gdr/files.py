@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ground.gdr.durable import DRAFT, FILE_MODE, make_folder, put_in_place
+from ground.gdr.packed import SUFFIX, is_kept, packed_path, read_kept, write_packed
 
 
 def _private(path: str, flags: int) -> int:
@@ -28,6 +29,8 @@ class FileStore:
     A file is written beside its place, synchronised and renamed, and its name is synchronised too: it is
     there whole or not at all, and takes the place of one that was damaged. Files come before the rows that
     name them, so a crash leaves at most a file without a record, which `sweep` removes.
+
+    Text that only programs read may lie packed, as `<sha256>.br`; its name is the hash of what was packed.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -63,12 +66,25 @@ class FileStore:
         with source.open("rb") as file:
             return self.put(iter(lambda: file.read(1 << 20), b""))
 
+    def put_packed(self, content: bytes) -> StoredFile:
+        """Store text packed and return its hash and size as it was; `read` alone gives it back."""
+        sha256 = hashlib.sha256(content).hexdigest()
+        write_packed(self.path(sha256), content)
+        return StoredFile(sha256, len(content))
+
     def read(self, sha256: str) -> bytes:
-        return self.path(sha256).read_bytes()
+        """Return what a file holds, packed or not."""
+        return read_kept(self.path(sha256))
+
+    def holds(self, sha256: str) -> bool:
+        """Return whether a file is there, packed or not."""
+        return is_kept(self.path(sha256))
 
     def is_sound(self, sha256: str) -> bool:
         """Return whether the file is there and has the content that its name says."""
         try:
+            if not self.path(sha256).is_file():
+                return hashlib.sha256(self.read(sha256)).hexdigest() == sha256
             with self.path(sha256).open("rb") as file:
                 return hashlib.file_digest(file, "sha256").hexdigest() == sha256
         except OSError:
@@ -76,16 +92,16 @@ class FileStore:
 
     def hashes(self) -> Iterator[str]:
         """Yield the hash of every stored file."""
-        for path in self.folder.glob("??/??/*"):
-            if len(path.name) == 64:
-                yield path.name
+        names = {path.name.removesuffix(SUFFIX) for path in self.folder.glob("??/??/*")}
+        yield from (name for name in names if len(name) == 64)
 
     def sweep(self, wanted: set[str], older_than_utc_s: float) -> list[str]:
         """Remove files that no record names and that are older than a moment; return their hashes."""
         gone = []
         for sha256 in list(self.hashes()):
-            path = self.path(sha256)
-            if sha256 not in wanted and path.stat().st_mtime < older_than_utc_s:
-                path.unlink()
+            forms = [p for p in (self.path(sha256), packed_path(self.path(sha256))) if p.is_file()]
+            if sha256 not in wanted and all(p.stat().st_mtime < older_than_utc_s for p in forms):
+                for path in forms:
+                    path.unlink()
                 gone.append(sha256)
         return gone

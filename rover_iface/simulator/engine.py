@@ -77,6 +77,9 @@ class SimulatedRover:
         Folder of the run, into which products are written; without it there are none.
     progress_s
         Report pose and energy so often during a drive; 0 = only with results, the fast way.
+    progress_at_bends
+        Report them not so often, but so long after a drive's begin, and at each bend and so long after it:
+        what lies between two reports lies on the straight line between them.
     """
 
     def __init__(
@@ -87,6 +90,7 @@ class SimulatedRover:
         pose: Pose,
         out: Path | None = None,
         progress_s: float = 0.0,
+        progress_at_bends: bool = False,
         faults: Sequence[Fault] = (),
     ) -> None:
         self.hotel_w = hotel_w
@@ -97,6 +101,7 @@ class SimulatedRover:
         self.out = out
         self.faults = tuple(faults)
         self._progress_ms = milliseconds(progress_s)
+        self._progress_at_bends = progress_at_bends
         self._now = 0
         self._count = 0
         self._heap: list[tuple[int, int, int, Any]] = []
@@ -336,7 +341,10 @@ class SimulatedRover:
         running.since_ms = self._now
         running.token += 1
         self._push(self._now + step.duration_ms, _RESUME, (running, running.token))
-        if self._progress_ms and step.duration_ms > self._progress_ms and self._progress_at is None:
+        if self._progress_ms and self._progress_at_bends:
+            for after_ms in bends(step, self._progress_ms):
+                self._push(self._now + after_ms, _PROGRESS, None)
+        elif self._progress_ms and step.duration_ms > self._progress_ms and self._progress_at is None:
             self._progress_at = self._now + self._progress_ms
             self._push(self._progress_at, _PROGRESS, None)
 
@@ -365,7 +373,7 @@ class SimulatedRover:
             return
         self.set("heartbeat", self._now / 1000.0)
         self.report()
-        if longest > self._progress_ms:
+        if longest > self._progress_ms and not self._progress_at_bends:
             self._progress_at = self._now + self._progress_ms
             self._push(self._progress_at, _PROGRESS, None)
 
@@ -499,6 +507,21 @@ def check_command(command: Command, commands: CommandDictionary) -> str:
 def route_length(route: Route) -> float:
     """Return the length of a polyline, metres."""
     return sum(math.hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route))
+
+
+def bends(step: Step, settled_ms: int) -> list[int]:
+    """Return the times within a step, from its begin, between which its motion is even: `settled_ms` after it
+    has begun, at each inner point of its route, and `settled_ms` after that.
+    """
+    whole = route_length(step.route)
+    if not whole or not step.duration_ms:
+        return []
+    times, done = {settled_ms}, 0.0
+    for part in list(pairwise(step.route))[:-1]:
+        done += route_length(part)
+        at = round(step.duration_ms * done / whole)
+        times |= {at, at + settled_ms}
+    return sorted(at for at in times if 0 < at < step.duration_ms)
 
 
 def along(pose: Pose, route: Route, share: float) -> Pose:

@@ -16,6 +16,7 @@
      "map_error": {"unmapped_rocks_per_m2": 0.01, "softer": 1.2},
      "sun": {"ls_deg": 120, "latitude_deg": -4.6, "start_lmst_h": 10.0},
      "faults": [], "progress_s": 0,
+     "progress_at_bends": false,            where motion changes alone, not so often (abstract rover)
      "tracker": "ncc"}                      the rover's own when absent
 
 Every member but `format` may be absent or null. A problem document by itself is a world too.
@@ -110,6 +111,7 @@ class WorldFile:
     sun: Sky = Sky()
     faults: str | tuple[Fault, ...] = ()
     progress_s: NotNegative = 0.0
+    progress_at_bends: bool = False
     tracker: str = ""
 
 
@@ -135,6 +137,7 @@ class World:
     sun: Sky = field(default_factory=Sky)
     faults: tuple[Fault, ...] = ()
     progress_s: float = 0.0
+    progress_at_bends: bool = False
     tracker: str = ""
 
     def problem_document(self) -> Document:
@@ -204,6 +207,7 @@ def load_world(source: WorldSource) -> World:
         sun=read.sun,
         faults=load_faults(folder / read.faults) if isinstance(read.faults, str) else read.faults,
         progress_s=read.progress_s,
+        progress_at_bends=read.progress_at_bends,
         tracker=read.tracker,
     )
 

@@ -13,6 +13,7 @@ from sqlalchemy import select
 
 from ground.errors import ArchiveError, ConflictError
 from ground.gdr.history import verify_chains
+from ground.gdr.packed import read_kept
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR
 from ground.resources.backups.backup import backup
@@ -49,7 +50,8 @@ def day(api: Api, mission: Mission) -> Api:
 
 
 def journals(repo: Repository) -> dict[str, bytes]:
-    return {path.parent.name: path.read_bytes() for path in repo.data_dir.glob("runs/*/journal.jsonl")}
+    folders = list((repo.data_dir / "runs").glob("*"))
+    return {folder.name: read_kept(folder / "journal.jsonl") for folder in folders}
 
 
 def other_repository(tmp_path: Path) -> Repository:

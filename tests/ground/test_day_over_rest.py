@@ -98,7 +98,7 @@ def test_a_day_goes_from_targets_to_products_and_back(api: Api, mission: Mission
     run = runs[0]
     telemetry = api.get(f"/runs/{run['id']}/telemetry")
     assert telemetry["complete"]
-    assert len(telemetry["t_s"]) == len(telemetry["east_m"]) == len(telemetry["battery_j"]) > 10
+    assert len(telemetry["t_s"]) == len(telemetry["east_m"]) == len(telemetry["battery_j"]) > 5
     trace = api.get(f"/runs/{run['id']}/trace")
     assert trace["events"][0]["event"] == "start"
     stream = api("GET", f"/runs/{run['id']}/events").text

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from executive.runtime.journal import JournalFile
+from ground.gdr.packed import read_kept
 from ground.resources.runs import work as run_work
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned
@@ -42,11 +43,15 @@ def events(text: str) -> list[tuple[int, str, Any]]:
     return found
 
 
+def _journal(path: Path) -> JournalFile:
+    return JournalFile(path, read_kept(path))
+
+
 def test_a_snapshot_follows_the_journal_record_by_record(day: tuple[Api, str, str]) -> None:
     api, run = day[0], carried_out(day)
     url = f"/runs/{run['id']}/snapshot"
     last = api.get(url)
-    records = JournalFile(api.repo.run_dir(run["id"]) / "journal.jsonl").records
+    records = _journal(api.repo.run_dir(run["id"]) / "journal.jsonl").records
     trace = api.get(f"/runs/{run['id']}/trace")["events"]
     assert (last["seq"], last["last_seq"]) == (len(records) - 1,) * 2
     assert (last["over"], last["complete"], last["outcome"]) == (True, True, "SUCCEEDED")

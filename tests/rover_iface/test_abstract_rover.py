@@ -221,6 +221,38 @@ def test_progress_reports_walk_along_the_route() -> None:
     assert r.energy_used_j == 50000.0 + 38 * 600.0
 
 
+def test_progress_at_bends_says_as_much_as_progress_all_the_time() -> None:
+    """A line between its few reports goes through every report of a pose each 5 s."""
+    problem = small_problem()
+    for leg in problem["legs"]:
+        if (leg["from"], leg["to"]) == ("start", "T1"):
+            leg["route"] = [[0.0, 0.0], [2.0, 1.5], [2.0, 3.0], [4.2, 0.0]]
+
+    def reports(at_bends: bool) -> list[tuple[float, float, float, float, float]]:
+        world = {"format": "world/1", "problem": problem, "progress_at_bends": at_bends}
+        r = make_rover(world, draws=fixed(), progress_s=5.0)
+        r.next_event(0)
+        found = [(0.0, 0.0, 0.0, 0.0, 0.0)]
+        state: dict[str, Any] = {}
+        r.send(command("navigate", target="T1"))
+        while (event := r.next_event(None)) is not None:
+            state |= event.values if isinstance(event, Update) else getattr(event, "updates", {})
+            keys = ("pose x", "pose y", "pose heading", "energy-used")
+            x, y, heading, used = (float(state.get(key, 0.0)) for key in keys)
+            found.append((event.t_ms / 1000, x, y, heading, used))
+        return found
+
+    full, few = np.array(reports(False)), np.array(reports(True))
+    assert len(full) > 100
+    assert len(few) <= 8
+    for column in (1, 2, 4):
+        between = np.interp(full[:, 0], few[:, 0], few[:, column])
+        assert between == pytest.approx(full[:, column], abs=1e-6 * np.abs(full[:, column]).max())
+    near = np.min(np.abs(full[:, :1] - few[None, :, 0]), axis=1) <= 5.0
+    heading = np.interp(full[:, 0], few[:, 0], few[:, 3])
+    assert heading[~near] == pytest.approx(full[~near, 3])
+
+
 def test_until_moves_the_clock_and_no_event_is_early() -> None:
     r = rover()
     r.next_event(0)

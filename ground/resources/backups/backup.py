@@ -17,6 +17,7 @@ from ground.errors import NotFoundError
 from ground.gdr.base import utc_now
 from ground.gdr.durable import DRAFT
 from ground.gdr.migrate import current_revision
+from ground.gdr.packed import packed_path
 from ground.gdr.repository import Repository
 from ground.resources.backups.check_files import damaged_files, missing_files
 from ground.resources.backups.container import Listing, Part, write_container
@@ -87,11 +88,16 @@ def _parts(
         yield Part(SECRETS, secret)
     paths = [p for name in FOLDERS for p in sorted((repo.data_dir / name).rglob("*"))]
     paths += [p for name in over["campaigns"] for p in sorted(repo.campaign_dir(name).rglob("*"))]
-    for path in (*paths, *(repo.run_dir(run) / JOURNAL for run in over["runs"])):
+    paths += [form for run in over["runs"] for form in _forms(repo.run_dir(run) / JOURNAL)]
+    for path in paths:
         name = path.relative_to(repo.data_dir)
         drafts = (part for part in name.parts if part.startswith(DRAFT) or part.endswith(UNFINISHED))
         if path.is_file() and not any(drafts):
             yield Part(name.as_posix(), path)
+
+
+def _forms(path: Path) -> tuple[Path, Path]:
+    return path, packed_path(path)
 
 
 def _secrets(session: Session) -> dict[str, Any]:

@@ -101,7 +101,7 @@ def damaged_files(repo: Repository) -> list[str]:
     terrain of an older version were not, and its whole is held against the record.
     """
     unsound = [sha256 for sha256 in sorted(repo.files.hashes()) if not repo.files.is_sound(sha256)]
-    found = [f"files/{sha256}" for sha256 in unsound if repo.files.path(sha256).exists()]  # else just swept
+    found = [f"files/{sha256}" for sha256 in unsound if repo.files.holds(sha256)]  # else just swept
     for name in ("terrains", "runs"):
         folder = repo.data_dir / name
         for kept in sorted(folder.iterdir()) if folder.is_dir() else ():

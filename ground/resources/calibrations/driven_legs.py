@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from ground.day.prepare import calibration_of, network_heights, rover_parameters
 from ground.errors import ArchiveError, InvalidInputError
+from ground.gdr.packed import read_kept
 
 if TYPE_CHECKING:
     from planner.path_network import Calibration
@@ -72,7 +73,7 @@ def legs_of_run(folder: Path) -> list[DrivenLeg]:
         If the folder is no run, or its rover recorded no odometry and no tracking history.
     """
     try:
-        journal = [json.loads(line) for line in (folder / "journal.jsonl").read_text("utf-8").splitlines()]
+        journal = [json.loads(line) for line in read_kept(folder / "journal.jsonl").decode().splitlines()]
         odometry, history = (_last_table(folder, kind) for kind in ("odometry", "tracking"))
     except (OSError, ValueError) as err:
         raise ArchiveError(f"{folder.name}: no legs can be read: {err}") from err

@@ -13,10 +13,11 @@ from sqlalchemy.orm import Session
 
 from ground.errors import ArchiveError, ConflictError
 from ground.gdr.archives import extract_zip
-from ground.gdr.durable import copy_file, copy_folder
+from ground.gdr.durable import copy_folder
 from ground.gdr.history import ChainRow, Change, open_chain
 from ground.gdr.history import record as write_event
 from ground.gdr.ids import new_id
+from ground.gdr.packed import write_packed
 from ground.gdr.repository import Repository
 from ground.gdr.seals import seal, seal_mission
 from ground.jobs.value import JobState
@@ -65,12 +66,15 @@ def import_mission(repo: Repository, actor: Actor, source: Path, *, name: str | 
         extract_zip(source, folder, max_bytes=int(repo.settings.max_body_mib * 32 * 2**20))
         rows = read_archive(folder)
         _check_terrain(folder / "terrain", rows["terrains"][0])
+        texts = {run[name] for run in rows["runs"] for name in ("trace_sha256", "telemetry_sha256")}
         for sha256 in file_hashes({**rows, "packages": []}):
             try:
-                stored = repo.files.put_file(folder / "files" / sha256).sha256
+                file = folder / "files" / sha256
+                packed = sha256 in texts
+                stored = repo.files.put_packed(file.read_bytes()) if packed else repo.files.put_file(file)
             except OSError as err:
                 raise ArchiveError(f"the archive is damaged: files/{sha256} is missing") from err
-            if stored != sha256:
+            if stored.sha256 != sha256:
                 raise ArchiveError(f"files/{sha256} is not what its name says")
         try:
             with repo.database.write() as session:
@@ -134,7 +138,7 @@ def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows
     for run in rows["runs"]:
         journal = folder / "runs" / run["id"] / JOURNAL
         if journal.is_file():
-            copy_file(journal, repo.run_dir(run["id"]) / JOURNAL)
+            write_packed(repo.run_dir(run["id"]) / JOURNAL, journal.read_bytes())
     return session.get_one(MissionRow, mission_id)
 
 

@@ -17,6 +17,7 @@ from ground.campaigns.result import RESULTS
 from ground.errors import ArchiveError, InvalidInputError
 from ground.gdr.base import Utc
 from ground.gdr.history import GENESIS, event_digest, event_of
+from ground.gdr.packed import is_kept, read_kept
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import require_mission
@@ -70,7 +71,7 @@ def file_hashes(rows: Rows) -> set[str]:
 
 
 def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path) -> None:
-    """Write a mission into a zip archive."""
+    """Write a mission into a zip archive; what is kept packed here is unpacked there, for every reader."""
     actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
         require_mission(session, mission_id)
@@ -79,7 +80,7 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
     files = {f"terrain/{p.name}": p for p in sorted(terrain_dir.iterdir()) if p.name[0] != "."}
     files |= {f"files/{sha256}": repo.files.path(sha256) for sha256 in sorted(file_hashes(rows))}
     journals = {f"runs/{run['id']}/{JOURNAL}": repo.run_dir(run["id"]) / JOURNAL for run in rows["runs"]}
-    files |= {name: path for name, path in journals.items() if path.is_file()}
+    files |= {name: path for name, path in journals.items() if is_kept(path)}
     content = json.dumps(rows, sort_keys=True).encode()
     manifest = {
         "format": FORMAT,
@@ -87,7 +88,7 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
         "name": rows["missions"][0]["name"],
         "files": {
             "rows.json": hashlib.sha256(content).hexdigest(),
-            **{name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()},
+            **{name: hashlib.sha256(read_kept(path)).hexdigest() for name, path in files.items()},
         },
     }
     draft = target.with_name(f".{target.name}.draft")
@@ -95,7 +96,7 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
         archive.writestr("manifest.json", json.dumps(manifest, indent=1, sort_keys=True))
         archive.writestr("rows.json", content)
         for name, path in files.items():
-            archive.write(path, name)
+            archive.writestr(name, read_kept(path), zipfile.ZIP_DEFLATED)
     draft.replace(target)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import orjson
 
 from ground.errors import NotFoundError, StateError
+from ground.gdr.packed import is_kept, read_kept
 from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
 from ground.records.actor import Action, Actor
@@ -45,7 +46,7 @@ def read_trace(repo: Repository, actor: Actor, run_id: str) -> Trace:
     """
     row = _row(repo, actor, run_id)
     live = repo.run_dir(run_id) / LIVE
-    if row.trace_sha256 is None and row.state in GIVEN_UP and live.exists():
+    if row.trace_sha256 is None and row.state in GIVEN_UP and is_kept(live):
         seen = [TraceEvent(e["t_s"], e["event"], e["arguments"]) for e in live_lines_of(live, "trace")]
         return Trace(run_id, row.outcome or row.state, seen[-1].t_s if seen else 0.0, seen)
     if row.trace_sha256 is None:
@@ -72,9 +73,9 @@ def live_lines(repo: Repository, run: Run, after: int) -> list[tuple[str, Any]]:
     An execution that was taken in has no such lines; those of its folder stand in for them, by time.
     """
     path = repo.run_dir(run.id) / LIVE
-    if not path.exists():
+    if not is_kept(path):
         return _lines_of_folder(path.parent)[after:] if run.kind is RunKind.EXECUTION else []
-    lines = path.read_bytes().split(b"\n")[:-1]
+    lines = read_kept(path).split(b"\n")[:-1]
     found = []
     for line in lines[after:]:
         try:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ground.errors import InvalidInputError, StateError
+from ground.gdr.packed import is_kept, read_kept
 from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
 from ground.records.actor import Action, Actor
@@ -43,10 +44,10 @@ def read_snapshot(
         actor.require(Action.READ, row.mission_id)
         complete = JobState(row.state) in OVER
     path = repo.run_dir(run_id) / JOURNAL
-    if not path.exists():
+    if not is_kept(path):
         raise StateError(f"run {run_id} is {row.state} and has no journal here")
     try:
-        records = JournalFile(path).records
+        records = JournalFile(path, read_kept(path)).records
         last = len(records) - 1
         if t_s is not None:
             seq = _last_until(records, round(t_s * 1000))
@@ -56,7 +57,7 @@ def read_snapshot(
             )
         wanted = last if seq is None else seq
         picture = state_at(records, wanted)
-    except ExecutiveError as err:
+    except (ExecutiveError, OSError) as err:
         raise StateError(f"the journal of run {run_id} cannot be read: {err}") from err
     return value_of(run_id, picture, wanted, last, complete)
 

@@ -19,6 +19,7 @@ from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.gdr.base import utc_now
 from ground.gdr.files import FileStore
 from ground.gdr.ids import new_id
+from ground.gdr.packed import is_kept, pack_file, read_kept
 from ground.gdr.terrain_folders import load_cached
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.runs.order import RunWork
@@ -43,10 +44,15 @@ if TYPE_CHECKING:
 
 LIVE = "live.jsonl"
 CONTROL = "control.json"
+JOURNAL = "journal.jsonl"
 LOOK_S = 0.05
 """How long a wish of the operator may wait while the run is held."""
 PROGRESS_S = 5.0
-"""Plan seconds between two reports of the pose while driving."""
+"""Plan seconds between two reports of the pose while driving, where somebody watches at a pace. At full speed
+the abstract rover reports where its even motion changes: readers draw the straight line between reports.
+"""
+OVER = ("trace.jsonl", "telemetry.jsonl")
+"""Files of a run's folder that are in the store too when it is over."""
 MAX_LABEL_BYTES = 64 * 1024
 
 
@@ -192,6 +198,7 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> Doc
                 "profile": order.rover_profile,
                 "problem": order.problem,
                 "sun": asdict(order.sky),
+                "progress_at_bends": order.pace == 0,
             },
             out=folder,
             seed=order.seed,
@@ -222,10 +229,20 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> Doc
     if should_stop():
         raise WorkStoppedError
     report(0.98, "products")
-    return {
-        **read_run_folder(folder, Path(order.files_dir), live.products),
-        "options_taken": list(flight.options_taken()),
-    }
+    result = read_run_folder(folder, Path(order.files_dir), live.products)
+    pack_run(folder)
+    return {**result, "options_taken": list(flight.options_taken())}
+
+
+def pack_run(folder: Path) -> None:
+    """Pack what a run that is over leaves in its folder: lines told while it went on, and the journal.
+
+    Trace and telemetry are in the store; the folder's own go. A run that was given up stays as it is.
+    """
+    for name in (LIVE, JOURNAL):
+        pack_file(folder / name)
+    for name in OVER:
+        (folder / name).unlink()
 
 
 def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document] | None = None) -> Document:
@@ -268,8 +285,8 @@ def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document
         "options_taken": [
             e["arguments"][1] for e in events if e["event"] == "choose" and len(e["arguments"]) > 1
         ],
-        "trace_sha256": store.put_bytes(orjson.dumps(trace)).sha256,
-        "telemetry_sha256": store.put_bytes(orjson.dumps(table)).sha256,
+        "trace_sha256": store.put_packed(orjson.dumps(trace)).sha256,
+        "telemetry_sha256": store.put_packed(orjson.dumps(table)).sha256,
         "products": items,
     }
 
@@ -316,8 +333,8 @@ def live_lines_of(path: Path, wanted: str) -> list[Document]:
     written so far.
     """
     found = []
-    if path.exists():
-        for line in path.read_bytes().split(b"\n")[:-1]:
+    if is_kept(path):
+        for line in read_kept(path).split(b"\n")[:-1]:
             kind, data = json.loads(line)
             if kind == wanted:
                 found.append(data)
