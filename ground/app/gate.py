@@ -29,10 +29,11 @@ logger = logging.getLogger(__name__)
 
 API = "/api/v1/"
 SESSION = "/api/v1/session"
-OPEN = {SESSION, "/api/v1/openapi.json", "/api/v1/docs"}
+FIRST = "/api/v1/first-administrator"
+OPEN = {SESSION, FIRST, "/api/v1/openapi.json", "/api/v1/docs"}
 """Paths that need nobody in particular."""
 UPLOADS = "/api/v1/uploads"
-REPEATABLE = {UPLOADS, SESSION, "/api/v1/api-keys", "/api/v1/people"}
+REPEATABLE = {UPLOADS, SESSION, "/api/v1/api-keys", "/api/v1/people", FIRST}
 """What takes no Idempotency-Key: bodies too large to keep, and what has secrets, of which nobody keeps a
 hash that can be guessed at."""
 ACCESS = ("/api/v1/people", SESSION, "/api/v1/api-keys")
@@ -203,7 +204,7 @@ class Gate:
             return message
 
         key = headers.get("idempotency-key") if method == "POST" and path not in REPEATABLE else None
-        if method == "POST" and path == SESSION:
+        if method == "POST" and path in {SESSION, FIRST}:
             await self._log_in(scope, counted, send)
         elif key is None:
             await self.app(scope, counted, send)

@@ -25,6 +25,7 @@ from ground.jobs.worker import Worker
 from ground.resources.kinds import KINDS
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.people.authentication import Identities
+from ground.resources.people.first_administrator import invite
 from ground.resources.people.log_in_limits import LogInLimits
 from ground.settings import Settings, load_settings
 
@@ -77,10 +78,22 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
     return app
 
 
+def say_how_to_begin(repo: Repository) -> None:
+    """Write the token for the first administrator into the log, where nobody administers the service yet."""
+    token = invite(repo)
+    if token is not None:
+        logger.critical(
+            "nobody administers this service yet: open its page and make the first administrator with the "
+            "one-time token %s",
+            token,
+        )
+
+
 def create_app() -> FastAPI:
     """Return the service as `outcrop serve` runs it: settings from the environment, the database migrated."""
     settings: Settings = load_settings()
     set_up_logging(settings)
     repo = open_repository(settings)
     ensure_profiles(repo)
+    say_how_to_begin(repo)
     return build_app(repo, with_worker=settings.serve_worker, warm=settings.warm_up)

@@ -130,6 +130,7 @@ BY_HAND = {
     "list_rovers": "rover list",
     "read_rover": "rover show",
     "create_session": "api",
+    "create_first_administrator": "api",
     "change_password": "session password",
     "reset_password": "person reset-password",
     "delete_session": "api",

@@ -19,7 +19,9 @@ from sqlalchemy.sql.schema import ScalarElementColumnDefault
 
 from ground.gdr.base import Base, Columns, Utc
 
-UNSEALED = frozenset({"jobs", "credentials", "login_failures", "idempotency_keys", "events", "event_chains"})
+UNSEALED = frozenset(
+    {"jobs", "credentials", "login_failures", "invitations", "idempotency_keys", "events", "event_chains"}
+)
 """Tables of what comes and goes, and of the history, which holds itself together."""
 SECRET = frozenset({"password_hash"})
 """Columns that a backup leaves out."""

@@ -35,7 +35,7 @@ def contents(repo: Repository) -> dict[str, Any]:
         return {
             t.name: sorted(map(str, session.execute(select(t)).all()))
             for t in METADATA.sorted_tables
-            if t.name not in {"credentials", "login_failures", "idempotency_keys"}
+            if t.name not in {"credentials", "login_failures", "invitations", "idempotency_keys"}
         }
 
 

@@ -21,7 +21,7 @@ from ground.gdr.migrate import migrate, newest_revision
 from ground.resources.tables import METADATA
 from mission.codec import Document
 
-LEFT_OUT = frozenset({"credentials", "login_failures", "idempotency_keys"})
+LEFT_OUT = frozenset({"credentials", "login_failures", "invitations", "idempotency_keys"})
 """Tables of sessions, keys and the day's answers; keys of API clients go with the secrets."""
 
 Record = tuple[str, Columns]

@@ -10,11 +10,12 @@ from starlette.datastructures import Headers
 from starlette.requests import Request, cookie_parser
 from starlette.responses import Response
 
-from ground.api.context import Ask, answer, call, no_content
+from ground.api.context import Ask, answer, call, created, no_content
 from ground.errors import AuthenticationError, ForbiddenError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.resources.people import accounts, credentials
+from ground.resources.people.first_administrator import make_first_administrator, wants_administrator
 from ground.resources.people.kind import conceal_missions
 from ground.resources.people.log_in_limits import LogInLimits, address_of, check, pay, refund
 from ground.resources.people.passwords import change_password, may_enter
@@ -22,6 +23,8 @@ from ground.settings import Authentication
 from mission.codec import Document
 
 COOKIE = "outcrop_session"
+NEWCOMER = "\nfirst administrator"
+"""The name under which guesses of the first token are counted; nobody has a line feed in theirs."""
 CSRF_HEADER = "x-csrf-token"
 PROFILE_HEADER = "x-outcrop-person"
 SAFE = {"GET", "HEAD", "OPTIONS"}
@@ -105,6 +108,7 @@ def session_value(repo: Repository, request: Request) -> Document:
         "person": None if actor is None else accounts.person_value(repo, actor),
         "csrf_token": credentials.csrf_token(cookie) if cookie else "",
         "auth": repo.settings.auth.value,
+        "wants_administrator": actor is None and wants_administrator(repo),
     }
 
 
@@ -129,6 +133,16 @@ async def change_own_password(request: Request, ask: Ask, old: str, new: str) ->
     limits.forgive(name, address)
     await call(refund, ask.repo, name, address)
     return no_content()
+
+
+async def be_first(request: Request, repo: Repository, token: str, name: str, password: str) -> Response:
+    """Make the first administrator by the token of the log; a wrong one is paid for like a guess."""
+    limits: LogInLimits = request.app.state.limits
+    address = _address(request)
+    limits.knock(NEWCOMER, address)
+    await call(pay, repo, NEWCOMER, address)
+    person = await check(partial(make_first_administrator, repo, token, name, password))
+    return created(person, f"/api/v1/people/{person.id}")
 
 
 async def log_in(request: Request, repo: Repository, name: str, password: str) -> Response:

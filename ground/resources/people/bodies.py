@@ -26,6 +26,16 @@ class SessionValue(BaseModel):
     person: Person | None
     csrf_token: str
     auth: str
+    wants_administrator: bool = False
+    """Nobody administers this service yet: `POST /first-administrator`."""
+
+
+class FirstAdministrator(Body):
+    """The one-time token of the server's log, and who is to administer."""
+
+    token: Annotated[str, StringConstraints(min_length=1, max_length=100)]
+    name: Name
+    password: Password
 
 
 class PersonCreate(Body):

@@ -13,6 +13,7 @@ from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.resources.people.accounts import create_person as create_person_use_case
 from ground.resources.people.authentication import (
+    be_first,
     change_own_password,
     log_in,
     log_out,
@@ -21,6 +22,7 @@ from ground.resources.people.authentication import (
 )
 from ground.resources.people.bodies import (
     ApiKeyCreate,
+    FirstAdministrator,
     PasswordChange,
     PasswordReset,
     PersonCreate,
@@ -75,6 +77,17 @@ async def create_session(repo: Repo, request: Request, body: SessionCreate) -> R
 async def delete_session(repo: Repo, request: Request) -> Response:
     """Log out."""
     return await log_out(repo, request)
+
+
+@router.post(
+    "/first-administrator",
+    response_model=Person,
+    status_code=201,
+    responses=responses(400, 401, 409, 422, 429),
+)
+async def create_first_administrator(repo: Repo, request: Request, body: FirstAdministrator) -> Response:
+    """Make the first administrator of a new service, with the one-time token of the server's log."""
+    return await be_first(request, repo, body.token, body.name, body.password)
 
 
 @router.put("/session/password", status_code=204, responses=responses(400, 409, 422, 429))

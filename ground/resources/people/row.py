@@ -52,6 +52,16 @@ class SigningKeyRow(Base):
     revoked_utc: Mapped[datetime | None]
 
 
+class InvitationRow(Base):
+    """A token by which the first administrator is made; only its hash is kept."""
+
+    __tablename__ = "invitations"
+
+    id: Mapped[Text40] = mapped_column(primary_key=True)
+    secret_sha256: Mapped[Sha256] = mapped_column(unique=True)
+    expires_utc: Mapped[datetime]
+
+
 class LoginFailureRow(Base):
     """A login that failed; too many of them close the door for a while."""
 

@@ -78,6 +78,9 @@ export async function logIn(name: string, password = ""): Promise<SessionValue> 
   return value;
 }
 
+export const beFirst = (token: string, name: string, password: string): Promise<unknown> =>
+  body(api.POST("/api/v1/first-administrator", { body: { token, name, password } }));
+
 export const logOut = (): Promise<unknown> => body(api.DELETE("/api/v1/session"));
 
 export const changePassword = (old: string, changed: string): Promise<unknown> =>

@@ -39,6 +39,8 @@ class AppState {
   toasts = $state.raw<Toast[]>([]);
   help = $state(false);
   auth = $state("profiles");
+  /** Nobody administers the service yet. */
+  unowned = $state(false);
   title = $state("");
   connected = $state(true);
   readonly testQuality = new URLSearchParams(location.search).get("quality") === "test";
