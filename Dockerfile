@@ -10,7 +10,7 @@ COPY requirements/run.lock /tmp/run.lock
 RUN pip install --no-cache-dir --require-hashes -r /tmp/run.lock && rm /tmp/run.lock
 COPY --from=build /dist/*.whl /tmp/
 RUN pip install --no-cache-dir --no-deps /tmp/outcrop-*.whl && rm /tmp/*.whl \
-    && useradd --create-home outcrop && mkdir -p /var/lib/outcrop && chown outcrop /var/lib/outcrop
+    && useradd --create-home outcrop && mkdir -p -m 700 /var/lib/outcrop /keys /heads && chown outcrop /var/lib/outcrop /keys /heads
 USER outcrop
 ENV OUTCROP_DATA_DIR=/var/lib/outcrop NUMBA_CACHE_DIR=/var/lib/outcrop/numba
 EXPOSE 8000

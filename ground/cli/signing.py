@@ -15,12 +15,13 @@ from ground.cli.failure import fail, refusals
 from ground.cli.resources import group_of
 
 if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-
     from ground.client import Client
+    from ground.uplink.signing_key import SigningKey
 
 Role = Literal["author", "verifier", "approver"]
-KEY = typer.Option(..., "--key", envvar="OUTCROP_KEY", help="one's own private key: see `outcrop keys make`")
+KEY = typer.Option(
+    ..., "--key", envvar="OUTCROP_KEY", help="one's own private key, or the socket of `outcrop keys serve`"
+)
 READ = typer.Argument(..., help="digest of the text that was read: see `outcrop review show`")
 
 
@@ -54,13 +55,13 @@ def register(app: typer.Typer) -> None:
             _sign(client, plan, crl_sha256, key, ("author", "verifier"), "")
 
 
-def register_key(client: Client, private: Ed25519PrivateKey) -> str:
+def register_key(client: Client, private: SigningKey) -> str:
     """Return the name of a key whose public half the server has then."""
     from ground.resources.people.signing_keys import FORM
-    from ground.uplink.keys import id_of, public_text, sign
+    from ground.uplink.keys import id_of
 
-    public, name = public_text(private), _me(client)
-    proof = sign(private, FORM, "owner", name.encode())
+    public, name = private.public_text(), _me(client)
+    proof = private.sign(FORM, "owner", name.encode())
     client.create_signing_key(public=public, proof=proof)
     return id_of(public)
 
@@ -74,11 +75,11 @@ def _me(client: Client) -> str:
 
 def _sign(client: Client, plan: str, crl_sha256: str, file: Path, roles: Sequence[Role], note: str) -> None:
     """Sign the manifest of a plan, after holding it against the plan that was read."""
-    from ground.uplink.keys import load_key, sign
+    from ground.uplink.signing_key import open_key
     from ground.uplink.verify import PACKAGE
 
     with refusals():
-        private = load_key(file)
+        private = open_key(file)
     statement = client.make_statement(plan)
     manifest = json.loads(statement.manifest)
     text = client.get_plan_crl(plan, canonical=True)
@@ -100,7 +101,7 @@ def _sign(client: Client, plan: str, crl_sha256: str, file: Path, roles: Sequenc
             role=role,
             sha256=statement.sha256,
             key=name,
-            signature=sign(private, PACKAGE, role, statement.manifest.encode()),
+            signature=private.sign(PACKAGE, role, statement.manifest.encode()),
             note=note,
         )
         typer.echo(f"{role} of package {statement.counter}: {mine}, key {name}")

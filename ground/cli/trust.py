@@ -62,6 +62,34 @@ def _keys(group: typer.Typer) -> None:
             text = public_text(load_key(file))
             typer.echo(text) if out is None else out.write_text(text + "\n", encoding="ascii")
 
+    @group.command("serve")
+    def serve(
+        file: Path = typer.Argument(..., help="a private key, which this process alone reads"),
+        socket: Path = typer.Option(..., "--socket", help="socket to answer on, for its owner alone"),
+        form: list[str] = typer.Option(
+            ["package/2", "signing-key/1", "audit-head/1"],
+            "--form",
+            help="what may be signed: package/2, signing-key/1, audit-head/1, trust/1; repeatable",
+        ),
+        make: bool = typer.Option(False, "--make", help="make the key where there is none"),
+    ) -> None:
+        """Hold a key and sign over a Unix socket: give the socket as --key. Needs no server."""
+        import signal
+
+        from ground.uplink.keys import id_of, load_key, make_key, public_text
+        from ground.uplink.signer import Signer
+
+        with refusals():
+            key = make_key(file) if make and not file.exists() else load_key(file)
+            signer = Signer(key, socket, frozenset(form))
+        signal.signal(signal.SIGTERM, lambda *_: signer.stop())
+        public = public_text(key)
+        typer.echo(f"key {id_of(public)} signs {', '.join(sorted(form))} at {socket}\npublic {public}")
+        try:
+            signer.serve()
+        except KeyboardInterrupt:
+            signer.stop()
+
     @group.command("register")
     def register_public(
         file: Path = typer.Argument(..., help="a private key; only its public half is sent"),
@@ -70,10 +98,10 @@ def _keys(group: typer.Typer) -> None:
     ) -> None:
         """Register the public half of a key under one's name. Needs a server."""
         from ground.cli.signing import register_key
-        from ground.uplink.keys import load_key
+        from ground.uplink.signing_key import open_key
 
         with refusals():
-            private = load_key(file)
+            private = open_key(file)
         with connected(server, person) as client:
             typer.echo(register_key(client, private))
 

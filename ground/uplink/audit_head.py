@@ -12,19 +12,20 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ground.errors import InvalidInputError
-from ground.uplink.keys import id_of, load_key, load_public, public_text, sign
+from ground.uplink.keys import id_of, load_public
+from ground.uplink.signing_key import open_key
 from ground.uplink.verify import message, public_key, signed_by
 
 FORM, ROLE = "audit-head/1", "auditor"
 
 
 def write_head(target: Path, heads: Mapping[str, tuple[int, str]], key: Path) -> None:
-    """Write heads, by chain the number and SHA-256 of its newest event, signed with a private key."""
-    private = load_key(key)
+    """Write heads, by chain number and SHA-256 of its newest event, signed with a key or by its signer."""
+    private = open_key(key)
     made = datetime.now(UTC).isoformat(timespec="seconds")
     said = json.dumps({"format": FORM, "made_utc": made, "heads": dict(heads)}, sort_keys=True)
-    public = public_text(private)
-    signature = sign(private, FORM, ROLE, said.encode())
+    public = private.public_text()
+    signature = private.sign(FORM, ROLE, said.encode())
     document = {"said": said, "key": id_of(public), "public": public, "signature": signature}
     target.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
