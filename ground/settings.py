@@ -7,8 +7,9 @@ from enum import StrEnum
 from importlib.util import find_spec
 from ipaddress import ip_network
 from pathlib import Path
+from typing import Literal
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, SecretStr, ValidationError, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -79,6 +80,14 @@ class Settings(BaseSettings):
     """
     cookie_secure: bool = False
     """Send session cookies over https only."""
+    public_url: str = ""
+    """Address of the service as browsers see it, such as `https://ops.example`; needed with a provider."""
+    oidc_issuer: str = ""
+    """Issuer of an OpenID Connect provider by which people may log in beside passwords."""
+    oidc_client_id: str = ""
+    oidc_client_secret: SecretStr = SecretStr("")
+    oidc_role: Literal["none", "viewer", "scientist", "planner", "flight_director", "operator"] = "none"
+    """What somebody may who comes by the provider for the first time."""
     log_level: str = "info"
     log_format: str = "text"
     """`text` or `json`."""
@@ -166,9 +175,25 @@ def load_settings(**given: object) -> Settings:
         raise SettingsError(
             "OUTCROP_EXECUTOR='distributed': the package distributed is not installed (extra `cluster`)"
         )
+    if settings.oidc_issuer:
+        _check_provider(settings)
     if settings.auth is Authentication.PROFILES and not settings.is_loopback:
         raise SettingsError(
             f"OUTCROP_HOST={settings.host!r}: profiles without passwords are for loopback only; set "
             "OUTCROP_AUTH=accounts"
         )
     return settings
+
+
+def _check_provider(settings: Settings) -> None:
+    if settings.auth is not Authentication.ACCOUNTS:
+        raise SettingsError("OUTCROP_OIDC_ISSUER: a provider is for accounts; set OUTCROP_AUTH=accounts")
+    for name, value in (("CLIENT_ID", settings.oidc_client_id), ("ISSUER", settings.oidc_issuer)):
+        if not value:
+            raise SettingsError(f"OUTCROP_OIDC_{name}='': the provider's is needed")
+    for name, address in (("OIDC_ISSUER", settings.oidc_issuer), ("PUBLIC_URL", settings.public_url)):
+        local = address.startswith(("http://localhost", "http://127.0.0.1"))
+        if not address.startswith("https://") and not local:
+            raise SettingsError(f"OUTCROP_{name}={address!r}: give an address with https://")
+    if find_spec("authlib") is None:
+        raise SettingsError("OUTCROP_OIDC_ISSUER: the package authlib is not installed (extra `oidc`)")

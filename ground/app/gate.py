@@ -30,7 +30,7 @@ logger = logging.getLogger(__name__)
 API = "/api/v1/"
 SESSION = "/api/v1/session"
 FIRST = "/api/v1/first-administrator"
-OPEN = {SESSION, FIRST, "/api/v1/openapi.json", "/api/v1/docs"}
+OPEN = {SESSION, FIRST, "/api/v1/oidc/login", "/api/v1/oidc/callback", "/api/v1/openapi.json", "/api/v1/docs"}
 """Paths that need nobody in particular."""
 UPLOADS = "/api/v1/uploads"
 REPEATABLE = {UPLOADS, SESSION, "/api/v1/api-keys", "/api/v1/people", FIRST}

@@ -8,13 +8,13 @@ from typing import Any
 
 from starlette.datastructures import Headers
 from starlette.requests import Request, cookie_parser
-from starlette.responses import Response
+from starlette.responses import RedirectResponse, Response
 
 from ground.api.context import Ask, answer, call, created, no_content
 from ground.errors import AuthenticationError, ForbiddenError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
-from ground.resources.people import accounts, credentials
+from ground.resources.people import accounts, credentials, oidc
 from ground.resources.people.first_administrator import make_first_administrator, wants_administrator
 from ground.resources.people.kind import conceal_missions
 from ground.resources.people.log_in_limits import LogInLimits, address_of, check, pay, refund
@@ -23,6 +23,9 @@ from ground.settings import Authentication
 from mission.codec import Document
 
 COOKIE = "outcrop_session"
+ATTEMPT = "outcrop_oidc"
+PROVIDER = "\nprovider"
+"""The name under which failed log-ins by a provider are counted; nobody has a line feed in theirs."""
 NEWCOMER = "\nfirst administrator"
 """The name under which guesses of the first token are counted; nobody has a line feed in theirs."""
 CSRF_HEADER = "x-csrf-token"
@@ -108,6 +111,7 @@ def session_value(repo: Repository, request: Request) -> Document:
         "person": None if actor is None else accounts.person_value(repo, actor),
         "csrf_token": credentials.csrf_token(cookie) if cookie else "",
         "auth": repo.settings.auth.value,
+        "provider": bool(repo.settings.oidc_issuer),
         "wants_administrator": actor is None and wants_administrator(repo),
     }
 
@@ -178,16 +182,60 @@ async def log_in(request: Request, repo: Repository, name: str, password: str) -
     seen = conceal_missions(actor, person)
     content = {"person": seen, "csrf_token": token, "auth": repo.settings.auth.value}
     response = answer(content, 201)
+    _give(repo, response, secret)
+    return response
+
+
+async def go_to_provider(repo: Repository) -> Response:
+    """Send the browser to the provider; what it has to bring back stands in a cookie of ten minutes."""
+    page, attempt = await call(oidc.begin, repo.settings)
+    response = RedirectResponse(page, 303)
+    # Lax: the way back comes from another site, and has to bring it along.
+    response.set_cookie(
+        ATTEMPT,
+        attempt.text,
+        max_age=600,
+        httponly=True,
+        samesite="lax",
+        secure=_secure(repo),
+        path=oidc.PATH,
+    )
+    return response
+
+
+async def come_from_provider(request: Request, repo: Repository, code: str, state: str) -> Response:
+    """Open a session for who the provider says it is; a failed one is paid for like a guess."""
+    attempt = oidc.attempt_of(request.cookies.get(ATTEMPT, ""), state)
+    limits: LogInLimits = request.app.state.limits
+    address = _address(request)
+    limits.knock(PROVIDER, address)
+    await call(pay, repo, PROVIDER, address)
+    identity = await call(oidc.finish, repo.settings, code, attempt)
+    person = await call(oidc.enter, repo, identity)
+    limits.forgive(PROVIDER, address)
+    await call(refund, repo, PROVIDER, address)
+    secret = await call(credentials.open_session, repo, person, request.headers.get("user-agent", ""))
+    response = RedirectResponse("/", 303)
+    response.delete_cookie(ATTEMPT, path=oidc.PATH)
+    _give(repo, response, secret)
+    return response
+
+
+def _secure(repo: Repository) -> bool:
+    return repo.settings.cookie_secure or repo.settings.public_url.startswith("https:")
+
+
+def _give(repo: Repository, response: Response, secret: str) -> None:
+    """Set the cookie of a session."""
     response.set_cookie(
         COOKIE,
         secret,
         max_age=int(repo.settings.session_hours * 3600),
         httponly=True,
         samesite="strict",
-        secure=repo.settings.cookie_secure,
+        secure=_secure(repo),
         path="/",
     )
-    return response
 
 
 async def log_out(repo: Repository, request: Request) -> Response:

@@ -26,6 +26,8 @@ class SessionValue(BaseModel):
     person: Person | None
     csrf_token: str
     auth: str
+    provider: bool = False
+    """Whether one may log in by an OpenID Connect provider: `GET /oidc/login`."""
     wants_administrator: bool = False
     """Nobody administers this service yet: `POST /first-administrator`."""
 

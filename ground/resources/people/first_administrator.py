@@ -31,7 +31,8 @@ VALID = timedelta(hours=24)
 def has_administrator(session: Session) -> bool:
     """Say whether somebody may administer and can log in."""
     query = select(PersonRow.id).where(PersonRow.role == Role.ADMIN.value, PersonRow.active)
-    return session.scalars(query.where(PersonRow.password_hash.is_not(None))).first() is not None
+    enters = PersonRow.password_hash.is_not(None) | PersonRow.external_sha256.is_not(None)
+    return session.scalars(query.where(enters)).first() is not None
 
 
 def wants_administrator(repo: Repository) -> bool:

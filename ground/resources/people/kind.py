@@ -29,5 +29,5 @@ PERSON = Kind(
     make=PersonCreate,
     change=PersonChange,
     conceal=conceal_missions,
-    unseen=frozenset({"password_hash"}),
+    unseen=frozenset({"password_hash", "external_sha256"}),
 )

@@ -15,6 +15,8 @@ from ground.resources.people.accounts import create_person as create_person_use_
 from ground.resources.people.authentication import (
     be_first,
     change_own_password,
+    come_from_provider,
+    go_to_provider,
     log_in,
     log_out,
     secret_of,
@@ -43,6 +45,7 @@ from ground.resources.people.signing_keys import list_signing_keys as list_signi
 from ground.resources.people.signing_keys import register_signing_key, revoke_signing_key
 from ground.resources.people.value import ApiKey, NewApiKey, OpenSession, Person, SigningKey
 
+FromProvider = Annotated[str, Query(min_length=1, max_length=4000)]
 Everyone = Annotated[bool, Query(description="everybody's, for administrators")]
 
 router = resource_routes(
@@ -88,6 +91,19 @@ async def delete_session(repo: Repo, request: Request) -> Response:
 async def create_first_administrator(repo: Repo, request: Request, body: FirstAdministrator) -> Response:
     """Make the first administrator of a new service, with the one-time token of the server's log."""
     return await be_first(request, repo, body.token, body.name, body.password)
+
+
+# For browsers alone, which follow them: no part of the interface that programs speak.
+@router.get("/oidc/login", include_in_schema=False)
+async def begin_oidc(repo: Repo) -> Response:
+    """Go to the OpenID Connect provider to log in."""
+    return await go_to_provider(repo)
+
+
+@router.get("/oidc/callback", include_in_schema=False)
+async def finish_oidc(repo: Repo, request: Request, code: FromProvider, state: FromProvider) -> Response:
+    """Come back from the provider: sets the session cookie and goes to the page."""
+    return await come_from_provider(request, repo, code, state)
 
 
 @router.put("/session/password", status_code=204, responses=responses(400, 409, 422, 429))

@@ -19,6 +19,8 @@ class PersonRow(Row):
     mission_roles: Mapped[dict[str, Any]]
     active: Mapped[bool] = mapped_column(default=True)
     password_hash: Mapped[Long | None]
+    external_sha256: Mapped[Sha256 | None] = mapped_column(unique=True)
+    """Of issuer and subject, where the person comes by an OpenID Connect provider."""
 
 
 class CredentialRow(Base):

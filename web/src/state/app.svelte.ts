@@ -41,6 +41,7 @@ class AppState {
   auth = $state("profiles");
   /** Nobody administers the service yet. */
   unowned = $state(false);
+  provider = $state(false);
   title = $state("");
   connected = $state(true);
   readonly testQuality = new URLSearchParams(location.search).get("quality") === "test";
