@@ -344,8 +344,11 @@ class LiveRuntime:
         """Be the owner until the plan is over; starts and ends the threads."""
         self._start_threads()
         try:
-            while not self.session.over and not self._stopping.is_set():
-                self.turn()
+            while not self.session.over:
+                with self._owner:  # the journal is not closed within a round, nor is there one after it
+                    if self._stopping.is_set():
+                        break
+                    self._turn()
                 self.mailbox.wait(self._pause_s() if not self.session.over else 0.0)
         finally:
             self.shut_down()
@@ -360,7 +363,8 @@ class LiveRuntime:
                 thread.join(timeout=5)
         self._threads = []
         if self._own_sink and self._sink is not None:
-            self._sink.close()
+            with self._owner:
+                self._sink.close()
 
     def _pause_s(self) -> float:
         """Return how long the owner may wait if nothing is posted."""
