@@ -57,6 +57,7 @@ PLACES = {
     "undo": "history undo",
     "redo": "history redo",
     "list_history": "history list",
+    "get_mission_as_of": "history as-of",
     "create_path_network": "network make",
     "compare_plans": "review compare",
     "create_waiver": "review waive",

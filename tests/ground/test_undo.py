@@ -15,11 +15,13 @@ from ground.records.edit import open_for_change, update
 from ground.resources.frames.row import FrameRow
 from ground.resources.history.undo import redo, undo
 from ground.resources.kinds import KINDS
+from ground.resources.mission_archives.import_mission import import_mission
 from ground.resources.missions.value import Mission
 from ground.resources.solutions.choose_solution import GivenSolution, insert_solution
 from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import create_target
 from ground.resources.targets.row import TargetRow
+from studies.flipped_bits import ARCHIVE
 from studies.undo_in_any_order import BAD, digest, study
 from tests.ground.conftest import PLANNER, Api
 
@@ -173,3 +175,43 @@ def test_the_digest_sees_a_change(api: Api, mission: Mission, repo: Repository, 
     before = digest(repo, mission.id)
     change(api, f"/targets/{rock['id']}", {"notes": "flat"})
     assert digest(repo, mission.id) != before
+
+
+def test_a_mission_is_looked_at_as_any_event_left_it(
+    api: Api, mission: Mission, rock: dict[str, Any]
+) -> None:
+    made = last(api, mission)
+    change(api, f"/targets/{rock['id']}", {"name": "Slab"})
+    renamed = last(api, mission)
+    assert api("DELETE", f"/targets/{rock['id']}", headers={"If-Match": "*"}).status_code == 204
+    gone = last(api, mission)
+    api.post(f"/missions/{mission.id}/undo", {}, 200)
+    url = f"/missions/{mission.id}/as-of"
+
+    def names(event: int) -> list[str]:
+        return [target["name"] for target in api.get(f"{url}/{event}")["parts"].get("targets", [])]
+
+    assert [names(event) for event in (1, made, renamed, gone, gone + 1)] == [
+        [],
+        ["Rock"],
+        ["Slab"],
+        [],
+        ["Slab"],
+    ]
+    assert api.get(f"{url}/{made}")["mission"]["name"] == "Yard"
+    assert api("GET", f"{url}/999").status_code == 404
+    copy = api.post(f"/missions/{mission.id}/copy", {"name": "Copy"})["id"]
+    newest = int(api.get(f"/missions/{copy}/history?newest_first=true&limit=1")["items"][0]["seq"])
+    parts = api.get(f"/missions/{copy}/as-of/{newest}")["parts"]
+    assert [target["name"] for target in parts["targets"]] == ["Slab"]
+
+
+def test_what_came_with_an_archive_is_there_as_of_its_import(api: Api) -> None:
+    mission = import_mission(api.repo, SYSTEM_ACTOR, ARCHIVE).id
+    newest = int(api.get(f"/missions/{mission}/history?newest_first=true&limit=1")["items"][0]["seq"])
+    (near, *_) = api.get(f"/missions/{mission}/targets")["items"]
+    change(api, f"/targets/{near['id']}", {"name": "Slab"})
+    assert api("DELETE", f"/targets/{near['id']}", headers={"If-Match": "*"}).status_code == 204
+    parts = api.get(f"/missions/{mission}/as-of/{newest}")["parts"]
+    assert {target["name"] for target in parts["targets"]} == {"Near", "Far"}
+    assert len(parts["observation_requests"]) == 3

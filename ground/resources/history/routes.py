@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import Query
+from fastapi import Path, Query
 from starlette.responses import Response
 
 from ground.api.context import Asked, Id, Limit, answer, api_router
@@ -12,6 +12,7 @@ from ground.api.problems import responses
 from ground.records.forms import Page
 from ground.records.list_history import Event
 from ground.records.list_history import list_history as list_history_use_case
+from ground.resources.history.as_of import MissionAsOf, mission_as_of
 from ground.resources.history.bodies import UndoBody
 from ground.resources.history.undo import redo as redo_use_case
 from ground.resources.history.undo import undo as undo_use_case
@@ -31,6 +32,14 @@ async def list_history(
     return answer(
         await ask.do(list_history_use_case, mission_id, after=after, limit=limit, newest_first=newest_first)
     )
+
+
+@router.get("/missions/{mission_id}/as-of/{event}", response_model=MissionAsOf, responses=responses(404, 422))
+async def get_mission_as_of(
+    ask: Asked, mission_id: Id, event: Annotated[int, Path(ge=1, le=2**53, description="number of the event")]
+) -> Response:
+    """Look at a mission and its parts as an event left them."""
+    return answer(await ask.do(mission_as_of, mission_id, event))
 
 
 @router.post(
