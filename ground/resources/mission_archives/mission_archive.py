@@ -14,7 +14,7 @@ from sqlalchemy import JSON, select
 from sqlalchemy.orm import Session
 
 from ground.campaigns.result import RESULTS
-from ground.errors import ArchiveError, InvalidInputError
+from ground.errors import ArchiveError, InvalidInputError, StateError
 from ground.gdr.base import Utc
 from ground.gdr.history import GENESIS, event_digest, event_of
 from ground.gdr.packed import is_kept, read_kept
@@ -78,8 +78,16 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
         rows = _rows(session, mission_id)
     terrain_dir = repo.terrain_dir(rows["terrains"][0]["id"])
     files = {f"terrain/{p.name}": p for p in sorted(terrain_dir.iterdir()) if p.name[0] != "."}
-    files |= {f"files/{sha256}": repo.files.path(sha256) for sha256 in sorted(file_hashes(rows))}
+    try:
+        files |= {f"files/{sha256}": repo.files.path(sha256) for sha256 in sorted(file_hashes(rows))}
+    except (ValueError, TypeError) as err:
+        raise StateError("a row of the mission names a file by something that is no SHA-256") from err
     journals = {f"runs/{run['id']}/{JOURNAL}": repo.run_dir(run["id"]) / JOURNAL for run in rows["runs"]}
+    for name, path in files.items():
+        if not path.is_file():
+            raise StateError(
+                f"{name} of the mission is gone here; `outcrop check --contents` names all that is"
+            )
     files |= {name: path for name, path in journals.items() if is_kept(path)}
     content = json.dumps(rows, sort_keys=True).encode()
     manifest = {

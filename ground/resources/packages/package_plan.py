@@ -21,7 +21,15 @@ from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
 from ground.uplink.package import Signature, write_package
-from ground.uplink.verify import PACKAGE, SIGNERS, message, public_key, signed_by
+from ground.uplink.verify import (
+    PACKAGE,
+    SIGNERS,
+    RefusedError,
+    message,
+    public_key,
+    read_package,
+    signed_by,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +58,7 @@ def package_plan(repo: Repository, actor: Actor, plan_id: str) -> MadePackage:
         actor.require(Action.UPLINK, plan.mission_id)
         made = session.scalars(select(PackageRow).where(PackageRow.plan_id == plan.id)).first()
         if made is not None:
-            content = repo.files.read(made.sha256)
-            return MadePackage(_name(plan, made.sequence), made.sequence, made.sha256, content)
+            return _made_before(repo, plan, made)
         if plan.state != PlanState.APPROVED.value:
             raise StateError(f"plan {plan.number} is {plan.state}; only an approved plan is uplinked")
         statement = current_statement(session, plan)
@@ -77,6 +84,21 @@ def package_plan(repo: Repository, actor: Actor, plan_id: str) -> MadePackage:
         record(session, plan.mission_id, Change(actor.name, "package", "plan", plan.id, None, after))
         update(session, actor, PLAN, plan, {"state": PlanState.UPLINKED.value}, action="uplink")
         return MadePackage(_name(plan, row.sequence), row.sequence, stored.sha256, content)
+
+
+def _made_before(repo: Repository, plan: PlanRow, made: PackageRow) -> MadePackage:
+    """Return a package that went out before; raise `StateError` if it is not in the store as it was."""
+    damaged = StateError(
+        f"the package of plan {plan.number} is gone or damaged in the store; restore it from a backup"
+    )
+    try:
+        if not repo.files.is_sound(made.sha256):
+            raise damaged
+        content = repo.files.read(made.sha256)
+        counter = read_package(content).counter
+    except (ValueError, OSError, RefusedError) as err:
+        raise damaged from err
+    return MadePackage(_name(plan, counter), counter, made.sha256, content)
 
 
 def _name(plan: PlanRow, sequence: int) -> str:

@@ -117,6 +117,8 @@ def _check_role(session: Session, actor: Actor, plan: PlanRow, statement: Statem
     signed = session.scalars(select(SignatureRow).where(SignatureRow.statement_id == statement.id)).all()
     if any((s.role, s.author) == (given.role, actor.name) for s in signed):
         raise ConflictError(f"{actor.name} signed plan {plan.number} as {given.role} before")
+    if any((s.role, s.key_id) == (given.role, given.key) for s in signed):
+        raise ConflictError(f"the key {given.key} signed plan {plan.number} as {given.role} before")
     verifier = json.loads(statement.manifest)["verification"]["verifier"]
     wanted = {"author": plan.author, "verifier": verifier}.get(given.role, actor.name)
     if wanted != actor.name:

@@ -116,9 +116,26 @@ _OUT = {PlanState.UPLINKED.value, PlanState.EXECUTED.value}
 
 
 def last_statement(session: Session, plan: PlanRow) -> StatementRow | None:
-    """Return the newest statement of a plan."""
+    """Return the newest statement of a plan; one whose row was changed afterwards is none."""
     query = select(StatementRow).where(StatementRow.plan_id == plan.id).order_by(StatementRow.counter.desc())
-    return session.scalars(query.limit(1)).first()
+    return next((row for row in session.scalars(query) if _is_whole(row)), None)
+
+
+def _is_whole(row: StatementRow) -> bool:
+    """Return whether a statement's text is that of its digest, and says what is read of it."""
+    manifest, landmarks = str(row.manifest), str(row.landmarks)  # SQLite keeps what is put into a column
+    if manifest != row.manifest or landmarks != row.landmarks:
+        return False
+    if hashlib.sha256(manifest.encode("utf-8", "surrogatepass")).hexdigest() != row.sha256:
+        return False
+    try:
+        said = json.loads(manifest)
+        aware = datetime.fromisoformat(said["expires_utc"]).tzinfo is not None
+        named = [said["verification"]["run"], said["verification"]["verifier"]]
+        same = bool(said["counter"] == row.counter)
+        return aware and same and all(isinstance(name, str) for name in named)
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return False
 
 
 def current_statement(session: Session, plan: PlanRow) -> StatementRow | None:
