@@ -49,6 +49,7 @@ STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
     errors.TooManyAttemptsError: (429, "too-many-attempts", "Too many attempts"),
     errors.TooLargeError: (413, "too-large", "The body is too large"),
     errors.UnavailableError: (503, "unavailable", "A part that is needed is not there"),
+    errors.BusyError: (503, "unavailable", "A part that is needed is not there"),
     errors.JobFailedError: (422, "job-failed", "The work ended without a result"),
 }
 """Status, stable type and title of each error class."""

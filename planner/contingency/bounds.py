@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from planner.contingency.linear_program import solved
 from planner.contingency.policy import LiveSets, Moves, Policy, TooLargeError
 from planner.evaluate.grid import Grid, Rounding, probability_below
 from planner.evaluate.model import Model
-from planner.tally import SECONDS, Step
+from planner.tally import SECONDS, Step, now_s
 
 GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 385, 513, 769))
 """Nodes in time and energy."""
@@ -33,6 +34,11 @@ MANY_OBSERVATIONS = 60
 
 MARGIN = 2e-5
 """Relative allowance for single precision in the tables."""
+
+LATE = 2.0
+"""A table that takes so much longer than reckoned (many ways back) is given up for the next coarser one."""
+
+BY_TABLE = "dynamic programming, consumption rounded down"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,22 +89,25 @@ def upper_bound(
     for live in every:
         here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
         drives += (4 * here + model.n) * model.n // 4  # those that win nothing are looked at once
-    chosen: tuple[int, int] | None = None
+    fitting: list[tuple[int, int]] = []
     for nt, ng in GRIDS:
         each = nt * ng * ((nt + ng) * SECONDS[Step.CELL] + SECONDS[Step.ELEMENT])
         cost = drives * (each + SECONDS[Step.DRIVE])
         size_mb = len(every) * (model.n + 1) * nt * ng * 4 / 1e6
         if size_mb <= TABLE_MB and cost <= limit_s:
-            chosen = nt, ng
-    if chosen is None:
-        return relaxed()
-    policy = Policy(Grid(model, *chosen, Rounding.DOWN, np.float32), moves=Moves.ALL)
-    if not policy.complete:
-        return relaxed()
-    value = policy.best() * (1.0 + MARGIN) + 1e-9
-    if value < best.value:
-        best = Bound(value, "dynamic programming, consumption rounded down", chosen)
-    return best
+            fitting.append((nt, ng))
+    for chosen in reversed(fitting):
+        grid = Grid(model, *chosen, Rounding.DOWN, np.float32)
+        late = partial(_is_past, now_s() + LATE * limit_s)
+        policy = Policy(grid, moves=Moves.ALL, should_stop=late)
+        if policy.complete:
+            value = policy.best() * (1.0 + MARGIN) + 1e-9
+            return min(best, Bound(value, BY_TABLE, chosen), key=lambda bound: bound.value)
+    return relaxed()
+
+
+def _is_past(until_s: float) -> bool:
+    return now_s() > until_s
 
 
 def _within(ln: tuple[float, float], cells: int, step: float) -> np.ndarray[Any, Any]:

@@ -308,7 +308,7 @@ class Policy:
     def _fill(self, start_sets: set[int], should_stop: Callable[[], bool]) -> bool:
         model, table = self.model, self.table
         for s, live in enumerate(self.lives):
-            if s % 16 == 0 and should_stop():
+            if should_stop():
                 return False
             stays = self.during.get(live)
             if stays is not None:
