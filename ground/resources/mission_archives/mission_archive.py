@@ -84,7 +84,7 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
         raise StateError("a row of the mission names a file by something that is no SHA-256") from err
     journals = {f"runs/{run['id']}/{JOURNAL}": repo.run_dir(run["id"]) / JOURNAL for run in rows["runs"]}
     for name, path in files.items():
-        if not path.is_file():
+        if not is_kept(path):
             raise StateError(
                 f"{name} of the mission is gone here; `outcrop check --contents` names all that is"
             )
