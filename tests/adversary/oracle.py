@@ -105,7 +105,10 @@ class Rover:
             self.count("twice", str(begun))
 
     def _approved(self, head: bytes, files: dict[str, bytes]) -> bool:
-        given = {s["role"]: s for s in json.loads(files["signatures.json"])["signatures"]}
+        try:
+            given = {s["role"]: s for s in json.loads(files["signatures.json"])["signatures"]}
+        except (KeyError, TypeError, ValueError):
+            return False
         keys = {"author": self.team.author, "verifier": self.team.author, "approver": self.team.approver}
         people = set()
         for role, key in keys.items():
