@@ -8,6 +8,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from sqlalchemy import update
 
 from ground.gdr.base import utc_now
@@ -17,6 +18,9 @@ from ground.resources.people.accounts import ensure_profiles
 from ground.resources.people.log_in_limits import TRIES
 from ground.resources.people.password_hash import hash_of
 from ground.resources.people.row import CredentialRow, PersonRow
+from ground.resources.people.signing_keys import FORM
+from ground.uplink.keys import public_text, sign
+from tests.ground.approving import registered
 from tests.ground.conftest import Api, open_api, settings_for, yard
 from tests.ground.test_missions_api import problem
 
@@ -159,11 +163,24 @@ def test_a_narrowed_key_does_no_more_than_it_is_for(team: Api, terrain_folder: P
         ("DELETE", "/api-keys/key-x", None),
         ("PUT", "/session/password", {"old": PASSWORD, "new": ANOTHER}),
         ("PUT", "/people/psn-x/password", {"password": ANOTHER}),
+        ("POST", "/signing-keys", {"public": "A" * 43 + "=", "proof": "A" * 86 + "=="}),
+        ("DELETE", "/signing-keys/key-x", None),
     ],
 )
 def test_a_narrowed_key_makes_no_other_way_in(team: Api, method: str, path: str, body: object) -> None:
     key = key_of(team, log_in(team, "Ada"), role="admin")
     problem(team(method, path, body, headers=key), 403, "forbidden")
+
+
+def test_a_narrowed_key_leaves_its_owners_signing_keys_alone(team: Api) -> None:
+    cy, mine, other = log_in(team, "Cy"), Ed25519PrivateKey.generate(), Ed25519PrivateKey.generate()
+    known = registered(team, "Cy", mine, headers=cy)
+    narrow = key_of(team, cy, role="viewer")
+    taken = {"public": public_text(other), "proof": sign(other, FORM, "owner", b"Cy")}
+    problem(team("POST", "/signing-keys", taken, headers=narrow), 403, "forbidden")
+    problem(team("DELETE", f"/signing-keys/{known}", headers=narrow), 403, "forbidden")
+    (listed,) = team.get("/signing-keys", headers=cy)
+    assert (listed["id"], listed["revoked_utc"]) == (known, None)
 
 
 def test_a_key_that_is_outdated_opens_nothing_and_is_not_listed(team: Api) -> None:

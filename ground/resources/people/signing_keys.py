@@ -37,11 +37,14 @@ def register_signing_key(
 
     Raises
     ------
+    ForbiddenError
+        If a narrowed API key asks: signatures are its owner's matter.
     InvalidInputError
         If it is no key, or the proof is not the key's signature over the actor's name.
     ConflictError
         If the key is somebody else's, or was revoked.
     """
+    actor.require_person()
     identifier = id_of(public)
     if not signed_by(public_key(public), proof, message(FORM, "owner", actor.name.encode())):
         raise InvalidInputError(f"the proof is not the key's signature for {actor.name}", pointer="/proof")
@@ -60,7 +63,16 @@ def register_signing_key(
 
 
 def revoke_signing_key(repo: Repository, actor: Actor, key_id: str) -> None:
-    """Take back a key of one's own, or anybody's for an administrator; a trust file is another matter."""
+    """Take back a key of one's own, or anybody's for an administrator; a trust file is another matter.
+
+    Raises
+    ------
+    ForbiddenError
+        If it is somebody else's, or a narrowed API key asks.
+    NotFoundError
+        If there is none.
+    """
+    actor.require_person()
     with repo.database.write() as session:
         row = session.get(SigningKeyRow, key_id)
         if row is None:
