@@ -35,6 +35,11 @@ class Registry:
         """Return the names of all of them, sorted; none is imported for it."""
         return sorted(self._points())
 
+    def own_names(self) -> list[str]:
+        """Return the names of the product's own, sorted, without those whose place a package's took."""
+        points = self._points()
+        return sorted(name for name, own in self._built_in.items() if points[name].value == own.value)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self.names())
 

@@ -26,6 +26,29 @@ def rover_names() -> list[str]:
     return ROVERS.names()
 
 
+def simulated_rover_names() -> list[str]:
+    """Return the names of the rovers that come with the program, all simulated.
+
+    What a package announces may be a real rover, also under one of these names, which then is not among them.
+    """
+    return ROVERS.own_names()
+
+
+def require_simulated(name: str) -> None:
+    """Raise unless a rover is one of those that come with the program.
+
+    Raises
+    ------
+    RoverError
+        If it is not; it may drive a real rover.
+    """
+    known = simulated_rover_names()
+    if name not in known:
+        raise RoverError(
+            f"a training rover is simulated, by one of {', '.join(known)}; {name!r} is none of them"
+        )
+
+
 def find_rover(name: str) -> Callable[..., Rover]:
     """Return the factory of a rover: `make_rover(world, *, out, seed, faults, progress_s, ...)`.
 

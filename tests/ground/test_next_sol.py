@@ -2,18 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from ground.errors import InvalidInputError
+from ground.errors import InvalidInputError, JobFailedError
+from ground.resources.executions.order import ExecutionWork
+from ground.resources.executions.work import work
 from ground.uplink.training import TRUST_FILE, TrainedSigner, training_trust
 from ground.uplink.trust import checked
+from mission import Sky, plugins
+from rover_iface.errors import RoverError
+from rover_iface.registry import require_simulated, simulated_rover_names
 from tests.ground.approving import public_text, signed_by_all, team_of
 from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem
+
+ORDER = ExecutionWork(
+    "run-1",
+    mission="m1",
+    counter=1,
+    rover_dir="/nowhere/rover",
+    package_path="/nowhere/package",
+    run_dir="/nowhere/run",
+    files_dir="/nowhere/files",
+    terrain_dir="/nowhere/terrain",
+    problem={"budget": {"time_s": 1.0}},
+    rover="abstract",
+    seed=1,
+    rover_profile="reference",
+    sky=Sky(),
+    signers=(),
+)
+"""An order for nothing that is there."""
 
 
 def uplinked(api: Api, mission: Any, keys: Path) -> dict[str, Any]:
@@ -70,6 +95,23 @@ def test_a_sol_is_executed_and_the_next_begins_where_it_ended(
     assert all(r["state_reason"].startswith("carried over from sol 1") for r in left)
     again = problem(api("POST", f"/runs/{run['id']}/next-sol"), 409, "wrong-state")
     assert "sol 2 was opened after sol 1 already" in again["detail"]
+
+
+def test_no_rover_but_a_simulated_one_of_ours_is_for_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert simulated_rover_names() == ["abstract", "full", "subframe"]
+    real = EntryPoints(
+        [EntryPoint(name, "json:loads", "outcrop.rovers") for name in ("hound", "subframe")]  # type: ignore[no-untyped-call]
+    )
+    monkeypatch.setattr(plugins, "entry_points", lambda group: real.select(group=group))
+    for name in ("hound", "subframe"):
+        with pytest.raises(
+            RoverError, match=f"simulated, by one of abstract, full; '{name}' is none of them"
+        ):
+            require_simulated(name)
+        order = replace(ORDER, rover=name)
+        with pytest.raises(JobFailedError, match="is none of them"):
+            work(order, lambda _part, _what: None, lambda: False)
+    require_simulated("abstract")
 
 
 def test_a_rehearsal_ends_no_sol(sqlite_api: Api, terrain_folder: Path) -> None:

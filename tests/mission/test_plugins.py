@@ -32,6 +32,7 @@ def test_packages_add_to_what_is_built_in() -> None:
 
     assert registry.load("dumps") is json.dumps
     assert registry.load("json") is json.loads, "an announced one takes the place of a built-in"
+    assert registry.own_names() == ["dumps"]
 
 
 @pytest.mark.usefixtures("announced")

@@ -36,18 +36,19 @@ def execute_plan(repo: Repository, actor: Actor, plan_id: str, given: ExecutionC
     Raises
     ------
     InvalidInputError
-        If the rover is not installed.
+        If the rover is none of the simulated ones that come with the program.
     StateError
         If the plan has no package yet, or is being executed.
     AlreadyExecutedError
         If a run of its package was taken in.
     """
-    from rover_iface.registry import rover_names
+    from rover_iface.errors import RoverError
+    from rover_iface.registry import require_simulated
 
-    if given.rover not in rover_names():
-        raise InvalidInputError(
-            f"there is no rover {given.rover!r}; installed are {', '.join(rover_names())}", pointer="/rover"
-        )
+    try:
+        require_simulated(given.rover)
+    except RoverError as err:
+        raise InvalidInputError(str(err), pointer="/rover") from err
     with repo.database.write() as session:
         plan: PlanRow = find_row(session, PLAN, plan_id, lock=True)
         actor.require(Action.UPLINK, plan.mission_id)

@@ -33,6 +33,7 @@ def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) 
     from executive.crl import CrlError
     from executive.errors import ExecutiveError
     from rover_iface.errors import RoverError
+    from rover_iface.registry import require_simulated
 
     home = Path(order.rover_dir)
     budget_s = max(float(order.problem["budget"]["time_s"]), 1.0)
@@ -44,6 +45,7 @@ def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) 
 
     report(0.0, "the rover checks the package")
     try:
+        require_simulated(order.rover)
         make_folder(home)
         _write_world(home, order)
         people = [TrainedSigner(s.person, s.public, s.roles) for s in order.signers]
