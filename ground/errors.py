@@ -20,7 +20,8 @@ GroundError
 ├── TooManyAttemptsError     the door is closed for a while
 ├── TooLargeError            a body over the limit
 ├── UnavailableError         a part that is needed is not there
-│   └── BusyError            the database is taken up by other writes
+│   ├── BusyError            the database is taken up by other writes
+│   └── DamagedDataError     a row holds what the server never writes
 └── JobFailedError           the work of a job ended with an expected failure
 """
 
@@ -117,6 +118,10 @@ class UnavailableError(GroundError):
 
 class BusyError(UnavailableError):
     """The database is taken up by other writes; the same may go well in a moment."""
+
+
+class DamagedDataError(UnavailableError):
+    """A row holds what the server never writes there: the disk, or somebody behind its back."""
 
 
 class JobFailedError(GroundError):

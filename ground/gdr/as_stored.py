@@ -27,6 +27,7 @@ from sqlalchemy import (
     type_coerce,
 )
 from sqlalchemy.orm import Session
+from sqlalchemy.types import NULLTYPE
 
 from ground.gdr.base import Columns, Utc
 
@@ -60,7 +61,7 @@ def _raw(column: Any, sqlite: bool) -> Any:
     if sqlite:
         if isinstance(column.type, _TEXTS):
             return cast(column, LargeBinary).label(column.name)
-        return type_coerce(column, Integer) if isinstance(column.type, Boolean) else column
+        return type_coerce(column, NULLTYPE).label(column.name)
     return cast(column, Text).label(column.name) if isinstance(column.type, JSON) else column
 
 

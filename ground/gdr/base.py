@@ -34,11 +34,19 @@ CONVENTION = {
 }
 
 
+Columns = dict[str, Any]
+"""Columns of a row, by name."""
+
+
 class Utc(TypeDecorator[datetime]):
     """An aware UTC time on every database."""
 
     impl = DateTime(timezone=True)
     cache_ok = True
+
+    @property
+    def python_type(self) -> type[Any]:
+        return datetime
 
     def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
         if value is None:
@@ -51,6 +59,22 @@ class Utc(TypeDecorator[datetime]):
         if value is None:
             return None
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+class JsonObject(JSON[Columns]):
+    """A JSON object, and never another value."""
+
+    @property
+    def python_type(self) -> type[Any]:
+        return dict
+
+
+class JsonList(JSON[list[Any]]):
+    """A JSON list, and never another value."""
+
+    @property
+    def python_type(self) -> type[Any]:
+        return list
 
 
 def utc_now() -> datetime:
@@ -71,15 +95,11 @@ Notes = Annotated[str, mapped_column(Text, default="")]
 Large = Annotated[int, mapped_column(BigInteger)]
 
 
-Columns = dict[str, Any]
-"""Columns of a row, by name."""
-
-
 class Base(DeclarativeBase):
     metadata = MetaData(naming_convention=CONVENTION)
     type_annotation_map: ClassVar[dict[Any, Any]] = {
-        dict[str, Any]: JSON(none_as_null=True),
-        list[Any]: JSON(none_as_null=True),
+        dict[str, Any]: JsonObject(none_as_null=True),
+        list[Any]: JsonList(none_as_null=True),
         datetime: Utc(),
         **{text: String(get_args(text)[1]) for text in (Text20, Text40, Sha256, Text80, Text200, Text300)},
         str: String(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import select
 import sqlite3
@@ -15,12 +14,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-import orjson
 from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import DisconnectionError
 from sqlalchemy.orm import Session
 
 from ground.errors import BusyError
+from ground.gdr.decoding import keep_odd_times, loads, name_damage
 from ground.gdr.durable import FILE_MODE, make_folder
 from ground.gdr.notices import tell_of
 
@@ -30,14 +29,6 @@ if TYPE_CHECKING:
 
 _WRITE = "outcrop_write"
 _SQLITE_ARGUMENTS: dict[str, Any] = {"check_same_thread": False, "timeout": 30.0}
-
-
-def _loads(text: str | bytes) -> Any:
-    """Return a JSON value; the quick reader refuses NaN and infinity, which older rows may hold."""
-    try:
-        return orjson.loads(text)
-    except orjson.JSONDecodeError:
-        return json.loads(text)
 
 
 class _Queue:
@@ -138,12 +129,13 @@ class Database:
                 connect_args=_SQLITE_ARGUMENTS,
                 pool_size=20,
                 max_overflow=60,
-                json_deserializer=_loads,
+                json_deserializer=loads,
             )
             _prepare_sqlite(self.engine)
         else:
-            self.engine = create_engine(self.url, pool_size=20, max_overflow=60, json_deserializer=_loads)
+            self.engine = create_engine(self.url, pool_size=20, max_overflow=60, json_deserializer=loads)
             _prepare_postgres(self.engine)
+        name_damage(self.engine)
         self.write_engine = self.engine.execution_options(**{_WRITE: True})
         self._plain_engine = self._make_plain_engine()
 
@@ -160,9 +152,10 @@ class Database:
             pool_use_lifo=True,
             pool_size=20,
             max_overflow=60,
-            json_deserializer=_loads,
+            json_deserializer=loads,
             **more,
         )
+        name_damage(engine)
         if self.is_sqlite:
             event.listen(engine, "connect", _on_sqlite_connect)
         else:
@@ -282,6 +275,7 @@ def _prepare_postgres(engine: Engine) -> None:
 
     @event.listens_for(engine, "connect")
     def _on_connect(connection: psycopg.Connection[Any], record: ConnectionPoolEntry) -> None:
+        keep_odd_times(connection)
         record.info["readable"] = _look_at(connection.fileno())
 
     @event.listens_for(engine, "checkout")

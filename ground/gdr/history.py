@@ -15,7 +15,6 @@ from typing import Any
 
 import orjson
 from sqlalchemy import (
-    JSON,
     BigInteger,
     String,
     Text,
@@ -268,9 +267,9 @@ class EventRow(Base):
     undoes: Mapped[int | None] = mapped_column(BigInteger)
     group: Mapped[str] = mapped_column("group_id", String(40))
     """Changes made by one act, that is in one transaction; undo takes them back together."""
-    before: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
-    after: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
-    rows: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    before: Mapped[dict[str, Any] | None]
+    after: Mapped[dict[str, Any] | None]
+    rows: Mapped[dict[str, Any] | None]
     """Seals of the rows that the transaction had written by then, by `table/key`; null for one that went."""
     sha256: Mapped[str] = mapped_column(String(64))
 

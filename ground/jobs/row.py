@@ -6,7 +6,6 @@ from datetime import datetime
 from typing import Any
 
 from sqlalchemy import (
-    JSON,
     ForeignKey,
     Index,
     String,
@@ -41,7 +40,7 @@ class JobRow(Row):
     worker: Mapped[str] = mapped_column(String(120), default="")
     cancel_requested: Mapped[bool] = mapped_column(default=False)
     result_url: Mapped[str | None] = mapped_column(String(300))
-    problem: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    problem: Mapped[dict[str, Any] | None]
     log: Mapped[list[Any]]
     started_utc: Mapped[datetime | None]
     finished_utc: Mapped[datetime | None]

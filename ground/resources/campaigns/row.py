@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, ForeignKey, String, false
+from sqlalchemy import BigInteger, ForeignKey, String, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from ground.gdr.base import Row, mission_column
@@ -24,6 +24,6 @@ class CampaignRow(Row):
     runs: Mapped[int]
     until_se: Mapped[float | None]
     crl_sha256: Mapped[str] = mapped_column(String(64))
-    result: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    result: Mapped[dict[str, Any] | None]
     elsewhere: Mapped[bool] = mapped_column(default=False, server_default=false())
     """Came in with an archive: it is shown, and counts for no rule here."""

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import JSON, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.campaigns.result import RESULTS
@@ -199,7 +199,7 @@ def typed(name: str, record: Record) -> Record:
         if isinstance(kind, Utc) and isinstance(value, str):
             value = datetime.fromisoformat(value)
         python = kind.python_type
-        checked = python in {int, float, str, bool} and not isinstance(kind, JSON) and value is not None
+        checked = python in {int, float, str, bool, dict, list} and value is not None
         fits = isinstance(value, int | float if python is float else python)
         if checked and (not fits or (isinstance(value, bool) and python is not bool)):
             raise ArchiveError(f"the archive is malformed: {name} has {column} {str(value)[:40]!r}")
