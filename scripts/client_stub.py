@@ -73,6 +73,8 @@ def method(operation: dict[str, Any], schemas: dict[str, Any]) -> str:
     """Return the line that declares one operation."""
     where, named = ["self"], []
     for p in operation.get("parameters", []):
+        if "$ref" in p:  # what many operations take is the connection's affair
+            continue
         if p["in"] == "path":
             where.append(f"{p['name']}: {sent_type(p['schema'], schemas)}")
         elif p["name"] == "if-match":

@@ -11,6 +11,7 @@ from fastapi.openapi.utils import get_openapi
 from ground.api import problems as problem_answers
 from ground.api.context import PREFIX
 from ground.app import health
+from ground.app.openapi_details import describe
 from ground.resources.approvals.routes import router as approvals
 from ground.resources.calibrations.routes import router as calibrations
 from ground.resources.campaigns.routes import router as campaigns
@@ -120,5 +121,6 @@ def _document(app: FastAPI) -> dict[str, Any]:
             openapi_version="3.1.0",
         )
         problem_answers.state_once(document)
+        describe(document)
         app.openapi_schema = document
     return app.openapi_schema

@@ -61,6 +61,9 @@ def docs_page(app: FastAPI) -> str:
         f"style='white-space:pre-wrap;font:inherit'>{html.escape(document['info']['description'])}</pre>",
         "<p><a href='/api/v1/openapi.json'>OpenAPI document</a></p>",
     ]
+    for told in document["components"]["parameters"].values():
+        name, about = html.escape(told["name"]), html.escape(told["description"])
+        parts.append(f"<p>Header <code>{name}</code> of many requests: {about}</p>")
     for path, operations in sorted(document["paths"].items()):
         for method, operation in operations.items():
             parts.append(f"<h3><span class='m'>{method}</span> <code>{html.escape(path)}</code></h3>")
@@ -69,6 +72,7 @@ def docs_page(app: FastAPI) -> str:
                 f"<code>{html.escape(p['name'])}</code> "
                 f"({p['in']}{', required' if p.get('required') else ''})"
                 for p in operation.get("parameters", [])
+                if "name" in p  # those that many take stand at the top
             ]
             if names:
                 parts.append(f"<p>Parameters: {', '.join(names)}</p>")

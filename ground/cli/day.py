@@ -223,7 +223,7 @@ def check_target(
         typer.Option(help="the rover's stand: east, north, heading (degrees)"),
     ] = (0.0, 0.0, 0.0),
 ) -> None:
-    """Say before a day how far, in sight, known and reachable a target is. Advice only; exit status 0."""
+    """Say before a day how far, in sight, known and reachable a target is; status 0. Needs no server."""
     from ground.day.advice import target_advice
     from ground.demo.mission import target_at
     from mission import Pose

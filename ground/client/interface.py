@@ -94,6 +94,8 @@ def _member(name: str, required: bool, schema: Mapping[str, Any], about: str = "
 def _operation(method: str, path: str, told: Mapping[str, Any]) -> Operation:
     parameters: dict[str, list[Member]] = {"path": [], "query": [], "header": []}
     for p in told.get("parameters", ()):
+        if "$ref" in p:  # what many operations take is the connection's affair
+            continue
         required = p.get("required", False)
         parameters[p["in"]].append(_member(p["name"], required, p["schema"], p.get("description", "")))
     sent = told.get("requestBody", {}).get("content", {})

@@ -45,7 +45,7 @@ def routes() -> dict[str, APIRoute]:
     return {
         route.name: route
         for route in build_api().routes
-        if isinstance(route, APIRoute) and route.name not in FOR_MACHINES
+        if isinstance(route, APIRoute) and route.include_in_schema and route.name not in FOR_MACHINES
     }
 
 

@@ -128,7 +128,7 @@ def test_every_kind_is_listed_by_every_way_its_document_tells(api: Api, rocks: s
             told = paths.get(f"/api/v1{path}", {}).get("get")
             if told is None or kind.name == "signing_key":
                 continue
-            names = {p["name"] for p in told["parameters"]}
+            names = {p["name"] for p in told["parameters"] if "name" in p}
             assert set(narrowing(kind)) <= names, kind.name
             for name in sortable(kind):
                 page = api.get(path.format(mission_id=mission), params={"sort": f"-{name}", "limit": 1})

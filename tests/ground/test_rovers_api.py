@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pydantic import TypeAdapter
 
 from ground.resources.missions.value import Mission
-from ground.resources.rovers.routes import EXAMPLE
-from ground.resources.rovers.value import Rover
 from mission.plugins import Registry
 from rover_iface import profiles
 from rover_iface.profile import load as profile_load
@@ -154,7 +151,3 @@ def test_a_package_that_cannot_be_imported_is_listed_with_its_error(
     assert "no_such_package:PROFILE) cannot be loaded: ModuleNotFoundError" in listed["ghost"]
     words = problem(sqlite_api("GET", "/rovers/ghost"), 422, "invalid-input")["detail"]
     assert "others are k9" in words
-
-
-def test_the_example_of_the_document_is_a_rover() -> None:
-    assert TypeAdapter(Rover).validate_python(EXAMPLE, extra="forbid").instruments[0].action == "image"

@@ -28,6 +28,12 @@ class StopBody(Body):
         return self
 
 
+EXAMPLE = [
+    {"frame_id": "frm-1qep8e5zsqmg5", "run_id": "run-1qep8e5zsqmg5"},
+    {"frame_id": "frm-1qep8f0c3wmg7", "upload_id": "upl-1qep8e5zsqmg5"},
+]
+
+
 class TraverseCreate(Body):
     """Match rocks between stops in the order driven and adjust them together.
 
@@ -37,7 +43,7 @@ class TraverseCreate(Body):
 
     name: LongName
     notes: Text = ""
-    stops: Annotated[list[StopBody], Field(min_length=2, max_length=60)]
+    stops: Annotated[list[StopBody], Field(min_length=2, max_length=60, examples=[EXAMPLE])]
     odometry: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.001, le=0.5)] = 0.05
     heading_rad: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1e-4, le=0.5)] = 0.0524
     sun_rad: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1e-4, le=0.5)] | None = None
