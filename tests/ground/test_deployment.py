@@ -18,6 +18,7 @@ def test_only_the_proxy_is_reached_from_outside_and_it_speaks_tls() -> None:
     assert {name for name, service in SERVICES.items() if "ports" in service} == {"proxy"}
     assert "443:443" in SERVICES["proxy"]["ports"]
     rules = (ROOT / "deploy" / "Caddyfile").read_text()
+    assert "respond /metrics 404" in rules
     assert "reverse_proxy api:8000" in rules
     assert "http://" not in rules, "no plain site beside the one with a certificate"
 

@@ -8,6 +8,7 @@ import json
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -16,8 +17,10 @@ import pytest
 from joserfc import jwt
 from joserfc.jwk import RSAKey
 
+from ground.errors import UnavailableError
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR, Role
+from ground.resources.people import oidc, told_by_provider
 from ground.resources.people.accounts import create_person
 from ground.resources.people.row import PersonRow
 from ground.settings import SettingsError, load_settings
@@ -97,6 +100,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def provider() -> Iterator[Provider]:
+    oidc.TOLD.forget()
     server = Provider()
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
     thread.start()
@@ -262,3 +266,32 @@ def test_settings_of_a_provider_are_checked_at_the_start() -> None:
 
 def test_without_a_provider_there_is_no_way_in(sqlite_api: Api) -> None:
     problem(sqlite_api("GET", "/oidc/login"), 404, "not-found")
+
+
+def test_a_slow_provider_is_asked_once_and_a_silent_one_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each unauthenticated log-in once asked anew, and two hundred of them kept every thread waiting."""
+    asked: list[str] = []
+    now = [0.0]
+
+    def ask(_method: str, address: str) -> dict[str, str]:
+        asked.append(address)
+        time.sleep(0.05)
+        if "down" in address:
+            raise UnavailableError("the provider does not answer")
+        return {"asked": str(len(asked))}
+
+    monkeypatch.setattr(told_by_provider, "ask", ask)
+    told = told_by_provider.ToldByProvider(clock=lambda: now[0])
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(lambda _: told.read("up"), range(50))) == [{"asked": "1"}] * 50
+    for _ in range(3):
+        with pytest.raises(UnavailableError):
+            told.read("down")
+    assert asked == ["up", "down"]
+    assert told.read("up", anew=True) == {"asked": "1"}, "not again within a moment"
+    now[0] = told_by_provider.FAIL_S
+    assert told.read("up", anew=True) == {"asked": "3"}
+    with pytest.raises(UnavailableError):
+        told.read("down")
+    now[0] += told_by_provider.KEEP_S
+    assert told.read("up") == {"asked": "5"}

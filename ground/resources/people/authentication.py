@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -10,7 +13,7 @@ from starlette.datastructures import Headers
 from starlette.requests import Request, cookie_parser
 from starlette.responses import RedirectResponse, Response
 
-from ground.api.context import Ask, answer, call, created, no_content
+from ground.api.context import Ask, P, R, answer, call, created, no_content
 from ground.errors import AuthenticationError, ForbiddenError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
@@ -186,9 +189,18 @@ async def log_in(request: Request, repo: Repository, name: str, password: str) -
     return response
 
 
+_PROVIDER = ThreadPoolExecutor(4, "provider")
+"""A provider that is slow keeps those waiting who log in by it, and nobody else."""
+
+
+async def _of_provider(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """Run what may have to ask the provider."""
+    return await asyncio.get_running_loop().run_in_executor(_PROVIDER, partial(function, *args, **kwargs))
+
+
 async def go_to_provider(repo: Repository) -> Response:
     """Send the browser to the provider; what it has to bring back stands in a cookie of ten minutes."""
-    page, attempt = await call(oidc.begin, repo.settings)
+    page, attempt = await _of_provider(oidc.begin, repo.settings)
     response = RedirectResponse(page, 303)
     # Lax: the way back comes from another site, and has to bring it along.
     response.set_cookie(
@@ -210,7 +222,7 @@ async def come_from_provider(request: Request, repo: Repository, code: str, stat
     address = _address(request)
     limits.knock(PROVIDER, address)
     await call(pay, repo, PROVIDER, address)
-    identity = await call(oidc.finish, repo.settings, code, attempt)
+    identity = await _of_provider(oidc.finish, repo.settings, code, attempt)
     person = await call(oidc.enter, repo, identity)
     limits.forgive(PROVIDER, address)
     await call(refund, repo, PROVIDER, address)

@@ -9,10 +9,9 @@ from __future__ import annotations
 import hashlib
 import secrets
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote_plus, urlencode, urlsplit
 
-import httpx
 from sqlalchemy import select
 
 from ground.errors import AuthenticationError, NotFoundError, UnavailableError
@@ -22,8 +21,12 @@ from ground.records.actor import SYSTEM_ACTOR
 from ground.records.edit import insert
 from ground.resources.people.kind import PERSON
 from ground.resources.people.row import PersonRow
+from ground.resources.people.told_by_provider import ToldByProvider, ask
 from ground.resources.people.value import Person
 from ground.settings import Settings
+
+if TYPE_CHECKING:
+    from joserfc.jwt import Token
 
 ALGORITHMS = ["RS256", "PS256", "ES256", "EdDSA"]
 """Signatures of an ID token that are believed: no `none`, and no secret that both sides share."""
@@ -31,7 +34,7 @@ LEEWAY_S = 60
 """By how much the clocks of both sides may differ."""
 PATH = "/api/v1/oidc/callback"
 SCOPE = "openid profile"
-TIMEOUT_S = 10.0
+TOLD = ToldByProvider()
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +109,7 @@ def finish(settings: Settings, code: str, attempt: Attempt) -> Identity:
         If the provider cannot be reached or answers nonsense.
     """
     from authlib.oidc.core import CodeIDToken
-    from joserfc import jwt
     from joserfc.errors import JoseError
-    from joserfc.jwk import KeySet
 
     metadata = _metadata(settings)
     given = {
@@ -120,8 +121,7 @@ def finish(settings: Settings, code: str, attempt: Attempt) -> Identity:
     }
     secret = settings.oidc_client_secret.get_secret_value()
     client = (quote_plus(settings.oidc_client_id), quote_plus(secret)) if secret else None
-    answer = _ask("POST", metadata["token_endpoint"], data=given, auth=client)
-    keys = _ask("GET", metadata["jwks_uri"])
+    answer = ask("POST", metadata["token_endpoint"], data=given, auth=client)
     expected = {
         "iss": {"essential": True, "value": settings.oidc_issuer},
         "aud": {"essential": True, "value": settings.oidc_client_id},
@@ -130,7 +130,7 @@ def finish(settings: Settings, code: str, attempt: Attempt) -> Identity:
     told = {"client_id": settings.oidc_client_id, "nonce": attempt.nonce}
     told["access_token"] = str(answer.get("access_token") or "")
     try:
-        token = jwt.decode(str(answer.get("id_token")), KeySet.import_key_set(keys), algorithms=ALGORITHMS)
+        token = _read_token(str(answer.get("id_token")), metadata["jwks_uri"])
         claims: Any = CodeIDToken(token.claims, token.header, expected, told)
         claims.validate(leeway=LEEWAY_S)
         subject = claims["sub"]
@@ -142,6 +142,21 @@ def finish(settings: Settings, code: str, attempt: Attempt) -> Identity:
     name = next((n for n in names if isinstance(n, str) and n.strip()), subject)
     clean = "".join(c for c in name.strip() if c.isprintable())[:80]
     return Identity(settings.oidc_issuer, subject, clean or "somebody")
+
+
+def _read_token(text: str, jwks_uri: str) -> Token:
+    """Return an ID token whose signature is one of the provider's keys; they may have changed since."""
+    from joserfc import jwt
+    from joserfc.errors import JoseError
+    from joserfc.jwk import KeySet
+
+    def read(keys: Any) -> Token:
+        return jwt.decode(text, KeySet.import_key_set(keys), algorithms=ALGORITHMS)
+
+    try:
+        return read(TOLD.read(jwks_uri))
+    except (JoseError, ValueError, KeyError):
+        return read(TOLD.read(jwks_uri, anew=True))
 
 
 def enter(repo: Repository, identity: Identity) -> Person:
@@ -183,7 +198,7 @@ def _metadata(settings: Settings) -> dict[str, str]:
     """Return the addresses of the provider, as it tells them itself (OpenID Connect Discovery 1.0)."""
     if not settings.oidc_issuer:
         raise NotFoundError("no provider is set (OUTCROP_OIDC_ISSUER)")
-    found = _ask("GET", settings.oidc_issuer.rstrip("/") + "/.well-known/openid-configuration")
+    found = TOLD.read(settings.oidc_issuer.rstrip("/") + "/.well-known/openid-configuration")
     if found.get("issuer") != settings.oidc_issuer:
         raise UnavailableError(f"the provider calls itself {str(found.get('issuer'))[:200]!r}")
     addresses = {
@@ -200,17 +215,3 @@ def safe_address(address: str) -> bool:
     parts = urlsplit(address)
     local = parts.scheme == "http" and parts.hostname in {"localhost", "127.0.0.1", "::1"}
     return (parts.scheme == "https" or local) and bool(parts.hostname)
-
-
-def _ask(method: str, address: str, **options: Any) -> Any:
-    """Return the JSON object of an answer of the provider."""
-    try:
-        answer = httpx.request(method, address, timeout=TIMEOUT_S, follow_redirects=False, **options)
-        document = answer.json()
-    except (httpx.HTTPError, ValueError) as err:
-        raise UnavailableError(f"the provider does not answer at {address}: {err}") from err
-    if method == "POST" and 400 <= answer.status_code < 500:
-        raise AuthenticationError(f"the provider refuses: {str(document)[:200]}")
-    if answer.status_code != 200 or not isinstance(document, dict):
-        raise UnavailableError(f"the provider answers {answer.status_code} at {address}")
-    return document
