@@ -19,7 +19,7 @@ class PersonRow(Row):
     mission_roles: Mapped[dict[str, Any]]
     active: Mapped[bool] = mapped_column(default=True)
     password_hash: Mapped[Long | None]
-    external_sha256: Mapped[Sha256 | None] = mapped_column(unique=True)
+    external_sha256: Mapped[Sha256 | None] = mapped_column(index=True, unique=True)
     """Of issuer and subject, where the person comes by an OpenID Connect provider."""
 
 
