@@ -42,7 +42,13 @@ def job_kinds() -> Mapping[str, JobKind]:
         JobKind(generate_plan.KIND, PLAN_ORDERS, plan_work.work, generate_plan.settle, generate_plan.abandon),
         JobKind(adjust_traverse.KIND, TRAVERSE_ORDERS, traverse_work.work, adjust_traverse.settle),
         JobKind(calibrate_mission.KIND, CALIBRATION_ORDERS, calibration_work.work, calibrate_mission.settle),
-        JobKind(execute_plan.KIND, EXECUTION_ORDERS, execution_work.work, execute_plan.settle),
+        JobKind(
+            execute_plan.KIND,
+            EXECUTION_ORDERS,
+            execution_work.work,
+            execute_plan.settle,
+            begin=execute_plan.begin,
+        ),
         JobKind(
             fly_campaign.KIND,
             CAMPAIGN_ORDERS,

@@ -55,11 +55,13 @@ def admitted(
     resume: bool = False,
     on_repair: Callable[[str], None] = lambda _what: None,
     clock: Callable[[], datetime] = utc_now,
+    prepare: Callable[[Ledger], None] = lambda _ledger: None,
 ) -> Iterator[Admitted]:
     """Give a package that may be executed, and the rover's ledger, held as long as this lasts.
 
     Everything is checked before the first command: the signatures of enough people by the trust file,
-    digests, expiry, counter, and what `check` holds of it (raises if it does not fit the rover).
+    digests, expiry, counter, and what `check` holds of it (raises if it does not fit the rover). `prepare`
+    writes what is to be there before, while no other execution has the rover.
 
     Raises
     ------
@@ -76,6 +78,7 @@ def admitted(
     with locked_ledger(world, name) as ledger:
         if ledger.repaired:
             on_repair(ledger.repaired)
+        prepare(ledger)
         earlier = _begun(ledger, opened, name)
         trust = _trust(ledger, trust_file)
         now_utc = _now(clock(), ledger.entries)
@@ -128,13 +131,18 @@ def commission(world: Path, trust_file: Path) -> Trust:
         If the trust file does not hold together.
     """
     with locked_ledger(world, "commissioning") as ledger:
-        trust = checked_trust(read_file(trust_file, "the trust file"))
-        known = pinned(ledger.entries)
-        if known is not None and known["trust"] not in trust.chain:
-            raise ForbiddenError(f"the rover of {world} is bound to another trust file")
-        if known is None or known["trust"] != trust.chain[-1]:
-            pin(ledger, trust)
-        return trust
+        return bind(ledger, trust_file, world)
+
+
+def bind(ledger: Ledger, trust_file: Path, world: Path) -> Trust:
+    """Bind the rover whose ledger is held to a trust file; see `commission`."""
+    trust = checked_trust(read_file(trust_file, "the trust file"))
+    known = pinned(ledger.entries)
+    if known is not None and known["trust"] not in trust.chain:
+        raise ForbiddenError(f"the rover of {world} is bound to another trust file")
+    if known is None or known["trust"] != trust.chain[-1]:
+        pin(ledger, trust)
+    return trust
 
 
 def pin(ledger: Ledger, trust: Trust) -> None:

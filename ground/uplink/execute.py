@@ -12,6 +12,7 @@ from executive.ports import Command, CommandId, CommandStatus, Event, Rover
 from ground.errors import InvalidInputError
 from ground.uplink.admission import Admitted, admitted, check_plan, utc_now
 from ground.uplink.flight import Flight, Sample, fly
+from ground.uplink.ledger import Ledger
 from ground.uplink.link import Link
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
 from ground.uplink.verify import Package
@@ -42,6 +43,7 @@ def execute_package(
     on_sample: Callable[[Sample], None] | None = None,
     on_repair: Callable[[str], None] = lambda _what: None,
     clock: Callable[[], datetime] = utc_now,
+    prepare: Callable[[Ledger], None] = lambda _ledger: None,
 ) -> tuple[Package, Flight]:
     """Return what came of a package; its folder `out` has the form `run/1`.
 
@@ -54,7 +56,8 @@ def execute_package(
 
     With a `link` the run is a rehearsal: `commands` reach the rover late and in passes, and `ground.json` in
     the folder says when each record and product is known on the ground. The executive does not notice.
-    `on_repair` is told in a sentence when the ledger was damaged and could be mended.
+    `on_repair` is told in a sentence when the ledger was damaged and could be mended. `prepare` writes trust
+    file and world where they are made for this execution: the ledger is held by then.
 
     Raises
     ------
@@ -76,7 +79,14 @@ def execute_package(
         check_plan(opened, (language.name, language.version, language.sha256))
 
     with admitted(
-        package, place.world, place.trust, check=check, resume=resume, on_repair=on_repair, clock=clock
+        package,
+        place.world,
+        place.trust,
+        check=check,
+        resume=resume,
+        on_repair=on_repair,
+        clock=clock,
+        prepare=prepare,
     ) as given:
         if resume and given.earlier is None:
             raise InvalidInputError(f"{given.name} was not begun here: there is nothing to resume")

@@ -49,6 +49,13 @@ def manifest_text(about: Mapping[str, Any], crl_text: str, landmarks: str) -> st
     return json_text({"format": PACKAGE, **about, "crl_sha256": digests[CRL], "files": digests})
 
 
+def signing_keys(content: bytes) -> set[str]:
+    """Return the names of the keys that signed a package; its signatures were not looked at."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        document = json.loads(archive.read(SIGNATURES[PACKAGE]))
+    return {str(entry["key"]) for entry in document["signatures"]}
+
+
 def write_package(manifest: str, crl_text: str, landmarks: str, signatures: Sequence[Signature]) -> bytes:
     """Return the bytes of a package; nothing is signed here."""
     signed = json_text({"signatures": [asdict(s) for s in signatures]})

@@ -10,9 +10,9 @@ from pathlib import Path
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from ground.uplink.keys import id_of, load_key, make_key, public_text, sign
-from ground.uplink.package import Signature, write_package
+from ground.uplink.package import Signature, signing_keys, write_package
 from ground.uplink.trust import Document, allow, change_trust, checked, new_trust, revoke, write_trust
-from ground.uplink.verify import PACKAGE, SIGNERS
+from ground.uplink.verify import PACKAGE, PERSON, SIGNERS
 
 TRUST_FILE, ROOT, AUTHOR, APPROVER = "trust.json", "root.key", "author.key", "approver.key"
 PEOPLE = ("Planner", "Flight Director")
@@ -75,8 +75,11 @@ def training_trust(folder: Path, mission: str, people: Sequence[TrainedSigner]) 
     """Return the trust file of a mission's training rover, which takes the signatures of these people alone.
 
     It is marked for training: no rover but the one that is commissioned with it accepts it, and the root key
-    beside it counts for nothing else. A change of the people is one more version of it.
+    beside it counts for nothing else. A change of the people is one more version of it. A person whose name
+    no trust file holds is left out (`unfit` names them). Call it with the ledger of the rover held, as two
+    callers at once would each write a version of their own.
     """
+    people = [signer for signer in people if PERSON.fullmatch(signer.person)]
     place = folder / TRUST_FILE
     root = load_key(folder / ROOT) if (folder / ROOT).exists() else make_key(folder / ROOT)
 
@@ -93,11 +96,17 @@ def training_trust(folder: Path, mission: str, people: Sequence[TrainedSigner]) 
         return place
     earlier = place.read_bytes()
     trust = checked(earlier)
-    held = {role: set(trust.roles[role]["keys"]) for role in SIGNERS}
-    wanted = {role: {id_of(p.public) for p in people if role in p.roles} for role in SIGNERS}
+    held = {role: {(k, trust.keys[k]["person"]) for k in trust.roles[role]["keys"]} for role in SIGNERS}
+    wanted = {role: {(id_of(p.public), p.person) for p in people if role in p.roles} for role in SIGNERS}
     if held != wanted or trust.expires_utc <= datetime.now(UTC):
         _put(place, change_trust(earlier, [root], enter))
     return place
+
+
+def unfit(people: Sequence[TrainedSigner], package: bytes) -> list[str]:
+    """Return who of these people signed a package under a name that no trust file holds."""
+    odd = {id_of(p.public): p.person for p in people if not PERSON.fullmatch(p.person)}
+    return sorted({odd[key] for key in signing_keys(package) if key in odd})
 
 
 def _put(place: Path, content: bytes) -> None:

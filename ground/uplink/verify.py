@@ -32,7 +32,7 @@ MAX_BYTES, MAX_SIGNATURES = 64 * 2**20, 100
 MAX_COUNTER = 2**53 - 1
 """The largest integer that every reader of JSON keeps exactly (RFC 8259, section 6)."""
 
-_ID, _NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}"), re.compile(r"[^\W_](?:[\w .'-]{0,78}[\w.])?")
+_ID, PERSON = re.compile(r"[A-Za-z0-9_.-]{1,80}"), re.compile(r"[^\W_](?:[\w .'-]{0,78}[\w.])?")
 
 
 class RefusedError(Exception):
@@ -211,7 +211,7 @@ def _is_key(name: str, key: object) -> bool:
         public_key(public)
     except ValueError:
         return False
-    return _NAME.fullmatch(person) is not None and key_id(base64.b64decode(public)) == name
+    return PERSON.fullmatch(person) is not None and key_id(base64.b64decode(public)) == name
 
 
 def _is_rule(rule: object, keys: Mapping[str, Any]) -> bool:

@@ -10,9 +10,14 @@ from typing import Any
 import pytest
 
 from ground.errors import InvalidInputError, JobFailedError
-from ground.resources.executions.order import ExecutionWork
+from ground.jobs.row import JobRow
+from ground.resources.executions import execute_plan
+from ground.resources.executions.order import ORDERS, ExecutionWork, Signer
 from ground.resources.executions.work import work
-from ground.uplink.training import TRUST_FILE, TrainedSigner, training_trust
+from ground.uplink.keys import id_of
+from ground.uplink.ledger import locked_ledger
+from ground.uplink.package import manifest_text
+from ground.uplink.training import TRUST_FILE, TrainedSigner, sign_package, training_trust
 from ground.uplink.trust import checked
 from mission import Sky, plugins
 from rover_iface.errors import RoverError
@@ -51,6 +56,12 @@ def uplinked(api: Api, mission: Any, keys: Path) -> dict[str, Any]:
     return plan
 
 
+def people_of(api: Api, job: str) -> set[str]:
+    """Return whose keys the order of an execution names."""
+    with api.repo.database.read() as session:
+        return {s.person for s in ORDERS.from_document(session.get_one(JobRow, job).payload).signers}
+
+
 def test_a_sol_is_executed_and_the_next_begins_where_it_ended(
     sqlite_api: Api, terrain_folder: Path, tmp_path: Path
 ) -> None:
@@ -67,7 +78,13 @@ def test_a_sol_is_executed_and_the_next_begins_where_it_ended(
     url = f"/plans/{plan['id']}/execution"
     assert api("POST", url, {}, who="Planner").status_code == 403
     problem(api("POST", url, {"rover": "hound"}, who="Operator"), 422, "invalid-input")
-    ended = finished(api, api.post(url, {"seed": 7}, who="Operator", status=202))
+    job = api.post(url, {"seed": 7}, who="Operator", status=202)["id"]
+    for verb in ("cancel", "retry"):
+        assert api("POST", f"/jobs/{job}/{verb}", who="Planner").status_code == 403
+        assert api("POST", f"/jobs/{job}/{verb}", who="Operator").status_code == 200
+    ended = finished(api, {"id": job})
+    assert ended["state"] == "succeeded", ended["problem"]
+    assert people_of(api, job) == {"Planner", "Flight Director"}
     run = api.get(ended["result_url"].removeprefix("/api/v1"))
     assert run["kind"] == "execution"
     assert run["outcome"] == "SUCCEEDED"
@@ -96,12 +113,16 @@ def test_a_sol_is_executed_and_the_next_begins_where_it_ended(
     again = problem(api("POST", f"/runs/{run['id']}/next-sol"), 409, "wrong-state")
     assert "sol 2 was opened after sol 1 already" in again["detail"]
 
+    key = id_of(public_text(team_of(tmp_path / "keys").approver))
+    assert api("DELETE", f"/signing-keys/{key}", who="Flight Director").status_code == 204
+    with api.repo.database.write() as session:
+        execute_plan.begin(session, session.get_one(JobRow, job))
+    assert people_of(api, job) == {"Planner"}, "a key revoked since then does not count when it starts again"
+
 
 def test_no_rover_but_a_simulated_one_of_ours_is_for_training(monkeypatch: pytest.MonkeyPatch) -> None:
     assert simulated_rover_names() == ["abstract", "full", "subframe"]
-    real = EntryPoints(
-        [EntryPoint(name, "json:loads", "outcrop.rovers") for name in ("hound", "subframe")]  # type: ignore[no-untyped-call]
-    )
+    real = EntryPoints([EntryPoint(name, "json:loads", "outcrop.rovers") for name in ("hound", "subframe")])
     monkeypatch.setattr(plugins, "entry_points", lambda group: real.select(group=group))
     for name in ("hound", "subframe"):
         with pytest.raises(
@@ -143,3 +164,47 @@ def test_a_training_rover_takes_the_keys_of_its_mission_as_they_stand(tmp_path: 
     assert (tmp_path / "root.key").stat().st_mode & 0o777 == 0o600
     with pytest.raises(InvalidInputError, match="one key is one person's"):
         training_trust(tmp_path, "m1", [ann, TrainedSigner("Eve", public_text(team.author), ("approver",))])
+
+
+@pytest.mark.parametrize(
+    "name", ["ada@example.org", "Bob (elsewhere)", "O\N{RIGHT SINGLE QUOTATION MARK}Neil"]
+)
+def test_a_name_that_no_trust_file_holds_stops_nobody_else(tmp_path: Path, name: str) -> None:
+    team = team_of(tmp_path / "keys")
+    ann = TrainedSigner("Ann", public_text(team.author), ("author", "verifier"))
+    odd = TrainedSigner(name, public_text(team.approver), ("approver",))
+    trust = checked(training_trust(tmp_path, "m1", [ann, odd]).read_bytes())
+    assert {key["person"] for key in trust.keys.values()} == {"Training", "Ann"}
+    renamed = replace(odd, person="Ada")
+    trust = checked(training_trust(tmp_path, "m1", [ann, renamed]).read_bytes())
+    assert {key["person"] for key in trust.keys.values()} == {"Training", "Ann", "Ada"}
+    later = checked(training_trust(tmp_path, "m1", [ann, replace(odd, person="Bea")]).read_bytes())
+    assert {key["person"] for key in later.keys.values()} == {"Training", "Ann", "Bea"}
+
+    about = {"mission": "m1", "plan": "p1", "counter": 1, "author": "Ann", "expires_utc": "2999-01-01T00:00Z"}
+    package = tmp_path / "package"
+    package.write_bytes(sign_package(team, manifest_text(about, "", "{}"), "", "{}"))
+    signers = tuple(Signer(s.person, s.public, s.roles) for s in (ann, odd))
+    order = replace(ORDER, rover_dir=str(tmp_path / "rover"), package_path=str(package), signers=signers)
+    with pytest.raises(JobFailedError) as refused:
+        work(order, lambda _part, _what: None, lambda: False)
+    sentence = str(refused.value)
+    assert "the package needs approver signatures of 1 trusted people, has 0; what" in sentence
+    assert f"{name!r} signed does not count" in sentence
+
+
+def test_trust_file_and_world_are_written_by_who_has_the_ledger(tmp_path: Path) -> None:
+    home, package = tmp_path / "rover", tmp_path / "package"
+    home.mkdir()
+    team = team_of(tmp_path / "keys")
+    about = {"mission": "m1", "plan": "p1", "counter": 1}
+    package.write_bytes(sign_package(team, manifest_text(about, "", "{}"), "", "{}"))
+    order = replace(ORDER, rover_dir=str(home), package_path=str(package))
+    with locked_ledger(home, "another package"):
+        before = {path.name for path in home.iterdir()}
+        with pytest.raises(JobFailedError, match=r"is busy: .* does another package"):
+            work(order, lambda _part, _what: None, lambda: False)
+        assert {path.name for path in home.iterdir()} == before
+    nowhere = replace(order, rover_dir=str(package / "rover"))
+    with pytest.raises(JobFailedError, match=r"package: (File exists|Not a directory)"):
+        work(nowhere, lambda _part, _what: None, lambda: False)

@@ -26,6 +26,7 @@ from ground.resources.runs.row import RunRow
 from mission.codec import Document
 
 KIND = "calibrate_mission"
+ACTION = Action.EDIT_MISSION
 
 
 def calibrate_mission(repo: Repository, actor: Actor, mission_id: str, given: MissionCalibrate) -> Job:
@@ -40,7 +41,7 @@ def calibrate_mission(repo: Repository, actor: Actor, mission_id: str, given: Mi
     InvalidInputError
         If a run is not of the mission.
     """
-    actor.require(Action.EDIT_MISSION, mission_id)
+    actor.require(ACTION, mission_id)
     with repo.database.write() as session:
         folders = run_folders(repo, session, mission_id, given.run_ids)
         order = calibration_order(

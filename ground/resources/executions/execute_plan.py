@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -24,10 +26,12 @@ from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
 from ground.resources.problems.row import ProblemRow
 from ground.resources.sols.row import SolRow
-from mission import Sky
+from mission import MissionError, Sky
 from mission.codec import Document
 
 KIND = "execution"
+ACTION = Action.UPLINK
+"""What asking for it, cancelling it and asking again take."""
 
 
 def execute_plan(repo: Repository, actor: Actor, plan_id: str, given: ExecutionCreate) -> Job:
@@ -51,7 +55,7 @@ def execute_plan(repo: Repository, actor: Actor, plan_id: str, given: ExecutionC
         raise InvalidInputError(str(err), pointer="/rover") from err
     with repo.database.write() as session:
         plan: PlanRow = find_row(session, PLAN, plan_id, lock=True)
-        actor.require(Action.UPLINK, plan.mission_id)
+        actor.require(ACTION, plan.mission_id)
         if plan.state == PlanState.EXECUTED.value:
             raise AlreadyExecutedError(f"plan {plan.number} was executed before")
         package = session.scalars(select(PackageRow).where(PackageRow.plan_id == plan.id)).first()
@@ -80,10 +84,21 @@ def execute_plan(repo: Repository, actor: Actor, plan_id: str, given: ExecutionC
             seed=given.seed,
             rover_profile=plan.rover_profile,
             sky=Sky(start_lmst_h=sol.start_lmst_h),
-            signers=_signers(session, plan.mission_id),
+            signers=(),
         )
         order = ORDERS.document(work)
         return ask_job(session, repo, actor, KIND, plan.mission_id, (PLAN, plan.id), order)
+
+
+def begin(session: Session, job: JobRow) -> None:
+    """Write into the order whose keys count now: one that was revoked since it was asked for does not."""
+    if job.mission_id is None:
+        return
+    try:
+        order = ORDERS.from_document(job.payload)
+    except MissionError:
+        return  # the work says what is wrong with it
+    job.payload = dict(ORDERS.document(replace(order, signers=_signers(session, job.mission_id))))
 
 
 def _signers(session: Session, mission_id: str) -> tuple[Signer, ...]:

@@ -31,7 +31,7 @@ class ExecutionWork:
     problem, rover_profile, sky
         What the world of the rover is made of.
     signers
-        Whose signatures its trust file takes.
+        Whose signatures its trust file takes: read anew whenever a worker takes the job up.
     """
 
     run_id: str

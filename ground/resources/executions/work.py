@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from zipfile import BadZipFile
 
 from ground.day.prepare import Report
-from ground.errors import GroundError, JobFailedError
+from ground.errors import ArchiveError, GroundError, JobFailedError
 from ground.gdr.durable import copy_folder, make_folder
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.executions.order import ExecutionWork
 from ground.resources.runs.work import read_run_folder
-from ground.uplink.admission import commission
+from ground.uplink.admission import bind
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.flight import Sample
-from ground.uplink.training import TrainedSigner, training_trust
+from ground.uplink.ledger import Ledger
+from ground.uplink.training import TRUST_FILE, TrainedSigner, training_trust, unfit
 from mission.codec import Document
 
 RUNS = "runs"
@@ -36,6 +38,7 @@ def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) 
     from rover_iface.registry import require_simulated
 
     home = Path(order.rover_dir)
+    people = [TrainedSigner(s.person, s.public, s.roles) for s in order.signers]
     budget_s = max(float(order.problem["budget"]["time_s"]), 1.0)
 
     def tell(sample: Sample) -> None:
@@ -43,29 +46,49 @@ def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) 
             raise WorkStoppedError
         report(min(0.97, sample.t_s / budget_s), f"t = {sample.t_s:.0f} s")
 
+    def prepare(ledger: Ledger) -> None:
+        _write_world(home, order)
+        bind(ledger, training_trust(home, order.mission, people), home)
+
     report(0.0, "the rover checks the package")
     try:
         require_simulated(order.rover)
         make_folder(home)
-        _write_world(home, order)
-        people = [TrainedSigner(s.person, s.public, s.roles) for s in order.signers]
-        trust = training_trust(home, order.mission, people)
-        commission(home, trust)
         out = home / RUNS / f"{order.counter}"
         if not (out / "run.json").exists():  # else only the last step is left
             execute_package(
                 Path(order.package_path),
-                Place(order.rover, home, trust, order.seed),
+                Place(order.rover, home, home / TRUST_FILE, order.seed),
                 out,
                 resume=(out / "journal.jsonl").exists(),
                 on_sample=tell,
+                prepare=prepare,
             )
+        report(0.98, "products")
+        if not Path(order.run_dir).exists():
+            copy_folder(out, Path(order.run_dir))
+        return {**read_run_folder(out, Path(order.files_dir)), "run": order.run_id}
+    except ArchiveError as err:
+        raise JobFailedError(f"{err}{_left_out(people, Path(order.package_path))}") from err
     except (GroundError, RoverError, ExecutiveError, CrlError) as err:
         raise JobFailedError(str(err)) from err
-    report(0.98, "products")
-    if not Path(order.run_dir).exists():
-        copy_folder(out, Path(order.run_dir))
-    return {**read_run_folder(out, Path(order.files_dir)), "run": order.run_id}
+    except OSError as err:
+        raise JobFailedError(f"{err.filename or home}: {err.strerror or err}") from err
+
+
+def _left_out(people: Sequence[TrainedSigner], package: Path) -> str:
+    """Return who signed a package that was refused and could not be entered in the trust file."""
+    try:
+        odd = unfit(people, package.read_bytes())
+    except (OSError, ValueError, KeyError, BadZipFile):
+        return ""  # the package itself is damaged, and was refused for that
+    if not odd:
+        return ""
+    names = ", ".join(repr(name) for name in odd)
+    return (
+        f"; what {names} signed does not count, as a trust file takes names of at most 80 letters, digits, "
+        "spaces and _.'- alone, which begin with a letter or digit"
+    )
 
 
 def _write_world(home: Path, order: ExecutionWork) -> None:

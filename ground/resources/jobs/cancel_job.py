@@ -14,15 +14,20 @@ from ground.jobs.value import Job
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
 from ground.records.edit import update
 from ground.records.get_resource import find_row
+from ground.resources.calibrations import calibrate_mission
+from ground.resources.executions import execute_plan
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
+
+ACTIONS = {module.KIND: module.ACTION for module in (calibrate_mission, execute_plan)}
+"""What a kind of job asks for where it is not planning: the same to ask, to cancel and to ask again."""
 
 
 def cancel_job(repo: Repository, actor: Actor, job_id: str) -> Job:
     """Return the job, asked to stop; one that is over stays as it is."""
     with repo.database.write() as session:
         row = find_row(session, JOB, job_id, lock=True)
-        actor.require(Action.PLAN, row.mission_id)
+        actor.require(ACTIONS.get(row.kind, Action.PLAN), row.mission_id)
         cancel(session, row, mark_subject, utc_now())
         session.flush()
         wake_after(session)
@@ -39,7 +44,7 @@ def retry_job(repo: Repository, actor: Actor, job_id: str) -> Job:
     """
     with repo.database.write() as session:
         row = find_row(session, JOB, job_id, lock=True)
-        actor.require(Action.PLAN, row.mission_id)
+        actor.require(ACTIONS.get(row.kind, Action.PLAN), row.mission_id)
         if row.state not in {"failed", "cancelled"}:
             raise StateError(f"job {job_id} is {row.state}; only a failed or cancelled one is queued again")
         requeue(row)
