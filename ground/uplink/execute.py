@@ -30,6 +30,8 @@ class Place:
     world: Path
     trust: Path
     seed: int | None = None
+    training: bool = False
+    """The rover is a mission's training rover, and its run says so."""
 
 
 def execute_package(
@@ -124,6 +126,8 @@ def _run(
         "sequence": package.counter,
         "signers": {role: list(people) for role, people in package.signers.items()},
     }
+    if place.training:
+        about["training"] = True
     if records:
         about["resumed_after_records"] = len(records)
     reach = heard(link, commands)

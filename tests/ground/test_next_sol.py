@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import pytest
 
-from ground.errors import InvalidInputError, JobFailedError
+from ground.errors import AlreadyExecutedError, InvalidInputError, JobFailedError
 from ground.jobs.row import JobRow
+from ground.records.actor import Actor, Role
+from ground.resources.downlinks.ingest_run import ingest_run
 from ground.resources.executions import execute_plan
 from ground.resources.executions.order import ORDERS, ExecutionWork, Signer
 from ground.resources.executions.work import work
@@ -27,6 +31,7 @@ from tests.ground.conftest import Api, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem
 
+OPERATOR = Actor("Operator", Role.OPERATOR)
 ORDER = ExecutionWork(
     "run-1",
     mission="m1",
@@ -86,10 +91,11 @@ def test_a_sol_is_executed_and_the_next_begins_where_it_ended(
     assert ended["state"] == "succeeded", ended["problem"]
     assert people_of(api, job) == {"Planner", "Flight Director"}
     run = api.get(ended["result_url"].removeprefix("/api/v1"))
-    assert run["kind"] == "execution"
+    assert run["kind"] == "training"
     assert run["outcome"] == "SUCCEEDED"
     assert run["author"] == "Operator"
-    assert api.get(f"/plans/{plan['id']}")["state"] == "executed"
+    assert api.get(f"/plans/{plan['id']}")["state"] == "uplinked"
+    assert "on the training rover" in str(api.get(f"/missions/{mission.id}/observation-requests"))
     problem(api("POST", url, {}, who="Operator"), 409, "already-executed")
     states = {r["id"]: r["state"] for r in api.get(f"/missions/{mission.id}/observation-requests")["items"]}
     assert {states[r] for r in run["achieved_request_ids"]} == {"satisfied"}
@@ -112,6 +118,18 @@ def test_a_sol_is_executed_and_the_next_begins_where_it_ended(
     assert all(r["state_reason"].startswith("carried over from sol 1") for r in left)
     again = problem(api("POST", f"/runs/{run['id']}/next-sol"), 409, "wrong-state")
     assert "sol 2 was opened after sol 1 already" in again["detail"]
+
+    kept = api.repo.run_dir(run["id"])
+    with pytest.raises(AlreadyExecutedError, match="taken in before"):
+        ingest_run(api.repo, OPERATOR, kept)
+    real = tmp_path / "real"
+    copytree(kept, real)
+    document = json.loads((real / "run.json").read_text())
+    assert document.pop("training") is True
+    (real / "run.json").write_text(json.dumps(document))
+    assert ingest_run(api.repo, OPERATOR, real).kind == "execution", "a real rover's run is taken in still"
+    assert api.get(f"/plans/{plan['id']}")["state"] == "executed"
+    assert "on the training rover" not in str(api.get(f"/missions/{mission.id}/observation-requests"))
 
     key = id_of(public_text(team_of(tmp_path / "keys").approver))
     assert api("DELETE", f"/signing-keys/{key}", who="Flight Director").status_code == 204

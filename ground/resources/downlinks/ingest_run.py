@@ -108,14 +108,18 @@ def not_ours(name: str) -> ArchiveError:
 def record_execution(session: Session, actor: Actor, plan: PlanRow, result: Document, run_id: str) -> Run:
     """Write a run that executed the package of a plan, its products and what became of each request.
 
+    The run of a training rover says so itself. It leaves the plan uplinked and does not stand for its
+    package: what a real rover made of it is taken in later, and then says what became of the requests.
+
     Raises
     ------
     AlreadyExecutedError
         If the run of that package was taken in before.
     """
     document = result["document"]
-    package = document["package_sha256"]
-    known = session.scalars(select(RunRow.id).where(RunRow.package_sha256 == package)).first()
+    training = document.get("training") is True
+    package = None if training else document["package_sha256"]
+    known = trained(session, plan) if training else _taken_in(session, package)
     if known is not None:
         raise AlreadyExecutedError(f"the run of this package was taken in before, as {known}")
     run = RunRow(
@@ -123,7 +127,7 @@ def record_execution(session: Session, actor: Actor, plan: PlanRow, result: Docu
         author=actor.name,
         mission_id=plan.mission_id,
         plan_id=plan.id,
-        kind=RunKind.EXECUTION.value,
+        kind=(RunKind.TRAINING if training else RunKind.EXECUTION).value,
         rover=str(document.get("rover", ""))[:80],
         seed=int(document.get("seed") or 0),
         faults=[],
@@ -136,10 +140,25 @@ def record_execution(session: Session, actor: Actor, plan: PlanRow, result: Docu
     )
     insert(session, actor, RUN, run)
     products = record_run(session, run, result)
-    _settle_requests(session, plan, document, {p.request_id for p in products})
-    update(session, actor, PLAN, plan, {"state": PlanState.EXECUTED.value}, action="execute")
+    if not training or plan.state != PlanState.EXECUTED.value:
+        _settle_requests(session, plan, document, {p.request_id for p in products})
+    if not training:
+        update(session, actor, PLAN, plan, {"state": PlanState.EXECUTED.value}, action="execute")
     session.flush()
     return RUN.show_one(session, run)
+
+
+def trained(session: Session, plan: PlanRow) -> str | None:
+    """Return the run of a plan on the training rover, if there is one."""
+    rows = RunRow
+    query = select(rows.id).where(
+        rows.plan_id == plan.id, rows.kind == RunKind.TRAINING.value, rows.elsewhere.is_(False)
+    )
+    return session.scalars(query).first()
+
+
+def _taken_in(session: Session, package: str | None) -> str | None:
+    return session.scalars(select(RunRow.id).where(RunRow.package_sha256 == package)).first()
 
 
 def _settle_requests(
@@ -148,19 +167,21 @@ def _settle_requests(
     """Write what became of each request: satisfied by a product, failed with its task, or not come to."""
     outcomes: Mapping[str, Any] = document.get("outcomes") or {}
     tasks = request_tasks(plan.crl_text or "")
+    where = " on the training rover" if document.get("training") is True else ""
     rows = ObservationRequestRow
     for request in session.scalars(select(rows).where(rows.mission_id == plan.mission_id)):
         if request.id not in plan.planned_request_ids:
             continue
         ends = [outcomes.get(task) for task in tasks.get(request.id, ())]
         if request.id in answered:
-            state, reason = "satisfied", f"a product came back with plan {plan.number}"
+            state, reason = "satisfied", f"a product came back with plan {plan.number}{where}"
         elif any(end == "SUCCEEDED" for end in ends):
-            state, reason = "attempted", f"plan {plan.number} carried it out and no product came back"
+            state, reason = "attempted", f"plan {plan.number} carried it out{where} and no product came back"
         elif any(end in {"FAILED", "ABORTED"} for end in ends):
-            state, reason = "failed", f"its task ended {next(e for e in ends if e in {'FAILED', 'ABORTED'})}"
+            end = next(end for end in ends if end in {"FAILED", "ABORTED"})
+            state, reason = "failed", f"its task ended {end}{where}"
         else:
-            state, reason = "open", f"plan {plan.number} did not come to it"
+            state, reason = "open", f"plan {plan.number} did not come to it{where}"
         changes = {"state": state, "state_reason": reason}
         update(session, SYSTEM_ACTOR, OBSERVATION_REQUEST, request, changes, action="execute")
 

@@ -15,7 +15,7 @@ from ground.jobs.value import Job, JobState
 from ground.records.actor import ALLOWED, Action, Actor, Role
 from ground.records.get_resource import find_row
 from ground.resources.ask_job import ask_job
-from ground.resources.downlinks.ingest_run import record_execution
+from ground.resources.downlinks.ingest_run import record_execution, trained
 from ground.resources.executions.bodies import ExecutionCreate
 from ground.resources.executions.order import ORDERS, ExecutionWork, Signer
 from ground.resources.missions.terrain import terrain_row
@@ -58,6 +58,8 @@ def execute_plan(repo: Repository, actor: Actor, plan_id: str, given: ExecutionC
         actor.require(ACTION, plan.mission_id)
         if plan.state == PlanState.EXECUTED.value:
             raise AlreadyExecutedError(f"plan {plan.number} was executed before")
+        if (run := trained(session, plan)) is not None:
+            raise AlreadyExecutedError(f"the training rover executed plan {plan.number} before, as {run}")
         package = session.scalars(select(PackageRow).where(PackageRow.plan_id == plan.id)).first()
         if package is None or plan.problem_id is None:
             raise StateError(f"plan {plan.number} is {plan.state}; only an uplinked plan is executed")
@@ -119,9 +121,10 @@ def _signers(session: Session, mission_id: str) -> tuple[Signer, ...]:
 
 
 def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
-    """Take in the run as one that came down from a rover."""
+    """Take in the run as one of the training rover, also where a worker of an earlier version made it."""
     plan = session.get(PlanRow, job.subject_id, with_for_update=True)
     if plan is None:
         return None
+    result = {**result, "document": {**result["document"], "training": True}}
     run = record_execution(session, Actor(job.author, Role.OPERATOR), plan, result, result["run"])
     return f"/api/v1/runs/{run.id}"

@@ -51,7 +51,7 @@ def open_next_sol(repo: Repository, actor: Actor, run_id: str) -> Sol:
     with repo.database.write() as session:
         run: RunRow = find_row(session, RUN, run_id)
         actor.require(Action.EDIT_MISSION, run.mission_id)
-        if run.kind != RunKind.EXECUTION.value:
+        if run.kind not in {RunKind.EXECUTION.value, RunKind.TRAINING.value}:
             raise StateError(f"the run is a {run.kind.replace('_', ' ')}; a sol ends with an execution")
         poses = zip(telemetry.east_m, telemetry.north_m, telemetry.heading_rad, strict=True)
         east_m, north_m, heading_rad = next((p for p in reversed(list(poses)) if None not in p), (None,) * 3)

@@ -58,7 +58,7 @@ def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) 
         if not (out / "run.json").exists():  # else only the last step is left
             execute_package(
                 Path(order.package_path),
-                Place(order.rover, home, home / TRUST_FILE, order.seed),
+                Place(order.rover, home, home / TRUST_FILE, order.seed, training=True),
                 out,
                 resume=(out / "journal.jsonl").exists(),
                 on_sample=tell,

@@ -67,6 +67,9 @@ def read_telemetry(repo: Repository, actor: Actor, run_id: str) -> Telemetry:
     return Telemetry(run_id=run_id, complete=row.telemetry_sha256 is not None, **table)
 
 
+_TAKEN_IN = {RunKind.EXECUTION, RunKind.TRAINING}
+
+
 def live_lines(repo: Repository, run: Run, after: int) -> list[tuple[str, Any]]:
     """Return the lines of a run behind line `after`: telemetry, trace records, and products as they came.
 
@@ -74,7 +77,7 @@ def live_lines(repo: Repository, run: Run, after: int) -> list[tuple[str, Any]]:
     """
     path = repo.run_dir(run.id) / LIVE
     if not is_kept(path):
-        return _lines_of_folder(path.parent)[after:] if run.kind is RunKind.EXECUTION else []
+        return _lines_of_folder(path.parent)[after:] if run.kind in _TAKEN_IN else []
     lines = read_kept(path).split(b"\n")[:-1]
     found = []
     for line in lines[after:]:

@@ -59,6 +59,7 @@ DOCUMENT: Mapping[str, Check] = {
     "plan": _or_none(is_text),
     "plan_digest": _or_none(is_text),
     "package_sha256": _or_none(is_text),
+    "training": _or_none(lambda value: type(value) is bool),
 }
 SAMPLE: Mapping[str, Check] = {
     **dict.fromkeys(

@@ -12,6 +12,8 @@ from ground.records.stored import OfMission
 class RunKind(StrEnum):
     DRY_RUN = "dry_run"
     EXECUTION = "execution"
+    TRAINING = "training"
+    """Executed on a training rover: it ends a sol, and the package may still be executed on a real one."""
     LIVE = "live"
 
 

@@ -16,6 +16,9 @@ export interface SolState {
   words: string;
 }
 
+/** Whether a run executed a package: on a rover, or on the mission's training rover. */
+export const isExecution = (run: Run): boolean => run.kind === "execution" || run.kind === "training";
+
 export function solStates(sols: readonly Sol[], plans: readonly Plan[], runs: readonly Run[]): SolState[] {
   return sols.map((sol) => {
     const own = plans.filter((plan) => plan.sol_id === sol.id && plan.expected_utility !== null);
@@ -23,7 +26,7 @@ export function solStates(sols: readonly Sol[], plans: readonly Plan[], runs: re
       (best, one) => (best === null || ORDER.indexOf(one.state) >= ORDER.indexOf(best.state) ? one : best),
       null,
     );
-    const execution = runs.findLast((run) => run.kind === "execution" && run.plan_id === plan?.id) ?? null;
+    const execution = runs.findLast((run) => isExecution(run) && run.plan_id === plan?.id) ?? null;
     const asked = plan?.planned_request_ids.length ?? 0;
     const done = execution?.achieved_request_ids.length ?? 0;
     const words = execution !== null ? `${done} of ${asked} done` : plan === null ? "no plan yet" : plan.state;
