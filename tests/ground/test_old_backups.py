@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import lzma
@@ -19,8 +20,14 @@ from ground.gdr.base import Base
 from ground.gdr.history import verify_chains
 from ground.gdr.migrate import current_revision, newest_revision
 from ground.gdr.repository import Repository, open_repository
+from ground.resources.backups import restore as restoring
+from ground.resources.backups import rows as row_module
+from ground.resources.backups.backup import ROWS, SECRETS
 from ground.resources.backups.check_files import check_files, damaged_files
+from ground.resources.backups.container import Listing, Part, write_container
 from ground.resources.backups.restore import drill, restore
+from ground.resources.backups.rows import Record
+from ground.resources.backups.secrets import seal
 from ground.resources.missions.row import MissionRow
 from ground.resources.targets.row import TargetRow
 from tests.ground.conftest import settings_for
@@ -74,3 +81,75 @@ def test_a_backup_of_a_newer_schema_is_refused_by_name(old: Path, tmp_path: Path
     with pytest.raises(ArchiveError, match="has the schema '9999', which this version"):
         restore(repo, newer)
     repo.database.dispose()
+
+
+PHRASE = "open sesame"
+TABLES = ("people", "credentials", "signing_keys")
+
+
+def with_keys(target: Path, revision: str) -> Path:
+    """Write a backup of an older schema with a person, an API key and a signing key."""
+    at = "2026-01-01T00:00:00+00:00"
+    person = {"id": "psn-1", "name": "Ann", "role": "admin", "mission_roles": {}, "active": True}
+    person |= {
+        "author": "system",
+        "created_utc": at,
+        "modified_utc": at,
+        "revision": 1,
+        "password_hash": None,
+    }
+    owned = {"person_id": "psn-1", "name": "script", "created_utc": at}
+    signing = {"id": "0123456789abcdef", "public": "p" * 44, "revoked_utc": None, **owned}
+    credential = {"id": "key-1", "kind": "api_key", "secret_sha256": "a" * 64, "expires_utc": at, **owned}
+    lines = [json.dumps(record) for record in (["people", person], ["signing_keys", signing])]
+    rows = ("\n".join(lines) + "\n").encode()
+    head = Listing(revision, at, {"people": 1, "signing_keys": 1}, hashlib.sha256(rows).hexdigest())
+    secrets = seal({"passwords": {"psn-1": "$argon2id$x"}, "credentials": [credential]}, PHRASE)
+    write_container(target, head, [Part(ROWS, rows), Part(SECRETS, secrets)])
+    return target
+
+
+def counts(repo: Repository) -> list[int]:
+    with repo.database.read() as session:
+        return [len(session.execute(select(Base.metadata.tables[name])).all()) for name in TABLES]
+
+
+@pytest.mark.parametrize("revision", ["0009", "0013"])
+def test_people_and_their_keys_come_back_from_an_older_schema(
+    sqlite_repo: Repository, tmp_path: Path, revision: str
+) -> None:
+    source = with_keys(tmp_path / "old.tar", revision)
+    assert drill(sqlite_repo, source, passphrase=PHRASE) == []
+    restore(sqlite_repo, source, passphrase=PHRASE)
+    assert counts(sqlite_repo) == [1, 1, 1]
+    with sqlite_repo.database.read() as session:
+        people = session.execute(select(Base.metadata.tables["people"])).mappings().one()
+    assert people["password_hash"] == "$argon2id$x"
+
+
+def test_rows_that_a_migration_loses_stop_a_restore_before_anything_is_written(
+    sqlite_repo: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, before = with_keys(tmp_path / "old.tar", "0013"), counts(sqlite_repo)
+    plain = row_module.read_rows
+    monkeypatch.setattr(
+        row_module, "read_rows", lambda *given: (r for r in plain(*given) if r[0] != "signing_keys")
+    )
+    with pytest.raises(ArchiveError, match=r"between the schemas 0013 and .*: 0 of 1 rows of signing_keys"):
+        restore(sqlite_repo, source, passphrase=PHRASE)
+    assert counts(sqlite_repo) == before
+
+
+@pytest.mark.parametrize("table", TABLES[1:])
+def test_a_drill_sees_what_the_way_to_this_schema_lost(
+    sqlite_repo: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, table: str
+) -> None:
+    plain = restoring.brought_up
+
+    def losing(records: list[Record], revision: str) -> list[Record]:
+        return [record for record in plain(records, revision) if record[0] != table]
+
+    monkeypatch.setattr(restoring, "brought_up", losing)
+    source = with_keys(tmp_path / "old.tar", "0013")
+    found = drill(sqlite_repo, source, passphrase=PHRASE)
+    assert found == [f"0 of 1 rows of {table} came back"]

@@ -24,7 +24,7 @@ from ground.resources.backups.backup import FOLDERS, ROWS, SECRETS
 from ground.resources.backups.check_files import check_files, damaged_files
 from ground.resources.backups.container import FORMAT, LIST, Listing, read_list
 from ground.resources.backups.rewind import rewind
-from ground.resources.backups.rows import LEFT_OUT, Record, brought_up, fill, parse_rows, read_rows
+from ground.resources.backups.rows import LEFT_OUT, Record, brought_up, fill, parse_rows, read_rows, shrunken
 from ground.resources.backups.secrets import unseal
 from ground.resources.history.verify_rows import verify_rows
 from ground.resources.tables import METADATA
@@ -61,7 +61,8 @@ def restore(
         content = (folder / ROWS).read_bytes()
         if hashlib.sha256(content).hexdigest() != head.rows_sha256:
             raise ArchiveError(f"{source} is damaged: {ROWS} is not what {LIST} says")
-        secrets = _secrets_of(folder, passphrase)
+        sealed = folder / SECRETS
+        secrets = _secrets_of(sealed.read_bytes() if sealed.is_file() else None, passphrase)
         records = brought_up(parse_rows(content, secrets), head.revision)
         migrate(repo.database)
         _require_empty(repo.database)
@@ -116,13 +117,12 @@ def _name_damage(source: Path) -> None:
             raise
 
 
-def _secrets_of(folder: Path, passphrase: str | None) -> dict[str, Any]:
-    sealed = folder / SECRETS
+def _secrets_of(sealed: bytes | None, passphrase: str | None) -> dict[str, Any]:
     if passphrase is None:
         return {}
-    if not sealed.is_file():
+    if sealed is None:
         raise ArchiveError("the backup holds no secrets; it was made without a passphrase")
-    found: dict[str, Any] = unseal(sealed.read_bytes(), passphrase)
+    found: dict[str, Any] = unseal(sealed, passphrase)
     return found
 
 
@@ -140,7 +140,7 @@ def drill(
 
     The scratch place is a folder with an embedded database, which is removed. Every row that comes back is
     held against the backup's, or with `until` against what the history up to then says of it, every file
-    against its hash, and every history is followed.
+    against its hash, and every history is followed. With the passphrase the secrets are rows as others.
     """
     with tempfile.TemporaryDirectory(prefix="outcrop-drill-") as work:
         place = Path(work)
@@ -159,18 +159,25 @@ def drill(
                 found += [f"{f.chain_id} event {f.seq}: {f.reason}" for f in verify_chains(session)[1]]
                 found += map(str, verify_rows(session).faults)
                 if until is None:
-                    found += _differences(_rows_of(source), list(read_rows(session)))
+                    wanted, revision = _rows_of(source, passphrase)
+                    there = list(read_rows(session, LEFT_OUT - {"credentials"}))
+                    found += shrunken(wanted, there)
+                    found += _differences(brought_up(wanted, revision), there)
         finally:
             scratch.database.dispose()
     return found
 
 
-def _rows_of(source: Path) -> list[Record]:
+def _rows_of(source: Path, passphrase: str | None) -> tuple[list[Record], str]:
+    """Return the rows of a backup as they lie in it, and the revision of their schema."""
     with tarfile.open(source) as archive:
-        entry, listed = archive.extractfile(ROWS), archive.extractfile(LIST)
-        assert entry is not None
-        assert listed is not None
-        return brought_up(parse_rows(entry.read(), {}), json.load(listed)["revision"])
+        parts = {}
+        for name in {ROWS, LIST, SECRETS} & set(archive.getnames()):
+            file = archive.extractfile(name)
+            assert file is not None
+            parts[name] = file.read()
+    secrets = _secrets_of(parts.get(SECRETS), passphrase)
+    return parse_rows(parts[ROWS], secrets), json.loads(parts[LIST])["revision"]
 
 
 def _differences(wanted: list[Record], there: list[Record]) -> list[str]:
@@ -180,10 +187,6 @@ def _differences(wanted: list[Record], there: list[Record]) -> list[str]:
 
 
 def _by_key(records: list[Record]) -> dict[tuple[str, str], dict[str, Any]]:
-    """Return rows by table and primary key, without what a backup holds sealed."""
+    """Return rows by table and primary key."""
     keys = {table.name: [c.name for c in table.primary_key.columns] for table in METADATA.sorted_tables}
-    return {
-        (name, "/".join(str(row[k]) for k in keys[name])): {**row, "password_hash": None}
-        for name, row in records
-        if name not in LEFT_OUT
-    }
+    return {(name, "/".join(str(row[k]) for k in keys[name])): row for name, row in records}

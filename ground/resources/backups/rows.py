@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from datetime import datetime
 from itertools import groupby
@@ -78,7 +79,7 @@ def brought_up(records: list[Record], revision: str) -> list[Record]:
     Raises
     ------
     ArchiveError
-        If this version does not know the revision: the backup is of a newer one.
+        If this version does not know the revision: the backup is of a newer one. If rows are lost on the way.
     """
     if revision == newest_revision():
         return records
@@ -90,7 +91,7 @@ def brought_up(records: list[Record], revision: str) -> list[Record]:
                 fill(session, _schema_of(database), records)
             migrate(database)
             with database.read() as session:
-                return list(read_rows(session, frozenset()))
+                found = list(read_rows(session, frozenset()))
         except CommandError as err:
             raise ArchiveError(
                 f"the backup has the schema {revision!r}, which this version of outcrop does not know; "
@@ -98,6 +99,20 @@ def brought_up(records: list[Record], revision: str) -> list[Record]:
             ) from err
         finally:
             database.dispose()
+    short = shrunken(records, found)
+    if short:
+        raise ArchiveError(
+            f"rows were lost between the schemas {revision} and {newest_revision()}: {short[0]}"
+        )
+    return found
+
+
+def shrunken(before: Iterable[Record], after: Iterable[Record]) -> list[str]:
+    """Return a sentence for each table that has fewer rows than before."""
+    had, has = (Counter(name for name, _ in records) for records in (before, after))
+    return [
+        f"{has[name]} of {n} rows of {name} came back" for name, n in sorted(had.items()) if has[name] < n
+    ]
 
 
 def _schema_of(database: Database) -> MetaData:
