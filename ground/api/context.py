@@ -28,8 +28,9 @@ from ground.api.hub import Hub
 from ground.api.problems import Answers, responses
 from ground.errors import GroundError, InvalidInputError
 from ground.gdr.database import in_act
+from ground.gdr.history import SYSTEM
 from ground.gdr.repository import Repository
-from ground.records.actor import Actor
+from ground.records.actor import Action, Actor
 from ground.records.change_resource import change_resource
 from ground.records.delete_resource import delete_resource
 from ground.records.forms import Body
@@ -250,8 +251,9 @@ async def _while_seen(parts: AsyncIterable[Any], ask: Ask, given: Mapping[str, o
                 who = await ask.again()
             except GroundError:
                 return
+            lost = given.get("mission_id") == SYSTEM and not who.may(Action.ADMINISTER)
             hidden = {} if who.sees_all else await look(_hidden, ask, given, who)
-            if hidden:
+            if lost or hidden:
                 return
         yield part
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from ground.errors import ForbiddenError, NotFoundError
+from ground.errors import ForbiddenError, InvalidInputError, NotFoundError
 
 
 class Role(StrEnum):
@@ -114,13 +114,25 @@ class Actor:
             where = "" if mission_id is None else f" in mission {mission_id}"
             raise ForbiddenError(f"the API key of {self.name} is not for: {what}{where}")
 
-    def require_somewhere(self, action: Action) -> None:
-        """Raise `ForbiddenError` unless this person may do it in general or in some mission."""
+    def may(self, action: Action, mission_id: str | None = None) -> bool:
+        """Say whether `require` lets this person do it."""
+        try:
+            self.require(action, mission_id)
+        except (ForbiddenError, NotFoundError):
+            return False
+        return True
+
+    def may_somewhere(self, action: Action) -> bool:
+        """Say whether this person may do it in general or in some mission."""
         missions = [m for m in self.mission_roles if self.sees(m)]
         roles = {self.role_in(mission_id) for mission_id in [None, *missions]}
         narrowed = None if self.scope is None else self.scope.role
         allowed = frozenset(Action) if narrowed is None else ALLOWED[narrowed]
-        if not any(action in ALLOWED[role] & allowed for role in roles):
+        return any(action in ALLOWED[role] & allowed for role in roles)
+
+    def require_somewhere(self, action: Action) -> None:
+        """Raise `ForbiddenError` unless this person may do it in general or in some mission."""
+        if not self.may_somewhere(action):
             self.require(action)
             raise ForbiddenError(f"{self.name} may not {action.value.replace('_', ' ')}")
 
@@ -157,6 +169,25 @@ class Actor:
             raise ForbiddenError(
                 f"a narrowed API key of {self.name} may not touch keys, sessions or passwords"
             )
+
+
+FIRST_ADMINISTRATOR, PROVIDER = "first administrator", "provider"
+"""Who made a person, where no person did: the token of the log, and the OpenID Connect provider."""
+ELSEWHERE = " (elsewhere)"
+"""Behind the name of a person who did something in another repository."""
+
+
+def require_free_name(name: str) -> None:
+    """Raise `InvalidInputError` for a name under which something other than a person here acts."""
+    plain = name.strip().casefold()
+    if plain in {SYSTEM_ACTOR.name, FIRST_ADMINISTRATOR, PROVIDER}:
+        raise InvalidInputError(f"nobody may be called {name!r}: the program acts under it", pointer="/name")
+    if plain.endswith(ELSEWHERE.strip()):
+        raise InvalidInputError(
+            f"nobody may be called {name!r}: names that end in {ELSEWHERE.strip()!r} are of people of other "
+            f"repositories",
+            pointer="/name",
+        )
 
 
 SYSTEM_ACTOR = Actor("system", Role.ADMIN)

@@ -93,7 +93,8 @@ def remove(session: Session, actor: Actor, kind: Kind[Any], row: Row, *, reason:
     record(session, chain, Change(actor.name, "delete", kind.name, row.id, before, None, reason))
 
 
-BULKY = frozenset({"tree", "summary", "crl_text", "document", "geometry", "payload", "log", "password_hash"})
+SECRET = frozenset({"password_hash", "external_sha256"})
+BULKY = SECRET | {"tree", "summary", "crl_text", "document", "geometry", "payload", "log"}
 """Columns of computed results and secrets: the history has their digest, not their content."""
 
 

@@ -7,11 +7,13 @@ from datetime import datetime
 from typing import Any
 
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from ground.errors import NotFoundError
-from ground.gdr.history import ChainRow, EventRow
+from ground.gdr.history import SYSTEM, ChainRow, EventRow
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
+from ground.records.get_resource import require_mission
 from ground.records.paging import Page
 from ground.records.show import value_of
 
@@ -38,24 +40,39 @@ def show_event(row: EventRow) -> Event:
     return value_of(Event, row)
 
 
+def require_history(session: Session, actor: Actor, chain_id: str) -> None:
+    """Raise unless the actor may read a history.
+
+    A mission's is read like the mission. The system's (people, keys, log-ins, uploads) and what is left of a
+    deleted mission's are there for administrators alone.
+
+    Raises
+    ------
+    NotFoundError
+        If it is not there for the actor.
+    """
+    if chain_id != SYSTEM:
+        actor.require(Action.READ, chain_id)
+    try:
+        require_mission(session, chain_id)
+    except NotFoundError:
+        if not actor.may(Action.ADMINISTER) or session.get(ChainRow, chain_id) is None:
+            raise
+
+
 def last_event(repo: Repository, actor: Actor, mission_id: str) -> int:
     """Return the number of the newest event."""
-    actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
-        seq = session.scalar(select(ChainRow.seq).where(ChainRow.id == mission_id))
-    if seq is None:
-        raise NotFoundError(f"there is no mission {mission_id}")
-    return seq
+        require_history(session, actor, mission_id)
+        return session.get_one(ChainRow, mission_id).seq
 
 
 def list_history(
     repo: Repository, actor: Actor, mission_id: str, *, after: int, limit: int, newest_first: bool
 ) -> Page:
     """Return changes behind the event `after` (newest first: before it, 0 = from the newest on)."""
-    actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
-        if session.get(ChainRow, mission_id) is None:
-            raise NotFoundError(f"there is no mission {mission_id}")
+        require_history(session, actor, mission_id)
         query = select(EventRow).where(EventRow.chain_id == mission_id).limit(limit + 1)
         if newest_first:
             query = query.order_by(EventRow.seq.desc())

@@ -326,7 +326,8 @@ def test_every_hostile_run_is_refused_and_leaves_nothing(downlink: tuple[Api, Pl
         content = zipped(
             {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
         )
-        upload_id = upload(api, "run.zip", content)
+        sent = api("POST", "/uploads?file_name=run.zip", content=content, who="Operator").json()
+        upload_id = sent["id"]
         with bounded(name):
             answer = api("POST", "/runs/ingest", {"upload_id": upload_id}, who="Operator")
         refused(name, answer)

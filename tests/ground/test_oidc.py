@@ -17,7 +17,7 @@ import pytest
 from joserfc import jwt
 from joserfc.jwk import RSAKey
 
-from ground.errors import UnavailableError
+from ground.errors import InvalidInputError, UnavailableError
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR, Role
 from ground.resources.people import oidc, told_by_provider
@@ -167,6 +167,14 @@ def test_a_person_comes_in_by_the_provider_and_is_the_same_the_next_time(
     provider.subject["preferred_username"] = "Ada the Elder"  # a name is theirs to change, not who they are
     again = service.get("/session", headers=session_of(log_in(service, provider)))["person"]
     assert again["id"] == person["id"]
+
+
+def test_nobody_has_a_name_under_which_the_program_acts(service: Api, provider: Provider) -> None:
+    for name in ("system", " System", "first administrator", "provider", "Bo (elsewhere)"):
+        provider.subject = {"sub": "1", "preferred_username": name}
+        problem(log_in(service, provider), 401, "not-authenticated")
+        with pytest.raises(InvalidInputError, match="nobody may be called"):
+            create_person(service.repo, SYSTEM_ACTOR, name, Role.VIEWER, "correct horse battery")
 
 
 def test_nobody_becomes_somebody_else_by_their_name(service: Api, provider: Provider) -> None:

@@ -381,7 +381,7 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("POST", r"/statement$", Action.PLAN),
     ("POST", r"/(package|ingest|execution)$", Action.UPLINK),
     ("POST", r"/next-sol$", Action.EDIT_MISSION),
-    ("POST", r"/uploads$", Action.EDIT_SCIENCE),
+    ("POST", r"/uploads$", Action.COMMENT),  # who edits or uplinks: the roles that comment
     ("(POST|PUT|PATCH)", r"/people", Action.ADMINISTER),
 )
 """Which right each changing endpoint needs; written down apart from the code that checks it."""

@@ -151,6 +151,58 @@ def test_a_key_for_other_missions_does_not_see_it() -> None:
     key.require(Action.PLAN, "msn-1")
 
 
+def test_an_upload_is_there_for_who_made_it_and_for_administrators(
+    sqlite_api: Api, ids: dict[str, str], hidden: Mission
+) -> None:
+    answer = sqlite_api("POST", "/uploads?file_name=run.txt", content=b"x", who="Planner")
+    upload, frame = answer.json()["id"], ids["frame"]
+    given = {"upload_id": upload}
+    forms: dict[str, Any] = {
+        "/missions/import": given,
+        "/runs/ingest": given,
+        "/missions": {"name": "Stolen", "terrain": {"source": "uploaded", **given}},
+        f"/missions/{hidden.id}/geometry": given,
+        f"/missions/{hidden.id}/frame-files": given,
+        f"/missions/{hidden.id}/site-maps": {"frame_id": frame, **given},
+    }
+    for path, form in forms.items():
+        other = sqlite_api("POST", path, form, who="Flight Director")
+        never = sqlite_api(
+            "POST", path, json.loads(json.dumps(form).replace(upload, ABSENT)), who="Flight Director"
+        )
+        assert f"there is no upload {upload}" in other.json()["detail"], (path, other.text)
+        assert other.json()["detail"] == never.json()["detail"].replace(ABSENT, upload)
+        for who in ("Planner", "Administrator"):
+            if (path, who) != ("/runs/ingest", "Planner"):
+                assert "no upload" not in sqlite_api("POST", path, form, who=who).text, (path, who)
+
+
+HISTORIES = ("history", "as-of/1", "events")
+
+
+def test_the_history_of_the_system_and_of_deleted_missions_is_administrators_alone(
+    sqlite_api: Api, ids: dict[str, str], hidden: Mission
+) -> None:
+    scientist = next(p for p in sqlite_api.get("/people")["items"] if p["name"] == "Scientist")
+    given = {"mission_roles": {hidden.id: "planner"}}
+    any_revision = {"If-Match": "*"}
+    changed = sqlite_api(
+        "PATCH", f"/people/{scientist['id']}", given, who="Administrator", headers=any_revision
+    )
+    assert changed.status_code == 200
+    for who in ("Viewer", "Planner", "Flight Director", "Eve", "Nobody", "Guest"):
+        admin = who == "Eve"  # an administrator, from whom one mission is hidden
+        for history in HISTORIES[:2] if admin else HISTORIES:
+            answer = sqlite_api("GET", f"/missions/system/{history}", who=who)
+            never = sqlite_api("GET", f"/missions/{ABSENT}/{history}", who=who)
+            assert answer.status_code == (200 if admin else 404), (who, history)
+            if not admin:
+                assert answer.json()["detail"] == never.json()["detail"].replace(ABSENT, "system")
+    told = sqlite_api.get("/missions/system/history", who="Administrator")["items"]
+    assert any(hidden.id in json.dumps(event["after"]) for event in told)
+    assert all("external_sha256" not in (event["after"] or {}) for event in told)
+
+
 @pytest.mark.parametrize("now", [Actor("Bo", Role.NONE), None])
 def test_a_stream_ends_when_its_listener_may_not_see_it_any_more(
     sqlite_repo: Repository, hidden: Mission, now: Actor | None, monkeypatch: pytest.MonkeyPatch

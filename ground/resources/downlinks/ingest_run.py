@@ -19,7 +19,6 @@ from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
 from ground.records.edit import insert, update
-from ground.records.get_resource import find_row
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.packages.row import PackageRow
@@ -31,14 +30,15 @@ from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Run, RunKind
 from ground.resources.runs.work import read_run_folder
-from ground.resources.uploads.kind import UPLOAD
+from ground.resources.uploads.store_upload import find_upload
 from mission.codec import Document
 
 
 def ingest_upload(repo: Repository, actor: Actor, upload_id: str) -> Run:
     """Take in an uploaded zip of a run's folder; see `ingest_run`."""
+    actor.require_somewhere(Action.UPLINK)
     with repo.database.read() as session:
-        upload = find_row(session, UPLOAD, upload_id, pointer="/upload_id")
+        upload = find_upload(session, actor, upload_id)
     stored = repo.files.path(upload.sha256)
     if not is_zip(stored):
         raise ArchiveError(f"{upload.file_name} is no zip", pointer="/upload_id")
@@ -77,9 +77,7 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
     copy_folder(folder, kept)
     try:
         with repo.database.write() as session:
-            plan = _executed_plan(session, document, folder.name)
-            if not actor.sees(plan.mission_id):
-                raise not_ours(folder.name)
+            plan = _executed_plan(session, actor, document, folder.name)
             actor.require(Action.UPLINK, plan.mission_id)
             return record_execution(session, actor, plan, result, run_id)
     except GroundError:  # after anything else the rows may have been written: the sweep knows
@@ -87,10 +85,14 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
         raise
 
 
-def _executed_plan(session: Session, document: Mapping[str, Any], name: str) -> PlanRow:
-    """Return the plan that a run executed, locked; raise unless it is the package of one of ours."""
+def _executed_plan(session: Session, actor: Actor, document: Mapping[str, Any], name: str) -> PlanRow:
+    """Return the plan that a run executed, locked; raise unless it is the package of one of ours.
+
+    A plan that the actor may not see is not here for them.
+    """
     plan = session.get(PlanRow, document["plan"], with_for_update=True)
-    if plan is None or plan.mission_id != document.get("mission"):
+    hidden = plan is not None and not actor.sees(plan.mission_id)
+    if plan is None or hidden or plan.mission_id != document.get("mission"):
         raise ArchiveError(f"{name}: the plan {document['plan']} is not in this repository")
     if plan.crl_sha256 != document.get("plan_digest"):
         raise ArchiveError(f"{name}: the run executed another text than plan {plan.number}")

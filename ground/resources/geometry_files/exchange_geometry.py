@@ -43,7 +43,7 @@ def import_geometry(repo: Repository, actor: Actor, mission_id: str, upload_id: 
         If rows cannot be used: off the terrain, a name taken, a malformed place. It names all of them.
     """
     actor.require(Action.EDIT_SCIENCE, mission_id)
-    path = uploaded_file(repo, upload_id)
+    path = uploaded_file(repo, actor, upload_id)
     if path.stat().st_size > MAX_BYTES:
         raise TooLargeError(f"the file has {path.stat().st_size} bytes; {MAX_BYTES} are allowed")
     shapes = read_shapes(path.read_bytes())

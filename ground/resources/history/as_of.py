@@ -14,8 +14,9 @@ from ground.errors import NotFoundError
 from ground.gdr.base import Columns
 from ground.gdr.history import EventRow
 from ground.gdr.repository import Repository
-from ground.records.actor import Action, Actor
+from ground.records.actor import Actor
 from ground.records.edit import public
+from ground.records.list_history import require_history
 from ground.resources.kinds import KINDS
 
 PARTIAL = ("sign", "package", "waive", "import", "restore", "seal")
@@ -42,8 +43,8 @@ def mission_as_of(repo: Repository, actor: Actor, mission_id: str, event: int) -
     NotFoundError
         If the mission has no such event.
     """
-    actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
+        require_history(session, actor, mission_id)
         found = session.get(EventRow, (mission_id, event))
         if found is None:
             raise NotFoundError(f"there is no event {event} in mission {mission_id}", pointer="/event")

@@ -21,7 +21,7 @@ from ground.gdr.packed import write_packed
 from ground.gdr.repository import Repository
 from ground.gdr.seals import seal, seal_mission
 from ground.jobs.value import JobState
-from ground.records.actor import Action, Actor
+from ground.records.actor import ELSEWHERE, Action, Actor
 from ground.resources.mission_archives.mission_archive import (
     RIGHTS,
     TABLES,
@@ -40,9 +40,6 @@ from ground.resources.plans.work import findings_of
 from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
 from ground.resources.terrains.row import TerrainRow
-
-ELSEWHERE = " (elsewhere)"
-"""Behind the name of a person who did something in another repository."""
 
 
 def import_mission(repo: Repository, actor: Actor, source: Path, *, name: str | None = None) -> Mission:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import ZIP, Asked, Id, answer, api_router, archive, call, created
+from ground.api.context import ZIP, Asked, Id, answer, api_router, archive, created
 from ground.api.problems import responses
 from ground.resources.mission_archives.bodies import ArchiveImport, MissionCopy
 from ground.resources.mission_archives.copy_mission import copy_mission as copy_mission_use_case
@@ -44,7 +44,7 @@ async def export_mission(ask: Asked, mission_id: Id) -> Response:
 )
 async def import_mission(ask: Asked, body: ArchiveImport) -> Response:
     """Take in a mission's archive that was uploaded; it keeps its ids and history."""
-    source = await call(uploaded_file, ask.repo, body.upload_id)
+    source = await ask.do(uploaded_file, body.upload_id)
     mission = await ask.do(import_mission_use_case, source, name=body.name)
     return created(mission, f"/api/v1/missions/{mission.id}")
 

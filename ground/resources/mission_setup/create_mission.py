@@ -53,7 +53,7 @@ class FolderTerrain:
 TerrainSource = GeneratedTerrain | UploadedTerrain | FolderTerrain
 
 
-def load_source(repo: Repository, source: TerrainSource, work: Path) -> Terrain:
+def load_source(repo: Repository, actor: Actor, source: TerrainSource, work: Path) -> Terrain:
     """Return the terrain a mission is to stand on; `work` is an empty folder for unpacking.
 
     Raises
@@ -71,7 +71,9 @@ def load_source(repo: Repository, source: TerrainSource, work: Path) -> Terrain:
             case FolderTerrain(folder):
                 return load_terrain(folder)
             case UploadedTerrain():
-                return load_terrain(unpack_terrain(repo, source.upload_id, source.ortho_upload_id, work))
+                return load_terrain(
+                    unpack_terrain(repo, actor, source.upload_id, source.ortho_upload_id, work)
+                )
     except RoverError as err:
         raise TerrainFileError(str(err).replace(f"{work}/", ""), pointer="/terrain") from err
 
@@ -90,7 +92,7 @@ def create_mission(
     actor.require(Action.EDIT_MISSION)
     require_profile(rover_profile)
     with tempfile.TemporaryDirectory(prefix="outcrop-terrain-") as work:
-        terrain = load_source(repo, source, Path(work))
+        terrain = load_source(repo, actor, source, Path(work))
         label = terrain_name or terrain.name or name
         with repo.database.write() as session:
             ground = store_terrain(repo, session, terrain, name=label[:200], author=actor.name)

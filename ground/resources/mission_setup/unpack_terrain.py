@@ -8,20 +8,22 @@ from pathlib import Path
 from ground.errors import TerrainFileError
 from ground.gdr.archives import extract_zip, is_zip
 from ground.gdr.repository import Repository
-from ground.records.get_resource import find_row
-from ground.resources.uploads.kind import UPLOAD
+from ground.records.actor import Actor
+from ground.resources.uploads.store_upload import find_upload
 
 TERRAIN_SUFFIXES = {".tif", ".tiff", ".glb", ".gltf", ".obj", ".ply"}
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff"}
 
 
-def unpack_terrain(repo: Repository, upload_id: str, ortho_upload_id: str | None, work: Path) -> Path:
+def unpack_terrain(
+    repo: Repository, actor: Actor, upload_id: str, ortho_upload_id: str | None, work: Path
+) -> Path:
     """Return a folder or file in `work` that the terrain readers take."""
     with repo.database.read() as session:
-        main = find_row(session, UPLOAD, upload_id, pointer="/terrain/upload_id")
+        main = find_upload(session, actor, upload_id, "/terrain/upload_id")
         ortho = None
         if ortho_upload_id is not None:
-            ortho = find_row(session, UPLOAD, ortho_upload_id, pointer="/terrain/ortho_upload_id")
+            ortho = find_upload(session, actor, ortho_upload_id, "/terrain/ortho_upload_id")
     stored = repo.files.path(main.sha256)
     if is_zip(stored):
         folder = work / "unpacked"

@@ -13,7 +13,7 @@ from ground.errors import (
 from ground.gdr.history import SYSTEM, ChainRow, open_chain
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
-from ground.records.actor import SYSTEM_ACTOR, Action, Actor, KeyScope, Role
+from ground.records.actor import SYSTEM_ACTOR, Action, Actor, KeyScope, Role, require_free_name
 from ground.records.edit import insert
 from ground.resources.people.kind import PERSON, conceal_missions
 from ground.resources.people.password_hash import hash_of
@@ -62,9 +62,10 @@ def create_person(
     NameTakenError
         If somebody has the name.
     InvalidInputError
-        If accounts are used and there is no password.
+        If the name is not for people, or accounts are used and there is no password.
     """
     actor.require(Action.ADMINISTER)
+    require_free_name(name)
     if repo.settings.auth is Authentication.ACCOUNTS and password is None:
         raise InvalidInputError("an account needs a password of 8 characters or more", pointer="/password")
     hashed = None if password is None else hash_of(password)

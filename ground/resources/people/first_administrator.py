@@ -15,7 +15,7 @@ from ground.errors import AuthenticationError, ConflictError, NameTakenError
 from ground.gdr.base import utc_now
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
-from ground.records.actor import SYSTEM_ACTOR, Role
+from ground.records.actor import FIRST_ADMINISTRATOR, SYSTEM_ACTOR, Role, require_free_name
 from ground.records.edit import insert
 from ground.resources.people.credentials import digest
 from ground.resources.people.kind import PERSON
@@ -67,11 +67,14 @@ def make_first_administrator(repo: Repository, token: str, name: str, password: 
         If there is an administrator already.
     AuthenticationError
         If the token is not one that this service gave, or is outdated.
+    InvalidInputError
+        If the name is not for people.
     NameTakenError
         If somebody without administration has the name.
     """
     with repo.database.read() as session:
         _require_invited(session, token)
+    require_free_name(name)
     hashed = hash_of(password)
     with repo.database.write() as session:
         if not repo.database.is_sqlite:  # two at the same time: one after the other
@@ -81,7 +84,7 @@ def make_first_administrator(repo: Repository, token: str, name: str, password: 
             raise NameTakenError(f"there is somebody called {name!r} already", pointer="/name")
         row = PersonRow(
             id=new_id("psn"),
-            author="first administrator",
+            author=FIRST_ADMINISTRATOR,
             name=name,
             role=Role.ADMIN.value,
             mission_roles={},

@@ -14,10 +14,10 @@ from urllib.parse import quote_plus, urlencode, urlsplit
 
 from sqlalchemy import select
 
-from ground.errors import AuthenticationError, NotFoundError, UnavailableError
+from ground.errors import AuthenticationError, InvalidInputError, NotFoundError, UnavailableError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
-from ground.records.actor import SYSTEM_ACTOR
+from ground.records.actor import PROVIDER, SYSTEM_ACTOR, require_free_name
 from ground.records.edit import insert
 from ground.resources.people.kind import PERSON
 from ground.resources.people.row import PersonRow
@@ -165,7 +165,7 @@ def enter(repo: Repository, identity: Identity) -> Person:
     Raises
     ------
     AuthenticationError
-        If they are shut out, or somebody else has their name here.
+        If they are shut out, their name is not for people, or somebody else has it here.
     """
     with repo.database.write() as session:
         known = session.scalars(select(PersonRow).where(PersonRow.external_sha256 == identity.sha256)).first()
@@ -173,13 +173,17 @@ def enter(repo: Repository, identity: Identity) -> Person:
             if not known.active:
                 raise AuthenticationError(f"{known.name} is shut out; ask an administrator")
             return PERSON.show_one(session, known)
+        try:
+            require_free_name(identity.name)
+        except InvalidInputError as err:
+            raise AuthenticationError(f"{err.message}; take another name at the provider") from err
         if session.scalars(select(PersonRow.id).where(PersonRow.name == identity.name)).first():
             raise AuthenticationError(
                 f"somebody else is called {identity.name!r} here; take another name at the provider"
             )
         row = PersonRow(
             id=new_id("psn"),
-            author="provider",
+            author=PROVIDER,
             name=identity.name,
             role=repo.settings.oidc_role,
             mission_roles={},

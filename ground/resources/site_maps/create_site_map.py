@@ -31,7 +31,7 @@ def create_site_map(repo: Repository, actor: Actor, mission_id: str, given: Site
         If nothing ties the site to the anchor.
     """
     actor.require(Action.EDIT_MISSION, mission_id)
-    west, south, east, north = _bounds(uploaded_file(repo, given.upload_id))
+    west, south, east, north = _bounds(uploaded_file(repo, actor, given.upload_id))
     with repo.database.write() as session:
         require_mission(session, mission_id)
         frame = require_frame(session, mission_id, given.frame_id)

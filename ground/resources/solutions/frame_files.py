@@ -52,7 +52,7 @@ def import_frames(repo: Repository, actor: Actor, mission_id: str, upload_id: st
     from rover_iface.localization.site_frames import parse_frame_file
 
     actor.require(Action.EDIT_MISSION, mission_id)
-    path = uploaded_file(repo, upload_id)
+    path = uploaded_file(repo, actor, upload_id)
     if path.stat().st_size > MAX_BYTES:
         raise TooLargeError(f"the file has {path.stat().st_size} bytes; {MAX_BYTES} are allowed")
     try:

@@ -25,7 +25,7 @@ from ground.resources.traverses.bodies import StopBody, TraverseCreate
 from ground.resources.traverses.kind import TRAVERSE
 from ground.resources.traverses.order import ORDERS, Accuracy, SeenStop, TraverseWork
 from ground.resources.traverses.row import TraverseRow
-from ground.resources.uploads.row import UploadRow
+from ground.resources.uploads.store_upload import find_upload
 from mission.codec import Document
 
 KIND = "adjust_traverse"
@@ -53,7 +53,7 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, given: Trav
             if any(frame.id == other["frame_id"] for other in listed):
                 raise InvalidInputError(f"{frame.key} comes twice", pointer=f"/stops/{index}/frame_id")
             place = chain.place(frame.id)
-            path, file_name = _source(repo, session, mission_id, stop, f"/stops/{index}")
+            path, file_name = _source(repo, session, actor, mission_id, stop, f"/stops/{index}")
             listed.append({**stop.model_dump(), "name": frame.key})
             most = int(repo.settings.max_body_mib * 8 * 2**20)
             seen.append(SeenStop(frame.key, str(path), file_name, place.east_m, place.north_m, most))
@@ -70,13 +70,14 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, given: Trav
 
 
 def _source(
-    repo: Repository, session: Session, mission_id: str, stop: StopBody, pointer: str
+    repo: Repository, session: Session, actor: Actor, mission_id: str, stop: StopBody, pointer: str
 ) -> tuple[Path, str]:
     """Return where what was seen from a stop lies, and its name."""
     if stop.upload_id is not None:
-        upload = session.get(UploadRow, stop.upload_id)
-        if upload is None:
-            raise InvalidInputError(f"there is no upload {stop.upload_id}", pointer=f"{pointer}/upload_id")
+        try:
+            upload = find_upload(session, actor, stop.upload_id)
+        except NotFoundError as err:
+            raise InvalidInputError(err.message, pointer=f"{pointer}/upload_id") from err
         return repo.files.path(upload.sha256), upload.file_name
     run = row_in_mission(session, RUN, stop.run_id, mission_id, f"{pointer}/run_id")
     folder = repo.run_dir(run.id)

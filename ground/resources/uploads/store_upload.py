@@ -7,12 +7,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from ground.errors import InvalidInputError, TooLargeError
+from sqlalchemy.orm import Session
+
+from ground.errors import InvalidInputError, NotFoundError, TooLargeError
 from ground.gdr.history import SYSTEM, Change, record
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.records.get_resource import find_row
 from ground.resources.uploads.kind import UPLOAD
 from ground.resources.uploads.row import UploadRow
 from ground.resources.uploads.value import Upload
@@ -22,7 +23,8 @@ class UploadDraft:
     """A file being received: written to a scratch file, stored and recorded at the end."""
 
     def __init__(self, repo: Repository, actor: Actor, file_name: str) -> None:
-        actor.require_somewhere(Action.EDIT_SCIENCE)
+        if not actor.may_somewhere(Action.UPLINK):  # a run that came down is uploaded too
+            actor.require_somewhere(Action.EDIT_SCIENCE)
         self._repo, self._actor, self._name = repo, actor, file_name
         self._file = tempfile.TemporaryFile(dir=repo.data_dir)  # noqa: SIM115 - closed by close()
         self._size = 0
@@ -71,14 +73,21 @@ class UploadDraft:
         self._file.close()
 
 
-def uploaded_file(repo: Repository, upload_id: str) -> Path:
-    """Return where an upload lies.
+def find_upload(session: Session, actor: Actor, upload_id: str, pointer: str = "/upload_id") -> UploadRow:
+    """Return an upload, which is there for who uploaded it and for administrators.
 
     Raises
     ------
     NotFoundError
-        If there is none.
+        If there is none; `pointer` is the member of the form that names it.
     """
+    row: UploadRow | None = session.get(UploadRow, upload_id)
+    if row is None or not (row.author == actor.name or actor.may(Action.ADMINISTER)):
+        raise NotFoundError(f"there is no {UPLOAD.title} {upload_id}", pointer=pointer)
+    return row
+
+
+def uploaded_file(repo: Repository, actor: Actor, upload_id: str) -> Path:
+    """Return where an upload of the actor lies; see `find_upload`."""
     with repo.database.read() as session:
-        row = find_row(session, UPLOAD, upload_id, pointer="/upload_id")
-    return repo.files.path(row.sha256)
+        return repo.files.path(find_upload(session, actor, upload_id).sha256)
