@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextvars import Context
 from dataclasses import replace
 from typing import Any
 
@@ -31,21 +32,21 @@ def _quantiles(values: Floats, weights: Floats) -> tuple[float, ...]:
     return tuple(round(float(values[order][min(k, len(order) - 1)]), 3) for k in at)
 
 
-SKETCH_NODES = (49, 29)
-"""Of time and energy, for a plan that is looked at while better ones are sought: medians within a step of the
-grid, 2 % of the day."""
+SKETCH_FUTURES = 2_000
+"""For a plan that is looked at while better ones are sought: a chance is right to 1 in 50."""
 
 
 def sketch(problem: Problem, plan: Plan) -> PlanTree:
-    """Return a plan with notes from a coarse grid, in a few hundredths of a second."""
-    model = Model.of(problem)
-    return annotate(model, Grid(model, *SKETCH_NODES), PlanTree(problem.name, plan))
+    """Return a plan with notes from a few futures: its work is not counted, and steers no search."""
+    tree = PlanTree(problem.name, plan)
+    alone = Context()  # without the tally of the search that tells of the plan
+    return alone.run(annotate_sampled, Model.of(problem), tree, seed=0, count=SKETCH_FUTURES)
 
 
-def annotate_sampled(model: Model, tree: PlanTree, *, seed: int) -> PlanTree:
+def annotate_sampled(model: Model, tree: PlanTree, *, seed: int, count: int = FUTURES) -> PlanTree:
     """Return the tree with notes from sampled futures, for plans with too many states for a grid."""
     program = compile_plan(model, tree.plan)
-    futures = simulate(model, program, FUTURES, seed=seed, watch=True)
+    futures = simulate(model, program, count, seed=seed, watch=True)
     assert futures.seen is not None
     time_s, energy_j = futures.seen.time_s, futures.seen.energy_j
     steps: dict[Path, StepNotes] = {}
@@ -63,9 +64,9 @@ def annotate_sampled(model: Model, tree: PlanTree, *, seed: int) -> PlanTree:
         for k, option in enumerate(step.options if isinstance(step, Branch) else ()):
             here = (*path, k)
             taken = ~np.isnan(time_s[:, program.option_entry[here]])
-            less = simulate(model, without_option(tree.plan, here), FUTURES, seed=seed).utility
+            less = simulate(model, without_option(tree.plan, here), count, seed=seed).utility
             ended = replace_option(tree.plan, here, replace(option, plan=()))
-            to_come = futures.utility - simulate(model, ended, FUTURES, seed=seed).utility
+            to_come = futures.utility - simulate(model, ended, count, seed=seed).utility
             options[here] = OptionNotes(
                 round(float(taken.mean()), 6),
                 round(float((futures.utility - less).mean()), 6),

@@ -98,20 +98,26 @@ class Hub:
         with self._lock:
             wanted = [(n, t) for n, t in self._topics.items() if changed is None or n in changed]
         for name, topic in wanted:
-            try:
-                parts: Sequence[Part] | None = topic.read(topic.seen)
-            except GroundError:  # it was deleted: who follows it is let go
-                parts = None
-            except Exception:
-                logger.exception("what is followed cannot be read", extra={"topic": name})
-                continue
-            if parts is not None and not parts:
-                continue
-            with self._lock:
-                topic.seen = topic.seen if parts is None else parts[-1][0]
-                listeners = list(topic.listeners)
-            if listeners:
-                listeners[0].loop.call_soon_threadsafe(_hand_out, listeners, parts)
+            while self._bring(name, topic):
+                pass  # a change of many rows is more than one read gives
+
+    def _bring(self, name: str, topic: _Topic) -> bool:
+        """Hand out what has come to a topic since; return whether there may be more."""
+        try:
+            parts: Sequence[Part] | None = topic.read(topic.seen)
+        except GroundError:  # it was deleted: who follows it is let go
+            parts = None
+        except Exception:
+            logger.exception("what is followed cannot be read", extra={"topic": name})
+            return False
+        if parts is not None and not parts:
+            return False
+        with self._lock:
+            topic.seen = topic.seen if parts is None else parts[-1][0]
+            listeners = list(topic.listeners)
+        if listeners:
+            listeners[0].loop.call_soon_threadsafe(_hand_out, listeners, parts)
+        return parts is not None and bool(listeners)
 
 
 def _hand_out(listeners: Sequence[Listener], parts: Sequence[Part] | None) -> None:

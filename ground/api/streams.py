@@ -136,13 +136,16 @@ async def mission_stream(
     async def events() -> AsyncIterator[bytes]:
         after = newest if last_event_id is None else int(last_event_id)
         listener = hub.join(mission_id, newest, read)
-        follow = _follow(hub, mission_id, listener, max(after, listener.since))
-        async with aclosing(follow):
+        try:
             while after < listener.since and (missed := await call(read, after)):
                 for _, part in missed:
                     yield part
                 after = missed[-1][0]
-            async for found in follow:
-                yield ALIVE if found is None else found[1]
+            follow = _follow(hub, mission_id, listener, max(after, listener.since))
+            async with aclosing(follow):
+                async for found in follow:
+                    yield ALIVE if found is None else found[1]
+        finally:  # also of who leaves while what was missed is sent
+            hub.leave(mission_id, listener)
 
     return stream(events())

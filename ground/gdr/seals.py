@@ -74,7 +74,7 @@ def _plain(kind: object, value: Any) -> Any:
         return value.astimezone(UTC).isoformat(timespec="microseconds")
     for family, python in ((Boolean, bool), (Integer, int), (Float, float)):
         if isinstance(kind, family):
-            return python(value)
+            return python(value) + 0.0 if python is float else python(value)  # SQLite keeps no -0.0
     return str(value)
 
 

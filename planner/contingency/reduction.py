@@ -140,7 +140,8 @@ def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda
     chosen: dict[ObservationId, None] = {o.id: None for o in useful.observations if o.must_do}
     target_of = {o.id: o.target for o in useful.observations}
     for share in (1.0, 0.75, 1.3):
-        if should_stop() or len(chosen) >= KEPT_OBSERVATIONS:
+        # The first route is always made: without one there is nothing to plan with.
+        if (share != 1.0 and should_stop()) or len(chosen) >= KEPT_OBSERVATIONS:
             break
         for name in mean_route_of(useful, share):
             more = {**chosen, name: None}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.notes import sketch
 from planner.orienteering import solve as solve_routing
 from planner.orienteering.problem import Experiment, RoutingProblem
 from planner.plan_tree import plan_tree_to_dict
@@ -102,3 +103,21 @@ def test_steps_are_counted_once_in_the_outermost_tally_and_a_stop_is_raised_once
         with pytest.raises(StoppedError):
             spend(Step.LABEL)
         spend(Step.LABEL)
+
+
+@pytest.mark.parametrize("limit_s", [0.05, 0.5])
+def test_a_day_that_is_cut_to_fit_a_table_has_a_plan_at_the_smallest_limit(limit_s: float) -> None:
+    found = solve(_large(8), time_limit_s=limit_s)
+    assert found.status is PlanStatus.PLANNED
+    assert found.expected_utility > 0.0
+
+
+def test_looking_at_a_plan_on_the_way_counts_as_no_work() -> None:
+    problem = _large(4)
+    plan = solve(problem, iterations=1, quick=True).tree.plan
+    with tallied() as before:
+        spent = before.seconds
+        tree = sketch(problem, plan)
+        assert before.seconds == spent
+    assert tree.plan == plan
+    assert all(0.0 < notes.p_reached <= 1.0 for notes in tree.step_notes.values())
