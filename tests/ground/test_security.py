@@ -363,9 +363,9 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("PATCH", r"/missions/\{", Action.EDIT_MISSION),
     ("DELETE", r"/missions/\{[a-z_]+\}$", Action.ADMINISTER),
     ("POST", r"/(copy|calibrate)$", Action.EDIT_MISSION),
-    ("(POST|PATCH|DELETE)", r"/(targets|observation-requests)(/\{[a-z_]+\})?$", Action.EDIT_SCIENCE),
+    ("(POST|PATCH|DELETE)", r"/(targets|observation-requests)(/\{[a-z_]+\}|/bulk)?$", Action.EDIT_SCIENCE),
     ("POST", r"/geometry$", Action.EDIT_SCIENCE),
-    ("(POST|PATCH|DELETE)", r"/(sols|keep-outs)(/\{[a-z_]+\})?$", Action.EDIT_MISSION),
+    ("(POST|PATCH|DELETE)", r"/(sols|keep-outs|site-maps)(/\{[a-z_]+\}|/bulk)?$", Action.EDIT_MISSION),
     ("(POST|PATCH|DELETE)", r"/comments(/\{[a-z_]+\})?$", Action.COMMENT),
     ("POST", r"/(path-networks|plans|runs|campaigns)$", Action.PLAN),
     ("(PATCH|DELETE)", r"/(plans|runs)/\{[a-z_]+\}$", Action.PLAN),
@@ -385,8 +385,10 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("(POST|PUT|PATCH)", r"/people", Action.ADMINISTER),
 )
 """Which right each changing endpoint needs; written down apart from the code that checks it."""
-FREE = re.compile(r"/(session|api-keys|signing-keys|undo|redo)|/(runs/ingest|missions/import)$")
-"""Endpoints about oneself, or whose right depends on what is taken back or brought in."""
+FREE = re.compile(
+    r"/(session|first-administrator|api-keys|signing-keys|undo|redo)|/(runs/ingest|missions/import)$"
+)
+"""About oneself, for who has the first token, or with a right that depends on what comes in."""
 
 
 def changing_endpoints() -> list[tuple[str, str]]:

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 
 from ground.api import context
 from ground.api.context import OTHER_NAMES, Ask
+from ground.api.hub import Hub
 from ground.app.api import build_api
 from ground.errors import AuthenticationError
 from ground.gdr.base import Utc, utc_now
@@ -221,7 +222,7 @@ def test_a_stream_ends_when_its_listener_may_not_see_it_any_more(
             yield number
 
     async def heard() -> list[int]:
-        ask = Ask(sqlite_repo, Actor("Bo", Role.VIEWER), KINDS, again)
+        ask = Ask(sqlite_repo, Actor("Bo", Role.VIEWER), KINDS, again, Hub(sqlite_repo))
         return [n async for n in context._while_seen(parts(), ask, {"mission_id": hidden.id})]
 
     assert asyncio.run(heard()) == [0, 1]
