@@ -115,7 +115,11 @@ def of_file(repo: Repository) -> Draw:
         byte, bit = rng.randrange(path.stat().st_size), rng.randrange(8)
         with flipped(path, byte, bit):
             found = damaged_files(repo)
-        said = f"files/{path.name}" if len(path.name) == 64 else path.relative_to(repo.data_dir).as_posix()
+        said = (
+            f"files/{path.name.removesuffix('.br')}"
+            if len(path.name.removesuffix(".br")) == 64
+            else path.relative_to(repo.data_dir).as_posix()
+        )
         return "" if said in found else f"{said} byte {byte} bit {bit}: {found}"
 
     return draw

@@ -109,13 +109,17 @@ def record(session: Session, chain_id: str, change: Change) -> EventRow:
     if heads is not None and chain_id in heads:
         number, previous = heads[chain_id][0] + 1, heads[chain_id][1]
     else:
-        head = session.execute(
+        count_up = (
             update(ChainRow)
             .where(ChainRow.id == chain_id)
             .values(seq=ChainRow.seq + 1)
             .returning(ChainRow.seq, ChainRow.sha256)
             .execution_options(synchronize_session=False)
-        ).one()
+        )
+        head = session.execute(count_up).one_or_none()
+        if head is None and chain_id == SYSTEM:  # no server was here yet
+            open_chain(session, SYSTEM)
+        head = head or session.execute(count_up).one()
         number, previous = head.seq, head.sha256
     written = EventRow(
         chain_id=chain_id,
