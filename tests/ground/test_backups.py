@@ -12,18 +12,21 @@ import pytest
 from sqlalchemy import select
 
 from ground.errors import ArchiveError, NotFoundError
-from ground.gdr.history import SYSTEM, EventRow, verify_chains
+from ground.gdr.history import SYSTEM, Change, EventRow, record, verify_chains
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR, Role
 from ground.resources.backups.backup import backup
 from ground.resources.backups.check_files import damaged_files
 from ground.resources.backups.container import Listing, Part, read_list, write_container
 from ground.resources.backups.restore import drill, restore
+from ground.resources.history.as_of import BESIDE
 from ground.resources.history.verify_rows import verify_rows
 from ground.resources.missions.value import Mission
+from ground.resources.packages.row import CounterRow
 from ground.resources.people.accounts import create_person
 from ground.resources.people.credentials import identify
 from ground.resources.people.row import PersonRow
+from ground.resources.plans.row import PlanRow
 from ground.resources.targets.row import TargetRow
 from tests.ground.conftest import Api, settings_for
 from tests.ground.test_archives import contents
@@ -177,6 +180,30 @@ def test_a_backup_restores_as_of_any_moment_before_it(api: Api, mission: Mission
     assert differing <= {"events", "event_chains"}
     repo.database.dispose()
     assert drill(api.repo, tmp_path / "b.tar", until=moment) == []
+
+
+def test_what_was_signed_since_stays_a_plan_at_the_moment_before(
+    api: Api, mission: Mission, tmp_path: Path
+) -> None:
+    """Signing, packing and waiving tell of a plan in events that hold none of its columns."""
+    api.post(f"/missions/{mission.id}/targets", {"east_m": 3.0, "north_m": 1.0})
+    api.post(f"/missions/{mission.id}/plans", {"time_limit_s": 1}, status=202)
+    with api.repo.database.write() as session:
+        session.add(CounterRow(mission_id=mission.id, last=1))
+    moment = datetime.now(UTC)
+    with api.repo.database.write() as session:
+        plan = session.scalars(select(PlanRow.id)).one()
+        for action in BESIDE:
+            record(session, mission.id, Change("Ann", action, "plan", plan, None, {"package": "pkg-1"}))
+        session.get_one(CounterRow, mission.id).last = 2
+    backup(api.repo, tmp_path / "b.tar")
+    repo = fresh(tmp_path)
+    assert restore(repo, tmp_path / "b.tar", until=moment).missing == []
+    with repo.database.read() as session:
+        assert session.scalars(select(PlanRow.id)).all() == [plan]
+        assert session.get_one(CounterRow, mission.id).last == 2, "a counter is never given twice"
+        assert verify_rows(session).faults == []
+    repo.database.dispose()
 
 
 def test_a_drill_restores_compares_and_leaves_nothing(api: Api, mission: Mission, tmp_path: Path) -> None:

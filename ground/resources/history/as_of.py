@@ -19,7 +19,9 @@ from ground.records.edit import public
 from ground.records.list_history import require_history
 from ground.resources.kinds import KINDS
 
-PARTIAL = ("sign", "package", "waive", "import", "restore", "seal")
+BESIDE = ("sign", "package", "waive")
+"""Actions that give a plan something, and whose events hold none of its own columns."""
+PARTIAL = (*BESIDE, "import", "restore", "seal")
 """Actions whose events tell of something beside the resource that they are about."""
 
 
