@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ground.day.prepare import stands_of
 from mission import KeepOut, Pose, Target
 from rover_iface.cameras.rig import rig_of
 from rover_iface.errors import CameraError, PlacementError
-from rover_iface.frames import Pose as Pose3
 from rover_iface.mobility import settled_pose
-from rover_iface.placement.base_placement import ObservationPoint, place_base
 from rover_iface.terrain import stereo_covariance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rover_iface.placement.base_placement import ObservationPoint
     from rover_iface.profile import RoverProfile
     from rover_iface.terrain import Terrain
 
@@ -118,17 +118,7 @@ def target_advice(
     stands: list[ObservationPoint] = []
     refusal = ""
     try:
-        stands = place_base(
-            terrain,
-            profile,
-            target.point_site,
-            target.normal_site,
-            target=target.name or target.id,
-            instrument=instrument,
-            start=Pose3(start.east_m, start.north_m, 0.0, start.heading_rad),
-            keep_out=[k.polygon_m for k in keep_outs],
-            count=count,
-        )
+        stands = stands_of(terrain, profile, start, target, instrument, keep_outs=keep_outs, count=count)
     except PlacementError as err:
         refusal = str(err)
     return TargetAdvice(away, hidden, (across, along), tuple(stands), refusal)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from planner.day_problem import Refusal
     from planner.path_network import Calibration, PathNetwork, RoverParameters
     from planner.problem import Problem
+    from rover_iface.placement.base_placement import ObservationPoint
     from rover_iface.profile import RoverProfile
     from rover_iface.terrain import Terrain
 
@@ -149,7 +150,7 @@ def calibration_of(profile: RoverProfile) -> Calibration:
     )
 
 
-def stand_for(
+def stands_of(
     terrain: Terrain,
     profile: RoverProfile,
     start: Pose,
@@ -158,7 +159,7 @@ def stand_for(
     *,
     keep_outs: Sequence[KeepOut] = (),
     count: int = 4,
-) -> list[Pose]:
+) -> list[ObservationPoint]:
     """Return observation points of a target for an instrument, best first.
 
     Raises
@@ -169,7 +170,7 @@ def stand_for(
     from rover_iface.frames import Pose as Pose3
     from rover_iface.placement.base_placement import place_base
 
-    found = place_base(
+    return place_base(
         terrain,
         profile,
         target.point_site,
@@ -180,6 +181,20 @@ def stand_for(
         keep_out=[k.polygon_m for k in keep_outs],
         count=count,
     )
+
+
+def stand_for(
+    terrain: Terrain,
+    profile: RoverProfile,
+    start: Pose,
+    target: Target,
+    instrument: str,
+    *,
+    keep_outs: Sequence[KeepOut] = (),
+    count: int = 4,
+) -> list[Pose]:
+    """Return where the rover may stand for a target, best first; see `stands_of`."""
+    found = stands_of(terrain, profile, start, target, instrument, keep_outs=keep_outs, count=count)
     return [Pose(p.pose.x, p.pose.y, p.pose.heading) for p in found]
 
 

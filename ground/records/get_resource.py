@@ -68,6 +68,20 @@ def find_row(
     return row
 
 
+def read_row(repo: Repository, actor: Actor, kind: Kind[Any], resource_id: str) -> Any:
+    """Return a row of a mission for somebody who may read it.
+
+    Raises
+    ------
+    NotFoundError
+        If there is none.
+    """
+    with repo.database.read() as session:
+        row = find_row(session, kind, resource_id)
+        actor.require(Action.READ, mission_of(row))
+        return row
+
+
 def row_in_mission(
     session: Session, kind: Kind[Any], resource_id: str | None, mission_id: str, pointer: str
 ) -> Any:

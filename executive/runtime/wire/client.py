@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from executive.errors import WireError
@@ -59,8 +60,7 @@ class WireRover:
         reach: Dial
         if isinstance(where, Address):
             where.require_keys(keys)
-            address = where
-            reach = lambda: dial(address, keys, self.options.dial_s)  # noqa: E731
+            reach = partial(dial, where, keys, self.options.dial_s)
         else:
             reach = where
         self.where = str(where) if isinstance(where, Address) else "the rover"

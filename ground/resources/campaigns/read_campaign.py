@@ -11,8 +11,8 @@ from ground.campaigns.report import report_page
 from ground.campaigns.result import RESULTS
 from ground.errors import StateError
 from ground.gdr.repository import Repository
-from ground.records.actor import Action, Actor
-from ground.records.get_resource import find_row
+from ground.records.actor import Actor
+from ground.records.get_resource import read_row
 from ground.resources.campaigns.kind import CAMPAIGN
 from ground.resources.campaigns.row import CampaignRow
 from ground.resources.campaigns.value import FlownRun, FlownRuns
@@ -20,13 +20,6 @@ from ground.resources.campaigns.work import LIVE
 from mission.codec import Document, read_object
 
 MOST_RUNS = 500
-
-
-def _row(repo: Repository, actor: Actor, campaign_id: str) -> CampaignRow:
-    with repo.database.read() as session:
-        row: CampaignRow = find_row(session, CAMPAIGN, campaign_id)
-        actor.require(Action.READ, row.mission_id)
-        return row
 
 
 def read_result(repo: Repository, actor: Actor, campaign_id: str) -> Document:
@@ -37,7 +30,7 @@ def read_result(repo: Repository, actor: Actor, campaign_id: str) -> Document:
     StateError
         If there are no runs yet.
     """
-    row = _row(repo, actor, campaign_id)
+    row: CampaignRow = read_row(repo, actor, CAMPAIGN, campaign_id)
     if row.result is not None:
         return row.result
     path = repo.campaign_dir(campaign_id) / LIVE
@@ -64,7 +57,7 @@ def read_runs(
     StateError
         If the campaign has a result and its runs are not here.
     """
-    held = _row(repo, actor, campaign_id)
+    held = read_row(repo, actor, CAMPAIGN, campaign_id)
     folder = CampaignFolder(repo.campaign_dir(campaign_id))
     if not (folder.path / ORDER).exists():
         if held.result is not None:
@@ -104,7 +97,7 @@ def read_csv(repo: Repository, actor: Actor, campaign_id: str) -> Path:
     StateError
         Until the campaign has ended, and when its runs are not here.
     """
-    row = _row(repo, actor, campaign_id)
+    row: CampaignRow = read_row(repo, actor, CAMPAIGN, campaign_id)
     path = repo.campaign_dir(campaign_id) / RUNS
     if row.result is not None and not path.is_file():
         raise _gone(row)
@@ -116,7 +109,7 @@ def read_csv(repo: Repository, actor: Actor, campaign_id: str) -> Path:
 def report_campaign(repo: Repository, actor: Actor, campaign_id: str) -> str:
     """Return the campaign as one page of HTML; raises as `read_result`."""
     document: Any = read_result(repo, actor, campaign_id)
-    row, folder = _row(repo, actor, campaign_id), CampaignFolder(repo.campaign_dir(campaign_id))
+    row, folder = read_row(repo, actor, CAMPAIGN, campaign_id), CampaignFolder(repo.campaign_dir(campaign_id))
     if not (folder.path / ORDER).is_file():
         raise _gone(row)
     return report_page(folder, RESULTS.from_document(document))

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from ground.errors import StateError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.records.get_resource import find_row
+from ground.records.get_resource import find_row, read_row
 from ground.resources.plans.draft import draft_of
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
@@ -40,11 +40,9 @@ def read_tree(repo: Repository, actor: Actor, plan_id: str) -> Document:
 
 def read_draft(repo: Repository, actor: Actor, plan_id: str) -> Document | None:
     """Return the best plan so far of a search that goes on, `plan-draft/1`; None without one."""
-    with repo.database.read() as session:
-        row: PlanRow = find_row(session, PLAN, plan_id)
-        actor.require(Action.READ, row.mission_id)
-        if row.crl_text is not None:
-            return None
+    row: PlanRow = read_row(repo, actor, PLAN, plan_id)
+    if row.crl_text is not None:
+        return None
     try:
         found: Document = json.loads(draft_of(repo, plan_id).read_text("utf-8"))
     except (FileNotFoundError, ValueError):

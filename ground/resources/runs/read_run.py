@@ -14,8 +14,8 @@ from ground.errors import NotFoundError, StateError
 from ground.gdr.packed import is_kept, read_kept
 from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
-from ground.records.actor import Action, Actor
-from ground.records.get_resource import find_row
+from ground.records.actor import Actor
+from ground.records.get_resource import read_row
 from ground.resources.products.kind import PRODUCT
 from ground.resources.products.value import Product
 from ground.resources.runs.dry_run import product_rows
@@ -29,13 +29,6 @@ from mission.codec import Document
 GIVEN_UP = {JobState.FAILED.value, JobState.CANCELLED.value}
 
 
-def _row(repo: Repository, actor: Actor, run_id: str) -> RunRow:
-    with repo.database.read() as session:
-        row: RunRow = find_row(session, RUN, run_id)
-        actor.require(Action.READ, row.mission_id)
-        return row
-
-
 def read_trace(repo: Repository, actor: Actor, run_id: str) -> Trace:
     """Return the executive's trace; of a run that was given up, what there was until then.
 
@@ -44,7 +37,7 @@ def read_trace(repo: Repository, actor: Actor, run_id: str) -> Trace:
     StateError
         While the run is not over.
     """
-    row = _row(repo, actor, run_id)
+    row: RunRow = read_row(repo, actor, RUN, run_id)
     live = repo.run_dir(run_id) / LIVE
     if row.trace_sha256 is None and row.state in GIVEN_UP and is_kept(live):
         seen = [TraceEvent(e["t_s"], e["event"], e["arguments"]) for e in live_lines_of(live, "trace")]
@@ -59,7 +52,7 @@ def read_trace(repo: Repository, actor: Actor, run_id: str) -> Trace:
 
 def read_telemetry(repo: Repository, actor: Actor, run_id: str) -> Telemetry:
     """Return telemetry as columns, what there is so far while the run goes on."""
-    row = _row(repo, actor, run_id)
+    row: RunRow = read_row(repo, actor, RUN, run_id)
     if row.telemetry_sha256 is not None:
         table: Document = orjson.loads(repo.files.read(row.telemetry_sha256))
     else:
@@ -103,7 +96,7 @@ def _live_products(repo: Repository, run_id: str, items: Sequence[Document]) -> 
 
 def read_live_product(repo: Repository, actor: Actor, run_id: str, product_id: str) -> tuple[Product, Path]:
     """Return a product that a run has announced, recorded or not yet, and where its file lies."""
-    _row(repo, actor, run_id)
+    read_row(repo, actor, RUN, run_id)
     made = live_lines_of(repo.run_dir(run_id) / LIVE, "product")
     found = _live_products(repo, run_id, [item for item in made if item["id"] == product_id])
     if not found or not (path := repo.files.path(found[0].sha256)).is_file():

@@ -15,7 +15,7 @@ from ground.jobs.row import JobRow
 from ground.jobs.value import Job
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
 from ground.records.edit import insert, new_row, update
-from ground.records.get_resource import find_row, require_mission, row_in_mission
+from ground.records.get_resource import find_row, read_row, require_mission, row_in_mission
 from ground.resources.ask_job import ask_job
 from ground.resources.frames.kind import FRAME
 from ground.resources.frames.site_chain import load_chain, require_frame
@@ -157,10 +157,8 @@ def read_picture(repo: Repository, actor: Actor, traverse_id: str, index: int) -
     NotFoundError
         If the traverse has no such stop, or is not computed.
     """
-    with repo.database.read() as session:
-        row: TraverseRow = find_row(session, TRAVERSE, traverse_id)
-        actor.require(Action.READ, row.mission_id)
-        stops = [] if row.document is None else row.document["stops"]
+    row: TraverseRow = read_row(repo, actor, TRAVERSE, traverse_id)
+    stops = [] if row.document is None else row.document["stops"]
     if index >= len(stops):
         raise NotFoundError(f"traverse {traverse_id} has {len(stops)} pictures, none with number {index}")
     return repo.files.path(stops[index]["picture"]["sha256"])
