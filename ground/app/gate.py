@@ -38,6 +38,8 @@ REPEATABLE = {UPLOADS, SESSION, "/api/v1/api-keys", "/api/v1/people", FIRST}
 hash that can be guessed at."""
 ACCESS = ("/api/v1/people", SESSION, "/api/v1/api-keys")
 """Paths whose changes say who may come in; sessions are among them."""
+COPY = "/copy"
+"""How the path ends of what makes a mission of another, with its roles."""
 SMALL_BODY = 8 * 2**20
 IDEMPOTENT_BODY = SMALL_BODY
 LOG_IN_BODY = 1 << 14
@@ -210,7 +212,7 @@ class Gate:
             await self.app(scope, counted, send)
         else:
             await self._once(scope, counted, send, key)
-        if method not in SAFE and path.startswith(ACCESS):
+        if method not in SAFE and (path.startswith(ACCESS) or path.endswith(COPY)):  # roles may be others now
             self.identities.forget()
 
     def _check_host(self, headers: Headers) -> None:

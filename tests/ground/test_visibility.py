@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import AsyncIterator
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -226,3 +227,23 @@ def test_a_stream_ends_when_its_listener_may_not_see_it_any_more(
         return [n async for n in context._while_seen(parts(), ask, {"mission_id": hidden.id})]
 
     assert asyncio.run(heard()) == [0, 1]
+
+
+def test_a_copy_is_seen_by_whoever_sees_the_first_and_nobody_else(
+    sqlite_repo: Repository, sqlite_api: Api, terrain_folder: Path
+) -> None:
+    first = yard(sqlite_repo, terrain_folder, "Secret Valley")
+    roles = {"Eve": ("viewer", "none"), "Guest": ("none", "planner"), "Bo": ("viewer", "planner")}
+    with sqlite_repo.database.write() as session:
+        for name, (role, there) in roles.items():
+            given = {first.id: there}
+            session.add(PersonRow(id=new_id("psn"), author="", name=name, role=role, mission_roles=given))
+    for who in ("Planner", "Guest"):
+        copy = sqlite_api.post(f"/missions/{first.id}/copy", {"name": f"What if, {who}"}, who=who)["id"]
+        assert sqlite_api("GET", f"/missions/{copy}", who="Eve").status_code == 404
+        assert sqlite_api("GET", f"/missions/{copy}/history", who="Eve").status_code == 404
+        target = {"east_m": 1.0, "north_m": 1.0}
+        assert sqlite_api("POST", f"/missions/{copy}/targets", target, who="Guest").status_code == 201
+        assert sqlite_api("GET", f"/missions/{copy}", who="Bo").status_code == 200
+        assert sqlite_api("POST", f"/missions/{copy}/targets", target, who="Bo").status_code == 403
+    assert sqlite_api.get("/missions?count=true", who="Eve")["total"] == 0

@@ -18,6 +18,7 @@ from ground.records.get_resource import find_row
 from ground.resources.kinds import KINDS
 from ground.resources.missions.kind import MISSION
 from ground.resources.missions.value import Mission
+from ground.resources.people.mission_roles import inherit_roles
 from mission.codec import Document
 
 COPIED = ("frame", "solution", "frame_file", "site_map", "sol", "target", "observation_request", "keep_out")
@@ -34,7 +35,8 @@ def copy_row(row: Any, changes: Document) -> Any:
 def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, notes: str = "") -> Mission:
     """Return a copy with its own sols, targets, requests and keep-outs; plans and runs stay with the first.
 
-    Requests begin again as open. The terrain is shared, it never changes.
+    Requests begin again as open. The terrain is shared, it never changes. Who may see the first may see the
+    copy, and nobody else: see `inherit_roles`.
     """
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
@@ -55,6 +57,7 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
         session.flush()
         open_chain(session, copy.id)
         insert(session, actor, MISSION, copy)
+        inherit_roles(session, actor, source.id, copy.id)
         new_ids = _copy_parts(session, actor, source.id, copy.id)
         if source.drive_rules:
             update(session, actor, MISSION, copy, {"drive_rules": _rules(source.drive_rules, new_ids)})
