@@ -120,7 +120,7 @@ def test_keep_outs_from_a_file_need_the_right_to_draw_them(world: tuple[Api, str
     api, mission = world
     fill(api, mission)
     file = api("GET", f"/missions/{mission}/geometry?form=csv").content
-    body = {"upload_id": upload(api, "g.csv", file)}
+    body = {"upload_id": upload(api, "g.csv", file, who="Scientist")}
     problem(api("POST", f"/missions/{mission}/geometry", body, who="Scientist"), 403, "forbidden")
 
 

@@ -290,8 +290,8 @@ def test_the_ortho_image_is_sent_and_made_small(api: Api, mission: Mission) -> N
         assert Image.open(io.BytesIO(answer.content)).size == (size, size)
 
 
-def upload(api: Api, name: str, content: bytes) -> str:
-    answer = api("POST", f"/uploads?file_name={name}", content=content)
+def upload(api: Api, name: str, content: bytes, who: str | None = None) -> str:
+    answer = api("POST", f"/uploads?file_name={name}", content=content, who=who)
     assert answer.status_code == 201, answer.text
     identifier: str = answer.json()["id"]
     return identifier
