@@ -9,6 +9,7 @@ from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from ground.gdr.durable import put_in_place
 from ground.uplink.keys import id_of, load_key, make_key, public_text, sign
 from ground.uplink.package import Signature, signing_keys, write_package
 from ground.uplink.trust import Document, allow, change_trust, checked, new_trust, revoke, write_trust
@@ -112,4 +113,4 @@ def unfit(people: Sequence[TrainedSigner], package: bytes) -> list[str]:
 def _put(place: Path, content: bytes) -> None:
     draft = place.with_name(f".{place.name}.draft")
     draft.write_bytes(content)
-    draft.replace(place)
+    put_in_place(draft, place)  # the ledger is bound to it, and outlives a loss of power

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
@@ -14,10 +15,12 @@ import pytest
 from ground.errors import AlreadyExecutedError, InvalidInputError, JobFailedError
 from ground.jobs.row import JobRow
 from ground.records.actor import Actor, Role
+from ground.resources.backups.check_files import sweep_files
 from ground.resources.downlinks.ingest_run import ingest_run
 from ground.resources.executions import execute_plan
 from ground.resources.executions.order import ORDERS, ExecutionWork, Signer
 from ground.resources.executions.work import work
+from ground.resources.plans.draft import draft_of
 from ground.uplink.keys import id_of
 from ground.uplink.ledger import locked_ledger
 from ground.uplink.package import manifest_text
@@ -226,3 +229,21 @@ def test_trust_file_and_world_are_written_by_who_has_the_ledger(tmp_path: Path) 
     nowhere = replace(order, rover_dir=str(package / "rover"))
     with pytest.raises(JobFailedError, match=r"package: (File exists|Not a directory)"):
         work(nowhere, lambda _part, _what: None, lambda: False)
+
+
+def test_what_a_deleted_mission_left_is_swept(sqlite_api: Api, terrain_folder: Path) -> None:
+    repo = sqlite_api.repo
+    mission = yard(repo, terrain_folder)
+    file_requests(sqlite_api, mission)
+    url = f"/missions/{mission.id}/plans"
+    plan = sqlite_api.post(url, {"time_limit_s": 60.0}, status=202)["subject_id"]
+    kept, left = repo.training_dir(mission.id), repo.training_dir("msn-gone")
+    drafts = draft_of(repo, plan), draft_of(repo, "pln-gone")
+    for folder in (kept, left, repo.job_dir()):
+        folder.mkdir(parents=True, exist_ok=True)
+    for path in drafts:
+        path.write_text("{}")
+    for path in (kept, left, *drafts):
+        os.utime(path, (0.0, 0.0))
+    assert sorted(sweep_files(repo)) == sorted([left.name, drafts[1].name])
+    assert [path.exists() for path in (kept, left, *drafts)] == [True, False, True, False]

@@ -16,6 +16,7 @@ from ground.gdr.repository import Repository
 from ground.resources.campaigns.row import CampaignRow
 from ground.resources.missions.row import MissionRow
 from ground.resources.packages.row import PackageRow
+from ground.resources.plans.draft import stray_drafts
 from ground.resources.products.row import ProductRow
 from ground.resources.runs.row import RunRow
 from ground.resources.site_maps.row import SiteMapRow
@@ -140,5 +141,9 @@ def sweep_files(repo: Repository) -> list[str]:
     for path in repo.training_dir("any").parent.glob("*"):
         if path.name not in missions and path.stat().st_mtime < old:
             shutil.rmtree(path, ignore_errors=True)
+            gone.append(path.name)
+    for path in stray_drafts(repo):
+        if path.stat().st_mtime < old:
+            path.unlink(missing_ok=True)
             gone.append(path.name)
     return gone

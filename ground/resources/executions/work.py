@@ -10,7 +10,7 @@ from zipfile import BadZipFile
 
 from ground.day.prepare import Report
 from ground.errors import ArchiveError, GroundError, JobFailedError
-from ground.gdr.durable import copy_folder, make_folder
+from ground.gdr.durable import copy_folder, make_folder, put_in_place
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.executions.order import ExecutionWork
 from ground.resources.runs.work import read_run_folder
@@ -102,4 +102,4 @@ def _write_world(home: Path, order: ExecutionWork) -> None:
     }
     draft = home / "world.json.draft"
     draft.write_text(json.dumps(document) + "\n", encoding="utf-8")
-    draft.replace(home / "world.json")
+    put_in_place(draft, home / "world.json")

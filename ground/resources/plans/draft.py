@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import orjson
+from sqlalchemy import select
 
 from ground.gdr.repository import Repository
 from ground.resources.path_networks.geometry import network_geometry
+from ground.resources.plans.row import PlanRow
 
 if TYPE_CHECKING:
     from ground.day.prepare import PreparedDay
@@ -19,13 +21,22 @@ if TYPE_CHECKING:
     from planner.plan_tree import Plan
 
 FORM = "plan-draft/1"
+DRAFT = ".plan-draft.json"
 AT_MOST = 9.0
 """Drawing takes a tenth of the time: the search first goes on so many times as long as the last one took."""
 
 
 def draft_of(repo: Repository, plan_id: str) -> Path:
     """Return the file in which the best plan so far is kept while a plan is made."""
-    return repo.job_dir() / f"{plan_id}.plan-draft.json"
+    return repo.job_dir() / f"{plan_id}{DRAFT}"
+
+
+def stray_drafts(repo: Repository) -> list[Path]:
+    """Return the files of plans that are not being made: of a mission that was deleted meanwhile."""
+    with repo.database.read() as session:
+        making = set(session.scalars(select(PlanRow.id).where(PlanRow.crl_text.is_(None))))
+    found = sorted(repo.job_dir().glob(f"*{DRAFT}"))
+    return [path for path in found if path.name.removesuffix(DRAFT) not in making]
 
 
 class Drawing:
