@@ -62,7 +62,8 @@ def find_row(
     if lock and row is not None:
         if kind.undoable:
             hold_chain(session, chain_of(row))
-        row = session.get(kind.row, resource_id, with_for_update=True)
+        # what was read before the lock may be old by now
+        row = session.get(kind.row, resource_id, with_for_update=True, populate_existing=True)
     if row is None:
         raise NotFoundError(f"there is no {kind.title} {resource_id}", pointer=pointer)
     return row
