@@ -56,10 +56,11 @@ class ToldBy:
         return handler(Annotated[source, Field(discriminator=self.member)])
 
 
-NotNegative = Annotated[float, Ge(0.0)]
-Positive = Annotated[float, Gt(0.0)]
-Share = Annotated[float, Ge(0.0), Le(1.0)]
-Chance = Annotated[float, Gt(0.0), Le(1.0)]
+# Whole numbers, as pydantic's own types: `typing` keeps the first of two equal forms, and schemas show it.
+NotNegative = Annotated[float, Ge(0)]
+Positive = Annotated[float, Gt(0)]
+Share = Annotated[float, Ge(0), Le(1)]
+Chance = Annotated[float, Gt(0), Le(1)]
 Point2 = tuple[float, float]
 """East, north in the site frame, metres."""
 Point3 = tuple[float, float, float]

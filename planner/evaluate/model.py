@@ -165,7 +165,12 @@ class Model:
         seconds, joules = every[:, ::2].sum(axis=0) + spare
         seconds += latest + loaded * (self.track_t_s + len(legs) * self.track_leg_s)
         joules += self.hotel_w * seconds + loaded * self.track_e_j
-        return replace(self, t_max_s=min(self.t_max_s, seconds), e_max_j=min(self.e_max_j, joules))
+        # a day without observations, or without a use of energy, has no end of its own
+        return replace(
+            self,
+            t_max_s=min(self.t_max_s, seconds or math.inf),
+            e_max_j=min(self.e_max_j, joules or math.inf),
+        )
 
     @cached_property
     def place_of(self) -> dict[str, int]:

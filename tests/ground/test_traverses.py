@@ -16,7 +16,7 @@ from ground.resources.backups.check_files import check_files
 from ground.resources.missions.value import Mission
 from ground.resources.runs.row import RunRow
 from studies.common.localization_legs import look, make_leg, stereo_points
-from tests.ground.conftest import Api, yard
+from tests.ground.conftest import PLANNER, Api, yard
 from tests.ground.test_missions_api import problem, upload
 from tests.ground.test_site_chain import choose, frames
 from tests.rover_iface.localization.test_site_frames import UPRIGHT
@@ -176,8 +176,8 @@ def test_a_run_is_asked_for_its_panorama_by_name(
 
     rows: Any = Rows()
     assert (
-        _source(sqlite_repo, rows, mission, StopBody(frame_id="f", run_id="run-1", panorama="b"), "")[1]
+        _source(sqlite_repo, rows, PLANNER, mission, StopBody(frame_id="f", run_id="run-1", panorama="b"), "")[1]
         == "b"
     )
     with pytest.raises(InvalidInputError, match="has no panorama ''; it has a, b"):
-        _source(sqlite_repo, rows, mission, StopBody(frame_id="f", run_id="run-1"), "")
+        _source(sqlite_repo, rows, PLANNER, mission, StopBody(frame_id="f", run_id="run-1"), "")

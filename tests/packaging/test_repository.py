@@ -92,7 +92,7 @@ def test_compose_file_fits_the_compose_schema() -> None:
 
 def test_compose_file_runs_api_worker_and_postgresql() -> None:
     services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
-    assert set(services) == {"migrate", "api", "worker", "db"}
+    assert set(services) == {"migrate", "api", "worker", "db", "proxy", "signer"}
     assert services["db"]["image"].startswith("postgres:")
     assert services["api"]["command"][:2] == ["outcrop", "serve"]
     assert services["worker"]["command"] == ["outcrop", "worker"]

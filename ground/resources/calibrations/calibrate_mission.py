@@ -101,7 +101,7 @@ def calibration_order(
 def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
     """Give the mission its calibration, unless it is gone."""
     hold_chain(session, job.subject_id)
-    row = session.get(MissionRow, job.subject_id, with_for_update=True)
+    row = session.get(MissionRow, job.subject_id, with_for_update=True, populate_existing=True)
     if row is None:
         return None
     update(

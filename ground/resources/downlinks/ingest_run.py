@@ -90,7 +90,7 @@ def _executed_plan(session: Session, actor: Actor, document: Mapping[str, Any], 
 
     A plan that the actor may not see is not here for them.
     """
-    plan = session.get(PlanRow, document["plan"], with_for_update=True)
+    plan = session.get(PlanRow, document["plan"], with_for_update=True, populate_existing=True)
     hidden = plan is not None and not actor.sees(plan.mission_id)
     if plan is None or hidden or plan.mission_id != document.get("mission"):
         raise ArchiveError(f"{name}: the plan {document['plan']} is not in this repository")

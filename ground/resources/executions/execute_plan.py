@@ -122,7 +122,7 @@ def _signers(session: Session, mission_id: str) -> tuple[Signer, ...]:
 
 def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
     """Take in the run as one of the training rover, also where a worker of an earlier version made it."""
-    plan = session.get(PlanRow, job.subject_id, with_for_update=True)
+    plan = session.get(PlanRow, job.subject_id, with_for_update=True, populate_existing=True)
     if plan is None:
         return None
     result = {**result, "document": {**result["document"], "training": True}}

@@ -160,7 +160,7 @@ def _reverse(acts: Acts, actor: Actor, original: Line, word: str) -> EventRow:
     actor.require(kind.edit, acts.chain_id)
     turned = acts.document(acts.last(original.seq).seq)
     names = cells(acts.document(original.seq))
-    row: Any = session.get(kind.row, original.subject_id, with_for_update=True)
+    row: Any = session.get(kind.row, original.subject_id, with_for_update=True, populate_existing=True)
     before = None if row is None else public(row)
     if (row is None) != (turned.after is None):
         raise StateError(f"cannot {word} {original}: it is not what the history says")

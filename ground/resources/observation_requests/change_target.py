@@ -56,7 +56,8 @@ def change_target(
     """
     requests: list[ObservationRequestRow] = []
     if prepared.columns:
-        found = session.scalars(_requests_on(row).with_for_update())
+        locked = _requests_on(row).with_for_update().execution_options(populate_existing=True)
+        found = session.scalars(locked)
         requests = [r for r in found if not set_by_hand(r)]
     if any((r.id, r.instrument) not in prepared.points for r in requests):
         return None

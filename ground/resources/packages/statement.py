@@ -266,7 +266,7 @@ def _landmarks(session: Session, plan: PlanRow) -> Mapping[str, Any]:
 
 
 def _next_counter(session: Session, mission_id: str) -> int:
-    row = session.get(CounterRow, mission_id, with_for_update=True)
+    row = session.get(CounterRow, mission_id, with_for_update=True, populate_existing=True)
     if row is None:
         packed = select(PackageRow.sequence).where(PackageRow.mission_id == mission_id)
         row = CounterRow(mission_id=mission_id, last=max(session.scalars(packed), default=0))

@@ -19,6 +19,7 @@ def inherit_roles(session: Session, actor: Actor, from_mission_id: str, to_missi
     """
     named = cast(PersonRow.mission_roles, Text).contains(from_mission_id)
     query = select(PersonRow).where(named).order_by(PersonRow.id).with_for_update()
+    query = query.execution_options(populate_existing=True)
     for person in session.scalars(query).all():  # all rows are locked before the history is
         given = person.mission_roles.get(from_mission_id)
         if given is not None and Role.NONE.value in {given, person.role}:
