@@ -1,4 +1,4 @@
-"""Picture and timing of docs/path-network.md.
+"""Picture and timing of docs/reference/path-network.md.
 
     .venv/bin/python -m studies.path_network --out docs
 

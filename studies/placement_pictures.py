@@ -1,4 +1,4 @@
-"""Pictures of `docs/placement.md`: masks of rocks over an image, safe and unsafe places of a rock, Spirit's
+"""Pictures of `docs/reference/placement.md`: masks of rocks over an image, safe and unsafe places of a rock, Spirit's
 cloud, what a run of placements came to.
 
 `python -m studies.placement_pictures --out docs/img --spirit ../shared/data/terrain/mer_spirit`

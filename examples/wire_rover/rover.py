@@ -1,4 +1,4 @@
-"""A rover on the wire (docs/wire.md): `python rover.py unix:/tmp/rover.sock`, or `tcp://127.0.0.1:7411`."""
+"""A rover on the wire (docs/reference/wire.md): `python rover.py unix:/tmp/rover.sock`, or `tcp://127.0.0.1:7411`."""
 
 import base64
 import hashlib

@@ -3,7 +3,7 @@
 Expansion works on the nested lists of the lexer and keeps the offset of each atom, so that whatever is found
 wrong with the expanded plan points to the line of the macro it came from. Nothing of it is left in the plan:
 canonical text, digest, approval, journal and executive know the expanded plan alone. The syntax stands in
-`docs/crl.md`. Every form of the front end begins with `!`, every reference with `?`.
+`docs/reference/crl.md`. Every form of the front end begins with `!`, every reference with `?`.
 """
 
 from __future__ import annotations

@@ -178,7 +178,7 @@ def occupied(node: Instance) -> bool:
 def crossed(run: Run, node: Instance) -> bool:
     """Tell whether what still runs below another option of a branch keeps the node from starting (7.4).
 
-    Options are alternatives: their nodes never command the rover side by side (`docs/decisions.md`).
+    Options are alternatives: their nodes never command the rover side by side (`docs/concepts/decisions.md`).
     """
     child = node
     for above in node.ancestors():

@@ -30,7 +30,7 @@ def plan(
         "optimal", help="How branches are chosen: optimal, pico2005, or that of a package."
     ),
     options: Path | None = typer.Option(
-        None, "--options", help="TOML file with numbers that steer planning (docs/planner.md)."
+        None, "--options", help="TOML file with numbers that steer planning (docs/reference/planner.md)."
     ),
     max_branches: int = typer.Option(6, min=0, max=200, help="Most options in the whole plan."),
     time_limit: float = typer.Option(

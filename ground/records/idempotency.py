@@ -25,7 +25,7 @@ from ground.gdr.base import Base, utc_now
 from ground.gdr.repository import Repository
 
 KEPT = timedelta(hours=24)
-"""As long as a client may still repeat a request; the promise of docs/api.md."""
+"""As long as a client may still repeat a request; the promise of docs/reference/rest.md."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,20 +94,20 @@ def test_what_is_no_package_is_refused_with_the_reason(tmp_path: Path) -> None:
 
 
 def test_every_endpoint_has_an_entry_in_the_docs() -> None:
-    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "rest.md").read_text(encoding="utf-8")
     for path, operations in build_api().openapi()["paths"].items():
         for method in operations:
             assert f"`{method.upper()} {path}`" in page
 
 
 def test_every_problem_type_is_named_in_the_docs() -> None:
-    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "rest.md").read_text(encoding="utf-8")
     for _, kind, _ in STATUS.values():
         assert f"`{kind}`" in page
 
 
 def test_every_setting_is_named_in_the_docs() -> None:
-    page = (ROOT / "docs" / "operations.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "run-a-service.md").read_text(encoding="utf-8")
     for name in Settings.model_fields:
         assert f"`OUTCROP_{name.upper()}`" in page
 

@@ -176,7 +176,9 @@ def test_a_run_is_asked_for_its_panorama_by_name(
 
     rows: Any = Rows()
     assert (
-        _source(sqlite_repo, rows, PLANNER, mission, StopBody(frame_id="f", run_id="run-1", panorama="b"), "")[1]
+        _source(
+            sqlite_repo, rows, PLANNER, mission, StopBody(frame_id="f", run_id="run-1", panorama="b"), ""
+        )[1]
         == "b"
     )
     with pytest.raises(InvalidInputError, match="has no panorama ''; it has a, b"):

@@ -204,4 +204,4 @@ def test_docs_build_without_a_warning(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
-    assert (tmp_path / "architecture" / "index.html").exists()
+    assert (tmp_path / "concepts" / "architecture" / "index.html").exists()

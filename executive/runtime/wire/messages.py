@@ -1,4 +1,4 @@
-"""Messages of `wire/1`: from what came in to values, strictly; `docs/wire.md` lists them.
+"""Messages of `wire/1`: from what came in to values, strictly; `docs/reference/wire.md` lists them.
 
 Nothing that the other end sends may raise anything but `WireError`, whose message is a sentence for the log.
 """
