@@ -1,5 +1,5 @@
-"""Pictures of `docs/reference/placement.md`: masks of rocks over an image, safe and unsafe places of a rock, Spirit's
-cloud, what a run of placements came to.
+"""Pictures of `docs/reference/placement.md`: masks of rocks over an image, safe and unsafe places of a rock,
+Spirit's cloud, what a run of placements came to.
 
 `python -m studies.placement_pictures --out docs/img --spirit ../shared/data/terrain/mer_spirit`
 """

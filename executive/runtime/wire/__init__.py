@@ -1,4 +1,4 @@
-"""A wire for rovers: the protocol `wire/1`, its two ends, and the checks of a rover (`docs/reference/wire.md`)."""
+"""A wire for rovers: the protocol `wire/1` (`docs/reference/wire.md`), its two ends, checks of a rover."""
 
 from executive.runtime.wire.address import Address, Keys
 from executive.runtime.wire.client import WireRover

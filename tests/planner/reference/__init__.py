@@ -1,1 +1,1 @@
-"""Independent truth about small problems, written from their definition in docs/reference/planner.md alone."""
+"""Independent truth on small problems, written from their definition in docs/reference/planner.md alone."""
