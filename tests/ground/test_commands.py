@@ -107,9 +107,26 @@ def test_every_problem_type_is_named_in_the_docs() -> None:
 
 
 def test_every_setting_is_named_in_the_docs() -> None:
-    page = (ROOT / "docs" / "how-to" / "run-a-service.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "settings.md").read_text(encoding="utf-8")
     for name in Settings.model_fields:
         assert f"`OUTCROP_{name.upper()}`" in page
+
+
+def test_defaults_of_settings_stand_in_the_docs() -> None:
+    page = (ROOT / "docs" / "reference" / "settings.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:3] for line in page.splitlines() if line.startswith("| `OUTCROP_")]
+    told = {
+        name: default
+        for row in rows
+        for name, default in zip(
+            re.findall(r"`(\w+)`", row[0]), re.findall(r"`([^`]+)`", row[1]), strict=False
+        )
+    }
+    assert len(told) > 15
+    for name, default in told.items():
+        field = Settings.model_fields[name.removeprefix("OUTCROP_").lower()]
+        shown = f"{field.default:g}" if isinstance(field.default, float) else str(field.default)
+        assert default.lower() == shown.lower(), name
 
 
 def test_every_error_class_has_a_status() -> None:
