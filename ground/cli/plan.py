@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
+from typer.core import TyperGroup
 
 from ground.cli.failure import BAD_INPUT, fail, refusals
 from ground.cli.terminal import Interrupt, ProgressLine
@@ -16,11 +17,28 @@ if TYPE_CHECKING:
 
 INFEASIBLE = 3
 NO_PLAN = 4
+SOLVE = "solve"
+
+
+class _PlanGroup(TyperGroup):
+    """`outcrop plan FILE` plans; the first word may also be one of the group's commands."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in (*self.commands, "--help"):
+            args = [SOLVE, *args]
+        return super().parse_args(ctx, args)
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("plan")(plan)
+    """Add the group; what is no command of it is a problem that is to be planned."""
+    from ground.cli.plan_group.versions import register_versions
+
+    group = typer.Typer(
+        name="plan", cls=_PlanGroup, no_args_is_help=True, help="Plan a problem; look at plans as files."
+    )
+    group.command(SOLVE)(plan)
+    register_versions(group)
+    app.add_typer(group)
 
 
 def plan(
@@ -43,6 +61,8 @@ def plan(
     ),
 ) -> None:
     """Plan a day: which observations, in which order, and what to do when things go otherwise.
+
+    `outcrop plan FILE ...` is short for it.
 
     Exit status 0: a plan (perhaps an empty one that says why), 2: bad input, 3: infeasible, 4: no plan in
     time.

@@ -60,6 +60,7 @@ PLACES = {
     "get_mission_as_of": "history as-of",
     "create_path_network": "network make",
     "compare_plans": "review compare",
+    "differ_plans": "review diff",
     "create_waiver": "review waive",
     "make_statement": "review prepare",
     "export_geometry": "exchange export-geometry",

@@ -111,3 +111,10 @@ def test_a_comparison_has_histograms_of_both_on_one_scale(planned_day: Any) -> N
     middle = [(low + high) / 2 for low, high in zip(pair["edges"], pair["edges"][1:], strict=False)]
     mean = sum(m * share for m, share in zip(middle, pair["share_a"], strict=True))
     assert mean == pytest.approx(compared["value_a"], abs=(pair["edges"][1] - pair["edges"][0]))
+
+
+def test_the_difference_of_two_plans_is_told_by_meaning(planned_day: Any) -> None:
+    api, _, _, plan = planned_day
+    found = api.get(f"/plans/{plan['id']}/difference/{plan['id']}")
+    assert found == {"same": True, "changes": []}
+    problem_of(api("GET", f"/plans/{plan['id']}/difference/pln-nobody"), 404, "not-found")

@@ -1,4 +1,4 @@
-"""Say why a request is not in a plan, and which of two plans is better."""
+"""Say why a request is not in a plan, which of two plans is better, and what differs between them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ground.resources.plans.read_plan import computed_plan
 from ground.resources.plans.study_value import PairHistogram, PlanComparison, Relaxation, WhyNot
 
 if TYPE_CHECKING:
+    from ground.versions.difference import PlanDifference
     from planner.evaluate.model import Floats
 
 
@@ -88,6 +89,25 @@ def compare_plans(repo: Repository, actor: Actor, plan_id: str, other_id: str) -
         begun_a=begun_a,
         begun_b=begun_b,
     )
+
+
+def differ_plans(repo: Repository, actor: Actor, plan_id: str, other_id: str) -> PlanDifference:
+    """Return what the second plan says that the first does not, by meaning.
+
+    Raises
+    ------
+    InvalidInputError
+        If they are of different missions.
+    """
+    from executive.crl.reader import parse
+    from ground.versions.difference import difference
+
+    with repo.database.read() as session:
+        a, b = computed_plan(session, actor, plan_id), computed_plan(session, actor, other_id)
+        if a.mission_id != b.mission_id:
+            raise InvalidInputError(f"plans {a.id} and {b.id} are of different missions", pointer="other_id")
+        texts = a.crl_text or "", b.crl_text or ""
+    return difference(*map(parse, texts))
 
 
 def _pair_histogram(a: Floats, b: Floats) -> PairHistogram:

@@ -10,12 +10,14 @@ from ground.api.resource_routes import resource_routes
 from ground.resources.plans.answer_what_if import answer_what_if as answer_what_if_use_case
 from ground.resources.plans.bodies import DraftDocument, SummaryDocument, TreeDocument, WhatIf
 from ground.resources.plans.explain_plan import compare_plans as compare_plans_use_case
+from ground.resources.plans.explain_plan import differ_plans as differ_plans_use_case
 from ground.resources.plans.explain_plan import explain_request as explain_request_use_case
 from ground.resources.plans.generate_plan import generate_plan
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.read_plan import read_crl, read_draft, read_findings, read_summary, read_tree
 from ground.resources.plans.study_value import PlanComparison, WhatIfAnswer, WhyNot
 from ground.resources.plans.value import Finding
+from ground.versions.difference import PlanDifference
 
 router = resource_routes(
     PLAN,
@@ -82,6 +84,16 @@ async def explain_request(ask: Asked, plan_id: Id, request_id: Id) -> Response:
 async def compare_plans(ask: Asked, plan_id: Id, other_id: Id) -> Response:
     """Compare two plans on the same futures: difference with its error, odds, the worst 5 %."""
     return answer(await ask.do(compare_plans_use_case, plan_id, other_id))
+
+
+@router.get(
+    "/plans/{plan_id}/difference/{other_id}",
+    response_model=PlanDifference,
+    responses=responses(404, 409, 422),
+)
+async def differ_plans(ask: Asked, plan_id: Id, other_id: Id) -> Response:
+    """Say what differs between two plans by meaning: steps, branches, conditions, windows."""
+    return answer(await ask.do(differ_plans_use_case, plan_id, other_id))
 
 
 @router.post("/plans/{plan_id}/what-if", response_model=WhatIfAnswer, responses=responses(400, 404, 409, 422))

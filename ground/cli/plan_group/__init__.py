@@ -1,0 +1,1 @@
+"""Commands of `outcrop plan` that work on plans as files."""
