@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,3 +19,10 @@ def shared(relative: str) -> Path:
     if not path.exists():
         pytest.skip(f"reference material not present: shared/{relative}")
     return path
+
+
+def needed(package: str) -> Any:
+    """Return a package of the extra `test`; where it is not installed the tests skip, but never in CI."""
+    if os.environ.get("CI") == "true":
+        return import_module(package)
+    return pytest.importorskip(package, reason=f"needs {package}: pip install 'outcrop[test]'")

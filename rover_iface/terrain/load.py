@@ -19,10 +19,9 @@ import hashlib
 import json
 import math
 import re
-import warnings
 from dataclasses import field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import MinLen
@@ -31,11 +30,20 @@ from numpy.typing import NDArray
 from mission.codec import Codec, Document, read_object
 from mission.values import reads_over, value
 from rover_iface.errors import TerrainFormatError
-from rover_iface.terrain.grid import Bounds, HeightLayer, Ortho
+from rover_iface.terrain.dem import Dem, crs_text, read_dem
+from rover_iface.terrain.georeferenced_image import image_on_dem, mask_on_dem
+from rover_iface.terrain.grid import HeightLayer, Ortho
 from rover_iface.terrain.mesh import MESHES, load_mesh_terrain
-from rover_iface.terrain.outside import inside, opened_image, require_size
+from rover_iface.terrain.outside import inside, opened_image
 from rover_iface.terrain.rocks import ROCKS, Rock, RockList
 from rover_iface.terrain.terrain import Terrain
+
+if TYPE_CHECKING:
+    from affine import Affine
+    from rasterio.crs import CRS
+
+FAR_M = 20_000.0
+"""A DEM that starts farther from its projection's origin than this gets a site frame of its own."""
 
 
 @reads_over
@@ -72,7 +80,7 @@ def load_terrain(path: Path | str) -> Terrain:
     Raises
     ------
     TerrainFormatError
-        If there is no DEM, it has no georeference, is not in metres, or a file is missing or malformed.
+        If there is no DEM, it has no georeference, counts in feet, or a file is missing or malformed.
     """
     path = Path(path)
     if not path.exists():
@@ -128,45 +136,45 @@ def _by_names(folder: Path) -> tuple[LayerFiles, ...]:
 
 def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
     digest = hashlib.sha256()
-    read: list[tuple[HeightLayer, LayerFiles]] = []
+    read: list[tuple[HeightLayer, LayerFiles, Dem]] = []
     shift: tuple[float, float] | None = None
     origin = dict(described.origin)
+    onto: CRS | None = None
     for entry in described.layers:
-        heights, west, south, spacing = read_dem(inside(folder, entry.dem))
+        dem = read_dem(inside(folder, entry.dem), onto)
         if shift is None:
-            # A map projection counts from far away: the site frame then starts in the middle of the first
-            # DEM.
-            far = max(abs(west), abs(south)) > 20_000
-            middle = (
-                west + heights.shape[1] * spacing / 2 - spacing / 2,
-                south + heights.shape[0] * spacing / 2 - spacing / 2,
-            )
-            shift = middle if far else (0.0, 0.0)
-            if far:
-                origin.update({"east_m": middle[0], "north_m": middle[1]})
+            onto = dem.crs
+            shift = _site_shift(dem)
+            origin.update(_place_of(dem, shift))
         ground = None
         if entry.ground:
-            ground, *place = read_dem(inside(folder, entry.ground))
-            if ground.shape != heights.shape or not np.allclose(place, (west, south, spacing)):
+            bare = read_dem(inside(folder, entry.ground), onto)
+            if bare.heights.shape != dem.heights.shape or not np.allclose(bare.place, dem.place):
                 raise TerrainFormatError(
-                    f"{entry.ground} has another grid than {entry.dem}: {ground.shape} posts at {place}"
+                    f"{entry.ground} has another grid than {entry.dem}: "
+                    f"{bare.heights.shape} posts at {bare.place}"
                 )
-        mask = _read_mask(inside(folder, entry.mask), heights.shape) if entry.mask else None
-        digest.update(heights.tobytes())
+            ground = bare.heights
+        mask = _read_mask(inside(folder, entry.mask), dem) if entry.mask else None
+        digest.update(dem.heights.tobytes())
         layer = HeightLayer(
-            heights, west - shift[0], south - shift[1], spacing, ground, mask, Path(entry.dem).stem
+            dem.heights,
+            dem.west - shift[0],
+            dem.south - shift[1],
+            dem.spacing,
+            ground,
+            mask,
+            Path(entry.dem).stem,
         )
-        read.append((layer, entry))
+        read.append((layer, entry, dem))
     read.sort(key=lambda item: item[0].spacing)
     orthos = []
-    for layer, entry in read:
+    for layer, entry, dem in read:
         if entry.ortho:
             image = inside(folder, entry.ortho)
             if not image.is_file():
                 raise TerrainFormatError(f"ortho image {image} does not exist")
-            with opened_image(image, "ortho image"):
-                pass  # its pixels are read when somebody looks at them
-            orthos.append(Ortho(_ortho_bounds(image, layer, shift or (0.0, 0.0)), path=image))
+            orthos.append(_ortho(image, layer, dem, shift or (0.0, 0.0)))
             digest.update(image.read_bytes())
     rocks: tuple[Rock, ...] = ()
     if described.rocks:
@@ -176,7 +184,7 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
         digest.update(json.dumps(listing, sort_keys=True).encode())
     return Terrain(
         described.name or name,
-        tuple(layer for layer, _ in read),
+        tuple(layer for layer, _, _ in read),
         tuple(orthos),
         rocks,
         described.credits,
@@ -185,72 +193,61 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
     )
 
 
-def read_dem(path: Path) -> tuple[NDArray[np.float32], float, float, float]:
-    """Return heights [rows, columns] (row 0 south, NaN = unknown), west and south of the first post, spacing.
+def _site_shift(dem: Dem) -> tuple[float, float]:
+    """Return where the site frame starts in a DEM's projection.
 
-    Raises
-    ------
-    TerrainFormatError
-        If the file is no raster, has no geotransform, is rotated, has oblong posts, degrees for metres or no
-        known height.
+    A map projection counts from far away: the site frame then starts in the middle of the first DEM. A DEM
+    in degrees has a projection round its middle.
     """
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
-
-    if not path.is_file():
-        raise TerrainFormatError(f"DEM {path} does not exist")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        try:
-            with rasterio.open(path, driver="GTiff") as dataset:  # others may name files elsewhere
-                require_size(f"DEM {path}", dataset.width, dataset.height)
-                transform = dataset.transform
-                crs = dataset.crs
-                band = dataset.read(1, masked=True)
-                unit = (dataset.units[0] or "").lower() if dataset.units else ""
-        except (RasterioError, ValueError) as err:
-            raise TerrainFormatError(f"DEM {path}: {err}") from err
-    if transform.is_identity:
-        raise TerrainFormatError(
-            f"DEM {path} has no georeference: a geotransform (GeoTIFF tags or world file) in metres is needed"
-        )
-    if abs(transform.b) > 1e-9 or abs(transform.d) > 1e-9:
-        raise TerrainFormatError(
-            f"DEM {path} is rotated (b {transform.b:g}, d {transform.d:g}); north must be up"
-        )
-    step_x, step_y = transform.a, -transform.e
-    if not step_x > 0 or abs(step_x - abs(step_y)) > 1e-6 * step_x:
-        raise TerrainFormatError(f"DEM {path} has posts of {step_x:g} by {step_y:g}; they must be square")
-    if crs is not None and crs.is_geographic:
-        raise TerrainFormatError(
-            f"DEM {path} counts in degrees ({step_x:g} a post), not in metres; project it first"
-        )
-    if crs is not None and crs.is_projected:
-        factor = float(crs.linear_units_factor[1])
-        if abs(factor - 1) > 1e-6:
-            raise TerrainFormatError(f"DEM {path} counts in {crs.linear_units}, not in metres")
-    if unit in {"ft", "feet", "foot", "us survey foot", "km", "kilometre", "kilometer"}:
-        raise TerrainFormatError(f'DEM {path} gives heights in "{unit}", not in metres')
-    heights = np.ma.filled(band.astype(np.float32), np.nan)
-    if step_y > 0:
-        heights = heights[::-1]
-        south = transform.f - (heights.shape[0] - 0.5) * step_x
-    else:
-        south = transform.f + 0.5 * step_x
-    if not np.isfinite(heights).any():
-        raise TerrainFormatError(f"DEM {path} holds no known height")
-    return np.ascontiguousarray(heights), float(transform.c + 0.5 * step_x), float(south), float(step_x)
+    if _in_degrees(dem) or max(abs(dem.west), abs(dem.south)) <= FAR_M:
+        return 0.0, 0.0
+    rows, columns = dem.heights.shape
+    return dem.west + (columns - 1) * dem.spacing / 2, dem.south + (rows - 1) * dem.spacing / 2
 
 
-def _read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _place_of(dem: Dem, shift: tuple[float, float]) -> Document:
+    """Return what a terrain's `origin` says of a DEM: its reference, and where the site starts in it."""
+    far = {"east_m": shift[0], "north_m": shift[1]} if any(shift) else {}
+    if dem.crs is None:
+        return far
+    crs, (x, y) = dem.crs, shift
+    if dem.source is not None and dem.source.crs is not None and _in_degrees(dem):
+        crs, (x, y) = dem.source.crs, dem.source.middle()
+    return {**far, "crs": crs_text(crs), "x": x, "y": y}
+
+
+def _in_degrees(dem: Dem) -> bool:
+    """Return whether a DEM's file counts in degrees."""
+    return dem.source is not None and dem.source.crs is not None and bool(dem.source.crs.is_geographic)
+
+
+def _read_mask(path: Path, dem: Dem) -> NDArray[np.bool_]:
     with opened_image(path, "mask") as image:
         data = np.asarray(image.convert("L")) > 127
+    shape = (dem.heights if dem.source is None else dem.source.heights).shape
     if data.shape != shape:
         raise TerrainFormatError(f"mask {path} has {data.shape} pixels; its DEM has {shape} posts")
-    return np.ascontiguousarray(data[::-1])
+    return np.ascontiguousarray(data[::-1]) if dem.source is None else mask_on_dem(data, dem)
 
 
-def _ortho_bounds(image: Path, layer: HeightLayer, shift: tuple[float, float]) -> Bounds:
+def _ortho(image: Path, layer: HeightLayer, dem: Dem, shift: tuple[float, float]) -> Ortho:
+    """Return the ortho image of a layer; unless it is reprojected, its pixels are read at first use."""
+    world = _world_file(image)
+    pixels = image_on_dem(image, dem, world)
+    if pixels is not None:
+        return Ortho(layer.bounds, pixels=pixels)
+    with opened_image(image, "ortho image") as opened:
+        columns, rows = opened.size
+    if world is None:
+        return Ortho(layer.bounds, path=image)
+    west, north = world.c - shift[0], world.f - shift[1]
+    return Ortho((west, north + rows * world.e, west + columns * world.a, north), path=image)
+
+
+def _world_file(image: Path) -> Affine | None:
+    """Return the transform of the world file beside an image, from the outer corner of its first pixel."""
+    from affine import Affine
+
     for suffix in (image.suffix[:2] + image.suffix[-1:] + "w", image.suffix + "w", ".wld"):
         world = image.with_suffix(suffix)
         if world.is_file():
@@ -260,11 +257,8 @@ def _ortho_bounds(image: Path, layer: HeightLayer, shift: tuple[float, float]) -
                 raise TerrainFormatError(f"world file {world}: six numbers are needed") from err
             if b or d or a <= 0 or e >= 0:
                 raise TerrainFormatError(f"world file {world}: the image must be north up")
-            with opened_image(image, "ortho image") as opened:
-                columns, rows = opened.size
-            west, north = c - a / 2 - shift[0], f - e / 2 - shift[1]
-            return west, north + rows * e, west + columns * a, north
-    return layer.bounds
+            return Affine(a, 0.0, c - a / 2, 0.0, e, f - e / 2)
+    return None
 
 
 def write_terrain(terrain: Terrain, folder: Path | str) -> Path:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from ground.records.forms import Body, Flag, Id, LongName, Name, Seed, Text
+from ground.resources.missions.bodies import PlaceBody
 
 
 class DemoTerrain(Body):
@@ -42,6 +43,9 @@ class MissionCreate(Body):
     terrain: Annotated[DemoTerrain | GeneratedTerrain | UploadedTerrain, Field(discriminator="source")]
     rover_profile: Name = "k9"
     demo_content: Flag = False
+    place: PlaceBody | None = Field(
+        default=None, description="where the site lies; else as the files of the terrain say it"
+    )
 
     model_config = ConfigDict(
         json_schema_extra={

@@ -1,4 +1,4 @@
-"""Change what a mission rests on: rover, calibration, drive rules, anchor."""
+"""Change what a mission rests on: rover, calibration, place, drive rules, anchor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,12 @@ from ground.gdr.repository import Repository
 from ground.records.kind import Changed, Follower, Prepared, given_columns
 from ground.resources.missions.bodies import MissionChange
 from ground.resources.missions.row import MissionRow
-from ground.resources.missions.rules import require_calibration, require_drive_rules, require_profile
+from ground.resources.missions.rules import (
+    require_calibration,
+    require_drive_rules,
+    require_place,
+    require_profile,
+)
 from ground.resources.observation_requests.change_rover import told_requests
 from ground.resources.solutions.require_anchor import require_anchor
 from ground.resources.targets.row import TargetRow
@@ -23,7 +28,7 @@ def change_mission(
     Raises
     ------
     InvalidInputError, StateError
-        If rover, calibration, drive rules or anchor cannot be those.
+        If rover, calibration, place, drive rules or anchor cannot be those.
     """
     columns = given_columns(given)
     followers: list[Follower] = []
@@ -32,6 +37,8 @@ def change_mission(
         followers = told_requests(session, row.id, given.rover_profile)
     if given.calibration is not None:
         columns["calibration"] = require_calibration(given.calibration)
+    if given.place is not None:
+        require_place(given.place)
     if given.drive_rules:
         targets = session.scalars(select(TargetRow.id).where(TargetRow.mission_id == row.id))
         require_drive_rules(given.drive_rules, set(targets))

@@ -14,9 +14,10 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
 from ground.resources.mission_setup.unpack_terrain import unpack_terrain
+from ground.resources.missions.bodies import PlaceBody
 from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import MissionRow
-from ground.resources.missions.rules import require_profile
+from ground.resources.missions.rules import place_in, require_place, require_profile
 from ground.resources.missions.value import Mission
 from ground.resources.terrains.terrain import store_terrain
 
@@ -87,10 +88,21 @@ def create_mission(
     notes: str = "",
     rover_profile: str = "k9",
     terrain_name: str | None = None,
+    place: PlaceBody | None = None,
 ) -> Mission:
-    """Return a new mission without targets, with a first sol still to be opened."""
+    """Return a new mission without targets, with a first sol still to be opened.
+
+    Its site lies at `place`, else where the files of the terrain say.
+
+    Raises
+    ------
+    InvalidInputError
+        If terrain, rover profile or place cannot be used.
+    """
     actor.require(Action.EDIT_MISSION)
     require_profile(rover_profile)
+    if place is not None:
+        require_place(place)
     with tempfile.TemporaryDirectory(prefix="outcrop-terrain-") as work:
         terrain = load_source(repo, actor, source, Path(work))
         label = terrain_name or terrain.name or name
@@ -104,6 +116,7 @@ def create_mission(
                 terrain_id=ground.id,
                 copied_from=None,
                 rover_profile=rover_profile,
+                place=place_in(terrain.origin) if place is None else place.model_dump(),
             )
             session.add(row)
             session.flush()

@@ -25,7 +25,13 @@ def open_mission(repo: Repository, who: Actor, body: MissionCreate) -> Mission:
         case uploaded:
             source = missions.UploadedTerrain(uploaded.upload_id, uploaded.ortho_upload_id)
     mission = missions.create_mission(
-        repo, who, name=body.name, source=source, notes=body.notes, rover_profile=body.rover_profile
+        repo,
+        who,
+        name=body.name,
+        source=source,
+        notes=body.notes,
+        rover_profile=body.rover_profile,
+        place=body.place,
     )
     if body.demo_content:
         fill_with_demo(repo, who, mission.id, seed=seed)

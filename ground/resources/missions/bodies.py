@@ -6,7 +6,11 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from ground.records.forms import Body, Corner, Id, LongName, Name, Text, unset
+from ground.geo.place import Heights
+from ground.geo.references import MAX_TEXT
+from ground.records.forms import Body, Corner, Id, LongName, Name, Radians, Text, unset
+
+Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e8, le=1e8)]
 
 
 class DriveRuleBody(Body):
@@ -20,6 +24,21 @@ class DriveRuleBody(Body):
     )
 
 
+class PlaceBody(Body):
+    """Where the site frame's origin lies on Earth, Moon or Mars."""
+
+    crs: Annotated[str, Field(min_length=3, max_length=MAX_TEXT)] = Field(
+        description="EPSG:32612, EPSG:4326, IAU_2015:49900 ... or WKT"
+    )
+    x: Coordinate = Field(description="east, or longitude in degrees")
+    y: Coordinate = Field(description="north, or latitude in degrees")
+    rotation_rad: Radians = Field(
+        default=0.0, description="from the reference's grid to the site's axes, counter-clockwise"
+    )
+    height_m: Coordinate | None = Field(default=None, description="of the site's zero")
+    heights: Heights = Field(default="unknown", description="what height_m is counted from")
+
+
 class MissionChange(Body):
     name: LongName = Field(default_factory=unset)
     notes: Text = Field(default_factory=unset)
@@ -31,3 +50,4 @@ class MissionChange(Body):
     drive_rules: Annotated[list[DriveRuleBody], Field(max_length=500)] = Field(
         default_factory=unset, description="all of them: what is not in the list is planned freely"
     )
+    place: PlaceBody | None = Field(default=None, description="null takes it away")

@@ -25,6 +25,8 @@ class MissionRow(Row):
     """`calibration/1` of the path network; the rover profile's numbers when there is none."""
     drive_rules: Mapped[list[Any] | None]
     """Drives that people forbid or draw, as in `DriveRule`; null = none."""
+    place: Mapped[dict[str, Any] | None]
+    """Where the site frame lies, as in `Place`; null where nobody has said it."""
 
 
 class ElsewhereRow(Row):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict
 
 from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError
-from ground.resources.missions.bodies import DriveRuleBody
+from ground.gdr.base import Columns
+from ground.geo.place import Place
+from ground.geo.site_frame import site_frame
+from ground.resources.missions.bodies import DriveRuleBody, PlaceBody
 from mission.codec import Document
 
 
@@ -17,6 +21,19 @@ def require_profile(name: str) -> None:
             f"rover_profile is {name!r}; a mission takes a profile by its name", pointer="/rover_profile"
         )
     profile_of(name)
+
+
+def require_place(given: PlaceBody) -> None:
+    """Raise unless the site can lie there: a reference that is known and a point in it."""
+    site_frame(Place(**given.model_dump()))
+
+
+def place_in(origin: Mapping[str, object]) -> Columns | None:
+    """Return the place that a terrain's `origin` tells; None if it names no reference."""
+    crs, x, y = (origin.get(name) for name in ("crs", "x", "y"))
+    if not (isinstance(crs, str) and isinstance(x, int | float) and isinstance(y, int | float)):
+        return None
+    return asdict(Place(crs, float(x), float(y)))
 
 
 def require_drive_rules(rules: Sequence[DriveRuleBody], target_ids: Collection[str]) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from ground.geo.place import Place
 from ground.records.stored import Stored
 
 
@@ -44,6 +45,8 @@ class Mission(Stored):
     anchor_frame_id: str | None
     calibration: dict[str, Any] | None
     drive_rules: list[DriveRule]
+    place: Place | None
+    """Where the site frame lies on its body; null where nobody has said it."""
     counts: Counts
 
 

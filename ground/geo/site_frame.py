@@ -1,0 +1,149 @@
+"""Site metres and the same points on the body, both ways."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ground.errors import InvalidInputError
+from ground.geo.place import Place
+from ground.geo.references import LONLAT, SITE, degrees_of, reference, transformer
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+FAR_M = 100_000.0
+"""Farther from the site than this nothing is taken: the site's forms take no larger metres."""
+Floats = NDArray[np.float64]
+
+
+class SiteFrame:
+    """The site frame of a place. Points are arrays [n, 2]: x before y, longitude before latitude.
+
+    In a projection the site's metres are the grid's, shifted and turned. In degrees they are those of an
+    azimuthal equidistant projection round the origin: distances and directions from there are true.
+    """
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self.crs = reference(place.crs, "/place/crs")
+        if not (math.isfinite(place.x) and math.isfinite(place.y)):
+            raise InvalidInputError(f"({place.x}, {place.y}) is no place", pointer="/place/x")
+        if self.crs.is_geographic:
+            _require_degrees(np.array([[place.x, place.y]]), "the site's origin")
+
+    @cached_property
+    def grid(self) -> CRS:
+        """Return the projection whose metres are the site's."""
+        if self.crs.is_projected:
+            return self.crs
+        from pyproj.crs import ProjectedCRS
+        from pyproj.crs.coordinate_operation import AzimuthalEquidistantConversion
+
+        round_here = AzimuthalEquidistantConversion(self.place.y, self.place.x)
+        return ProjectedCRS(round_here, name=f"site metres on {self.crs.name}", geodetic_crs=self.crs)
+
+    @cached_property
+    def degrees(self) -> CRS:
+        """Return longitude and latitude on the site's body."""
+        return degrees_of(self.crs)
+
+    def named(self, name: str) -> CRS | None:
+        """Return the reference of a name; None for the site itself."""
+        if name == SITE:
+            return None
+        return self.degrees if name == LONLAT else reference(name, "crs")
+
+    def out(self, points: ArrayLike, name: str) -> Floats:
+        """Return site points [n, 2] in another reference: `site`, `lonlat` or a name.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such reference, or no transformation to it.
+        """
+        site = _points(points)
+        crs = self.named(name)
+        if crs is None or not len(site):
+            return site
+        turned = site @ self._turn.T + self._origin
+        x, y = transformer(self.grid, crs).transform(turned[:, 0], turned[:, 1])
+        found = np.column_stack([x, y])
+        if not np.isfinite(found).all():
+            raise InvalidInputError(f"{crs.name} is of no use where the site lies")
+        return found
+
+    def into(self, points: ArrayLike, name: str) -> Floats:
+        """Return points [n, 2] of another reference in site metres.
+
+        Raises
+        ------
+        InvalidInputError
+            If one is no number, lies far from the site (then it says whether x and y look swapped), or there
+            is no transformation.
+        """
+        given = _points(points)
+        crs = self.named(name)
+        if not np.isfinite(given).all():
+            row = int(np.flatnonzero(~np.isfinite(given).all(axis=1))[0])
+            raise InvalidInputError(f"point {row + 1} is ({given[row, 0]}, {given[row, 1]}): no numbers")
+        if crs is None or not len(given):
+            return given
+        site = self._inward(given, crs)
+        away = np.hypot(site[:, 0], site[:, 1])
+        bad = ~(away <= FAR_M)
+        if bad.any():
+            raise InvalidInputError(self._why_far(given[int(np.flatnonzero(bad)[0])], crs))
+        return site
+
+    def _inward(self, given: Floats, crs: CRS) -> Floats:
+        if crs.is_geographic:
+            wrong = np.abs(given[:, 1]) > 90.0
+            given = np.where(wrong[:, None], np.nan, given)
+        x, y = transformer(crs, self.grid).transform(given[:, 0], given[:, 1])
+        return (np.column_stack([x, y]) - self._origin) @ self._turn
+
+    def _why_far(self, point: Floats, crs: CRS) -> str:
+        told = f"({point[0]:.9g}, {point[1]:.9g}) in {crs.name}"
+        swapped = self._inward(point[None, ::-1], crs)[0]
+        if np.isfinite(swapped).all() and math.hypot(*swapped) <= FAR_M:
+            order = "longitude before latitude" if crs.is_geographic else "x (east) before y (north)"
+            return f"{told} looks swapped: {order}; the other way round it lies at the site"
+        if crs.is_geographic and abs(point[1]) > 90.0:
+            return f"{told} has a latitude of {point[1]:g}; it is within 90 degrees"
+        away = math.hypot(*self._inward(point[None], crs)[0])
+        distance = f"{away / 1000:.0f} km" if math.isfinite(away) else "out of reach"
+        return f"{told} is {distance} from the site; at most {FAR_M / 1000:g} km are taken"
+
+    @cached_property
+    def _turn(self) -> Floats:
+        c, s = math.cos(self.place.rotation_rad), math.sin(self.place.rotation_rad)
+        return np.array([[c, -s], [s, c]])
+
+    @cached_property
+    def _origin(self) -> Floats:
+        return np.array([self.place.x, self.place.y]) if self.crs.is_projected else np.zeros(2)
+
+
+def _points(points: ArrayLike) -> Floats:
+    return np.asarray(points, dtype=np.float64).reshape(-1, 2)
+
+
+def _require_degrees(points: Floats, what: str) -> None:
+    for lon, lat in points:
+        if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
+            swapped = " (longitude and latitude look swapped)" if abs(lon) <= 90.0 < abs(lat) else ""
+            raise InvalidInputError(
+                f"{what} is at longitude {lon:g}, latitude {lat:g}; a latitude is within 90 degrees{swapped}",
+                pointer="/place/y",
+            )
+
+
+@lru_cache(maxsize=32)
+def site_frame(place: Place) -> SiteFrame:
+    """Return the site frame of a place, made once."""
+    return SiteFrame(place)
