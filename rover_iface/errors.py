@@ -14,7 +14,9 @@
     |-- PlacementError            no pose from which the instrument reaches the target
     |-- TrackerError              misuse of a tracker
     |-- LocalizationError         rocks, poses or frame solutions cannot be used to localise the rover
-    `-- WorldError                a world, fault or problem document is malformed
+    |-- WorldError                a world, fault or problem document is malformed
+    |-- MappingError              a mapping to ROS 2 is malformed or contradicts its dictionary
+    `-- RosError                  ROS 2, or a package of it, is not there
 """
 
 from __future__ import annotations
@@ -74,3 +76,11 @@ class LocalizationError(RoverError):
 
 class WorldError(RoverError):
     """A world, fault or problem document is malformed."""
+
+
+class MappingError(RoverError):
+    """A mapping to ROS 2 is malformed, or contradicts its dictionary."""
+
+
+class RosError(RoverError):
+    """ROS 2 or one of its packages is not there, or has no such type or field."""

@@ -48,6 +48,7 @@ WHAT = {
     "plan-tree": "A contingent plan as data",
     "problem": "A planning problem: observations, drives, budgets, odds",
     "profile": "What a rover is: body, wheels, power, mast, arm, cameras, instruments",
+    "ros2-mapping": "The ROS 2 names and fields of a dictionary's actions and telemetry (YAML)",
     "rocks": "The rocks of a terrain, each with its place and size",
     "terrain": "The rasters and images of a terrain",
     "trust": "Whose signature counts for what on board",

@@ -81,6 +81,33 @@ def serve(
 
 
 @rover.command()
+def ros2(
+    mapping: Annotated[Path, typer.Argument(help="mapping to ROS 2, ros2-mapping/1 in YAML")],
+    listen: Annotated[str | None, typer.Option(help="unix:/path or tcp://host:port")] = None,
+    check: Annotated[bool, typer.Option("--check", help="check the mapping and end; needs no ROS")] = False,
+    out: Annotated[Path | None, typer.Option(help="folder into which images are written")] = None,
+    ros_args: Annotated[str, typer.Option(help="what follows --ros-args, in one text")] = "",
+    cert: CERT = None,
+    key: KEY = None,
+    ca: CA = None,
+) -> None:
+    """Put a robot that speaks ROS 2 behind the wire, until it is interrupted."""
+    from executive.runtime.wire import Address, Keys
+    from ground.cli.failure import fail, refusals
+    from ground.uplink.serve_ros2 import Bridging, check_mapping, serve_ros2
+
+    with refusals():
+        if check:
+            for line in check_mapping(mapping):
+                typer.echo(line)
+            return
+        if listen is None:
+            fail("the bridge needs --listen, the address at which it waits for the executive, or --check")
+        bridging = Bridging(mapping, Address.parse(listen), Keys.of(cert, key, ca), out, ros_args)
+        serve_ros2(bridging, lambda line: typer.echo(line))
+
+
+@rover.command()
 def check(
     name: Annotated[
         str, typer.Argument(help="name of the rover (entry point group outcrop.rovers)")

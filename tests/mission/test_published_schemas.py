@@ -15,6 +15,7 @@ from planner.path_network.calibration import CALIBRATIONS
 from planner.plan_tree_document import TREES
 from planner.problem_document import PROBLEMS
 from rover_iface.profile import PROFILES
+from rover_iface.ros2.mapping import MAPPINGS
 from rover_iface.simulator.faults import FAULTS
 from rover_iface.simulator.world import WORLDS
 from rover_iface.terrain.load import TERRAINS
@@ -24,7 +25,7 @@ FORMATS = Path(__file__).parents[2] / "docs/formats"
 
 
 CODECS: list[Codec[Any]] = [
-    DAYS, PROFILES, FAULTS, WORLDS, TERRAINS, ROCKS, PROBLEMS, TREES, CALIBRATIONS
+    DAYS, PROFILES, FAULTS, WORLDS, TERRAINS, ROCKS, PROBLEMS, TREES, CALIBRATIONS, MAPPINGS
 ]  # fmt: skip
 
 
