@@ -105,9 +105,11 @@ def test_members_that_are_not_ours_are_kept_in_the_notes() -> None:
 
 
 def test_degrees_are_not_taken_for_metres() -> None:
-    document = {"type": "FeatureCollection", "crs": {"type": "name"}, "features": []}
-    with pytest.raises(InvalidInputError, match="site frame"):
-        read_shapes(json.dumps(document).encode())
+    point = {"type": "Feature", "geometry": {"type": "Point", "coordinates": [4.0, 1.0]}}
+    for naming in ({"frame": "lonlat"}, {"crs": {"type": "name", "properties": {"name": "EPSG:4326"}}}):
+        document = {"type": "FeatureCollection", **naming, "features": [point]}
+        with pytest.raises(InvalidInputError, match="says nothing of its site"):
+            read_shapes(json.dumps(document).encode())
 
 
 @given(st.binary(max_size=200) | st.text(max_size=200).map(lambda t: b"kind,name,east_m\n" + t.encode()))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select
@@ -10,18 +12,23 @@ from sqlalchemy.orm import Session
 
 from ground.errors import GroundError, TooLargeError
 from ground.gdr.repository import Repository
+from ground.geo.place import Place
+from ground.geo.references import SITE
+from ground.geo.site_frame import SiteFrame, site_frame
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
 from ground.records.forms import references
 from ground.records.get_resource import mission_of, require_mission
 from ground.records.kind import Kind
 from ground.resources.frames.kind import FRAME
+from ground.resources.geometry_files.gis_files import DRIVERS, to_gpx, write_gis
 from ground.resources.geometry_files.site_geometry import read_shapes, refuse, to_csv, to_geojson
 from ground.resources.geometry_files.value import ImportedGeometry
 from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.create_keep_out import keep_out_row
 from ground.resources.keep_outs.kind import KEEP_OUT
 from ground.resources.keep_outs.row import KeepOutRow
+from ground.resources.missions.row import MissionRow
 from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import target_columns, target_row
 from ground.resources.targets.kind import TARGET
@@ -34,8 +41,12 @@ REFERRED: Mapping[str, Kind[Any]] = {FRAME.name: FRAME}
 MAX_BYTES = 16 * 2**20
 
 
-def import_geometry(repo: Repository, actor: Actor, mission_id: str, upload_id: str) -> ImportedGeometry:
+def import_geometry(
+    repo: Repository, actor: Actor, mission_id: str, upload_id: str, crs: str | None = None
+) -> ImportedGeometry:
     """Return the targets and keep-outs made from an uploaded GeoJSON or CSV file: all of them or none.
+
+    `crs` is the reference of a file that names none.
 
     Raises
     ------
@@ -46,7 +57,9 @@ def import_geometry(repo: Repository, actor: Actor, mission_id: str, upload_id: 
     path = uploaded_file(repo, actor, upload_id)
     if path.stat().st_size > MAX_BYTES:
         raise TooLargeError(f"the file has {path.stat().st_size} bytes; {MAX_BYTES} are allowed")
-    shapes = read_shapes(path.read_bytes())
+    with repo.database.read() as session:
+        frame = frame_of(session, mission_id)
+    shapes = read_shapes(path.read_bytes(), crs=crs, frame=frame)
     if any(shape.kind == "keep_out" for shape in shapes):
         actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
@@ -93,8 +106,19 @@ def _without_strangers(session: Session, mission_id: str, given: Given) -> Given
     return given.model_copy(update={**changes, "notes": "\n".join(lines)}) if changes else given
 
 
-def export_geometry(repo: Repository, actor: Actor, mission_id: str, *, form: str) -> bytes:
-    """Return all targets and keep-outs of a mission as `geojson` or `csv`."""
+def export_geometry(
+    repo: Repository, actor: Actor, mission_id: str, *, form: str, crs: str | None = None
+) -> bytes:
+    """Return all targets and keep-outs of a mission as `geojson`, `csv`, `gpkg`, `kml` or `gpx`.
+
+    `crs` is the reference of the coordinates: site metres, and for a GeoPackage that of the mission's place,
+    unless another one is named. KML and GPX are in longitude and latitude.
+
+    Raises
+    ------
+    InvalidInputError
+        If the mission has no place, or there is no transformation.
+    """
     actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
         require_mission(session, mission_id)
@@ -102,4 +126,19 @@ def export_geometry(repo: Repository, actor: Actor, mission_id: str, *, form: st
         for name, kind in KINDS.items():
             rows = select(kind.row).where(kind.row.__table__.c.mission_id == mission_id).order_by(kind.row.id)
             found[name] = kind.show(session, list(session.scalars(rows)))
-    return to_csv(found) if form == "csv" else to_geojson(found)
+        frame = frame_of(session, mission_id)
+    if form == "gpx":
+        return to_gpx(found, frame)
+    if form in DRIVERS:
+        with tempfile.TemporaryDirectory(prefix="outcrop-gis-") as folder:
+            file = Path(folder) / f"{mission_id}.{form}"
+            write_gis(found, file, form, crs or (SITE if frame is None else frame.place.crs), frame)
+            return file.read_bytes()
+    write = to_csv if form == "csv" else to_geojson
+    return write(found, crs=crs or SITE, frame=frame)
+
+
+def frame_of(session: Session, mission_id: str) -> SiteFrame | None:
+    """Return where the site of a mission lies; None where nobody has said it."""
+    place = session.scalar(select(MissionRow.place).where(MissionRow.id == mission_id))
+    return None if place is None else site_frame(Place(**place))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
+from fastapi import Query
 from starlette.responses import Response
 
 from ground.api.context import Asked, Id, answer, api_router, attachment, media_answers
@@ -14,19 +15,33 @@ from ground.resources.geometry_files.exchange_geometry import import_geometry as
 from ground.resources.geometry_files.value import ImportedGeometry
 
 router = api_router("exchange")
+MEDIA = {
+    "geojson": "application/geo+json",
+    "csv": "text/csv",
+    "gpkg": "application/geopackage+sqlite3",
+    "kml": "application/vnd.google-earth.kml+xml",
+    "gpx": "application/gpx+xml",
+}
+Crs = Annotated[
+    str,
+    Query(min_length=3, max_length=200, description="site, lonlat, EPSG:..., IAU_2015:...; x before y"),
+]
 
 
 @router.get(
     "/missions/{mission_id}/geometry",
     response_class=Response,
-    responses={**media_answers("application/geo+json", "text/csv"), **responses(404, 422)},
+    responses={**media_answers(*MEDIA.values()), **responses(404, 422, 503)},
 )
 async def export_geometry(
-    ask: Asked, mission_id: Id, form: Literal["geojson", "csv"] = "geojson"
+    ask: Asked,
+    mission_id: Id,
+    form: Literal["geojson", "csv", "gpkg", "kml", "gpx"] = "geojson",
+    crs: Crs | None = None,
 ) -> Response:
-    """Send all targets and keep-outs as GeoJSON in site metres or as CSV."""
-    content = await ask.do(export_geometry_use_case, mission_id, form=form)
-    media = "text/csv; charset=utf-8" if form == "csv" else "application/geo+json"
+    """Send all targets and keep-outs as GeoJSON, CSV, GeoPackage, KML or GPX, in any reference."""
+    content = await ask.do(export_geometry_use_case, mission_id, form=form, crs=crs)
+    media = MEDIA[form] + ("; charset=utf-8" if form == "csv" else "")
     return Response(content, media_type=media, headers=attachment(f"{mission_id}.{form}"))
 
 
@@ -40,4 +55,4 @@ async def import_geometry(ask: Asked, mission_id: Id, body: GeometryImport) -> R
     """Take in targets and keep-outs from an uploaded GeoJSON or CSV file: all of them, or none with the rows
     that are wrong.
     """
-    return answer(await ask.do(import_geometry_use_case, mission_id, body.upload_id), 201)
+    return answer(await ask.do(import_geometry_use_case, mission_id, body.upload_id, body.crs), 201)

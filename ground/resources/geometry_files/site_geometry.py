@@ -1,9 +1,11 @@
-"""Targets and keep-outs as files: site GeoJSON and CSV, read and written. Pure: no repository.
+"""Targets and keep-outs as files: GeoJSON and CSV, read and written. Pure: no repository.
 
 Coordinates are site metres, east and north (and up, which is written and not read: heights come from the
-terrain). What else a person may give of a target or keep-out goes along by its name. A GeoJSON file says so
-with `"frame": "site"`; a `crs` member is refused, since longitudes would be taken for metres. CSV has one
-line for each thing; `polygon_m` holds corners as `east north; east north; ...`.
+terrain), or those of a reference that the file names: GeoJSON by `"frame": "lonlat"` or a member `crs`, CSV
+by a column `crs`, with `x`, `y` and `polygon` in place of `east_m`, `north_m` and `polygon_m`. A file that
+names none counts in site metres unless the person says otherwise. What else a person may give of a target or
+keep-out goes along by its name. CSV has one line for each thing; `polygon_m` holds corners as
+`east north; east north; ...`.
 """
 
 from __future__ import annotations
@@ -20,14 +22,17 @@ from typing import Any
 from pydantic import ValidationError
 
 from ground.errors import InvalidInputError
+from ground.geo.references import LONLAT, SITE
+from ground.geo.site_frame import SiteFrame
 from ground.records.forms import Body
+from ground.resources.geometry_files.where import from_site, named_in, placed, to_site
 from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.targets.bodies import TargetCreate
 from ground.spreadsheet import inert, shown
 
 MAX_ROWS = 5000
 LIMIT_M = 100_000.0
-OWN = frozenset({"kind", "id", "author", "up_m", "geometry"})
+OWN = frozenset({"kind", "id", "author", "up_m", "geometry", "crs", "x", "y", "polygon"})
 """Members of a file that say nothing that a person gives."""
 
 
@@ -74,10 +79,17 @@ def refuse(wrong: Sequence[tuple[int, str]], total: int) -> InvalidInputError:
     )
 
 
-def read_shapes(content: bytes, exchanged: Mapping[str, Exchanged] = EXCHANGED) -> list[Shape]:
-    """Return what a GeoJSON or CSV file holds, all of it.
+def read_shapes(
+    content: bytes,
+    exchanged: Mapping[str, Exchanged] = EXCHANGED,
+    *,
+    crs: str | None = None,
+    frame: SiteFrame | None = None,
+) -> list[Shape]:
+    """Return what a GeoJSON or CSV file holds, all of it, in site metres.
 
-    Members that are not ours are kept as lines of the notes.
+    Members that are not ours are kept as lines of the notes. `crs` is the reference of what names none
+    itself, `frame` where the site lies.
 
     Raises
     ------
@@ -92,17 +104,24 @@ def read_shapes(content: bytes, exchanged: Mapping[str, Exchanged] = EXCHANGED) 
     if len(rows) > MAX_ROWS:
         raise InvalidInputError(f"the file has {len(rows)} rows; {MAX_ROWS} are allowed")
     shapes, wrong = [], []
-    for row, members in rows:
+    for row, named, members in rows:
+        name = named or crs or SITE
+        if name != SITE:
+            placed(frame, name).named(name)
         try:
-            shapes.append(_shape(row, members, exchanged))
-        except ValueError as err:
+            shapes.append(_shape(row, members, exchanged, name, frame))
+        except (ValueError, InvalidInputError) as err:
             wrong.append((row, str(err)))
     if wrong:
         raise refuse(wrong, len(rows))
     return shapes
 
 
-def _features(text: str) -> Iterator[tuple[int, dict[str, Any]]]:
+Row = tuple[int, str | None, dict[str, Any]]
+"""Number, reference that is named for it, members."""
+
+
+def _features(text: str) -> Iterator[Row]:
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as err:
@@ -110,22 +129,22 @@ def _features(text: str) -> Iterator[tuple[int, dict[str, Any]]]:
     features = document.get("features") if document.get("type") == "FeatureCollection" else None
     if not isinstance(features, list):
         raise InvalidInputError("the file is no GeoJSON FeatureCollection")
-    if "crs" in document or document.get("frame", "site") != "site":
-        raise InvalidInputError("coordinates must be metres of the site frame; the file names another one")
+    named = named_in(document)
     for row, feature in enumerate(features, 1):
         feature = feature if isinstance(feature, dict) else {}
         geometry, properties = feature.get("geometry"), feature.get("properties")
-        yield row, {**(properties if isinstance(properties, dict) else {}), "geometry": geometry}
+        yield row, named, {**(properties if isinstance(properties, dict) else {}), "geometry": geometry}
 
 
-def _lines(text: str) -> Iterator[tuple[int, dict[str, Any]]]:
+def _lines(text: str) -> Iterator[Row]:
     reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
     try:
         if not {"kind", "name"} <= set(reader.fieldnames or ()):
             raise InvalidInputError("the CSV needs a first line with the columns kind and name, and more")
         for members in reader:
             found = {name: _read(value) for name, value in members.items()}
-            yield reader.line_num, {name: value for name, value in found.items() if value not in (None, "")}
+            there = {name: value for name, value in found.items() if value not in (None, "")}
+            yield reader.line_num, there.get("crs"), there
     except csv.Error as err:
         raise InvalidInputError(f"the CSV is damaged at line {reader.line_num}: {err}") from err
 
@@ -135,15 +154,22 @@ def _read(cell: Any) -> Any:
     return shown(cell) if isinstance(cell, str) else cell
 
 
-def _shape(row: int, members: Mapping[Any, Any], exchanged: Mapping[str, Exchanged]) -> Shape:
+def _shape(
+    row: int,
+    members: Mapping[Any, Any],
+    exchanged: Mapping[str, Exchanged],
+    name: str,
+    frame: SiteFrame | None,
+) -> Shape:
     """Return the shape of one row; a ValueError says what is wrong with it."""
     if None in members:
         raise ValueError("it has more cells than the first line has columns")
     from_feature = "geometry" in members
-    kind, corners = _geometry(members["geometry"]) if from_feature else _cells(members)
+    kind, given_corners = _geometry(members["geometry"]) if from_feature else _cells(members, name)
     named = members.get("kind", kind)
     if named != kind:
         raise ValueError(f"kind is {str(named)[:40]!r}, but the geometry is that of a {kind}")
+    corners = to_site(given_corners, name, frame)
     for east, north in corners:
         if not (math.isfinite(east) and math.isfinite(north) and max(abs(east), abs(north)) <= LIMIT_M):
             raise ValueError(f"({east:g}, {north:g}) is not within {LIMIT_M:g} m of the site")
@@ -207,17 +233,18 @@ def _geometry(geometry: Any) -> tuple[str, tuple[tuple[float, float], ...]]:
     return "keep_out", _opened([_corner(c) for c in coordinates[0]])
 
 
-def _cells(members: Mapping[Any, Any]) -> tuple[str, tuple[tuple[float, float], ...]]:
+def _cells(members: Mapping[Any, Any], name: str) -> tuple[str, tuple[tuple[float, float], ...]]:
+    across, up, ring = ("east_m", "north_m", "polygon_m") if name == SITE else ("x", "y", "polygon")
     if members.get("kind") == "target":
-        place = _number(members.get("east_m", ""), "east_m"), _number(members.get("north_m", ""), "north_m")
+        place = _number(members.get(across, ""), across), _number(members.get(up, ""), up)
         return "target", (place,)
     if members.get("kind") != "keep_out":
         raise ValueError(f"kind is target or keep_out, not {str(members.get('kind', ''))[:40]!r}")
     corners = []
-    for part in str(members.get("polygon_m", "")).split(";"):
+    for part in str(members.get(ring, "")).split(";"):
         cells = part.split()
         if len(cells) != 2:
-            raise ValueError(f"a corner of polygon_m is 'east north', not {part.strip()[:40]!r}")
+            raise ValueError(f"a corner of {ring} is 'east north', not {part.strip()[:40]!r}")
         corners.append((_number(cells[0], "east"), _number(cells[1], "north")))
     return "keep_out", _opened(corners)
 
@@ -229,8 +256,18 @@ def _opened(ring: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
     return tuple(corners)
 
 
-def to_geojson(values: Values, exchanged: Mapping[str, Exchanged] = EXCHANGED) -> bytes:
-    """Return a FeatureCollection in the site frame."""
+def to_geojson(
+    values: Values,
+    exchanged: Mapping[str, Exchanged] = EXCHANGED,
+    *,
+    crs: str = SITE,
+    frame: SiteFrame | None = None,
+) -> bytes:
+    """Return a FeatureCollection in the site frame or another reference.
+
+    Longitudes and latitudes of the Earth are as RFC 7946 has them; any other reference is named by a member
+    `crs`. Points have a height in the site frame, and elsewhere if it is known to be over the ellipsoid.
+    """
     features: list[dict[str, Any]] = []
     for kind, form in exchanged.items():
         for value in values.get(kind, ()):
@@ -240,31 +277,62 @@ def to_geojson(values: Values, exchanged: Mapping[str, Exchanged] = EXCHANGED) -
                     "type": "Feature",
                     "id": value.id,
                     "properties": {**about, "author": value.author},
-                    "geometry": _drawn(value),
+                    "geometry": _drawn(value, crs, frame),
                 }
             )
-    document = {"type": "FeatureCollection", "frame": "site", "features": features}
+    document = {"type": "FeatureCollection", **_naming(crs, frame), "features": features}
     return json.dumps(document, indent=1, ensure_ascii=False).encode()
 
 
-def _drawn(value: Any) -> dict[str, Any]:
+def _naming(name: str, frame: SiteFrame | None) -> dict[str, Any]:
+    """Return the members of a GeoJSON document that say what its coordinates count in."""
+    if name == SITE:
+        return {"frame": SITE}
+    crs = placed(frame, name).named(name)
+    assert crs is not None
+    known = crs.to_authority()
+    if name == LONLAT and known == ("EPSG", "4326"):
+        return {"frame": LONLAT}
+    text = f"urn:ogc:def:crs:{known[0]}::{known[1]}" if known else crs.to_wkt()
+    return {"crs": {"type": "name", "properties": {"name": text}}}
+
+
+def _drawn(value: Any, name: str, frame: SiteFrame | None) -> dict[str, Any]:
     if hasattr(value, "position"):
         place = value.position
-        return {"type": "Point", "coordinates": [place.east_m, place.north_m, place.up_m]}
-    ring = [list(corner) for corner in value.polygon_m]
+        up = [place.up_m]
+        if name != SITE:
+            site = placed(frame, name).place
+            known = site.heights == "ellipsoid" and site.height_m is not None
+            up = [place.up_m + (site.height_m or 0.0)] if known else []
+        ((x, y),) = from_site([(place.east_m, place.north_m)], name, frame)
+        return {"type": "Point", "coordinates": [x, y, *up]}
+    ring = from_site(value.polygon_m, name, frame)
     return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
 
 
-def to_csv(values: Values, exchanged: Mapping[str, Exchanged] = EXCHANGED) -> bytes:
-    """Return a table with one line for each target and keep-out; numbers as short as they stay exact."""
+def to_csv(
+    values: Values,
+    exchanged: Mapping[str, Exchanged] = EXCHANGED,
+    *,
+    crs: str = SITE,
+    frame: SiteFrame | None = None,
+) -> bytes:
+    """Return a table with one line for each target and keep-out; numbers as short as they stay exact.
+
+    In another reference than the site's, columns `crs`, `x`, `y` and `polygon` stand for the site's.
+    """
     out = io.StringIO(newline="")
+    places = dict.fromkeys(name for form in exchanged.values() for name in form.place)
+    others = dict.fromkeys(name for form in exchanged.values() for name in form.others)
     members = dict.fromkeys(name for form in exchanged.values() for name in (*form.place, *form.others))
-    writer = csv.DictWriter(out, ("kind", *members, "up_m", "id"), restval="")
+    heads = members if crs == SITE else ("crs", "x", "y", "polygon", *(n for n in others if n not in places))
+    writer = csv.DictWriter(out, ("kind", *heads, "up_m", "id"), restval="")
     writer.writeheader()
     for kind, form in exchanged.items():
         for value in values.get(kind, ()):
             cells = {name: _cell(form.make, name, getattr(value, name)) for name in form.others}
-            writer.writerow({"kind": kind, **cells, **_place_cells(value), "id": value.id})
+            writer.writerow({"kind": kind, **cells, **_place_cells(value, crs, frame), "id": value.id})
     return out.getvalue().encode()
 
 
@@ -274,7 +342,14 @@ def _cell(make: type[Body], name: str, content: Any) -> str:
     return inert(str(content) if _is_text(make, name) else json.dumps(content))
 
 
-def _place_cells(value: Any) -> dict[str, str]:
+def _place_cells(value: Any, name: str, frame: SiteFrame | None) -> dict[str, str]:
+    if name != SITE:
+        if hasattr(value, "position"):
+            place = value.position
+            ((x, y),) = from_site([(place.east_m, place.north_m)], name, frame)
+            return {"crs": name, "x": repr(x), "y": repr(y), "up_m": repr(place.up_m)}
+        ring = from_site(value.polygon_m, name, frame)
+        return {"crs": name, "polygon": "; ".join(f"{x!r} {y!r}" for x, y in ring)}
     if hasattr(value, "position"):
         return {name: repr(getattr(value.position, name)) for name in ("east_m", "north_m", "up_m")}
     return {"polygon_m": "; ".join(f"{east!r} {north!r}" for east, north in value.polygon_m)}
