@@ -355,6 +355,10 @@ the wire. Beside it a thread sleeps up to instants like these: what it is late b
 
 `outcrop rover check --hardware` with 500 ms of jitter, 5 % of frames lost, and a time in which nothing
 passes, on the wall clock.""",
+    "ros2": """Through the bridge to ROS 2
+
+The robot is the server of `examples/ros2_turtle`, the bridge another process; ROS 2 is that of
+`scripts/ros-venv` (rclpy 9.1.2, Fast DDS). Each goal drives and is aborted after a tenth of a second.""",
 }
 
 

@@ -50,6 +50,7 @@ class Turtle(Node):
     def judge(self, goal: object) -> GoalResponse:
         """Reject what lies too far."""
         poses = getattr(goal, "poses", None) or [goal.pose]  # type: ignore[attr-defined]
+        self.get_logger().info("a goal has come")
         far = max(math.hypot(p.pose.position.x, p.pose.position.y) for p in poses)
         return GoalResponse.REJECT if far > 900 else GoalResponse.ACCEPT
 
@@ -69,6 +70,7 @@ class Turtle(Node):
                 left = self.step(pose.pose.position.x, pose.pose.position.y)
                 if handle.is_cancel_requested:
                     self.moves = False
+                    self.get_logger().info("stopped")
                     handle.canceled()
                     return result
                 if math.hypot(pose.pose.position.x, pose.pose.position.y) > 90:

@@ -2,65 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from executive.ports import Acknowledgement, Command, CommandId, Event, Product, Result, Update
+from executive.ports import Acknowledgement, Product, Result, Update
 from executive.runtime import LiveRuntime
-from executive.runtime.wire import Address, WireRover
+from executive.runtime.wire import WireRover
 from executive.runtime.wire.contract import check_wire
+from tests.ros2.processes import EXAMPLE, Drive, Ros, until
 
-ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "examples/ros2_turtle"
-DOMAIN = str(1 + os.getpid() % 100)
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros2")]
-
-
-class Ros:
-    """Processes in one ROS domain of their own."""
-
-    def __init__(self, python: Path, folder: Path) -> None:
-        self.python, self.folder = python, folder
-        self.processes: list[subprocess.Popen[bytes]] = []
-        self.environment = {
-            **os.environ,
-            "AMENT_PREFIX_PATH": str(python.parents[1]),
-            "PYTHONPATH": str(ROOT),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_DOMAIN_ID": DOMAIN,
-            "ROS_LOG_DIR": str(folder / "log"),
-        }
-
-    def start(self, *arguments: str | Path) -> subprocess.Popen[bytes]:
-        log = (self.folder / f"process-{len(self.processes)}.log").open("wb")
-        process = subprocess.Popen([self.python, *arguments], env=self.environment, stdout=log, stderr=log)
-        self.processes.append(process)
-        return process
-
-    def bridge(self, mapping: Path = EXAMPLE / "turtle.yaml") -> Address:
-        where = self.folder / f"bridge-{len(self.processes)}.sock"
-        command = ["-m", "ground.cli", "rover", "ros2", mapping, "--listen", f"unix:{where}"]
-        self.start(*command, "--out", self.folder / "out")
-        until(where.is_socket)
-        return Address(where)
-
-    def log(self) -> str:
-        return "".join(p.read_text(errors="replace") for p in sorted(self.folder.glob("process-*.log")))
-
-
-def until(what: Callable[[], bool], seconds: float = 40.0) -> None:
-    end = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -69,47 +26,7 @@ def ros(ros_python: Path, tmp_path: Path) -> Iterator[Ros]:
     try:
         yield made
     finally:
-        for process in made.processes:
-            process.terminate()
-        for process in made.processes:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(timeout=10)
-            process.kill()
-
-
-class Drive:
-    """An executive's end: sends, hears, and knows when."""
-
-    def __init__(self, address: Address, folder: Path, run: str = "run") -> None:
-        self.rover = WireRover(address, run=run, out=folder)
-        self.rover.wait_ready(40)
-        self.heard: list[Event] = []
-
-    def hear(self) -> list[Event]:
-        new = []
-        while (event := self.rover.next_event(0)) is not None:
-            new.append(event)
-        self.heard += new
-        return new
-
-    def send(self, action: str, task: str = "", /, **parameters: float | str | bool) -> CommandId:
-        command = CommandId(self.rover.run, task or action, 1)
-        self.rover.send(Command(command, action, parameters))
-        return command
-
-    def answer(self, command: CommandId, seconds: float = 40.0) -> Result | Acknowledgement:
-        def found() -> list[Event]:
-            self.hear()
-            ends = (e for e in self.heard if isinstance(e, Result | Acknowledgement))
-            return [e for e in ends if e.command == command]
-
-        until(lambda: bool(found()), seconds)
-        (event,) = found()
-        assert isinstance(event, Result | Acknowledgement)
-        return event
-
-    def state(self, key: str) -> object:
-        return self.rover.present_state().get(key)
+        made.end()
 
 
 @pytest.fixture
@@ -253,3 +170,39 @@ def test_a_flood_with_nan_holds_nothing_up(ros: Ros, drive: Drive) -> None:
     batteries = [e for e in drive.heard[before:] if isinstance(e, Update) and "battery" in e.values]
     assert len(batteries) <= 25
     assert all(0 <= float(e.values["battery"]) <= 100 for e in batteries)
+
+
+CLOCK = """
+import time, rclpy
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock
+rclpy.init()
+node = rclpy.create_node("world")
+told = node.create_publisher(Clock, "/clock", 10)
+begun = time.monotonic()
+while rclpy.ok():
+    t = 1000 + 4 * (time.monotonic() - begun)
+    told.publish(Clock(clock=Time(sec=int(t), nanosec=int(t % 1 * 1e9))))
+    time.sleep(0.02)
+"""
+
+
+def test_the_rovers_clock_is_that_of_the_simulation(ros: Ros) -> None:
+    (ros.folder / "world.py").write_text(CLOCK)
+    text = (
+        (EXAMPLE / "turtle.yaml")
+        .read_text()
+        .replace("name: turtle", "name: turtle\nsim_time: true\nrate: 4", 1)
+    )
+    (ros.folder / "turtle.yaml").write_text(text)
+    (ros.folder / "turtle.dictionary.toml").write_text((EXAMPLE / "turtle.dictionary.toml").read_text())
+    ros.start(ros.folder / "world.py")
+    drive = Drive(ros.bridge(ros.folder / "turtle.yaml"), ros.folder / "run")
+    assert drive.rover.wait_ready(5).rate == 4.0
+    begun = time.monotonic()
+    answer = drive.answer(drive.send("wait", duration_s=16.0))
+    took = time.monotonic() - begun
+    drive.rover.close(over=True)
+    assert isinstance(answer, Result)
+    assert answer.success
+    assert 3.9 <= took < 8.0
