@@ -40,7 +40,7 @@ def read_case(plan_file: Path, world_file: Path, rover: str, *, any_world: bool 
 
     find_rover(rover)
     plan = read_plan(plan_file)
-    document = _inlined(world_file)
+    document = dict(world_document(world_file))
     try:
         world = load_world(document)
         problem = dict(world.problem_document())
@@ -53,11 +53,11 @@ def read_case(plan_file: Path, world_file: Path, rover: str, *, any_world: bool 
     return Case(canonical(plan), world_text(document), rover)
 
 
-def _inlined(path: Path) -> dict[str, Any]:
-    """Return the `world/1` document in a file, with everything inside and absolute paths."""
+def world_document(path: Path) -> Document:
+    """Return the `world/1` document in a file or folder, with everything inside and absolute paths."""
     if path.is_dir():
         path = path / "world.json"
-    document = read_object(path, InvalidInputError, "world")
+    document = dict(read_object(path, InvalidInputError, "world"))
     if document.get("format") in ("problem/1", "contingency/1"):
         return {"format": WORLD, "name": str(document.get("name", "")), "problem": document}
     folder = path.parent.resolve()
@@ -109,6 +109,11 @@ def _named(plan: Plan) -> Iterator[tuple[str, str | None, str | None]]:
                 None if target is None else str(target),
                 None if observation is None else str(observation),
             )
+
+
+def named_observations(plan: Plan) -> frozenset[str]:
+    """Return the ids of the observations that a plan makes on some path."""
+    return frozenset(observation for _, _, observation in _named(plan) if observation is not None)
 
 
 def _check_tree(plan_file: Path, problem: Mapping[str, Any], world_file: Path) -> None:

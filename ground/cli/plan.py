@@ -31,12 +31,14 @@ class _PlanGroup(TyperGroup):
 
 def register(app: typer.Typer) -> None:
     """Add the group; what is no command of it is a problem that is to be planned."""
+    from ground.cli.plan_group.ci import ci
     from ground.cli.plan_group.versions import register_versions
 
     group = typer.Typer(
         name="plan", cls=_PlanGroup, no_args_is_help=True, help="Plan a problem; look at plans as files."
     )
     group.command(SOLVE)(plan)
+    group.command("ci")(ci)
     register_versions(group)
     app.add_typer(group)
 

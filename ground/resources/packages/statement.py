@@ -14,13 +14,13 @@ import orjson
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from ground.checks.flight_rules import flight_rules
 from ground.day.rovers import profile_of
 from ground.errors import StateError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
-from ground.resources.approvals.check_flight_rules import flight_rules
 from ground.resources.missions.row import MissionRow
 from ground.resources.packages.row import CounterRow, PackageRow, SignatureRow, StatementRow
 from ground.resources.packages.value import Signed, Statement
