@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, configure_mappers
 
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository, open_repository
@@ -31,6 +31,8 @@ from ground.resources.uploads.store_upload import UploadDraft
 from ground.settings import load_settings
 from tests.ground import work_for_tests
 from tests.ground.conftest import PLANNER
+
+configure_mappers()  # once, before the many that are to die are forked
 
 OPERATOR = Actor("Operator", Role.OPERATOR)
 TASK = "look"

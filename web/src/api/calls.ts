@@ -2,6 +2,7 @@
 
 import type { CoverageGrid } from "../lib/overlay";
 import type { Grid } from "../lib/terrain-image";
+import type { CampaignResult, RunFilter } from "../lib/campaign";
 import type { PlanTree } from "../lib/plan-tree";
 import { api, body, ifMatch, pages, ProblemError, sendFile, setCsrf } from "./client";
 import { ownKey, sha256, sign } from "../lib/signing";
@@ -9,11 +10,14 @@ import type { components } from "./schema";
 import type {
   ApiKey,
   Approval,
+  Campaign,
+  CampaignCreate,
   CameraView,
   Comment,
   Event,
   Finding,
   FlightRuleResult,
+  FlownRuns,
   Job,
   KeepOut,
   Lineage,
@@ -484,6 +488,26 @@ export const runs = (id: string): Promise<Run[]> =>
 
 export const createRun = (id: string, value: RunCreate): Promise<Job> =>
   body(api.POST("/api/v1/missions/{mission_id}/runs", { params: inMission(id), body: value }));
+
+// ----------------------------------------------------------------------------------------- campaigns
+
+export const campaigns = (mission_id: string, plan_id: string): Promise<Campaign[]> =>
+  pages((cursor) => {
+    const query = { limit: PAGE, plan_id, ...(cursor === undefined ? {} : { cursor }) };
+    return body(api.GET("/api/v1/missions/{mission_id}/campaigns", { params: { path: { mission_id }, query } }));
+  });
+
+export const createCampaign = (mission_id: string, order: CampaignCreate): Promise<Job> =>
+  body(api.POST("/api/v1/missions/{mission_id}/campaigns", { params: inMission(mission_id), body: order }));
+
+export const campaignResult = (campaign_id: string): Promise<CampaignResult> =>
+  body(api.GET("/api/v1/campaigns/{campaign_id}/result", { params: { path: { campaign_id } } })) as unknown as Promise<CampaignResult>;
+
+export const campaignRuns = (campaign_id: string, { low, high, option, task }: RunFilter): Promise<FlownRuns> =>
+  body(api.GET("/api/v1/campaigns/{campaign_id}/runs", { params: { path: { campaign_id }, query: { low, high, option, task } } }));
+
+export const campaignReportUrl = (id: string): string => `${V1}/campaigns/${id}/report`;
+export const campaignTableUrl = (id: string): string => `${V1}/campaigns/${id}/runs.csv`;
 
 const runPath = (run_id: string) => ({ path: { run_id } });
 

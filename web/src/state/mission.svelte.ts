@@ -109,7 +109,7 @@ export class MissionState {
   findings = $state.raw<Finding[]>([]);
   planError = $state<string | null>(null);
   /** What is open on the plan sheet beside the plan. */
-  asked = $state<"what-if" | "compare" | null>(null);
+  asked = $state<"what-if" | "compare" | "campaign" | null>(null);
   /** The what-if that is being tried; what is dragged on the map then is tried and not saved. */
   tried = $state.raw<WhatIfState | null>(null);
 
