@@ -31,7 +31,9 @@ def test_a_plan_is_flown_many_times_and_one_run_is_replayed(server: Server) -> N
         result = ask(server, f"/campaigns/{told['id']}/result")
         assert result["runs"] == RUNS
         expect(page.get_by_test_id("campaign-mean")).to_have_text(f"{result['utility']['mean']:.2f}")
-        expect(page.get_by_test_id("campaign-verdict")).to_contain_text(f"{result['utility']['predicted']:.2f}")
+        expect(page.get_by_test_id("campaign-verdict")).to_contain_text(
+            f"{result['utility']['predicted']:.2f}"
+        )
         shot(page, "campaign")
 
         fullest = max(result["histogram"], key=lambda bin: bin["runs"])
