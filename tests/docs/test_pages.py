@@ -1,0 +1,83 @@
+"""What a reader of the documentation may expect: answers near the index, short guides, plain words."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+QUESTIONS = yaml.safe_load((Path(__file__).parent / "questions.yaml").read_text(encoding="utf-8"))
+GUIDES = sorted(p for folder in ("learn", "how-to", "concepts") for p in (DOCS / folder).glob("*.md"))
+LONGEST_WORDS = 1500
+MOST_FIGURES = 3.0
+"""Figures in a hundred words: beyond that a page reads as a table of results."""
+FIGURE = re.compile(
+    r"(?<![\w.,:-])\d[\d.,]*\s?(?:%|ms|s|min|h|mm|cm|px|kB|MB|J|kJ|W|Wh|degrees|times)(?![\w/-])"
+)
+MEASURED = re.compile(r"\b(median|mean of|on average|percentile|p95|worst)\b")
+WORDS = yaml.safe_load((Path(__file__).parent / "words.yaml").read_text(encoding="utf-8"))
+
+
+def prose(page: Path) -> str:
+    """Return the words of a page: without code, comments and the targets of links."""
+    text = page.read_text(encoding="utf-8")
+    text = re.sub(r"^```.*?^```", "", text, flags=re.M | re.S)
+    text = re.sub(r"<!--.*?-->|`[^`\n]*`", "", text, flags=re.S)
+    return re.sub(r"\]\([^)]*\)", "]", text)
+
+
+def links(page: Path) -> set[Path]:
+    """Return the pages that a page leads to."""
+    found = re.findall(r"\]\(([^)#\s]+\.md)", page.read_text(encoding="utf-8"))
+    return {(page.parent / link).resolve() for link in found if "://" not in link}
+
+
+def test_there_are_thirty_questions_of_a_newcomer() -> None:
+    assert len({q["ask"] for q in QUESTIONS}) >= 30
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=lambda q: q["ask"])
+def test_newcomer_finds_the_answer_two_pages_from_the_index(question: dict[str, str]) -> None:
+    near = links(DOCS / "index.md")
+    near |= {page for first in near for page in links(first)}
+    answer = (DOCS / question["page"]).resolve()
+    assert answer in near
+    assert question["says"].lower() in answer.read_text(encoding="utf-8").lower()
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=lambda p: p.stem)
+def test_guide_is_short_and_has_few_figures(page: Path) -> None:
+    words = prose(page).split()
+    figures = [w for w in words if re.match(r"[(\[]?\d", w) and not re.fullmatch(r"\d+\.", w)]
+    assert len(words) <= LONGEST_WORDS
+    assert 100 * len(figures) / max(len(words), 1) <= MOST_FIGURES, figures
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=lambda p: p.stem)
+def test_guide_states_no_measured_figures(page: Path) -> None:
+    found = [line for line in prose(page).splitlines() if MEASURED.search(line) and FIGURE.search(line)]
+    assert found == []
+
+
+def test_generated_pages_of_the_reference_are_up_to_date(tmp_path: Path) -> None:
+    pages = runpy.run_path(str(ROOT / "scripts/docs_pages.py"))
+    assert (DOCS / "reference/cli.md").read_text(encoding="utf-8") == pages["cli_page"]()
+    assert (DOCS / "reference/formats.md").read_text(encoding="utf-8") == pages["formats_page"]()
+
+
+@pytest.mark.parametrize("entry", WORDS, ids=lambda e: e["avoid"])
+def test_words_of_the_list_stand_nowhere(entry: dict[str, str]) -> None:
+    avoid = re.compile(entry["avoid"], re.I)
+    pages = [*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md"]
+    found = [
+        f"{page.relative_to(ROOT)}: {line.strip()[:100]}"
+        for page in pages
+        for line in prose(page).splitlines()
+        if avoid.search(line)
+    ]
+    assert found == [], f"say {entry['say']}"
