@@ -60,7 +60,10 @@ def measured_drift(matcher: TemplateMatcher, first: Template, now: Template) -> 
     if template is None:
         return None
     spot = first.pixel.copy()
-    score, spread = matcher.align(first.image, template, spot, matcher.options.template_px // 2)
+    fitted = matcher.fit(first.image, template, spot, matcher.options.template_px // 2)
+    if fitted is None:
+        return None
+    score, spread = fitted
     gap = spot - first.pixel
     if score < LEAST_SCORE or float(np.hypot(*gap)) > MOST_PX:
         return None

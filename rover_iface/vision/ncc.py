@@ -5,7 +5,7 @@ says, correlated with the new left image, the match is ranged by point stereo, f
 and the template is replaced. `NccOptions.as_flown()` is that tracker. The default goes further in four
 ways, each of which can be switched off: the template is warped through the camera models over the plane
 that stereo found (`warp="plane"`, of which scale and roll are special cases); the match is aligned to a
-fraction of a pixel; a key template from an earlier stop takes the drift out; the best few peaks are
+fraction of a pixel; an earlier view takes the drift out; the best few peaks are
 compared over a wider patch before one is believed. The gain of each is in `docs/results/tracking.md`.
 """
 
@@ -23,6 +23,7 @@ from rover_iface.cameras.stereo import PointMatch, point_stereo
 from rover_iface.errors import TrackerError
 from rover_iface.vision.coverage_watch import CoverageWatch
 from rover_iface.vision.first_view import measured_drift, require_range
+from rover_iface.vision.gallery import Gallery
 from rover_iface.vision.seen_relief import SeenRelief
 from rover_iface.vision.template import (
     UNKNOWN_SHARE,
@@ -45,15 +46,15 @@ FOUND_AGAIN = 0.75
 ROUGHEST = 3.0
 """Range errors up to which the parts of a match may disagree and still widen its tolerance. By hand: parts on
 one face agree within its slant, and half a template across an edge is no place to trust."""
-KEY_TURN_RAD = 0.35
-"""A key template is replaced when the line of sight has turned by more than this."""
+KEYS = 3
+"""Earlier views that are tried at a stop, the best first."""
 
 
 @dataclass(slots=True)
 class _Target:
     first: Template
     last: Template
-    key: Template
+    gallery: Gallery
     update: TrackUpdate
     start_point: Array
     start_range_m: float
@@ -177,7 +178,7 @@ class NccTracker:
         self._targets[target] = _Target(
             view_template,
             view_template,
-            view_template,
+            Gallery(view_template, view.travelled_m),
             update,
             match.point,
             distance,
@@ -320,7 +321,7 @@ class NccTracker:
             return None
         at, score = found.pixel, found.score
         drift = grown_drift(last, camera, last.point, last.normal, found.spread)
-        if options.key_template and track.key is not last:
+        if options.key_template:
             better = self._with_key(track, view, prediction, found)
             if better is not None:
                 at, scores["key"], drift = better
@@ -360,7 +361,10 @@ class NccTracker:
 
         A target that was lost must agree with both templates that are left of it.
         """
-        sources = (track.last,) if not track.misses or track.key is track.last else (track.last, track.key)
+        sources = [track.last]
+        if track.misses:
+            best = track.gallery.best(view.left_camera, match.point, match.normal)
+            sources += [kept.template for kept in best[:1]]
         seen = [self.matcher.surroundings(source, view, match.left_px, match.point) for source in sources]
         known = [score for score in seen if score is not None]
         if not known:
@@ -445,9 +449,7 @@ class NccTracker:
         relief = SeenRelief(view, measured)
         depth_m2 = _depth_m2(match) + self._bulge_m2(view, measured)
         track.last = Template(view.left, camera, at, match.point, normal, measured, *drift, depth_m2, relief)
-        nearer = max(track.key.range_m / measured, measured / track.key.range_m)
-        if nearer > self.options.key_scale or _turned(track.key, track.last) > KEY_TURN_RAD:
-            track.key = track.last
+        track.gallery.add(track.last, view.travelled_m)
         return TrackUpdate(
             target=target,
             state=TrackState.TRACKED,
@@ -462,27 +464,41 @@ class NccTracker:
     def _with_key(
         self, track: _Target, view: StereoView, prediction: Array, found: Found
     ) -> tuple[Array, float, Drift] | None:
-        """Return the match of the key template beside `found`, its score and its drift, if the two agree.
+        """Return the match of an earlier view beside `found`, its score and drift; None if none is better.
 
-        Whether they agree as well as both are told to is what the tracker's coverage is watched by.
+        It must agree with what the last view says. Whether they agree as well as both are told to is what the
+        tracker's coverage is watched by.
         """
-        key, last, camera = track.key, track.last, view.left_camera
-        template = self.matcher.predict(key, camera, prediction, last.point)
-        if template is None:
-            return None
-        spot = found.pixel.copy()
+        last, camera = track.last, view.left_camera
         half = min(self.options.context_px // 2, self.options.template_px // 2 + 4)
-        score, spread = self.matcher.align(view.left, template, spot, half)
-        if score < 0.75:
-            return None
-        drift = grown_drift(key, camera, last.point, last.normal, spread)
         other = grown_drift(last, camera, last.point, last.normal, found.spread)
-        gap, jacobian = spot - found.pixel, camera.jacobian(last.point)
+        for kept in track.gallery.best(camera, last.point, last.normal)[:KEYS]:
+            key = kept.template
+            template = None if key is last else self.matcher.predict(key, camera, prediction, last.point)
+            if template is None:
+                continue
+            spot = found.pixel.copy()
+            fitted = self.matcher.fit(view.left, template, spot, half)
+            if fitted is None or fitted[0] < 0.75:
+                continue
+            drift = grown_drift(key, camera, last.point, last.normal, fitted[1])
+            gap = spot - found.pixel
+            self._watch_gap(camera, last.point, gap, (drift, other), key)
+            if float(np.hypot(*gap)) <= 2.0 and _total(drift) < _total(other):
+                return spot, fitted[0], drift
+        return None
+
+    def _watch_gap(
+        self, camera: CameraModel, point: Array, gap: Array, told: tuple[Drift, Drift], key: Template
+    ) -> None:
+        """Hold the gap (2,), px, between two matches of one picture against what both are told to be off."""
         # the last template comes from the key one: what that had drifted is common to both
-        apart = sum((d + q @ q.T for d, q in (drift, other)), -2.0 * key.uncertainty)
-        told = jacobian @ apart @ jacobian.T + self.options.least_px**2 * np.eye(2)
-        self.watch.see(float(gap @ np.linalg.solve(told, gap)), 2)
-        return None if float(np.hypot(*gap)) > 2.0 else (spot, score, drift)
+        apart = sum((d + q @ q.T for d, q in told), -2.0 * key.uncertainty)
+        jacobian = camera.jacobian(point)
+        noise = jacobian @ apart @ jacobian.T + self.options.least_px**2 * np.eye(2)
+        # below that it does not: what both have in common is not known
+        if float(np.linalg.eigvalsh(noise)[0]) >= self.options.least_px**2:
+            self.watch.see(float(gap @ np.linalg.solve(noise, gap)), 2)
 
     def _bulge_m2(self, view: StereoView, range_m: float) -> float:
         """Return the variance of a spot's depth against the window round it, by the relief of rock.
@@ -558,11 +574,9 @@ def _within(at: Array, shape: tuple[int, ...], margin: float) -> bool:
     return bool(margin <= at[0] <= shape[1] - 1 - margin and margin <= at[1] <= shape[0] - 1 - margin)
 
 
-def _turned(a: Template, b: Template) -> float:
-    """Return the angle between two lines of sight to the target."""
-    one = (a.camera.C - a.point) / a.range_m
-    two = (b.camera.C - b.point) / b.range_m
-    return math.acos(max(-1.0, min(1.0, float(one @ two))))
+def _total(drift: Drift) -> float:
+    """Return the whole variance of a drift, m^2."""
+    return float(np.trace(drift[0] + drift[1] @ drift[1].T))
 
 
 def _depth_m2(match: PointMatch) -> float:

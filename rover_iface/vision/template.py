@@ -69,8 +69,6 @@ class NccOptions:
         Of a rock against the plane of its face, tangent: so much deeper or higher than told a place lies for
         each metre that it lies astray, and a spot against the window round it. On tuning seeds 0 to 7 of
         `studies.domains` 0.5 lets the 95 % ellipsoid hold 97.4 and 96.3 % of the errors, 0.9 98 and 99 %.
-    key_scale
-        Change of range at which the key template is replaced.
     shape_sd
         What the shape of a template may be off, by a slant that stereo tells badly (tangent times the turn).
     most_px
@@ -94,7 +92,6 @@ class NccOptions:
     lost_updates: int = 2
     adjacent_m: float = 0.05
     context_px: int = 41
-    key_scale: float = 1.7
     shape_sd: float = 0.10
     most_px: float = 2.5
     least_px: float = 0.05
@@ -321,12 +318,21 @@ class TemplateMatcher:
         """
         from rover_iface.vision import patch
 
+        fitted = self.fit(image, template, at, half)
+        if fitted is not None:
+            return fitted
+        score = patch.correlation(image, template, float(at[0]), float(at[1]), half)
+        return float(score), float(half**2) * np.eye(2)
+
+    def fit(self, image: Image, template: Image, at: Array, half: int) -> tuple[float, Array] | None:
+        """Do what `align` does; None, and `at` stays, where no place fits: that measures nothing."""
+        from rover_iface.vision import patch
+
         spread = np.empty((2, 2))
         options = self.options
         score = patch.align_shape(image, template, at, half, options.shape_sd, options.most_px, spread)
         if score < -1.0 or not np.isfinite(spread).all():
-            score = patch.correlation(image, template, float(at[0]), float(at[1]), half)
-            return float(score), float(half**2) * np.eye(2)
+            return None
         # what surrounds the spot leads a wide window: a narrower one tells by how much
         inner, narrow = at.copy(), np.empty((2, 2))
         less = max(4, round(NARROWER * half))
