@@ -2,7 +2,7 @@
 
 CHAMP, K9's imager, moves its CCD behind the lens to focus (single-cycle instrument placement paper, section
 3). Here a view is rendered once; each picture of the stack blurs what lies off its plane of focus, by one
-pixel for every `DEPTH_M`, and has noise of its own. `rover_iface.vision.focus` puts the stack together.
+pixel for every `DEPTH_M`, and has noise of its own. `rover_iface.cameras.focus` puts the stack together.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.cameras.focus import merge_stack
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import Sensor
 from rover_iface.errors import RenderError
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.streams import stream
-from rover_iface.vision.focus import merge_stack
 
 DEPTH_M = 0.003
 """Distance from the plane of focus at which the image is blurred by one pixel (standard deviation)."""

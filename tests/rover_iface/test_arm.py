@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rover_iface.cameras.focus import merge_stack
 from rover_iface.cameras.rig import load_cameras
 from rover_iface.errors import CameraError, PlacementError
 from rover_iface.frames import Transform
@@ -19,7 +20,6 @@ from rover_iface.simulator.contact import place_tool
 from rover_iface.simulator.microscope import close_up
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
-from rover_iface.vision.focus import merge_stack
 
 PROFILE = load_profile("k9")
 ARM = Arm(PROFILE.arm)
