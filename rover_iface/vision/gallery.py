@@ -58,7 +58,7 @@ class Gallery:
 
     def best(self, camera: CameraModel, point: Array, normal: Array) -> list[Kept]:
         """Return the views that a camera's picture of a point (3,) can be compared with, the best first."""
-        ranked = []
+        ranked: list[tuple[float, int, Kept]] = []
         away = float(np.linalg.norm(camera.C - point))
         for kept in self.views:
             view = kept.template
