@@ -18,7 +18,7 @@ import math
 import secrets
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice, pairwise
@@ -35,6 +35,7 @@ from planner.problem import problem_to_dict
 from planner.solve import solve
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.subframe_rover import make_rover
+from rover_iface.simulator.truth import TrackRecord
 from rover_iface.terrain import Terrain, generate_terrain
 from studies.common.pages import write_section
 from studies.common.plain_choice import plain_targets
@@ -101,7 +102,7 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
         "images_of_requests": sum(row["path"].endswith(".png") and "request" in row["label"] for row in rows),
         "products": len(rows),
         "triangles": triangles,
-        "failures": failures(out),
+        "failures": failures(out) + not_begun(out, rover.truth.history),
         "refused": [f"{r.target_id}: {r.reason}" for r in day.refused],
         "wrong": [
             name for name in rover.truth.touched if rover.truth.placement_error_m(name) > CLAIMED_WRONG_M
@@ -124,6 +125,26 @@ def failures(out: Path) -> list[str]:
             if event["e"] == "result" and not event["success"]:
                 reason = event["reason"].split("; ")[0]
                 found.append(f"{event['command'][1]}: {reason}")
+    return found
+
+
+def not_begun(out: Path, history: Sequence[TrackRecord]) -> list[str]:
+    """Return each drive to a target that never began, with what the tracker last said of the target.
+
+    `history` is every answer of the tracker, in time.
+    """
+    found = []
+    for record in (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines()):
+        if record[1] != "end" or record[3:] != ["FAILED", "start-condition"]:
+            continue
+        task, _, target = str(record[2]).partition("-")
+        if task != "navigate":
+            continue
+        last = next((r for r in reversed(history) if r.target == target and r.t_s <= record[0]), None)
+        why = "never tracked"
+        if last is not None:
+            why = f"{last.state} {last.range_m:.1f} m away" + "".join(f", {r}" for r in last.reasons[:1])
+        found.append(f"{record[2]}: not begun, {target} {why}")
     return found
 
 
