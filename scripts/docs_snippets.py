@@ -11,7 +11,8 @@ before a block changes that:
     <!-- file: NAME -->      the block is written to this file of the folder
     <!-- form: REASON -->    not run; commands and options are held against the program
 
-Blocks in Python are compiled and what they import is looked up; TOML and JSON are parsed.
+Blocks without a language are not run, their commands are held against the program. Blocks in Python are compiled
+and what they import is looked up; TOML and JSON are parsed.
 """
 
 from __future__ import annotations
@@ -203,7 +204,7 @@ def wrong_form(page: Path) -> list[str]:
             found.append(f"{place}: {err}")
         except SyntaxError as err:
             found.append(f"{place}: line {err.lineno}: {err.msg}")
-        if block.lang in SHELLS:
+        if block.lang in {*SHELLS, ""}:
             found += [f"{place}: no such command or option: {u}" for u in unknown(block.text)]
     return found
 

@@ -50,6 +50,12 @@ def test_newcomer_finds_the_answer_two_pages_from_the_index(question: dict[str, 
     assert question["says"].lower() in answer.read_text(encoding="utf-8").lower()
 
 
+def test_index_leads_to_each_page_in_at_most_two_clicks() -> None:
+    near = links(DOCS / "index.md")
+    near |= {page for first in near for page in links(first)}
+    assert {p for p in DOCS.rglob("*.md") if p.name != "index.md"} - near == set()
+
+
 @pytest.mark.parametrize("page", GUIDES, ids=lambda p: p.stem)
 def test_guide_is_short_and_has_few_figures(page: Path) -> None:
     words = prose(page).split()
