@@ -11,8 +11,8 @@ before a block changes that:
     <!-- file: NAME -->      the block is written to this file of the folder
     <!-- form: REASON -->    not run; commands and options are held against the program
 
-Blocks without a language are not run, their commands are held against the program. Blocks in Python are compiled
-and what they import is looked up; TOML and JSON are parsed.
+Blocks without a language are not run, their commands are held against the program. Blocks in Python are
+compiled and what they import is looked up; TOML and JSON are parsed.
 """
 
 from __future__ import annotations
@@ -168,6 +168,8 @@ def unknown_in(command: str) -> str | None:
             words = words[1:]
             continue
         lower = node.get_command(node.context_class(node), word.split("|")[0])
+        if lower is None and path == ["plan"]:
+            lower = node.get_command(node.context_class(node), "solve")  # `outcrop plan FILE` is short for it
         if lower is None:
             return f"outcrop {' '.join([*path, word])}"
         node, path = lower, [*path, word]

@@ -48,7 +48,7 @@ def test_tutorials_run_almost_whole() -> None:
     ("text", "fault"),
     [
         ("```console\n$ outcrop plann problem.json\n```\n", "no such command or option: outcrop plann"),
-        ("```console\n$ outcrop plan p.json --brunches 3\n```\n", "outcrop plan --brunches"),
+        ("```console\n$ outcrop plan p.json --brunches 3\n```\n", "outcrop plan p.json --brunches"),
         ("```console\n$ true && outcrop terrain inform x | cat\n```\n", "outcrop terrain inform"),
         ("```python\nfrom planner.solve import salve\n```\n", "planner.solve.salve does not exist"),
         ("```python\nx = = 1\n```\n", "line 1"),
