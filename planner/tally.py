@@ -42,6 +42,8 @@ class Step(StrEnum):
     """One move from one cell of that engine's table."""
     SURVEY = "survey"
     """One step of the survey engine for each node that it looks at."""
+    PRICED = "priced"
+    """One move of one state of a priced relaxation to one node."""
     PIVOT = "pivot"
     """One row in one iteration of a linear program."""
 
@@ -58,6 +60,7 @@ SECONDS: dict[Step, float] = {
     Step.WIDE: 1.5e-7,
     Step.RELAXED: 1.4e-8,
     Step.SURVEY: 2.4e-8,
+    Step.PRICED: 6.5e-10,
     Step.PIVOT: 1.0e-7,
 }
 """Fitted by hand to processor seconds of 20 days of 4 to 9 targets (seeds 5 and 11) and of single kernels."""

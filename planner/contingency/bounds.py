@@ -13,6 +13,7 @@ from scipy import sparse
 from planner.contingency.flow_bound import flow_bound
 from planner.contingency.linear_program import solved
 from planner.contingency.policy import LiveSets, Moves, Policy, TooLargeError
+from planner.contingency.priced_bound import priced_bound
 from planner.evaluate.grid import Grid, Rounding, probability_below
 from planner.evaluate.model import Model
 from planner.tally import SECONDS, Step, now_s
@@ -31,6 +32,9 @@ LP_CELLS = 48
 
 MANY_OBSERVATIONS = 60
 """With more than so many a quarter of the cells is taken: the program must end in its time. By hand."""
+
+LEAST_PRICED_S = 0.2
+"""Limit from which the bound by prices is tried: less finds none worth having. By hand."""
 
 MARGIN = 2e-5
 """Relative allowance for single precision in the tables."""
@@ -63,9 +67,9 @@ def upper_bound(
     """Return the best bound that the limit allows: a table with consumption rounded down on a fine grid.
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them. It bounds every policy, also one
-    that goes through places or comes back. Where no table fits, the better of two linear programs is taken:
+    that goes through places or comes back. Where no table fits, the best of three is taken: linear programs,
     `relaxed_bound` over start times, which knows windows, and `flow_bound` over expected drives, which knows
-    where targets lie.
+    where targets lie, and `priced_bound`, a table on one resource that remembers what matters most.
     """
     best = trivial_bound(model)
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0 or best.value <= 0.0:
@@ -75,7 +79,10 @@ def upper_bound(
         drives = flow_bound(model, limit_s=LP_SHARE / 2.0 * limit_s)
         flow = Bound(drives, "linear relaxation over drives")
         over_starts = relaxed_bound(model, limit_s=LP_SHARE / 2.0 * limit_s)
-        return min(best, over_starts, flow, key=lambda bound: bound.value)
+        found = [best, over_starts, flow]
+        if limit_s >= LEAST_PRICED_S:
+            found.append(Bound(priced_bound(model, limit_s=limit_s), "prices and a small memory"))
+        return min(found, key=lambda bound: bound.value)
 
     if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:
         return relaxed()
