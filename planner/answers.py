@@ -96,9 +96,24 @@ def with_plan(
             curve=tuple(choice.values),
             evaluator=evaluator,
             searched=found.done,
-            reasons=notes or part.notes,
+            reasons=(*(notes or part.notes), *why_unbranched(order, found, tree)),
             regret_left=None if known is None else max(0.0, known - expected),
         ),
+    )
+
+
+def why_unbranched(order: Order, found: Found, tree: PlanTree) -> tuple[str, ...]:
+    """Return why a plan has no branches, where the limit and not the problem is the cause."""
+    if tree.branches or not order.max_branches or found.done >= 1.0 or order.quick:
+        return ()
+    if found.done > 0.0:
+        return (
+            f"no branch was found in the {found.done:.0%} of the search that the limit of "
+            f"{order.watch.limit_s:g} s left time for",
+        )
+    return (
+        f"no branches were tried: the limit of {order.watch.limit_s:g} s was used up by routes and the table "
+        "of the optimal policy",
     )
 
 

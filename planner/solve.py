@@ -100,7 +100,9 @@ def _planned(order: Order) -> PlanResult:
 
     # 1. The part of the problem that a table of the optimal policy holds: mostly all of it.
     watch.report(Progress(0.0, "reading"))
-    part = reduce_problem(problem, should_stop=lambda: watch.stop(0.5))
+    part = reduce_problem(
+        problem, most_live_sets=order.affordable_live_sets, should_stop=lambda: watch.stop(0.5)
+    )
     small = Model.of(part.problem)
     if must and (missing := why_impossible(small)):
         return without_plan(order, part, PlanStatus.INFEASIBLE, missing)
@@ -108,7 +110,8 @@ def _planned(order: Order) -> PlanResult:
         return without_plan(order, part, PlanStatus.EMPTY, why_empty(problem, planned=False))
 
     # 2. Days that make more than the table holds are grown on sampled futures.
-    long = long_plan(order) if order.strategy == "optimal" and not part.exact and not must else None
+    grown = order.strategy == "optimal" and not part.exact and not part.hurried and not must
+    long = long_plan(order) if grown else None
     held = len(part.problem.observations)
     if long is not None and chance is None and len(planned_observations(long.plan)) > held:
         return with_long_plan(order, part, long)

@@ -30,6 +30,12 @@ from planner.strategies.registry import Curve
 LONG_SHARE = 0.75
 """Share of the limit that plans grown on sampled futures may use. By hand."""
 
+TABLE_SHARE = 0.25
+"""Share of the limit that the table of the optimal policy may use: the rest is for branches. By hand."""
+
+LIVE_SET_S = 4e-4
+"""Reckoned seconds of one live set of such a table. By hand: 3.3e-4 on a quick grid with ten targets."""
+
 LEAST_BOUND_S = 0.2
 """Seconds for a bound where the search has used up the limit: without one a plan says nothing. By hand."""
 
@@ -54,6 +60,11 @@ class Order:
     def must(self) -> set[str]:
         """Observations without which a plan is none."""
         return {str(o.id) for o in self.problem.observations if o.must_do}
+
+    @property
+    def affordable_live_sets(self) -> float:
+        """Live sets of a table that leaves time for branches; a search that counts steps has no limit."""
+        return TABLE_SHARE * self.watch.limit_s / LIVE_SET_S
 
 
 @dataclass(frozen=True, eq=False)

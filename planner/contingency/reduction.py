@@ -56,6 +56,8 @@ class Reduction:
     problem: Problem
     live_sets: int
     notes: tuple[str, ...] = ()
+    hurried: bool = False
+    """Whether a table would hold the whole problem, had the limit time for it."""
 
     @property
     def exact(self) -> bool:
@@ -125,8 +127,13 @@ def fits_table(problem: Problem) -> bool:
     return live_sets_of(problem) is not None
 
 
-def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda: False) -> Reduction:
-    """Return the problem itself if a table can hold it, else its most promising targets.
+def reduce_problem(
+    problem: Problem,
+    *,
+    most_live_sets: float = math.inf,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> Reduction:
+    """Return the problem itself if a table of so many live sets can hold it, else its best targets.
 
     The targets kept are those of good routes on mean values, found by the orienteering engines for several
     budgets, with what must be done before all others.
@@ -135,7 +142,7 @@ def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda
     useful = part_of(problem, {t.id for t in problem.targets if t.id in reachable})
     whole = len(useful.targets) == len(problem.targets)
     count = live_sets_of(useful)
-    if count is not None:
+    if count is not None and (count <= most_live_sets or len(useful.observations) <= KEPT_OBSERVATIONS):
         return Reduction(problem, problem if whole else useful, count)
     chosen: dict[ObservationId, None] = {o.id: None for o in useful.observations if o.must_do}
     target_of = {o.id: o.target for o in useful.observations}
@@ -156,8 +163,10 @@ def reduce_problem(problem: Problem, *, should_stop: Callable[[], bool] = lambda
         live_sets_of(part) or 0,
         (
             f"planned with {len(part.observations)} of {len(problem.observations)} observations: {left} "
-            "that no good route on mean values makes were left out",
+            "that no good route on mean values makes were left out"
+            + ("; a table of all takes longer than the limit allows" if count is not None else ""),
         ),
+        hurried=count is not None,
     )
 
 

@@ -46,6 +46,8 @@ def search(task: Task) -> Found:
         report=watch.told,
         extra=(*(fitted(model.problem, plan) for plan in task.warm), *early),
     )
+    if not policy.complete:
+        return Found(found.curve, None, 0.0)
     return Found(found.curve, found.optimum, found.done)
 
 
