@@ -17,6 +17,7 @@ ROVERS = Registry(
         "abstract": "rover_iface.simulator.abstract_rover:make_rover",
         "subframe": "rover_iface.simulator.subframe_rover:make_rover",
         "full": "rover_iface.simulator.full_rover:make_rover",
+        "mujoco": "rover_iface.mujoco.rover:make_rover",
     },
 )
 

@@ -269,11 +269,7 @@ class AbstractRover(RoutineRover):
         to = self._index.get(target)
         if to is None:
             return Outcome(False, f"unknown target {target}")
-        if (
-            command.parameters.get("require_tracked") is True
-            and self._needs_track(to)
-            and to not in self._tracked
-        ):
+        if self._lacks_track(command, to):
             return Outcome(False, f"target {target} is not tracked")
         if self.place == to:
             return Outcome(True, values={"distance_m": 0.0, "energy_j": 0.0, "error_m": 0.0})
@@ -294,12 +290,7 @@ class AbstractRover(RoutineRover):
         self._from, self.place = origin, None
         yield Step(duration + overhead, energy, route)
         self.place = to
-        chance, drawn = self.model.p_lose[origin, to], self.future.leg_loss_u[origin, to]
-        for k in tuple(self._tracked):
-            if drawn[k] < chance[k]:
-                self._track(k, TrackState.LOST, 0.1)
-            else:
-                self._set_range(k)
+        self._draw_losses(origin, to)
         pose = self.model.poses[to]
         if pose is not None:
             heading = pose.heading if pose.heading or len(route) < 2 else self.pose.heading
@@ -307,6 +298,20 @@ class AbstractRover(RoutineRover):
         self._set_range(to)
         length = route_length(route)
         return Outcome(True, values={"distance_m": length, "energy_j": energy, "error_m": 0.0})
+
+    def _lacks_track(self, command: Command, to: int) -> bool:
+        """Return whether a drive to a place must not begin, because its target has lost its track."""
+        required = command.parameters.get("require_tracked") is True
+        return required and self._needs_track(to) and to not in self._tracked
+
+    def _draw_losses(self, origin: int, to: int) -> None:
+        """Lose those of the tracked targets that the future has lost on a leg."""
+        chance, drawn = self.model.p_lose[origin, to], self.future.leg_loss_u[origin, to]
+        for k in tuple(self._tracked):
+            if drawn[k] < chance[k]:
+                self._track(k, TrackState.LOST, 0.1)
+            else:
+                self._set_range(k)
 
     def _route(self, origin: int, to: int) -> Route:
         here = (self.pose.x, self.pose.y)

@@ -9,9 +9,6 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
-import numpy as np
-
-from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.errors import WorldError
 from rover_iface.frames import Pose, Transform
 from rover_iface.navigation.sensor import GroundRaster
@@ -19,9 +16,9 @@ from rover_iface.simulator.chassis import Chassis
 from rover_iface.simulator.own_shadow import OwnShadow, ShadowedScene
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.renderer import Renderer, Sun
+from rover_iface.simulator.true_ground import true_terrain, world_targets
 from rover_iface.simulator.world import World
 from rover_iface.streams import stream
-from rover_iface.terrain.strew import add_rocks
 from rover_iface.terrain.terrain import Terrain
 
 
@@ -58,7 +55,7 @@ class Body:
         self.rng = stream("wheels and sensors", seed)
         self.map = terrain
         self.targets = {t.id: t for t in world_targets(world)}
-        self.terrain = self._true_terrain()
+        self.terrain = true_terrain(world, terrain, self.targets.values(), seed, self._half_width())
         self.ground = GroundRaster.of(self.terrain, self._half_width())
         self.chassis = Chassis(
             self.ground,
@@ -102,54 +99,9 @@ class Body:
         """Return the light at a time of the plan."""
         return Sun(self.sun_clock.direction(t_s))
 
-    def _true_terrain(self) -> Terrain:
-        """Return the map with the rocks that are not on it."""
-        density = self.world.map_error.unmapped_rocks_per_m2
-        if density <= 0:
-            return self.map
-        rng = stream("unmapped rocks", self.seed)
-        half = min(self._half_width(), 20.0)
-        count = int(rng.poisson(density * 4 * half * half))
-        table = np.column_stack([rng.uniform(-half, half, (count, 2)), rng.uniform(0.18, 0.45, count)])
-        clear = [(self.world.start.x, self.world.start.y, 1.6)]
-        for target in self.targets.values():
-            clear.append((target.point[0], target.point[1], 0.7))
-            if target.observation_point is not None:
-                clear.append((target.observation_point.x, target.observation_point.y, 1.0))
-        return add_rocks(self.map, table, seed=self.seed, keep_clear=clear, prefix="U")
-
     def _half_width(self) -> float:
         """Return how far from the origin the rover may get: its targets and 6 m more, 12 to 40 m."""
         far = [abs(self.world.start.x), abs(self.world.start.y)]
         for target in self.targets.values():
             far += [abs(target.point[0]), abs(target.point[1])]
         return min(40.0, max(12.0, max(far) + 6.0))
-
-
-def world_targets(world: World) -> list[DesignatedTarget]:
-    """Return the targets of a world, from its problem where it lists none itself.
-
-    Raises
-    ------
-    WorldError
-        If a target of the problem has no point.
-    """
-    if world.targets:
-        return list(world.targets)
-    from rover_iface.simulator.model import AbstractModel
-
-    if world.problem is None:
-        return []
-    model = AbstractModel.from_problem(world.problem)
-    found = []
-    for k, name in enumerate(model.targets):
-        point = model.points[k]
-        if point is None:
-            raise WorldError(f'target {name} has no "point_m"; a rover on terrain needs it')
-        contact = any(o.contact for o in model.observations if o.place == k + 1)
-        found.append(
-            DesignatedTarget(
-                name, point, kind="place" if contact else "image", observation_point=model.poses[k + 1]
-            )
-        )
-    return found

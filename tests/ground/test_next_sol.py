@@ -142,12 +142,12 @@ def test_a_sol_is_executed_and_the_next_begins_where_it_ended(
 
 
 def test_no_rover_but_a_simulated_one_of_ours_is_for_training(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert simulated_rover_names() == ["abstract", "full", "subframe"]
+    assert simulated_rover_names() == ["abstract", "full", "mujoco", "subframe"]
     real = EntryPoints([EntryPoint(name, "json:loads", "outcrop.rovers") for name in ("hound", "subframe")])
     monkeypatch.setattr(plugins, "entry_points", lambda group: real.select(group=group))
     for name in ("hound", "subframe"):
         with pytest.raises(
-            RoverError, match=f"simulated, by one of abstract, full; '{name}' is none of them"
+            RoverError, match=f"simulated, by one of abstract, full, mujoco; '{name}' is none of them"
         ):
             require_simulated(name)
         order = replace(ORDER, rover=name)

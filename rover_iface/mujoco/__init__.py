@@ -1,0 +1,1 @@
+"""A rover in MuJoCo, the physics engine of others: an opinion on drives that shares no chassis with ours."""
