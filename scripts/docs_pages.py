@@ -50,6 +50,7 @@ WHAT = {
     "profile": "What a rover is: body, wheels, power, mast, arm, cameras, instruments",
     "ros2-mapping": "The ROS 2 names and fields of a dictionary's actions and telemetry (YAML)",
     "rocks": "The rocks of a terrain, each with its place and size",
+    "sol-series": "Battery, times and power of sols that follow each other",
     "terrain": "The rasters and images of a terrain",
     "trust": "Whose signature counts for what on board",
     "world": "What a simulated rover lives in: terrain, targets, profile, start",

@@ -61,10 +61,18 @@ def plan(
     least_taken: float = typer.Option(
         0.0, min=0.0, max=1.0, help="Leave out options taken in a smaller share of the futures."
     ),
+    sols: int | None = typer.Option(
+        None, "--sols", help="Plan so many sols that follow each other (docs/reference/sol-paths.md)."
+    ),
+    power: Path | None = typer.Option(
+        None, "--power", help="A sol-series/1 document: battery, times and power of the sols."
+    ),
 ) -> None:
     """Plan a day: which observations, in which order, and what to do when things go otherwise.
 
     `outcrop plan FILE ...` is short for it.
+
+    With --sols or --power it is the first of several sols; sol_path.json says what the later ones are for.
 
     Exit status 0: a plan (perhaps an empty one that says why), 2: bad input, 3: infeasible, 4: no plan in
     time.
@@ -72,6 +80,10 @@ def plan(
     from planner.options import load_options
     from planner.problem import load_problem
     from planner.solve import PlanStatus, solve
+
+    if sols is not None or power is not None:
+        plan_sols(file, power, sols, out, time_limit, max_branches, seed)
+        return
 
     with Interrupt() as interrupt, ProgressLine() as line, refusals():
         problem = load_problem(file)
@@ -106,6 +118,55 @@ def plan(
         f"expected utility {result.expected_utility:.4f} (Monte Carlo: {sampled}), "
         f"no policy earns more than {result.upper:.4f}; {result.branches} branches, {result.wall_s:.1f} s"
         + ("" if result.searched >= 1.0 else f"; {100.0 * result.searched:.0f} % of the search was done")
+    )
+
+
+def plan_sols(
+    file: Path,
+    power: Path | None,
+    sols: int | None,
+    out: Path,
+    time_limit: float,
+    max_branches: int,
+    seed: int,
+) -> None:
+    """Plan several sols: the plan of the first one, and sol_path.json."""
+    import json
+
+    from mission.sol_timeline import SOL_SERIES
+    from planner.problem import load_problem
+    from planner.sols.path_document import path_to_dict
+    from planner.sols.path_problem import same_budgets
+    from planner.sols.solve_path import solve_sols
+
+    with Interrupt() as interrupt, ProgressLine() as line, refusals():
+        problem = load_problem(file)
+        series = same_budgets(problem, 1) if power is None else SOL_SERIES.read_file(power)
+        path = solve_sols(
+            problem,
+            series if sols is None else series.repeated(sols),
+            time_limit_s=time_limit,
+            max_branches=max_branches,
+            seed=seed,
+            report=lambda progress: line.show(progress.fraction, _told(progress)),
+            should_stop=interrupt.wanted,
+        )
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(path_to_dict(path), indent=1)
+        (out / "sol_path.json").write_text(text + "\n", encoding="utf-8")
+        if path.first_sol is not None and path.plan is not None:
+            write_plan(path.first_sol, path.plan, out)
+    except OSError as err:
+        fail(f"{out}: {err.strerror or err}", BAD_INPUT)
+    for sol in path.outline:
+        typer.echo(
+            f"sol {sol.sol}: {sol.utility:.2f}, {len(sol.observations)} observations, begins with "
+            f"{sol.charge_j / 3600.0:.0f} Wh, draws {sol.drawn_j / 3600.0:.0f} Wh"
+        )
+    typer.echo(
+        f"{path.mean:.4f} +- {path.standard_error:.2g} over {len(path.outline)} sols, no policy earns more "
+        f"than {path.upper:.4f}; {path.wall_s:.1f} s" + ("; stopped" if path.stopped else "")
     )
 
 

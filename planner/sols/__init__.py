@@ -1,0 +1,1 @@
+"""Sols that follow each other: a plan for the first, an outline for the later ones, and a bound."""
