@@ -82,6 +82,15 @@ def plan(
     from planner.solve import PlanStatus, solve
 
     if sols is not None or power is not None:
+        given = {
+            "--strategy": strategy != "optimal",
+            "--options": options is not None,
+            "--iterations": iterations is not None,
+            "--least-taken": least_taken > 0.0,
+        }
+        if any(given.values()):
+            named = ", ".join(name for name, is_given in given.items() if is_given)
+            fail(f"{named}: not for several sols (--sols, --power)", BAD_INPUT)
         plan_sols(file, power, sols, out, time_limit, max_branches, seed)
         return
 
