@@ -74,7 +74,7 @@ def parts_of(plan: Plan) -> Parts:
             held = getattr(form, attribute)
             inside = held if isinstance(held, tuple) else (held,)
             part.below[attribute] = [below.id for below in inside]
-            stack += [(below, (name, attribute)) for below in inside]
+            stack += [(below, (name, attribute)) for below in reversed(inside)]
         if kind == "concurrent-block":
             part.ordered = len({child.priority for child in form.node_list}) < len(form.node_list)
         elif kind == "branch":

@@ -103,3 +103,9 @@ def test_fifty_steps_are_compared_within_a_fifth_of_a_second() -> None:
     found = difference(parse(text), parse(text.replace("x = 7)", "x = 8)")))
     assert time.process_time() - begun < 0.2
     assert len(found.changes) == 1
+
+
+def test_what_was_added_is_listed_in_the_order_of_the_plan() -> None:
+    more = "".join(f"(task :id extra-{k} :action wait) " for k in range(12))
+    found = difference(parse(BASE), parse(BASE.replace("(branch :id next", more + "(branch :id next")))
+    assert [c.id for c in found.changes if c.id.startswith("extra")] == [f"extra-{k}" for k in range(12)]
