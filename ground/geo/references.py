@@ -55,6 +55,10 @@ def _reference(text: str) -> CRS:
         raise InvalidInputError(f"the reference {told!r} is longer than {MAX_TEXT} or names grid files")
     try:
         found = CRS.from_user_input(text)
+    except UnicodeError as err:
+        raise InvalidInputError(
+            f"{told!r} is no coordinate reference: half a character of Unicode is in it"
+        ) from err
     except errors.CRSError as err:
         raise InvalidInputError(
             f"{told!r} is no coordinate reference that is known: {str(err)[:200]}"

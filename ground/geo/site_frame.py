@@ -58,6 +58,45 @@ class SiteFrame:
             return None
         return self.degrees if name == LONLAT else reference(name, "crs")
 
+    @cached_property
+    def stretch(self) -> float:
+        """Return how many metres of the site are one on the ground: the factor farthest from 1 at the origin.
+
+        Tissot's indicatrix, from the projection's own derivatives; infinite where it has none. In degrees it
+        is 1. For EPSG:3857 the derivatives are those on a sphere, 0.7 % off at most.
+        """
+        if self.crs.is_geographic:
+            return 1.0
+        from pyproj import Proj
+        from pyproj.exceptions import ProjError
+
+        try:
+            here = Proj(self.crs)
+            factors = here.get_factors(*here(self.place.x, self.place.y, inverse=True), errcheck=True)
+        except ProjError:
+            return math.inf
+        found = (factors.tissot_semimajor, factors.tissot_semiminor)
+        return max(found, key=lambda scale: abs(scale - 1.0)) if np.isfinite(found).all() else math.inf
+
+    def require_true_metres(self, limit: float) -> None:
+        """Raise InvalidInputError if site metres differ from those on the ground by more than a share."""
+        here = f"at ({self.place.x:.9g}, {self.place.y:.9g})"
+        if not math.isfinite(self.stretch):
+            raise InvalidInputError(f"{self.crs.name} is of no use {here}", pointer="/place/crs")
+        if abs(self.stretch - 1.0) > limit:
+            raise InvalidInputError(
+                f"{self.crs.name} counts {self.stretch:.3f} metres for a metre on the ground {here}; at most "
+                f"{limit:.0%} of difference is allowed: use a projection of the region, such as UTM, or "
+                "degrees (or are x and y swapped?)",
+                pointer="/place/crs",
+            )
+
+    def require_reachable(self, name: str) -> None:
+        """Raise InvalidInputError if there is no such reference, or no transformation to the site."""
+        crs = self.named(name)
+        if crs is not None:
+            transformer(crs, self.grid)
+
     def out(self, points: ArrayLike, name: str) -> Floats:
         """Return site points [n, 2] in another reference: `site`, `lonlat` or a name.
 

@@ -14,7 +14,6 @@ from ground.errors import GroundError, TooLargeError
 from ground.gdr.repository import Repository
 from ground.geo.place import Place
 from ground.geo.references import SITE
-from ground.geo.site_frame import SiteFrame, site_frame
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
 from ground.records.forms import references
@@ -58,8 +57,8 @@ def import_geometry(
     if path.stat().st_size > MAX_BYTES:
         raise TooLargeError(f"the file has {path.stat().st_size} bytes; {MAX_BYTES} are allowed")
     with repo.database.read() as session:
-        frame = frame_of(session, mission_id)
-    shapes = read_shapes(path.read_bytes(), crs=crs, frame=frame)
+        site = site_of(session, mission_id)
+    shapes = read_shapes(path.read_bytes(), crs=crs, site=site)
     if any(shape.kind == "keep_out" for shape in shapes):
         actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
@@ -126,19 +125,19 @@ def export_geometry(
         for name, kind in KINDS.items():
             rows = select(kind.row).where(kind.row.__table__.c.mission_id == mission_id).order_by(kind.row.id)
             found[name] = kind.show(session, list(session.scalars(rows)))
-        frame = frame_of(session, mission_id)
+        site = site_of(session, mission_id)
     if form == "gpx":
-        return to_gpx(found, frame)
+        return to_gpx(found, site)
     if form in DRIVERS:
         with tempfile.TemporaryDirectory(prefix="outcrop-gis-") as folder:
             file = Path(folder) / f"{mission_id}.{form}"
-            write_gis(found, file, form, crs or (SITE if frame is None else frame.place.crs), frame)
+            write_gis(found, file, form, crs or (SITE if site is None else site.crs), site)
             return file.read_bytes()
     write = to_csv if form == "csv" else to_geojson
-    return write(found, crs=crs or SITE, frame=frame)
+    return write(found, crs=crs or SITE, site=site)
 
 
-def frame_of(session: Session, mission_id: str) -> SiteFrame | None:
+def site_of(session: Session, mission_id: str) -> Place | None:
     """Return where the site of a mission lies; None where nobody has said it."""
     place = session.scalar(select(MissionRow.place).where(MissionRow.id == mission_id))
-    return None if place is None else site_frame(Place(**place))
+    return None if place is None else Place(**place)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ground.errors import InvalidInputError, UnavailableError
+from ground.geo.place import Place
 from ground.geo.references import LONLAT, SITE, WGS84
 from ground.geo.site_frame import SiteFrame
 from ground.resources.geometry_files.site_geometry import EXCHANGED, Values
@@ -20,10 +21,12 @@ if TYPE_CHECKING:
 LAYERS = {"target": ("targets", "Point"), "keep_out": ("keep_outs", "Polygon")}
 DRIVERS = {"gpkg": "GPKG", "kml": "LIBKML"}
 MISSING = "GeoPackage and KML need pyogrio: pip install 'outcrop[geo]'"
+UNDEFINED = 'LOCAL_CS["Undefined Cartesian SRS",UNIT["metre",1],AXIS["Easting",EAST],AXIS["Northing",NORTH]]'
+"""Site metres: GDAL files it as the srs_id -1 that the GeoPackage standard has for them."""
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
-def write_gis(values: Values, target: Path, form: str, name: str, frame: SiteFrame | None) -> None:
+def write_gis(values: Values, target: Path, form: str, name: str, site: Place | None) -> None:
     """Write a GeoPackage or KML with a layer of targets and one of keep-outs.
 
     `name` is the reference of a GeoPackage; KML is in longitude and latitude, of the mission's own body.
@@ -38,13 +41,13 @@ def write_gis(values: Values, target: Path, form: str, name: str, frame: SiteFra
     pyogrio = _pyogrio()
     if form == "kml":
         name = LONLAT
-    crs = None if name == SITE else _wkt(placed(frame, name), name)
+    crs = UNDEFINED if name == SITE else _wkt(placed(site, name), name)
     for kind, (layer, geometry_type) in LAYERS.items():
         found = values.get(kind, ())
         columns = _columns(kind, found)
         pyogrio.raw.write(
             str(target),
-            geometry=_shapes(found, name, frame),
+            geometry=_shapes(found, name, site),
             field_data=list(columns.values()),
             fields=list(columns),
             geometry_type=geometry_type,
@@ -55,7 +58,7 @@ def write_gis(values: Values, target: Path, form: str, name: str, frame: SiteFra
         )
 
 
-def to_gpx(values: Values, frame: SiteFrame | None) -> bytes:
+def to_gpx(values: Values, site: Place | None) -> bytes:
     """Return targets as waypoints and keep-outs as closed routes: GPX 1.1, WGS 84.
 
     Raises
@@ -63,7 +66,7 @@ def to_gpx(values: Values, frame: SiteFrame | None) -> bytes:
     InvalidInputError
         If the mission has no place, or one on another body than Earth: GPX knows no other.
     """
-    here = placed(frame, LONLAT)
+    here = placed(site, LONLAT)
     if here.degrees.to_epsg() != 4326:
         raise InvalidInputError(
             f"GPX is of the Earth alone; the site lies in {here.crs.name}", pointer="form"
@@ -72,12 +75,12 @@ def to_gpx(values: Values, frame: SiteFrame | None) -> bytes:
     root = ET.Element(f"{{{GPX}}}gpx", {"version": "1.1", "creator": "Outcrop"})
     for value in values.get("target", ()):
         place = value.position
-        ((lon, lat),) = from_site([(place.east_m, place.north_m)], LONLAT, frame)
+        ((lon, lat),) = from_site([(place.east_m, place.north_m)], LONLAT, site)
         _described(ET.SubElement(root, f"{{{GPX}}}wpt", _at(lon, lat)), value)
     for value in values.get("keep_out", ()):
         route = ET.SubElement(root, f"{{{GPX}}}rte")
         _described(route, value)
-        ring = from_site(value.polygon_m, LONLAT, frame)
+        ring = from_site(value.polygon_m, LONLAT, site)
         for lon, lat in [*ring, ring[0]]:
             ET.SubElement(route, f"{{{GPX}}}rtept", _at(lon, lat))
     content: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
@@ -102,7 +105,7 @@ def _wkt(frame: SiteFrame, name: str) -> str:
     return wkt
 
 
-def _shapes(found: Sequence[Any], name: str, frame: SiteFrame | None) -> Any:
+def _shapes(found: Sequence[Any], name: str, site: Place | None) -> Any:
     import numpy as np
     import shapely
 
@@ -110,9 +113,9 @@ def _shapes(found: Sequence[Any], name: str, frame: SiteFrame | None) -> Any:
     for value in found:
         if hasattr(value, "position"):
             place = value.position
-            shapes.append(shapely.Point(*from_site([(place.east_m, place.north_m)], name, frame)))
+            shapes.append(shapely.Point(*from_site([(place.east_m, place.north_m)], name, site)))
         else:
-            shapes.append(shapely.Polygon(from_site(value.polygon_m, name, frame)))
+            shapes.append(shapely.Polygon(from_site(value.polygon_m, name, site)))
     return np.array([shapely.to_wkb(shape) for shape in shapes], dtype=object)
 
 

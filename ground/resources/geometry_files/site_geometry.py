@@ -14,7 +14,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -22,8 +22,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from ground.errors import InvalidInputError
+from ground.geo.place import Place
 from ground.geo.references import LONLAT, SITE
-from ground.geo.site_frame import SiteFrame
 from ground.records.forms import Body
 from ground.resources.geometry_files.where import from_site, named_in, placed, to_site
 from ground.resources.keep_outs.bodies import KeepOutCreate
@@ -31,9 +31,13 @@ from ground.resources.targets.bodies import TargetCreate
 from ground.spreadsheet import inert, shown
 
 MAX_ROWS = 5000
+MAX_REFERENCES = 16
+"""Of one file: looking up one and its transformation takes up to 10 ms of processor time."""
 LIMIT_M = 100_000.0
-OWN = frozenset({"kind", "id", "author", "up_m", "geometry", "crs", "x", "y", "polygon"})
+OWN = frozenset({"kind", "id", "author", "up_m", "geometry"})
 """Members of a file that say nothing that a person gives."""
+IN_REFERENCE = ("x", "y", "polygon")
+"""Columns that hold the place in a row that counts in another reference than the site's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +88,12 @@ def read_shapes(
     exchanged: Mapping[str, Exchanged] = EXCHANGED,
     *,
     crs: str | None = None,
-    frame: SiteFrame | None = None,
+    site: Place | None = None,
 ) -> list[Shape]:
     """Return what a GeoJSON or CSV file holds, all of it, in site metres.
 
     Members that are not ours are kept as lines of the notes. `crs` is the reference of what names none
-    itself, `frame` where the site lies.
+    itself, `site` where the site lies.
 
     Raises
     ------
@@ -100,21 +104,41 @@ def read_shapes(
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as err:
         raise InvalidInputError(f"the file is not UTF-8: {err.reason} at byte {err.start}") from err
-    rows = list(_features(text) if text.lstrip().startswith("{") else _lines(text))
+    table = not text.lstrip().startswith("{")
+    rows = list(_lines(text) if table else _features(text))
     if len(rows) > MAX_ROWS:
         raise InvalidInputError(f"the file has {len(rows)} rows; {MAX_ROWS} are allowed")
+    unusable = _unusable({named or crs or SITE for _, named, _ in rows}, site)
     shapes, wrong = [], []
     for row, named, members in rows:
         name = named or crs or SITE
-        if name != SITE:
-            placed(frame, name).named(name)
+        if name in unusable:
+            if not (table and named):
+                raise unusable[name]
+            wrong.append((row, unusable[name].message))
+            continue
         try:
-            shapes.append(_shape(row, members, exchanged, name, frame))
+            shapes.append(_shape(row, members, exchanged, name, site))
         except (ValueError, InvalidInputError) as err:
             wrong.append((row, str(err)))
     if wrong:
         raise refuse(wrong, len(rows))
     return shapes
+
+
+def _unusable(names: Collection[str], site: Place | None) -> Mapping[str, InvalidInputError]:
+    """Return the references of a file that cannot be used, each with the reason."""
+    others = [name for name in names if name != SITE]
+    if len(others) > MAX_REFERENCES:
+        raise InvalidInputError(f"the file names {len(others)} references; {MAX_REFERENCES} are allowed")
+    found = {}
+    for name in others:
+        frame = placed(site, name)
+        try:
+            frame.require_reachable(name)
+        except InvalidInputError as err:
+            found[name] = err
+    return found
 
 
 Row = tuple[int, str | None, dict[str, Any]]
@@ -159,7 +183,7 @@ def _shape(
     members: Mapping[Any, Any],
     exchanged: Mapping[str, Exchanged],
     name: str,
-    frame: SiteFrame | None,
+    site: Place | None,
 ) -> Shape:
     """Return the shape of one row; a ValueError says what is wrong with it."""
     if None in members:
@@ -169,7 +193,7 @@ def _shape(
     named = members.get("kind", kind)
     if named != kind:
         raise ValueError(f"kind is {str(named)[:40]!r}, but the geometry is that of a {kind}")
-    corners = to_site(given_corners, name, frame)
+    corners = to_site(given_corners, name, site)
     for east, north in corners:
         if not (math.isfinite(east) and math.isfinite(north) and max(abs(east), abs(north)) <= LIMIT_M):
             raise ValueError(f"({east:g}, {north:g}) is not within {LIMIT_M:g} m of the site")
@@ -178,7 +202,10 @@ def _shape(
     if not from_feature:
         given = {name: _content(form.make, name, cell) for name, cell in given.items()}
     places = {name for other in exchanged.values() for name in other.place}
-    strange = {k: v for k, v in members.items() if k not in {*OWN, *places, *form.others} and v is not None}
+    ours = {*OWN, *places, *form.others}
+    if not from_feature:
+        ours |= {"crs"} if name == SITE else {"crs", *IN_REFERENCE}
+    strange = {k: v for k, v in members.items() if k not in ours and v is not None}
     notes = [str(given["notes"])] if given.get("notes") else []
     given["notes"] = "\n".join([*notes, *(f"{key}: {content}" for key, content in strange.items())])
     place = corners[0] if len(form.place) == 2 else ([list(corner) for corner in corners],)
@@ -261,7 +288,7 @@ def to_geojson(
     exchanged: Mapping[str, Exchanged] = EXCHANGED,
     *,
     crs: str = SITE,
-    frame: SiteFrame | None = None,
+    site: Place | None = None,
 ) -> bytes:
     """Return a FeatureCollection in the site frame or another reference.
 
@@ -277,18 +304,18 @@ def to_geojson(
                     "type": "Feature",
                     "id": value.id,
                     "properties": {**about, "author": value.author},
-                    "geometry": _drawn(value, crs, frame),
+                    "geometry": _drawn(value, crs, site),
                 }
             )
-    document = {"type": "FeatureCollection", **_naming(crs, frame), "features": features}
+    document = {"type": "FeatureCollection", **_naming(crs, site), "features": features}
     return json.dumps(document, indent=1, ensure_ascii=False).encode()
 
 
-def _naming(name: str, frame: SiteFrame | None) -> dict[str, Any]:
+def _naming(name: str, site: Place | None) -> dict[str, Any]:
     """Return the members of a GeoJSON document that say what its coordinates count in."""
     if name == SITE:
         return {"frame": SITE}
-    crs = placed(frame, name).named(name)
+    crs = placed(site, name).named(name)
     assert crs is not None
     known = crs.to_authority()
     if name == LONLAT and known == ("EPSG", "4326"):
@@ -297,17 +324,17 @@ def _naming(name: str, frame: SiteFrame | None) -> dict[str, Any]:
     return {"crs": {"type": "name", "properties": {"name": text}}}
 
 
-def _drawn(value: Any, name: str, frame: SiteFrame | None) -> dict[str, Any]:
+def _drawn(value: Any, name: str, site: Place | None) -> dict[str, Any]:
     if hasattr(value, "position"):
         place = value.position
         up = [place.up_m]
         if name != SITE:
-            site = placed(frame, name).place
-            known = site.heights == "ellipsoid" and site.height_m is not None
-            up = [place.up_m + (site.height_m or 0.0)] if known else []
-        ((x, y),) = from_site([(place.east_m, place.north_m)], name, frame)
+            zero = placed(site, name).place
+            known = zero.heights == "ellipsoid" and zero.height_m is not None
+            up = [place.up_m + (zero.height_m or 0.0)] if known else []
+        ((x, y),) = from_site([(place.east_m, place.north_m)], name, site)
         return {"type": "Point", "coordinates": [x, y, *up]}
-    ring = from_site(value.polygon_m, name, frame)
+    ring = from_site(value.polygon_m, name, site)
     return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
 
 
@@ -316,7 +343,7 @@ def to_csv(
     exchanged: Mapping[str, Exchanged] = EXCHANGED,
     *,
     crs: str = SITE,
-    frame: SiteFrame | None = None,
+    site: Place | None = None,
 ) -> bytes:
     """Return a table with one line for each target and keep-out; numbers as short as they stay exact.
 
@@ -332,7 +359,7 @@ def to_csv(
     for kind, form in exchanged.items():
         for value in values.get(kind, ()):
             cells = {name: _cell(form.make, name, getattr(value, name)) for name in form.others}
-            writer.writerow({"kind": kind, **cells, **_place_cells(value, crs, frame), "id": value.id})
+            writer.writerow({"kind": kind, **cells, **_place_cells(value, crs, site), "id": value.id})
     return out.getvalue().encode()
 
 
@@ -342,13 +369,13 @@ def _cell(make: type[Body], name: str, content: Any) -> str:
     return inert(str(content) if _is_text(make, name) else json.dumps(content))
 
 
-def _place_cells(value: Any, name: str, frame: SiteFrame | None) -> dict[str, str]:
+def _place_cells(value: Any, name: str, site: Place | None) -> dict[str, str]:
     if name != SITE:
         if hasattr(value, "position"):
             place = value.position
-            ((x, y),) = from_site([(place.east_m, place.north_m)], name, frame)
+            ((x, y),) = from_site([(place.east_m, place.north_m)], name, site)
             return {"crs": name, "x": repr(x), "y": repr(y), "up_m": repr(place.up_m)}
-        ring = from_site(value.polygon_m, name, frame)
+        ring = from_site(value.polygon_m, name, site)
         return {"crs": name, "polygon": "; ".join(f"{x!r} {y!r}" for x, y in ring)}
     if hasattr(value, "position"):
         return {name: repr(getattr(value.position, name)) for name in ("east_m", "north_m", "up_m")}

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ground.errors import InvalidInputError
+from ground.geo.place import Place
 from ground.geo.references import LONLAT, SITE
-from ground.geo.site_frame import SiteFrame
+from ground.geo.site_frame import SiteFrame, site_frame
 from mission.codec import Document
 
 CRS84 = ("OGC:1.3:CRS84", "OGC::CRS84", "OGC/1.3/CRS84", "OGC:CRS84")
@@ -41,7 +42,7 @@ def named_in(document: Document) -> str | None:
     return "EPSG:4326" if name.endswith(CRS84) else name
 
 
-def to_site(corners: Sequence[Corner], name: str, frame: SiteFrame | None) -> list[Corner]:
+def to_site(corners: Sequence[Corner], name: str, site: Place | None) -> list[Corner]:
     """Return points in site metres.
 
     Raises
@@ -51,29 +52,31 @@ def to_site(corners: Sequence[Corner], name: str, frame: SiteFrame | None) -> li
     """
     if name == SITE:
         return list(corners)
-    return [(float(e), float(n)) for e, n in placed(frame, name).into(corners, name)]
+    return [(float(e), float(n)) for e, n in placed(site, name).into(corners, name)]
 
 
-def from_site(corners: Sequence[Sequence[float]], name: str, frame: SiteFrame | None) -> list[list[float]]:
+def from_site(corners: Sequence[Sequence[float]], name: str, site: Place | None) -> list[list[float]]:
     """Return site points [east, north] in another reference, x before y."""
     if name == SITE:
         return [list(corner) for corner in corners]
-    return [[float(x), float(y)] for x, y in placed(frame, name).out(corners, name)]
+    return [[float(x), float(y)] for x, y in placed(site, name).out(corners, name)]
 
 
-def placed(frame: SiteFrame | None, name: str) -> SiteFrame:
-    """Return the site frame of a mission that has a place.
+def placed(site: Place | None, name: str) -> SiteFrame:
+    """Return the site frame of a mission that has a place: for another reference than site metres.
 
     Raises
     ------
     InvalidInputError
-        If it has none.
+        If it has none, or one of no use.
+    UnavailableError
+        If pyproj is not installed.
     """
-    if frame is None:
+    if site is None:
         raise InvalidInputError(
             f"the mission has no place on a body, so that {name[:60]!r} says nothing of its site; "
             "give it one: "
             'outcrop mission set ID \'place={"crs": ..., "x": ..., "y": ...}\'',
             pointer="/crs",
         )
-    return frame
+    return site_frame(site)

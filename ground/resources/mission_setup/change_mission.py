@@ -38,7 +38,7 @@ def change_mission(
     if given.calibration is not None:
         columns["calibration"] = require_calibration(given.calibration)
     if given.place is not None:
-        require_place(given.place)
+        require_place(given.place, row.place)
     if given.drive_rules:
         targets = session.scalars(select(TargetRow.id).where(TargetRow.mission_id == row.id))
         require_drive_rules(given.drive_rules, set(targets))

@@ -92,7 +92,7 @@ def create_mission(
 ) -> Mission:
     """Return a new mission without targets, with a first sol still to be opened.
 
-    Its site lies at `place`, else where the files of the terrain say.
+    Its site lies at `place`, else where the files of the terrain say if that can be used.
 
     Raises
     ------
@@ -105,6 +105,7 @@ def create_mission(
         require_place(place)
     with tempfile.TemporaryDirectory(prefix="outcrop-terrain-") as work:
         terrain = load_source(repo, actor, source, Path(work))
+        told = place_in(terrain.origin) if place is None else place.model_dump()
         label = terrain_name or terrain.name or name
         with repo.database.write() as session:
             ground = store_terrain(repo, session, terrain, name=label[:200], author=actor.name)
@@ -116,7 +117,7 @@ def create_mission(
                 terrain_id=ground.id,
                 copied_from=None,
                 rover_profile=rover_profile,
-                place=place_in(terrain.origin) if place is None else place.model_dump(),
+                place=told,
             )
             session.add(row)
             session.flush()

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict
+
+from pydantic import ValidationError
 
 from ground.day.rovers import profile_of
-from ground.errors import InvalidInputError
+from ground.errors import InvalidInputError, UnavailableError
 from ground.gdr.base import Columns
 from ground.geo.place import Place
 from ground.geo.site_frame import site_frame
 from ground.resources.missions.bodies import DriveRuleBody, PlaceBody
 from mission.codec import Document
+
+ORIGIN = ("crs", "x", "y")
 
 
 def require_profile(name: str) -> None:
@@ -23,17 +26,37 @@ def require_profile(name: str) -> None:
     profile_of(name)
 
 
-def require_place(given: PlaceBody) -> None:
-    """Raise unless the site can lie there: a reference that is known and a point in it."""
-    site_frame(Place(**given.model_dump()))
+NEAR_TRUE = 0.01
+"""A place given by hand; site metres are taken for metres on the ground. UTM is within 0.1 % in its zone."""
+MAP_TRUE = 0.1
+"""A place told by a terrain, whose grid is the site's anyway. Equirectangular maps of Mars that are true at a
+multiple of 5 degrees are stretched by up to 8 % (2.5 degrees off, at 60 degrees of latitude).
+"""
+
+
+def require_place(given: PlaceBody, present: Mapping[str, object] | None = None) -> None:
+    """Raise unless the site can lie there: a known reference, a point in it, and true metres.
+
+    Where the origin is that of the `present` place, its metres may be as far off as those of a terrain.
+    """
+    frame = site_frame(Place(**given.model_dump()))
+    kept = present is not None and all(getattr(given, name) == present[name] for name in ORIGIN)
+    frame.require_true_metres(MAP_TRUE if kept else NEAR_TRUE)
 
 
 def place_in(origin: Mapping[str, object]) -> Columns | None:
-    """Return the place that a terrain's `origin` tells; None if it names no reference."""
-    crs, x, y = (origin.get(name) for name in ("crs", "x", "y"))
-    if not (isinstance(crs, str) and isinstance(x, int | float) and isinstance(y, int | float)):
+    """Return the place that a terrain's `origin` tells; None if it tells none of use.
+
+    Without pyproj a reference is taken as it stands.
+    """
+    try:
+        given = PlaceBody.model_validate({name: origin.get(name) for name in ORIGIN}).model_dump()
+        site_frame(Place(**given)).require_true_metres(MAP_TRUE)
+    except (ValidationError, InvalidInputError):
         return None
-    return asdict(Place(crs, float(x), float(y)))
+    except UnavailableError:
+        pass
+    return given
 
 
 def require_drive_rules(rules: Sequence[DriveRuleBody], target_ids: Collection[str]) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
+import sqlite3
+import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +16,12 @@ import numpy as np
 import pytest
 import shapely
 
+from ground.errors import InvalidInputError
+from ground.geo import references
+from ground.geo.place import Place
+from ground.geo.references import _reference
+from ground.geo.site_frame import site_frame
+from ground.resources.geometry_files.site_geometry import read_shapes
 from tests.ground.conftest import Api, yard
 from tests.ground.geo.test_places_api import change
 from tests.ground.test_exchange import RING, fill
@@ -170,7 +180,7 @@ LON, LAT = expected(EARTH, "EPSG:4326", 4.0, 1.0)
             features([4_251_500, 518_334], crs=named("EPSG:32612")),
             r"row 1: .*looks swapped: x \(east\) before y",
         ),
-        (features([LON, LAT], crs=named("IAU_2015:49900")), "row 1: there is no transformation between Mars"),
+        (features([LON, LAT], crs=named("IAU_2015:49900")), "^there is no transformation between Mars"),
         (features([LON, float("nan")], frame="lonlat"), "row 1: .*no numbers"),
         (features([LON, LAT], crs=named("EPSG:123456")), "no coordinate reference that is known"),
         (features([LON, LAT], crs={"type": "link"}), "crs is no name"),
@@ -232,3 +242,103 @@ def test_a_table_in_degrees_has_columns_that_say_so(api: Api, terrain_folder: Pa
     rows = list(csv.DictReader(io.StringIO(file)))
     assert {row["crs"] for row in rows} == {"lonlat"}
     assert "east_m" not in rows[0]
+
+
+@pytest.mark.parametrize("form", ["geojson", "csv"])
+def test_site_metres_need_no_pyproj(
+    api: Api, terrain_folder: Path, monkeypatch: pytest.MonkeyPatch, form: str
+) -> None:
+    """The base install has no pyproj: a mission with a place still exchanges site metres."""
+    mission = placed(api, terrain_folder, EARTH)
+    other = placed(api, terrain_folder, EARTH, "Other")
+    fill(api, mission)
+    site_frame.cache_clear()
+    _reference.cache_clear()
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    file = api("GET", f"/missions/{mission}/geometry?form={form}")
+    assert file.status_code == 200, file.text
+    assert api("GET", f"/missions/{mission}/geometry?form={form}&crs=site").content == file.content
+    body = {"upload_id": upload(api, f"g.{form}", file.content)}
+    assert len(api.post(f"/missions/{other}/geometry", body)["targets"]) == 2
+    told = api("GET", f"/missions/{mission}/geometry?form={form}&crs=lonlat")
+    assert (told.status_code, "pip install 'outcrop[geo]'" in told.json()["detail"]) == (503, True)
+
+
+@pytest.mark.parametrize(
+    ("content", "notes"),
+    [
+        (b"kind,name,east_m,north_m,x,polygon\ntarget,A,4,1,seven,P2\n", "x: seven\npolygon: P2"),
+        (b"kind,name,east_m,north_m,crs\ntarget,A,4,1,site\n", ""),
+        (features([4, 1]).replace(b"{}", b'{"x": 7, "crs": "old"}'), "x: 7\ncrs: old"),
+        (f"kind,name,crs,x,y,lab\ntarget,A,EPSG:4326,{LON!r},{LAT!r},L9\n".encode(), "lab: L9"),
+    ],
+)
+def test_only_what_says_the_place_is_left_out_of_the_notes(
+    api: Api, terrain_folder: Path, content: bytes, notes: str
+) -> None:
+    mission = placed(api, terrain_folder, EARTH)
+    made = api.post(f"/missions/{mission}/geometry", {"upload_id": upload(api, "g.csv", content)})
+    assert made["targets"][0]["notes"] == notes
+
+
+@pytest.mark.parametrize("text", ['GEOGCS["\ud800"]', "EPSG:\ud800", 'GEOGCS["\0"]'])
+def test_a_reference_that_is_no_text_is_refused(api: Api, terrain_folder: Path, text: str) -> None:
+    mission = placed(api, terrain_folder, EARTH)
+    for content in (features([LON, LAT], crs=text), features([LON, LAT], crs=named(text))):
+        answer = api("POST", f"/missions/{mission}/geometry", {"upload_id": upload(api, "g.json", content)})
+        assert "coordinate reference" in problem(answer, 422, "invalid-input")["detail"]
+
+
+def table(*references: str) -> bytes:
+    rows = (f"target,T{row},{crs},{LON!r},{LAT!r}" for row, crs in enumerate(references))
+    return "\n".join(["kind,name,crs,x,y", *rows]).encode()
+
+
+def test_a_bad_reference_names_its_rows_and_a_table_has_few(api: Api, terrain_folder: Path) -> None:
+    mission = placed(api, terrain_folder, EARTH)
+
+    def told(content: bytes) -> str:
+        answer = api("POST", f"/missions/{mission}/geometry", {"upload_id": upload(api, "g.csv", content)})
+        detail: str = problem(answer, 422, "invalid-input")["detail"]
+        return detail
+
+    detail = told(table("EPSG:4326", "EPSG:123456", "lonlat", "EPSG:123456", "IAU_2015:49900"))
+    assert "3 of 5 rows" in detail
+    for row, why in (
+        (3, "'EPSG:123456' is no"),
+        (5, "'EPSG:123456' is no"),
+        (6, "there is no transformation"),
+    ):
+        assert f"row {row}: {why}" in detail
+    assert "17 references; 16 are allowed" in told(table(*(f"EPSG:{32601 + k}" for k in range(17))))
+
+
+def test_references_are_looked_up_once_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A transformation that is none takes pyproj 8 ms to refuse; a file has up to 5000 rows."""
+    asked: list[Any] = []
+    found = references.transformer
+
+    def asking(*two: Any) -> Any:
+        asked.append(two)
+        return found(*two)
+
+    monkeypatch.setattr("ground.geo.site_frame.transformer", asking)
+    with pytest.raises(InvalidInputError, match="500 of 500 rows"):
+        read_shapes(table(*["IAU_2015:49900"] * 500), site=Place("EPSG:32612", 518_334.0, 4_251_500.0))
+    assert len(asked) == 1
+
+
+def test_a_geopackage_without_a_place_is_undefined_cartesian(
+    api: Api, terrain_folder: Path, tmp_path: Path
+) -> None:
+    """GeoPackage 1.3, requirement 11: srs_id -1 is for undefined Cartesian references."""
+    mission = yard(api.repo, terrain_folder).id
+    fill(api, mission)
+    path = tmp_path / "g.gpkg"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        path.write_bytes(api("GET", f"/missions/{mission}/geometry?form=gpkg").content)
+    with contextlib.closing(sqlite3.connect(path)) as file:
+        assert file.execute("select distinct srs_id from gpkg_geometry_columns").fetchall() == [(-1,)]
+    (first, _) = shapely.from_wkb(pyogrio.raw.read(path, layer="targets")[2])
+    assert (first.x, first.y) == (4.1, 0.1 + 0.2)

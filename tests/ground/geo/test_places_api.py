@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from ground.geo.references import _reference
+from ground.geo.site_frame import site_frame
 from ground.resources.missions.value import Mission
 from tests.ground.conftest import Api, yard
 from tests.ground.test_missions_api import problem, upload
@@ -47,6 +52,11 @@ def test_a_place_is_set_shown_undone_and_taken_away(sqlite_api: Api, sqlite_miss
         ({**UTAH, "x": 38.41, "y": -110.79}, "look swapped"),
         ({**UTAH, "crs": "EPSG:1"}, "no coordinate reference that is known"),
         ({**UTAH, "crs": "IAU_2015:49901"}, "to the west"),
+        (
+            {"crs": "EPSG:3857", "x": -12_333_000, "y": 4_635_000},
+            "counts 1.276 metres for a metre on the ground",
+        ),
+        ({"crs": "EPSG:32612", "x": 4_251_500, "y": 518_334}, "counts 1.179 metres for a metre"),
     ],
 )
 def test_a_place_of_no_use_is_refused(
@@ -72,3 +82,64 @@ def test_a_mission_on_a_dem_in_degrees_knows_its_place(sqlite_api: Api, tmp_path
     assert made["place"]["y"] == pytest.approx(18.4 - 50 * step)
     moved = sqlite_api.post("/missions", {"name": "Utah", "terrain": source, "place": UTAH})
     assert moved["place"] == FULL
+
+
+def on_terrain(api: Api, terrain_folder: Path, folder: Path, origin: str) -> Any:
+    """Return the place of a mission on a terrain whose file tells this origin; JSON as it stands."""
+    shutil.copytree(terrain_folder, folder)
+    described = json.loads((folder / "terrain.json").read_text())
+    text = json.dumps({**described, "origin": "HERE"}).replace('"HERE"', origin)
+    (folder / "terrain.json").write_text(text)
+    mission = yard(api.repo, folder).id
+    assert api("GET", f"/missions/{mission}/geometry").status_code == 200
+    return api.get(f"/missions/{mission}")["place"]
+
+
+OF_NO_USE = [
+    '{"crs": "local grid of the yard", "x": 0, "y": 0}',
+    '{"crs": "EPSG:4326", "x": 38.41, "y": -110.79}',
+    '{"crs": "EPSG:2053", "x": 0, "y": 0}',
+    '{"crs": "LOCAL_CS[\\"yard\\",UNIT[\\"metre\\",1]]", "x": 0, "y": 0}',
+    '{"crs": "EPSG:32612", "x": 4251500, "y": 518334}',
+    '{"crs": "EPSG:3857", "x": -12333000, "y": 4635000}',
+]
+NO_NUMBERS = [
+    '{"crs": "EPSG:4326", "x": NaN, "y": 0}',
+    '{"crs": "EPSG:4326", "x": Infinity, "y": 0}',
+    '{"crs": "EPSG:4326", "x": 1' + 400 * "0" + ', "y": 0}',
+    '{"crs": "EPSG:4326", "x": true, "y": 0}',
+    '{"crs": "EPSG:32612", "x": 2e8, "y": 0}',
+    '{"crs": ["EPSG:4326"], "x": 0, "y": 0}',
+]
+
+
+@pytest.mark.parametrize("origin", [*OF_NO_USE, *NO_NUMBERS])
+def test_an_origin_of_no_use_is_no_place(
+    sqlite_api: Api, terrain_folder: Path, tmp_path: Path, origin: str
+) -> None:
+    assert on_terrain(sqlite_api, terrain_folder, tmp_path / "yard", origin) is None
+
+
+@pytest.mark.parametrize("origin", [*NO_NUMBERS, json.dumps(UTAH)])
+def test_an_origin_is_looked_at_without_pyproj(
+    sqlite_api: Api, terrain_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, origin: str
+) -> None:
+    site_frame.cache_clear()
+    _reference.cache_clear()
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    place = on_terrain(sqlite_api, terrain_folder, tmp_path / "yard", origin)
+    assert place == (None if origin in NO_NUMBERS else FULL)
+
+
+def test_a_map_of_mars_keeps_its_place_and_takes_a_height(
+    sqlite_api: Api, terrain_folder: Path, tmp_path: Path
+) -> None:
+    """Maps of Mars are stretched by some percent: their grid is the site's by construction, so it is kept."""
+    api = sqlite_api
+    origin = {"crs": "IAU_2015:49910", "x": 4_590_000.0, "y": 1_093_000.0}
+    place = on_terrain(api, terrain_folder, tmp_path / "yard", json.dumps(origin))
+    assert place == {**FULL, **origin}
+    (mission,) = api.get("/missions")["items"]
+    assert change(api, mission["id"], {**origin, "height_m": -2500.0}).status_code == 200
+    moved = change(api, mission["id"], {**origin, "y": 1_094_000.0})
+    assert "counts 1.054 metres" in problem(moved, 422, "invalid-input")["detail"]
