@@ -12,8 +12,9 @@ from executive.crl.declaration import Syntax
 from executive.crl.nodes import FORMS, Plan
 from executive.crl.printer import flat
 from executive.crl.syntax import codec
-from executive.crl.values import Relative
+from executive.crl.values import ConsumableResource, Relative
 from ground.errors import InvalidInputError
+from ground.versions.meaning import map_meaning
 from ground.versions.parts import HEADER, Part, Parts, meaning_of, part_meaning, parts_of, spread_of
 from mission.codec import Codec
 from mission.values import value
@@ -43,11 +44,15 @@ class Group(StrEnum):
 
 
 _GROUPS: Mapping[str, Group] = {
-    **dict.fromkeys(("name", "metadata", "probability", "expectations"), Group.WORDS),
+    **dict.fromkeys(("name", "probability", "expectations"), Group.WORDS),
     **dict.fromkeys(("start_temporal_conditions", "end_temporal_conditions"), Group.WINDOWS),
     **dict.fromkeys(("uses", "requires", "resources", "budgets"), Group.RESOURCES),
     **dict.fromkeys(("utility", "if_none", "on_option_failure"), Group.BRANCHES),
 }
+
+
+PLAN_TREE_PATH = "step"
+"""Key of a node's metadata: its path in the plan tree, which changes when another step is put before it."""
 
 
 @value
@@ -94,7 +99,8 @@ class Change:
 class PlanDifference:
     """All differences of two plans, in the order of the second; `same` if both mean the same.
 
-    `same` holds where the only differences are `words` (names, notes, predictions), which no rover acts upon.
+    `same` holds where the only differences are `words`: names, predictions, and metadata that is not sent to
+    the rover with a task and does not state a resource.
     """
 
     same: bool
@@ -122,7 +128,7 @@ def difference(before: Plan, after: Plan) -> PlanDifference:
     except ValueError as err:
         raise InvalidInputError(f"the plans cannot be compared: {err}") from err
     renamed = _renamed(first, second)
-    changes = [*_parts_changed(first, second, renamed), *_reordered(first, second)]
+    changes = [*_parts_changed(first, second, renamed), *_reordered(first, second, renamed)]
     same = all(c.group is Group.WORDS for c in changes)
     return PlanDifference(same, tuple(changes))
 
@@ -184,19 +190,21 @@ def _fields(first: Parts, second: Parts, name: str) -> Iterator[Change]:
             continue
         texts = field_text(old, attribute), field_text(new, attribute)
         word = attribute.removesuffix("_ms").replace("_", "-")
-        yield Change(Deed.CHANGED, _group(new, attribute), new.kind, name, word, *texts)
+        group = _metadata_group(old, new) if attribute == "metadata" else _group(new, attribute)
+        yield Change(Deed.CHANGED, group, new.kind, name, word, *texts)
 
 
-def _reordered(first: Parts, second: Parts) -> Iterator[Change]:
+def _reordered(first: Parts, second: Parts, renamed: Mapping[str, str]) -> Iterator[Change]:
+    back = {new: old for old, new in renamed.items()}
     for name, new in second.items():
-        old = first.get(name)
+        old = first.get(back.get(name, name))
         if old is None or not (old.ordered or new.ordered):
             continue
         for slot, after in new.below.items():
-            before = old.below.get(slot, [])
+            before = [renamed.get(i, i) for i in old.below.get(slot, [])]
             stayed = [i for i in before if i in set(after)]
             if stayed != [i for i in after if i in set(before)]:
-                texts = " ".join(before), " ".join(after)
+                texts = " ".join(old.below[slot]), " ".join(after)
                 yield Change(Deed.REORDERED, Group.STEPS, new.kind, name, slot.replace("_", "-"), *texts)
 
 
@@ -214,6 +222,26 @@ def _group(part: Part, attribute: str) -> Group:
     return _whole(part)
 
 
+def _metadata_group(old: Part, new: Part) -> Group:
+    """Return what changed metadata is about.
+
+    That of a task goes to the rover with the command: it picks the observation by it, labels products with
+    it, and the ground finds the request of a product by it. That of the header may state the level of a
+    consumable resource.
+    """
+    held = old.fields.get("metadata", {}), new.fields["metadata"]
+    changed = {key for key, _ in map_meaning(held[0]) ^ map_meaning(held[1])}
+    if new.id == HEADER:
+        keys = {
+            r.key
+            for part in (old, new)
+            for r in part.fields["resources"]
+            if isinstance(r, ConsumableResource)
+        }
+        return Group.RESOURCES if changed & keys else Group.WORDS
+    return Group.STEPS if "task" in (old.kind, new.kind) and changed - {PLAN_TREE_PATH} else Group.WORDS
+
+
 def field_text(part: Part, attribute: str) -> str:
     """Return a field of a part as CRL; empty if it is absent, or at its default."""
     if attribute == "end_temporal_conditions" and part.fields.get("duration") is not None:
@@ -227,5 +255,5 @@ def field_text(part: Part, attribute: str) -> str:
 
 
 def without_words(found: PlanDifference) -> PlanDifference:
-    """Return a difference without names, notes and predictions."""
+    """Return a difference without what changes words alone."""
     return replace(found, changes=tuple(c for c in found.changes if c.group is not Group.WORDS))

@@ -123,14 +123,22 @@ def utility_meaning(utility: float | UtilityTable) -> Meaning:
 
 
 def expectations_meaning(expectations: Iterable[Expectation], spread: Spread) -> Meaning:
-    """Return predictions with their spread as a standard deviation."""
-    return frozenset(
-        (e.name, float(e.mean), abs(e.spread) ** (0.5 if spread is Spread.VARIANCE else 1.0))
-        for e in expectations
-    )
+    """Return predictions with their spread as a standard deviation, to 12 digits: roots are rounded."""
+    restated = expectations_in(expectations, spread, Spread.STDDEV)
+    return frozenset((e.name, float(e.mean), float(f"{abs(e.spread):.12g}")) for e in restated)
 
 
-def map_meaning(values: Mapping[str, Value]) -> Meaning:
+def expectations_in(
+    expectations: Iterable[Expectation], spread: Spread, wanted: Spread
+) -> tuple[Expectation, ...]:
+    """Return predictions that state their spread as `spread` with it stated as `wanted`."""
+    if spread is wanted:
+        return tuple(expectations)
+    power = 0.5 if wanted is Spread.STDDEV else 2.0
+    return tuple(dataclasses.replace(e, spread=abs(e.spread) ** power) for e in expectations)
+
+
+def map_meaning(values: Mapping[str, Value]) -> frozenset[tuple[str, Meaning]]:
     """Return named values, in whatever order they stand."""
     return frozenset((name, scalar(value)) for name, value in values.items())
 

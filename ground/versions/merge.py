@@ -24,6 +24,7 @@ from ground.versions.parts import (
     Part,
     Parts,
     copy_of,
+    in_spread,
     meaning_of,
     part_meaning,
     parts_of,
@@ -100,7 +101,7 @@ def merge(base: Plan, ours: Plan, theirs: Plan, take: Take | None = None) -> Mer
         If an id stands twice in one of the plans.
     """
     try:
-        sides = parts_of(base), parts_of(ours), parts_of(theirs)
+        sides = _in_one_spread(parts_of(base), parts_of(ours), parts_of(theirs))
     except ValueError as err:
         raise InvalidInputError(f"the plans cannot be merged: {err}") from err
     work = _Merge(*sides, take or Take.OURS)
@@ -111,6 +112,12 @@ def merge(base: Plan, ours: Plan, theirs: Plan, take: Take | None = None) -> Mer
     plan = plan_of(parts)
     broken = list(_newly_wrong(plan, (base, ours, theirs)))
     return Merged(None if broken else plan, (*work.conflicts, *broken))
+
+
+def _in_one_spread(base: Parts, ours: Parts, theirs: Parts) -> tuple[Parts, Parts, Parts]:
+    """Return the three with every spread stated as the merged plan does: as the side that changed it."""
+    wanted = spread_of(theirs if spread_of(ours) is spread_of(base) else ours)
+    return in_spread(base, wanted), in_spread(ours, wanted), in_spread(theirs, wanted)
 
 
 def _newly_wrong(plan: Plan, before: Sequence[Plan]) -> Iterator[Conflict]:
@@ -129,7 +136,7 @@ class _Merge:
 
     def __init__(self, base: Parts, ours: Parts, theirs: Parts, take: Take) -> None:
         self.base, self.ours, self.theirs, self.take = base, ours, theirs, take
-        self.spreads: tuple[Spread, Spread, Spread] = (spread_of(base), spread_of(ours), spread_of(theirs))
+        self.spread: Spread = spread_of(base)  # that of all three
         self.conflicts: list[Conflict] = []
         self.whole = True
 
@@ -169,7 +176,7 @@ class _Merge:
         if our is None or their is None:
             added = our or their
             return None if added is None else copy_of(added)
-        if our.slot != their.slot or self._meaning(our, 1) != self._meaning(their, 2):
+        if our.slot != their.slot or self._meaning(our) != self._meaning(their):
             self._conflict(ConflictKind.BOTH_ADDED, our.id, "", "", _shown(our), _shown(their))
         return copy_of(our)
 
@@ -178,18 +185,18 @@ class _Merge:
         left, side = (our, 1) if our is not None else (their, 2)
         if left is None:
             return
-        touched = left.slot != was.slot or self._meaning(left, side) != self._meaning(was, 0)
+        touched = left.slot != was.slot or self._meaning(left) != self._meaning(was)
         if touched or self._ranked_anew(was, side):
             texts = ["removed", "removed"]
             texts[side - 1] = _shown(left)
             self._conflict(ConflictKind.REMOVED_AND_CHANGED, was.id, "", _shown(was), *texts)
 
     def _of_another_kind(self, was: Part, our: Part, their: Part) -> Part:
-        if self._meaning(our, 1) == self._meaning(their, 2):
+        if self._meaning(our) == self._meaning(their):
             part = copy_of(our)
-        elif self._meaning(our, 1) == self._meaning(was, 0):
+        elif self._meaning(our) == self._meaning(was):
             part = copy_of(their)
-        elif self._meaning(their, 2) == self._meaning(was, 0):
+        elif self._meaning(their) == self._meaning(was):
             part = copy_of(our)
         else:
             self._conflict(ConflictKind.BOTH_ADDED, was.id, "kind", was.kind, our.kind, their.kind)
@@ -221,11 +228,11 @@ class _Merge:
         both = set(old) & set(new)
         return before[0] & both != before[1] & both
 
-    def _meaning(self, part: Part, side: int) -> Any:
-        return part_meaning(part, self.spreads[side])
+    def _meaning(self, part: Part) -> Any:
+        return part_meaning(part, self.spread)
 
     def _field(self, part: Part, was: Part, our: Part, their: Part, attribute: str) -> None:
-        three = [meaning_of(p, attribute, s) for p, s in zip((was, our, their), self.spreads, strict=True)]
+        three = [meaning_of(p, attribute, self.spread) for p in (was, our, their)]
         if three[1] == three[2] or three[2] == three[0]:
             return
         source = their
@@ -373,11 +380,15 @@ def _joined_map(was: Mapping[str, Any], our: Mapping[str, Any], their: Mapping[s
 
 
 def _joined_set(was: Conditions, our: Conditions, their: Conditions) -> Conditions | None:
-    """Join two edits of a conjunction; None if one member became another on both sides."""
+    """Join two edits of a conjunction; None if both sides may have changed one member.
+
+    A new member may stand for any that is gone. So nothing is joined where both sides took members away and
+    put new ones in, nor where both took one away and a side put a new one in: it may be a change of that one.
+    """
     before, ours, theirs = ({condition_meaning(c): c for c in side} for side in (was, our, their))
     gone = [{m for m in before if m not in side} for side in (ours, theirs)]
     new = [{m for m in side if m not in before} for side in (ours, theirs)]
-    if all(gone) and all(new):
+    if (all(gone) and all(new)) or (gone[0] & gone[1] and any(new)):
         return None
     kept = [c for m, c in ours.items() if m not in gone[1]]
     return (*kept, *(c for m, c in theirs.items() if m in new[1] and m not in new[0]))

@@ -13,7 +13,7 @@ from typing import Any
 
 from executive.crl.nodes import FORMS, KIND_OF, Plan
 from executive.crl.values import Relative, Spread
-from ground.versions.meaning import Meaning, field_meaning, order_matters
+from ground.versions.meaning import Meaning, expectations_in, field_meaning, order_matters
 
 HEADER = ""
 """Id of the part that the plan's header is."""
@@ -108,6 +108,19 @@ def spread_of(parts: Mapping[str, Part]) -> Spread:
     """Return how the predictions of a plan state their spread."""
     spread: Spread = parts[HEADER].fields["expectation_spread"]
     return spread
+
+
+def in_spread(parts: Parts, wanted: Spread) -> Parts:
+    """Return the parts of a plan with its predictions stating their spread as `wanted`."""
+    spread = spread_of(parts)
+    if spread is wanted:
+        return parts
+    restated = {name: copy_of(part) for name, part in parts.items()}
+    for part in restated.values():
+        if "expectations" in part.fields:
+            part.fields["expectations"] = expectations_in(part.fields["expectations"], spread, wanted)
+    restated[HEADER].fields["expectation_spread"] = wanted
+    return restated
 
 
 def meaning_of(part: Part, attribute: str, spread: Spread) -> Meaning:

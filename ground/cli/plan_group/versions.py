@@ -26,7 +26,9 @@ def diff(
     first: Path = typer.Argument(..., help="CRL file."),
     second: Path = typer.Argument(..., help="Another version of it."),
     as_json: bool = typer.Option(False, "--json", help="plan-difference/1 on stdout"),
-    words: bool = typer.Option(True, help="tell names, notes and predictions too, which no rover acts upon"),
+    words: bool = typer.Option(
+        True, help="tell words too (names, predictions, notes of blocks), which change no meaning"
+    ),
 ) -> None:
     """Say what differs between two plans by meaning: steps, branches, conditions, windows.
 

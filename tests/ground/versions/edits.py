@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import isclose
 from random import Random
 from typing import Any
 
 from executive.crl.nodes import Block, Branch, ConcurrentBlock, Node, Option, Plan, Task, children, walk
-from executive.crl.values import Absolute, Comparison, Interval, Operator
+from executive.crl.values import Absolute, Comparison, Condition, Expectation, Interval, Operator, Spread
 
 Holds = Callable[[Plan], bool]
 
@@ -25,6 +26,17 @@ class Edit:
     holds: Holds
 
 
+WARM = Comparison("temp", (), Operator.GE, 3)
+
+
+def _charge(least: float) -> Comparison:
+    return Comparison("battery", (), Operator.GE, least)
+
+
+def _asks_for_charge(condition: Condition) -> bool:
+    return isinstance(condition, Comparison) and condition.key == "battery"
+
+
 def random_plan(rng: Random) -> Plan:
     """Return a plan of blocks, concurrent blocks and branches, valid without a dictionary."""
     count = iter(range(10_000))
@@ -33,7 +45,13 @@ def random_plan(rng: Random) -> Plan:
         kind = rng.random() if depth else 0.0
         if kind < 0.5:
             parameters = {"x": rng.randrange(9), "target": rng.choice(("R1", "R2"))}
-            return Task(id=f"t{next(count)}", action=rng.choice(("drive", "look")), parameters=parameters)
+            return Task(
+                id=f"t{next(count)}",
+                action=rng.choice(("drive", "look")),
+                parameters=parameters,
+                start_conditions=rng.choice(((), (_charge(100),), (_charge(100), WARM))),
+                expectations=rng.choice(((), (Expectation("time", 10, rng.randrange(1, 30)),))),
+            )
         if kind < 0.75:
             return Block(id=f"b{next(count)}", node_list=several(depth))
         if kind < 0.87:
@@ -47,7 +65,8 @@ def random_plan(rng: Random) -> Plan:
     def several(depth: int) -> tuple[Node, ...]:
         return tuple(node(depth - 1) for _ in range(rng.randrange(2, 5)))
 
-    return Plan(id="p", node=Block(id="root", node_list=several(3)))
+    spread = rng.choice(tuple(Spread))
+    return Plan(id="p", node=Block(id="root", node_list=several(3)), expectation_spread=spread)
 
 
 def by_id(plan: Plan) -> dict[str, Any]:
@@ -124,6 +143,81 @@ def add_condition(plan: Plan, rng: Random, side: str) -> Edit:
     )
 
 
+def set_charge(plan: Plan, rng: Random, side: str) -> Edit:
+    """Ask another charge of a step that asks for one."""
+    asking = [t for t in _tasks(plan) if any(map(_asks_for_charge, t.start_conditions))]
+    if not asking:
+        return add_condition(plan, rng, side)
+    task, asked = rng.choice(asking), _charge(rng.randrange(200, 204))
+    kept = tuple(c for c in task.start_conditions if not _asks_for_charge(c))
+    after = rebuilt(plan, _on(task.id, lambda t: replace(t, start_conditions=(asked, *kept))))
+    return Edit(
+        after,
+        f"{task.id} asks {asked}",
+        lambda p: task.id in by_id(p) and asked in by_id(p)[task.id].start_conditions,
+    )
+
+
+def drop_charge(plan: Plan, rng: Random, side: str) -> Edit:
+    """Let a step begin at any charge."""
+    asking = [t for t in _tasks(plan) if any(map(_asks_for_charge, t.start_conditions))]
+    if not asking:
+        return add_condition(plan, rng, side)
+    task = rng.choice(asking)
+    kept = tuple(c for c in task.start_conditions if not _asks_for_charge(c))
+    after = rebuilt(plan, _on(task.id, lambda t: replace(t, start_conditions=kept)))
+    return Edit(
+        after,
+        f"{task.id} at any charge",
+        lambda p: (
+            task.id not in by_id(p) or not any(map(_asks_for_charge, by_id(p)[task.id].start_conditions))
+        ),
+    )
+
+
+def deviation(plan: Plan, name: str) -> float | None:
+    """Return the standard deviation of the time that a step is predicted to take."""
+    found = by_id(plan).get(name)
+    if found is None or not found.expectations:
+        return None
+    spread = found.expectations[0].spread
+    return float(spread**0.5 if plan.expectation_spread is Spread.VARIANCE else spread)
+
+
+def _predicts(name: str, wanted: float) -> Holds:
+    def holds(p: Plan) -> bool:
+        found = deviation(p, name)
+        return found is not None and isclose(found, wanted)
+
+    return holds
+
+
+def set_prediction(plan: Plan, rng: Random, side: str) -> Edit:
+    task, spread = rng.choice(_tasks(plan)), rng.randrange(40, 90)
+    predicted = (Expectation("time", 10, spread),)
+    after = rebuilt(plan, _on(task.id, lambda t: replace(t, expectations=predicted)))
+    wanted = deviation(after, task.id)
+    assert wanted is not None
+    return Edit(after, f"{task.id} deviates by {wanted}", _predicts(task.id, wanted))
+
+
+def state_spread_otherwise(plan: Plan, rng: Random, side: str) -> Edit:
+    """State every spread the other way, and give one step another."""
+    variance = plan.expectation_spread is Spread.VARIANCE
+
+    def change(form: Any) -> Any:
+        if isinstance(form, Option):
+            return form
+        power = 0.5 if variance else 2
+        return replace(
+            form, expectations=tuple(replace(e, spread=e.spread**power) for e in form.expectations)
+        )
+
+    other = replace(rebuilt(plan, change), expectation_spread=Spread.STDDEV if variance else Spread.VARIANCE)
+    edit = set_prediction(other, rng, side)
+    return replace(edit, what=f"{other.expectation_spread}, {edit.what}")
+
+
 def set_window(plan: Plan, rng: Random, side: str) -> Edit:
     node = rng.choice(list(walk(plan.node)))
     window = Absolute(Interval(0, rng.randrange(10**6, 10**7)))
@@ -137,7 +231,8 @@ def set_window(plan: Plan, rng: Random, side: str) -> Edit:
 
 def insert_step(plan: Plan, rng: Random, side: str) -> Edit:
     block = rng.choice(_lists(plan))
-    new = Task(id=f"new-{side}-{rng.randrange(10**6)}", action="look")
+    predicted = rng.choice(((), (Expectation("time", 5, rng.randrange(1, 30)),)))
+    new = Task(id=f"new-{side}-{rng.randrange(10**6)}", action="look", expectations=predicted)
     at = rng.randrange(len(block.node_list) + 1)
     inside = (*block.node_list[:at], new, *block.node_list[at:])
     after = rebuilt(plan, _on(block.id, lambda b: replace(b, node_list=inside)))
@@ -145,6 +240,9 @@ def insert_step(plan: Plan, rng: Random, side: str) -> Edit:
     def holds(p: Plan) -> bool:
         around = parent_of(p, new.id)
         if around is None or around.id != block.id:
+            return False
+        wanted = deviation(after, new.id)
+        if wanted is not None and not _predicts(new.id, wanted)(p):
             return False
         ids = [n.id for n in children(around)]
         beside = [n.id for n in block.node_list]
@@ -245,6 +343,10 @@ EDITS = (
     set_parameter,
     set_action,
     add_condition,
+    set_charge,
+    drop_charge,
+    set_prediction,
+    state_spread_otherwise,
     set_window,
     insert_step,
     remove_step,

@@ -109,3 +109,47 @@ def test_what_was_added_is_listed_in_the_order_of_the_plan() -> None:
     more = "".join(f"(task :id extra-{k} :action wait) " for k in range(12))
     found = difference(parse(BASE), parse(BASE.replace("(branch :id next", more + "(branch :id next")))
     assert [c.id for c in found.changes if c.id.startswith("extra")] == [f"extra-{k}" for k in range(12)]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "group"),
+    [
+        ("observation = T1-mi", "observation = T1-img", Group.STEPS),
+        ("request = r1", "request = r2", Group.STEPS),
+        ('step = "1" note = x', 'step = "2" note = x', Group.WORDS),
+        ('step = "1" note = x', 'step = "1" note = y', Group.STEPS),
+    ],
+)
+def test_metadata_that_goes_to_the_rover_with_a_task_is_no_word(
+    before: str, after: str, group: Group
+) -> None:
+    text = BASE.replace(":action wait", ":action wait :metadata (%s)")
+    found = difference(parse(text % before), parse(text % after))
+    assert [(c.field, c.group) for c in found.changes] == [("metadata", group)]
+    assert found.same is (group is Group.WORDS)
+
+
+def test_metadata_that_states_a_resource_is_no_word() -> None:
+    text = BASE.replace(
+        "(plan ", "(plan :metadata (battery = %s by = %s) :resources ((energy :consumable :key :battery)) "
+    )
+    assert [c.group for c in difference(parse(text % (5, "a")), parse(text % (5, "b"))).changes] == [
+        Group.WORDS
+    ]
+    found = difference(parse(text % (5, "a")), parse(text % (6, "a")))
+    assert [c.group for c in found.changes] == [Group.RESOURCES]
+    assert not found.same
+
+
+def test_renamed_steps_that_stand_in_another_order_are_told_as_reordered_too() -> None:
+    text = "(plan :node (block :id %s :node-list (%s)))"
+    a, b = "(task :id %s :action image)", "(task :id b :action wait)"
+    before = parse(text % ("root", (a % "a") + b))
+    for root in ("root", "base"):
+        found = difference(before, parse(text % (root, b + (a % "a2"))))
+        told = [str(c.deed) for c in found.changes]
+        assert told == ["renamed"] * (1 + (root != "root")) + ["reordered"]
+        assert found.changes[-1].line() == f"block {root} reordered: a b -> b a2"
+    assert [str(c.deed) for c in difference(before, parse(text % ("root", (a % "a2") + b))).changes] == [
+        "renamed"
+    ]

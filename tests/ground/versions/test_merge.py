@@ -140,3 +140,33 @@ def test_a_side_can_be_taken_where_both_changed_a_field() -> None:
         assert found.plan is not None
         assert f"speed = {speed}" in canonical_text(found.plan)
         assert [c.kind for c in found.conflicts] == [ConflictKind.BOTH_CHANGED]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_condition_that_one_side_removed_and_the_other_changed_is_a_conflict(turned: bool) -> None:
+    asks = "(plan :node (task :id look :action image :start-conditions (%s)))"
+    base = asks % "(database (:battery >= 100)) (database (:temp >= 3))"
+    ours = asks % "(database (:battery >= 200)) (database (:temp >= 3))"
+    theirs = asks % "(database (:temp >= 3))"
+    sides = (theirs, ours) if turned else (ours, theirs)
+    found = merge(parse(base), *map(parse, sides))
+    assert found.plan is None
+    assert [(str(c.kind), c.id, c.field) for c in found.conflicts] == [
+        ("both-changed", "look", "start-conditions")
+    ]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_predictions_keep_their_meaning_where_one_side_states_the_spread_otherwise(turned: bool) -> None:
+    text = """(plan :expectation-spread :%s :node (block :id root :node-list (
+      (task :id a :action image :expectations ((time 10 %s))) %s
+      (task :id b :action image :expectations ((time 10 %s))))))"""
+    base = text % ("variance", 25, "", 16)
+    theirs = text % ("stddev", 6, "(task :id n :action wait :expectations ((time 1 4)))", 4)
+    ours = text % ("variance", 25, "", 81)
+    sides = (theirs, ours) if turned else (ours, theirs)
+    found = merge(parse(base), *map(parse, sides))
+    assert found.conflicts == ()
+    assert found.plan is not None
+    wanted = text % ("stddev", 6, "(task :id n :action wait :expectations ((time 1 4)))", 9)
+    assert canonical_text(found.plan) == canonical_text(parse(wanted))
