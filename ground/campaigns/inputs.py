@@ -111,11 +111,6 @@ def _named(plan: Plan) -> Iterator[tuple[str, str | None, str | None]]:
             )
 
 
-def named_observations(plan: Plan) -> frozenset[str]:
-    """Return the ids of the observations that a plan makes on some path."""
-    return frozenset(observation for _, _, observation in _named(plan) if observation is not None)
-
-
 def _check_tree(plan_file: Path, problem: Mapping[str, Any], world_file: Path) -> None:
     """Refuse a world whose problem is not the one for which the plan tree beside the plan was made."""
     tree = read_tree(plan_file)

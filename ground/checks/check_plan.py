@@ -18,12 +18,13 @@ from ground.campaigns.conduct import Conduct, make_order
 from ground.campaigns.conduct import Plan as Runs
 from ground.campaigns.engines import Engine
 from ground.campaigns.folder import CampaignFolder
-from ground.campaigns.inputs import expected_utility, named_observations, read_case
+from ground.campaigns.inputs import expected_utility, read_case
 from ground.campaigns.pilot import pilot_of
 from ground.campaigns.result import CampaignResult
 from ground.campaigns.variant import NamedCase, Variant, read_plan, varied
 from ground.checks.flight_rules import CHECKS, Facts, UndecidedError, flight_rules
 from ground.checks.report import Item, Mark, PlanCheck
+from ground.checks.used_observations import used_observations
 from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError
 from ground.versions.difference import PlanDifference, difference
@@ -147,6 +148,8 @@ class _Check:
     def _validated(self) -> tuple[Report, RoverProfile]:
         from executive.crl.validate import check
         from ground.campaigns.inputs import world_document
+        from rover_iface.errors import RoverError
+        from rover_iface.simulator.world import load_world
 
         path = self.order.plan
         try:
@@ -154,6 +157,10 @@ class _Check:
         except (OSError, UnicodeDecodeError) as err:
             raise InvalidInputError(f"plan {path}: {getattr(err, 'strerror', None) or err}") from err
         world = world_document(self.order.world)
+        try:
+            load_world(world)
+        except RoverError as err:
+            raise InvalidInputError(f"{self.order.world}: {err}") from err
         profile = profile_of(str(world.get("profile") or "k9"))
         battery = world.get("battery_j")
         levels = {} if battery is None else {"battery-energy": float(battery)}
@@ -272,10 +279,12 @@ def facts_of(case: Case, flown: CampaignResult, report: Report, profile: RoverPr
             return float(terrain.slope(east_m, north_m))
 
     battery, sun = world.get("battery_j"), world.get("sun") or {}
+    used = used_observations(plan, case.problem, profile)
     names = {name for key, i in profile.instruments.items() for name in (key, i.alias) if name}
     return Facts(
         problem=case.problem,
-        planned=named_observations(plan),
+        planned=used.ids,
+        open_uses=used.open,
         errors=tuple(f"{f.code} {f.message}" for f in report.errors),
         instruments=frozenset(names),
         slope=slope,

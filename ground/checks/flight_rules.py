@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 
 from ground.campaigns.result import CampaignResult
 from ground.campaigns.tally import OVER
+from ground.checks.used_observations import OpenUse
 from mission.codec import Document
 
 MARS_HOUR_S = 88_775.244 / 24
@@ -40,6 +41,9 @@ class Facts:
     ----------
     problem, planned
         The planning problem, and the ids of the observations that the plan makes.
+    open_uses
+        Tasks of which it cannot be told which observation they make; rules on observations that hold of the
+        others are undecided then.
     errors
         What the validator found wrong, as texts.
     instruments
@@ -63,6 +67,7 @@ class Facts:
     overrun: float | None
     campaign: CampaignResult | None
     least_runs: int
+    open_uses: tuple[OpenUse, ...] = ()
 
     def observations(self) -> Iterator[tuple[Document, Document]]:
         """Yield each planned observation with its target."""
@@ -92,6 +97,13 @@ def _stand(target: Document) -> Document:
     return found
 
 
+def _settled(verdict: Verdict, uses: Iterable[OpenUse]) -> Verdict:
+    """Return a verdict on observations: what is broken is broken, what holds holds if none is open."""
+    if verdict[0] and (said := "; ".join(dict.fromkeys(use.said for use in uses))):
+        raise UndecidedError(said)
+    return verdict
+
+
 def _tilt(facts: Facts, limit: float) -> Verdict:
     worst, where = 0.0, "no observation point in the plan"
     for target, _ in facts.observations():
@@ -101,7 +113,7 @@ def _tilt(facts: Facts, limit: float) -> Verdict:
         slope = facts.slope(pose["east_m"], pose["north_m"])
         if math.isnan(slope) or slope >= worst:
             worst, where = slope, f"steepest at {_name(target)}"
-    return worst <= limit, worst, where
+    return _settled((worst <= limit, worst, where), facts.open_uses)
 
 
 def _energy_floor(facts: Facts, limit: float) -> Verdict:
@@ -130,13 +142,14 @@ def _arm(facts: Facts, limit: float) -> Verdict:
         distance = math.hypot(point[0] - pose["east_m"], point[1] - pose["north_m"])
         if distance > farthest:
             farthest, where = distance, f"farthest is {_name(target)}"
-    return farthest <= limit, farthest, where
+    return _settled((farthest <= limit, farthest, where), (use for use in facts.open_uses if use.arm))
 
 
 def _instrument(facts: Facts, limit: float) -> Verdict:
     used = {str(o["instrument"]) for _, o in facts.observations() if o.get("instrument")}
     foreign = sorted(used - facts.instruments)
-    return len(foreign) <= limit, float(len(foreign)), ", ".join(foreign) or "all are known"
+    said = ", ".join(foreign) or "all are known"
+    return _settled((len(foreign) <= limit, float(len(foreign)), said), facts.open_uses)
 
 
 def _time_of_day(facts: Facts, limit: float) -> Verdict:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -174,3 +176,82 @@ def test_a_rule_holds_is_broken_or_undecided(
     if absent is not None:
         with pytest.raises(UndecidedError):
             CHECKS[rule](facts(**absent), limit)
+
+
+BARE = re.sub(r" :metadata \(observation = [\w-]+\)", "", GOOD)
+USES = {"FR-TILT", "FR-ARM", "FR-INSTRUMENT"}
+
+
+def rules(plan: Path, world: Path, folder: Path) -> dict[str, tuple[str, str]]:
+    out = folder / "rules.json"
+    ci(plan, world, "--json", str(out))
+    items = json.loads(out.read_text())["items"]
+    return {i["name"]: (i["mark"], i["said"]) for i in items if i["stage"] == "flight rules"}
+
+
+def changed_world(world: Path, change: Callable[[Any], None]) -> None:
+    document = json.loads(world.read_text())
+    change(document)
+    world.write_text(json.dumps(document))
+
+
+def test_rules_look_at_tasks_that_name_no_observation(small: tuple[Path, Path], tmp_path: Path) -> None:
+    plan, world = small
+    named = rules(plan, world, tmp_path)
+    assert "farthest is" in named["FR-ARM"][1]
+    assert "observation" not in BARE
+    plan.write_text(BARE)
+    assert rules(plan, world, tmp_path) == named
+
+
+def test_a_far_target_breaks_the_rule_of_the_arm_without_metadata_too(
+    small: tuple[Path, Path], tmp_path: Path
+) -> None:
+    plan, world = small
+    plan.write_text(BARE)
+    changed_world(world, lambda w: w["problem"]["targets"][1].update(point_m=[50.0, 4.0, 0.2]))
+    assert rules(plan, world, tmp_path)["FR-ARM"][0] == "failed"
+
+
+@pytest.mark.parametrize("named", ["", " :metadata (observation = T1-mi)"])
+def test_a_task_whose_observation_is_open_leaves_the_rules_undecided(
+    small: tuple[Path, Path], tmp_path: Path, named: str
+) -> None:
+    plan, world = small
+    plan.write_text(
+        BARE.replace(":id touch-T2", ":id touch-T2" + named)
+    )  # that of another target does not count
+
+    def twice(document: Any) -> None:
+        made = document["problem"]["targets"][1]["observations"]
+        made.append({**made[0], "id": "T2-again"})
+
+    changed_world(world, twice)
+    found = rules(plan, world, tmp_path)
+    assert {name for name in USES if found[name][0] == "undecided"} == USES
+    assert "task touch-T2 does not say which observation it makes: T2-mi or T2-again" in found["FR-ARM"][1]
+
+
+def test_the_arm_at_a_target_without_such_an_observation_is_undecided(
+    small: tuple[Path, Path], tmp_path: Path
+) -> None:
+    plan, world = small
+    plan.write_text(BARE)
+    changed_world(world, lambda w: w["problem"]["targets"][1]["observations"][0].update(kind="image"))
+    found = rules(plan, world, tmp_path)["FR-ARM"]
+    assert found[0] == "undecided"
+    assert "task touch-T2 uses the arm, and the world has no such observation of T2" in found[1]
+
+
+@pytest.mark.parametrize(
+    ("member", "held"), [("battery_j", "abc"), ("battery_j", -1), ("sun", "noon"), ("profile", 3)]
+)
+def test_a_world_that_cannot_be_used_is_refused_by_the_member(
+    small: tuple[Path, Path], member: str, held: object
+) -> None:
+    plan, world = small
+    changed_world(world, lambda w: w.update({member: held}))
+    code, told = ci(plan, world)
+    assert code == 2
+    assert member in told
+    assert len(told.splitlines()) == 1
