@@ -13,11 +13,14 @@ from ground.cli.terminal import Interrupt, ProgressLine
 
 if TYPE_CHECKING:
     from planner.problem import Problem
+    from planner.sols.solve_path import SolPath
     from planner.solve import PlanResult, Progress
 
 INFEASIBLE = 3
 NO_PLAN = 4
 SOLVE = "solve"
+PLAN_FILES = ("plan.crl", "plan_tree.json")
+SUMMARY = "summary.json"
 
 
 class _PlanGroup(TyperGroup):
@@ -73,9 +76,10 @@ def plan(
     `outcrop plan FILE ...` is short for it.
 
     With --sols or --power it is the first of several sols; sol_path.json says what the later ones are for.
+    Where the first sol has nothing to do, there is no plan.
 
-    Exit status 0: a plan (perhaps an empty one that says why), 2: bad input, 3: infeasible, 4: no plan in
-    time.
+    Exit status 0: a plan (perhaps an empty one that says why) or a path, 2: bad input, 3: infeasible (a
+    single day), 4: no plan in time. What an earlier run left of a plan in the folder is removed.
     """
     from planner.options import load_options
     from planner.problem import load_problem
@@ -166,6 +170,8 @@ def plan_sols(
         (out / "sol_path.json").write_text(text + "\n", encoding="utf-8")
         if path.first_sol is not None and path.plan is not None:
             write_plan(path.first_sol, path.plan, out)
+        else:
+            _remove(out, *PLAN_FILES, SUMMARY)
     except OSError as err:
         fail(f"{out}: {err.strerror or err}", BAD_INPUT)
     for sol in path.outline:
@@ -177,12 +183,29 @@ def plan_sols(
         f"{path.mean:.4f} +- {path.standard_error:.2g} over {len(path.outline)} sols, no policy earns more "
         f"than {path.upper:.4f}; {path.wall_s:.1f} s" + ("; stopped" if path.stopped else "")
     )
+    _end_of_sols(path, time_limit)
+
+
+def _end_of_sols(path: SolPath, time_limit: float) -> None:
+    """Say why the first sol has no plan, or an empty one, and leave with the status of it."""
+    from planner.solve import PlanStatus
+
+    for reason in () if path.plan is None else path.plan.reasons:
+        typer.echo(f"outcrop: {reason}", err=True)
+    if path.stopped and not path.order:
+        fail("stopped before there was a path", NO_PLAN)
+    if path.plan is None:
+        typer.echo("sol 1 has nothing to do: no plan was written")
+    elif path.plan.status is PlanStatus.TIMEOUT:
+        fail(f"no plan of sol 1 within {time_limit:g} s", NO_PLAN)
+    elif path.plan.status is PlanStatus.EMPTY:
+        typer.echo("the plan of sol 1 is empty")
 
 
 def write_plan(problem: Problem, result: PlanResult, out: Path) -> None:
     """Write plan.crl, plan_tree.json and summary.json into a folder, made if absent.
 
-    Without a plan (infeasible, out of time) only summary.json is written.
+    Without a plan (infeasible, out of time) only summary.json is written, and an older plan removed.
     """
     import json
 
@@ -200,8 +223,16 @@ def write_plan(problem: Problem, result: PlanResult, out: Path) -> None:
         (out / "plan.crl").write_text(readable_text(crl), encoding="utf-8")
         document = plan_tree_to_dict(result.tree, problem)
         (out / "plan_tree.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    else:
+        _remove(out, *PLAN_FILES)
     text = json.dumps(summary_of(problem, result, crl_digest), indent=1)
-    (out / "summary.json").write_text(text + "\n", encoding="utf-8")
+    (out / SUMMARY).write_text(text + "\n", encoding="utf-8")
+
+
+def _remove(out: Path, *names: str) -> None:
+    """Remove what an earlier run left: nobody shall take it for the plan of this one."""
+    for name in names:
+        (out / name).unlink(missing_ok=True)
 
 
 def _told(progress: Progress) -> str:

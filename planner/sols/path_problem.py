@@ -22,7 +22,7 @@ import numpy as np
 from mission.sol_timeline import Battery, PowerSegment, Rest, SolSeries, SolTimeline, rest_of
 from planner.errors import ProblemError
 from planner.evaluate.model import Floats, Model, Truths
-from planner.problem import Problem
+from planner.problem import START, Problem
 
 MAX_OBSERVATIONS = 60
 """What the arrays of `Model` hold."""
@@ -72,6 +72,7 @@ def path_problem(problem: Problem, series: SolSeries) -> PathProblem:
     rests = tuple(rest_of(sol, series.battery) for sol in series.sols)
     reserve = _reserves(series, rests)
     model = Model.of(problem)
+    _require_legs(model)
     sols = len(rests)
     window = np.repeat(model.window[None], sols, axis=0)
     allowed = np.ones((sols, model.m), np.bool_)
@@ -121,6 +122,22 @@ def _require_known(problem: Problem) -> None:
     )
     for what in filter(None, unknown):
         raise ProblemError(f"{what}; sol paths do not plan with that, only single sols do")
+
+
+def _require_legs(model: Model) -> None:
+    """Refuse a problem in which a way leads somewhere, but no leg: paths drive to observations alone."""
+    names = (START, *model.target_ids)
+    for to in range(1, model.n + 1):
+        if not model.target_bits[to]:
+            continue
+        for origin in range(model.n + 1):
+            hops = () if origin == to or model.has_leg[origin, to] else model.hops(origin, to)
+            if hops:
+                raise ProblemError(
+                    f"no leg leads from {names[origin]} to {names[to]}, only a way through "
+                    f"{', '.join(names[via] for via in hops[:-1])}; sol paths do not plan with that, only "
+                    "single sols do"
+                )
 
 
 def _reserves(series: SolSeries, rests: tuple[Rest, ...]) -> Floats:

@@ -17,7 +17,7 @@ from planner.plan_result import PlanResult, Progress
 from planner.problem import START, Budget, ObservationId, Problem
 from planner.sols.order_kernels import Days, Needs, Told
 from planner.sols.order_policy import OrderPolicies, OrderPolicy
-from planner.sols.order_search import FUTURES, annealed_order, days_of, needs_of
+from planner.sols.order_search import FUTURES, annealed_order, days_of, first_order, needs_of
 from planner.sols.path_bound import PathBound, path_bound
 from planner.sols.path_problem import PathProblem, path_problem
 from planner.solve import solve
@@ -188,6 +188,8 @@ class _Search:
         self.runs = 0
 
     def run(self) -> None:
+        if not first_order(self.path)[1]:
+            return  # nothing is wanted on any sol: no run would spend anything of the limit
         begun = now_s()
         while self.runs == 0 or now_s() < self.until_s:
             order, _ = annealed_order(

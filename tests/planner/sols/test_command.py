@@ -51,3 +51,38 @@ def test_what_does_not_go_with_several_sols_is_refused(
     assert done.exit_code == 2
     assert said.removeprefix("--sols") in done.output
     assert len(done.output.strip().splitlines()) == 1
+
+
+def test_an_older_plan_does_not_stay_where_the_first_sol_has_none(problem: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    asked = ["--out", str(out), "--sols", "2", "--time-limit", "1"]
+    assert CliRunner().invoke(app, ["plan", str(problem), *asked]).exit_code == 0
+    document = json.loads(problem.read_text(encoding="utf-8"))
+    for target in document["targets"]:
+        target["observations"][0]["utility"] = 0.0
+    problem.write_text(json.dumps(document), encoding="utf-8")
+    done = CliRunner().invoke(app, ["plan", str(problem), *asked])
+    assert done.exit_code == 0, done.output
+    assert [file.name for file in out.iterdir()] == ["sol_path.json"]
+    assert "sol 1 has nothing to do: no plan was written" in done.output
+
+
+def test_an_older_plan_does_not_stay_where_a_day_has_none(problem: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    asked = ["plan", str(problem), "--out", str(out), "--time-limit", "1"]
+    assert CliRunner().invoke(app, asked).exit_code == 0
+    document = json.loads(problem.read_text(encoding="utf-8"))
+    document["targets"][0]["observations"][0]["must_do"] = True
+    document["budget"]["time_s"] = 10.0
+    problem.write_text(json.dumps(document), encoding="utf-8")
+    assert CliRunner().invoke(app, asked).exit_code == 3
+    assert [file.name for file in out.iterdir()] == ["summary.json"]
+
+
+def test_a_path_that_was_stopped_before_a_plan_ends_with_status_4(
+    problem: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ground.cli.terminal.Interrupt.wanted", lambda self: True)
+    done = CliRunner().invoke(app, ["plan", str(problem), "--out", str(tmp_path / "out"), "--sols", "2"])
+    assert done.exit_code == 4, done.output
+    assert (tmp_path / "out" / "sol_path.json").is_file()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ import pytest
 from mission.errors import MissionError
 from mission.sol_timeline import SOL_SERIES, Battery, PowerSegment, SolSeries, SolTimeline, SolWindow, rest_of
 from planner.errors import ProblemError
-from planner.problem import Kind, Problem
+from planner.plan_result import Progress
+from planner.problem import Kind, Problem, problem_from_dict
 from planner.sols.path_bound import path_bound
 from planner.sols.path_problem import path_problem, same_budgets
 from planner.sols.solve_path import SolPath, solve_sols
-from tests.planner.examples import amount, example, observation
+from tests.planner.examples import amount, example, observation, problem_document
 from tests.planner.sols.reference import after_rest, best_of_all, survives
 
 
@@ -148,3 +150,49 @@ def test_what_cannot_be_is_refused_in_a_sentence() -> None:
 def test_a_series_is_read_as_it_was_written() -> None:
     _, series = constant(np.random.default_rng(1))
     assert SOL_SERIES.read(SOL_SERIES.write(series)) == series
+
+
+def empty_days() -> list[dict[str, Any]]:
+    """Return documents of problems in which nothing can be wanted."""
+    nothing = [[observation(f"O{k}", "image", 0.0)] for k in (1, 2, 3)]
+    late = [[observation(f"O{k}", "image", window_s=[90_000.0, 91_000.0])] for k in (1, 2, 3)]
+    return [
+        problem_document(places=[], observations=[]),
+        problem_document(observations=nothing),
+        problem_document(observations=late),
+    ]
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_where_nothing_can_be_wanted_the_path_is_empty_at_once(which: int) -> None:
+    problem = problem_from_dict(empty_days()[which])
+    told = 0
+
+    def report(_: Progress) -> None:
+        nonlocal told
+        told += 1
+        assert told < 100, "it goes on without end"
+
+    path = solve_sols(problem, same_budgets(problem, 2), time_limit_s=1.0, report=report)
+    assert path.order == ()
+    assert path.plan is None
+    assert path.mean == 0.0
+
+
+def test_a_way_through_another_place_is_refused_in_a_sentence() -> None:
+    rows = [[observation(f"O{k}", "image")] for k in (1, 2, 3)]
+    document = problem_document(observations=rows)
+    chain = {("start", "T1"), ("T1", "T2"), ("T2", "T3")}
+    document["legs"] = [leg for leg in document["legs"] if (leg["from"], leg["to"]) in chain]
+    problem = problem_from_dict(document)
+    with pytest.raises(ProblemError, match="no leg leads from start to T2, only a way through T1"):
+        path_problem(problem, same_budgets(problem, 2))
+
+
+def test_a_target_that_no_way_leads_to_hinders_no_other() -> None:
+    rows = [[observation(f"O{k}", "image")] for k in (1, 2, 3)]
+    document = problem_document(observations=rows)
+    document["legs"] = [leg for leg in document["legs"] if "T3" not in (leg["from"], leg["to"])]
+    problem = problem_from_dict(document)
+    path = solve_sols(problem, same_budgets(problem, 2), time_limit_s=0.1)
+    assert {o for sol in path.outline for o in sol.observations} == {"O1", "O2"}
