@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Set
 
 import numpy as np
 
@@ -14,8 +15,17 @@ from planner.evaluate.model import Model
 from planner.problem import Problem
 
 
-def why_impossible(model: Model) -> tuple[str, ...]:
-    """Return why what must be done cannot be; empty if a route on mean values holds it all."""
+def why_impossible(model: Model, demanded: Set[str]) -> tuple[str, ...]:
+    """Return why what must be done cannot be; empty if a route on mean values holds it all.
+
+    `demanded` are the names of all of it; what the model does not know cannot be made on any way.
+    """
+    unknown = sorted(demanded - set(model.observation_ids))
+    if unknown:
+        return (
+            f"observation {', '.join(unknown)} must be done, but no way leads there, or to what must be made "
+            "before",
+        )
     must = sum(1 << m for m in range(model.m) if model.must_do[m])
     lifted = dataclasses.replace(model, utility=np.where(model.must_do, model.utility + 1.0, model.utility))
     order = mean_seed(lifted, must=must)

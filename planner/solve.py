@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from planner.answers import when_stopped, with_long_plan, with_plan, without_plan
+from planner.answers import when_stopped, with_long_plan, with_plan, with_warm_plan, without_plan
 from planner.constraints.overrun import OverrunChance
 from planner.contingency.reduction import reduce_problem
 from planner.errors import PlannerError
@@ -16,7 +16,7 @@ from planner.plan_tree import Plan, planned_observations
 from planner.problem import Problem
 from planner.progress import Watch
 from planner.reasons import why_empty, why_impossible
-from planner.stages import Order, chosen, long_plan, pressed, searched, searched_within
+from planner.stages import Order, best_warm_plan, chosen, long_plan, pressed, searched, searched_within
 from planner.strategies import strategy_named
 from planner.tally import StoppedError, tallied
 from planner.threads import one_blas_thread
@@ -104,7 +104,7 @@ def _planned(order: Order) -> PlanResult:
         problem, most_live_sets=order.affordable_live_sets, should_stop=lambda: watch.stop(0.5)
     )
     small = Model.of(part.problem)
-    if must and (missing := why_impossible(small)):
+    if must and (missing := why_impossible(small, must)):
         return without_plan(order, part, PlanStatus.INFEASIBLE, missing)
     if small.t_max_s <= 0.0 or small.e_max_j <= 0.0:
         return without_plan(order, part, PlanStatus.EMPTY, why_empty(problem, planned=False))
@@ -125,6 +125,9 @@ def _planned(order: Order) -> PlanResult:
 
     # 4. One of them: the plan that holds up on futures that took no part in the search.
     choice = chosen(order, small, found.curve)
+    warm = None if part.exact else best_warm_plan(order)
+    if warm is not None and warm.check.mean > max(choice.mean, 0.0 if long is None else long.check.mean):
+        return with_warm_plan(order, part, warm, found, prices)
     if chance is not None and must and not choice.plan:
         return without_plan(order, part, PlanStatus.INFEASIBLE, (chance.why_none_does(must),))
     if long is not None and long.check.mean > choice.mean:

@@ -8,20 +8,23 @@ from dataclasses import dataclass
 
 from planner.constraints.must_do import pressing
 from planner.constraints.overrun import OverrunChance
+from planner.constraints.rule import MAX_BITS
 from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
-from planner.contingency.reduction import Reduction
+from planner.contingency.reduction import Reduction, held_by
 from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import mean_seed, route_plan
+from planner.contingency.selection import makeable, predecessors_of
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate
 from planner.evaluate.propagate import Evaluator
-from planner.large_plans import Checked, plan_large
+from planner.large_plans import Checked, checked, plan_large
 from planner.notes import annotate, annotate_sampled
 from planner.options import PlannerOptions
-from planner.plan_choice import held_up
-from planner.plan_tree import Observe, Plan, PlanTree, TrackStart, Visit, count_branches
+from planner.plan_choice import drop_rare, held_up
+from planner.plan_edits import fitted
+from planner.plan_tree import Observe, Plan, PlanTree, TrackStart, Visit, count_branches, planned_observations
 from planner.problem import Problem
 from planner.progress import Watch
 from planner.strategies import Found, Task
@@ -154,6 +157,40 @@ def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
     route = mean_seed(model, must=sum(1 << m for m in range(model.m) if model.must_do[m]))
     plan = route_plan(model, route)
     return _held_up(order, model, [(0.0, plan)])
+
+
+def best_warm_plan(order: Order) -> Checked | None:
+    """Return the warm plan that earns most on the whole problem; None if none is allowed there.
+
+    A search of a part of the problem sees of warm plans only that part.
+    """
+    problem, chance = order.problem, OverrunChance.of(order.problem)
+    models: dict[Plan, Model] = {}
+    for plan in (fitted(problem, warm) for warm in order.warm):
+        names = planned_observations(plan)
+        if not names or len(names) > MAX_BITS or makeable(problem, names) != names:
+            continue
+        if not _does_what_must_be(problem, plan):
+            continue
+        model = Model.of(held_by(problem, plan))
+        if order.least_taken > 0.0 and count_branches(plan):
+            plan = drop_rare(model, plan, order.least_taken)
+        if count_branches(plan) > order.max_branches or not model.admits_plan(plan):
+            continue
+        if chance is None or keeps_to(model, plan, chance, seed=order.seed + 2):
+            models[plan] = model
+    return checked(models, list(models), order.max_branches, order.seed + 1)
+
+
+def _does_what_must_be(problem: Problem, plan: Plan) -> bool:
+    """Return whether the main line makes all that must be done, each after what comes before it."""
+    line = [step.observation for step in plan if isinstance(step, Observe | Visit)]
+    before = predecessors_of(problem)
+    return all(
+        o.id in line and before[o.id] <= set(line[: line.index(o.id)])
+        for o in problem.observations
+        if o.must_do
+    )
 
 
 def _main_line(plan: Plan) -> set[str]:

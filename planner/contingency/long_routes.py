@@ -18,6 +18,7 @@ from planner.contingency.reduction import mean_route_of, only
 from planner.contingency.sampled_branches import Curve, grow_branches
 from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import route_plan
+from planner.contingency.selection import makeable
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.plan_edits import fitted
@@ -108,7 +109,7 @@ def widened(problem: Problem, names: set[ObservationId]) -> Problem:
         if o.target in held or len(held) < MAX_BITS:
             chosen.add(o.id)
             held.add(o.target)
-    return only(problem, chosen)
+    return only(problem, names | makeable(problem, chosen))
 
 
 def best_long_route(

@@ -12,6 +12,7 @@ import numpy as np
 from planner.constraints.registry import columns_of
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.policy import LiveSets, Moves, TooLargeError
+from planner.contingency.selection import Selection, makeable, nearest_by_worth
 from planner.evaluate.model import Model
 from planner.plan_tree import Navigate, Plan, planned_observations, walk
 from planner.problem import ObservationId, Problem, TargetId
@@ -136,26 +137,28 @@ def reduce_problem(
     """Return the problem itself if a table of so many live sets can hold it, else its best targets.
 
     The targets kept are those of good routes on mean values, found by the orienteering engines for several
-    budgets, with what must be done before all others.
+    budgets, with what must be done before all others. None is kept without what must be made before it. Those
+    nearest by worth fill the rest where a table would hold all but for the limit, or no route makes any.
     """
-    reachable = reachable_targets(problem)
-    useful = part_of(problem, {t.id for t in problem.targets if t.id in reachable})
-    whole = len(useful.targets) == len(problem.targets)
+    useful = _makeable_part(problem)
+    whole = (len(useful.targets), len(useful.observations)) == (
+        len(problem.targets),
+        len(problem.observations),
+    )
     count = live_sets_of(useful)
     if count is not None and (count <= most_live_sets or len(useful.observations) <= KEPT_OBSERVATIONS):
         return Reduction(problem, problem if whole else useful, count)
-    chosen: dict[ObservationId, None] = {o.id: None for o in useful.observations if o.must_do}
-    target_of = {o.id: o.target for o in useful.observations}
+    selection = Selection(useful, most=KEPT_OBSERVATIONS, most_targets=KEPT_TARGETS)
+    selection.demand(o.id for o in useful.observations if o.must_do)
     for share in (1.0, 0.75, 1.3):
         # The first route is always made: without one there is nothing to plan with.
-        if (share != 1.0 and should_stop()) or len(chosen) >= KEPT_OBSERVATIONS:
+        if (share != 1.0 and should_stop()) or selection.full:
             break
-        for name in mean_route_of(useful, share):
-            more = {**chosen, name: None}
-            targets = {target_of[x] for x in more}
-            if len(more) <= KEPT_OBSERVATIONS and len(targets) <= KEPT_TARGETS:
-                chosen = more
-    part = only(useful, set(chosen))
+        selection.offer(mean_route_of(useful, share))
+    if count is not None or not selection.names:
+        # What no route on mean values makes may still be worth trying: drives can be quicker.
+        selection.offer(nearest_by_worth(useful))
+    part = only(useful, selection.names)
     left = len(problem.observations) - len(part.observations)
     return Reduction(
         problem,
@@ -168,6 +171,16 @@ def reduce_problem(
         ),
         hurried=count is not None,
     )
+
+
+def _makeable_part(problem: Problem) -> Problem:
+    """Return the problem with the targets that some way leads to, and what can be made there at all."""
+    reachable = reachable_targets(problem)
+    at_all = makeable(problem, {o.id for o in problem.observations if o.target in reachable})
+    targets = tuple(
+        replace(t, observations=tuple(o for o in t.observations if o.id in at_all)) for t in problem.targets
+    )
+    return part_of(replace(problem, targets=targets), {t.id for t in targets if t.id in reachable})
 
 
 def only(problem: Problem, names: set[ObservationId]) -> Problem:

@@ -9,6 +9,7 @@ from planner.contingency.policy import Policy
 from planner.contingency.reduction import moves_of
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.evaluate.grid import Grid, Rounding
+from planner.evaluate.model import Model
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward
 from planner.plan_edits import fitted
@@ -54,17 +55,30 @@ def search(task: Task) -> Found:
 def routes_cut_short(task: Task) -> tuple[Plan, ...]:
     """Return plans that need no table, best first: the route on mean values, cut short at every length.
 
+    Where no route fits on mean values, they are single visits, which may end in time by luck.
     They are there before the table of the optimal policy is, and on problems that are large for the time
     limit they are what the search begins with.
     """
     model, grid = task.model, task.grid
     order = mean_seed(model)
+    routes = [order[:length] for length in range(len(order), 0, -1)] or single_visits(model)
     plans: list[tuple[float, Plan]] = []
-    for length in range(len(order), 0, -1):
-        route = order[:length]
+    for route in routes:
         plan = route_plan(model, route)
         plans.append((Backward(grid, compile_plan(model, plan)).total(), plan))
     plans.sort(key=lambda pair: -pair[0])
     if plans and plans[0][0] > task.watch.best_value:
         task.watch.told(plans[0][1], plans[0][0])
     return tuple(plan for _, plan in plans[: task.options.quick_plans])
+
+
+def single_visits(model: Model) -> list[tuple[int, ...]]:
+    """Return routes of one observation that is worth something and may be made first."""
+    return [
+        (m,)
+        for m in range(model.m)
+        if model.utility[m] > 0.0
+        and not model.predecessors[m]
+        and model.hops(0, int(model.obs_place[m]))
+        and model.admits(1 << m)
+    ]
