@@ -73,12 +73,17 @@ def serve_ros2(bridging: Bridging, say: Callable[[str], None]) -> None:
     WireError
         If the place is taken, or leads off the machine without keys.
     """
+    from rover_iface.errors import RoverError
     from rover_iface.ros2.load import load_mapping
     from rover_iface.ros2.rclpy_port import RclpyPort
     from rover_iface.ros2.rover import RosRover
 
     mapped = load_mapping(bridging.mapping)
-    port = RclpyPort(mapped.mapping, shlex.split(bridging.ros_args))
+    try:
+        ros_args = shlex.split(bridging.ros_args)
+    except ValueError as err:
+        raise RoverError(f"--ros-args {bridging.ros_args!r} cannot be split: {err}") from err
+    port = RclpyPort(mapped.mapping, ros_args)
     try:
         with tempfile.TemporaryDirectory() as scratch:
             out, clock = bridging.out or Path(scratch), _clock(mapped, port)

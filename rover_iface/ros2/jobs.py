@@ -32,6 +32,8 @@ from rover_iface.ros2.port import (
 )
 from rover_iface.ros2.readings import Reader, plain_value
 
+STILL_GOING = frozenset({Outcome.UNANSWERED, Outcome.BROKEN})
+"""Ends of a job after which the robot may still follow the goal: an abort is not acknowledged with them."""
 LOOK_S = 0.25
 """How often it is looked up who serves a name."""
 
@@ -113,6 +115,7 @@ class GoalJob:
         now = self._desk.now_s()
         if self._accepted_ms is None:
             if now - self._sent < self._call.accept_s:
+                self._hurry(now)
                 return None
             self._desk.orphan(self._call, self.goal)
             why = f"{self._server} neither accepted nor rejected the goal within {self._call.accept_s:g} s"
@@ -173,6 +176,7 @@ class GoalJob:
                     self._desk.note(f"{self._server} accepted the same goal twice")
                 else:
                     self._accepted_ms = self._desk.rover_ms()
+                    self._cancel_said = None  # what was said before may not have been understood
                     self._hurry(self._desk.now_s())
             case Judged():
                 return self._end(Outcome.REJECTED, f"{self._server} rejected the goal")
@@ -182,6 +186,8 @@ class GoalJob:
                 self._take_feedback(word.feedback)
             case CancelRefused(unknown=True) if self._accepted_ms is not None:
                 return self._end(Outcome.LOST, f"{self._server} does not know the goal any more")
+            case CancelRefused(unknown=True):
+                pass  # not accepted yet: it is cancelled again when it is
             case CancelRefused():
                 self._desk.note(f"{self._server} refuses to cancel a goal; it is asked again")
             case Broken():
@@ -214,7 +220,7 @@ class GoalJob:
         return None
 
     def _end(self, outcome: Outcome, why: str) -> Over:
-        if self._aborted:
+        if self._aborted and outcome not in STILL_GOING:
             return Over(acknowledged=True)
         if self._overdue:
             limit = f"it took longer than {self._call.limit_s:g} s and was cancelled"
@@ -237,9 +243,8 @@ class GoalJob:
         self._aborted = True
         if self._sent is None:
             return Over(acknowledged=True)
-        if self._accepted_ms is not None:
-            self._hurry(self._desk.now_s())
-        return None  # a goal that nobody has accepted yet is cancelled as soon as somebody does
+        self._hurry(self._desk.now_s())
+        return None  # a goal that nobody has accepted yet is cancelled again as soon as somebody does
 
 
 class RequestJob:
@@ -306,11 +311,10 @@ class ImageJob:
     def _kept(self, image: object) -> Over:
         try:
             suffix, data, label = picture_of(image)
+            label = {"topic": self._call.name, **label}
+            self._desk.keep(self._command.id, self._call.product, suffix, data, label)
         except AbsentError as err:
             return Over(reason=Outcome.MALFORMED.because(f"the image on {self._call.name}: {err}"))
-        self._desk.keep(
-            self._command.id, self._call.product, suffix, data, {"topic": self._call.name, **label}
-        )
         known = {result.name for result in self._spec.results}
         given: dict[str, Value] = {"products": 1.0, "made": True}
         return Over(success=True, values={name: v for name, v in given.items() if name in known})

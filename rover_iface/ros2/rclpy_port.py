@@ -238,7 +238,8 @@ class RclpyPort:
             for one in told.status_list
             if one.status in known
         }
-        self._words.append(Statuses(name, goals))
+        if len(self._words) < BEHIND:
+            self._words.append(Statuses(name, goals))
 
     def cancel_goal(self, call: ActionCall, goal: bytes) -> None:
         request = CancelGoal.Request(goal_info=GoalInfo(goal_id=UUID(uuid=list(goal))))

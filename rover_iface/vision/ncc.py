@@ -364,7 +364,7 @@ class NccTracker:
         sources = [track.last]
         if track.misses:
             best = track.gallery.best(view.left_camera, match.point, match.normal)
-            sources += [kept.template for kept in best[:1]]
+            sources += [kept.template for kept in best if kept.template is not track.last][:1]
         seen = [self.matcher.surroundings(source, view, match.left_px, match.point) for source in sources]
         known = [score for score in seen if score is not None]
         if not known:

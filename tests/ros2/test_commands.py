@@ -228,12 +228,29 @@ def test_a_goal_that_was_faster_than_its_abort_has_succeeded(bench: Bench) -> No
     assert only_answer(bench).success
 
 
-def test_an_abort_before_the_goal_was_accepted_cancels_it_then(bench: Bench) -> None:
+def test_an_abort_before_the_goal_was_accepted_cancels_it_at_once_and_then(bench: Bench) -> None:
     command = bench.send("navigate", x=1.0, y=0.0)
     bench.rover.abort(command)
-    assert bench.port.cancelled == []
+    (goal,) = bench.port.cancelled
+    bench.turn(CancelRefused(goal, unknown=True))
+    assert answers(bench) == []
+    assert bench.accept() == goal
+    assert bench.port.cancelled == [goal, goal]
+
+
+def test_a_goal_called_off_that_nobody_answered_for_is_not_told_as_stopped(bench: Bench) -> None:
+    command = bench.send("navigate", x=1.0, y=0.0)
+    bench.rover.abort(command)
+    bench.turn(after_s=6)
+    assert only_answer(bench).reason.startswith("unanswered: ")
+
+
+def test_a_goal_called_off_whose_line_broke_is_not_told_as_stopped(bench: Bench) -> None:
+    command = bench.send("navigate", x=1.0, y=0.0)
     goal = bench.accept()
-    assert bench.port.cancelled == [goal]
+    bench.rover.abort(command)
+    bench.turn(Broken(goal, "no answer can be read"))
+    assert only_answer(bench).reason.startswith("broken: ")
 
 
 def test_an_abort_before_the_goal_was_sent_ends_it(bench: Bench) -> None:
@@ -354,13 +371,17 @@ def test_a_command_that_cannot_be_is_refused(
     assert bench.port.sent == []
 
 
-def test_an_image_becomes_a_product(bench: Bench, tmp_path: Path) -> None:
-    bench.send("image")
-    ear = bench.port.ears["/camera/image_raw"]
+def two_pixels() -> SimpleNamespace:
     picture = message(header__frame_id="cam", header__stamp=SimpleNamespace(sec=5, nanosec=0))
     picture.height, picture.width, picture.step, picture.is_bigendian = 2, 1, 8, 0
     picture.encoding, picture.data = "bgr8", bytes([1, 2, 3, 0, 0, 0, 0, 0, 4, 5, 6, 0, 0, 0, 0, 0])
-    ear.waiting = [picture]
+    return picture
+
+
+def test_an_image_becomes_a_product(bench: Bench, tmp_path: Path) -> None:
+    bench.send("image")
+    ear = bench.port.ears["/camera/image_raw"]
+    ear.waiting = [two_pixels()]
     bench.turn()
     (product,) = [e for e in bench.heard if isinstance(e, Product)]
     assert only_answer(bench).values == {"products": 1.0}
@@ -370,6 +391,16 @@ def test_an_image_becomes_a_product(bench: Bench, tmp_path: Path) -> None:
     with Image.open(tmp_path / product.path) as made:
         assert [made.getpixel((0, row)) for row in range(2)] == [(3, 2, 1), (6, 5, 4)]
     assert (tmp_path / f"{product.path}.json").is_file()
+
+
+def test_an_image_that_the_disk_does_not_take_ends_its_command(bench: Bench, tmp_path: Path) -> None:
+    (tmp_path / "products").write_text("in the way")
+    bench.send("image")
+    ear = bench.port.ears["/camera/image_raw"]
+    ear.waiting = [two_pixels()]
+    bench.turn()
+    assert "cannot be written" in only_answer(bench).reason
+    assert ear.closed
 
 
 @pytest.mark.parametrize(

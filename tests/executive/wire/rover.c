@@ -1,4 +1,4 @@
-/* A rover on the wire in C99 and POSIX alone, written from docs/wire.md: it waits, and refuses the rest.
+/* A rover on the wire in C99 and POSIX alone, written from docs/reference/wire.md: it waits, and refuses the rest.
  *
  *     cc -O1 -o rover rover.c -lm && ./rover /tmp/rover.sock
  *
