@@ -16,7 +16,14 @@ from ground.app.api import build_api
 from ground.app.gate import API, OPEN
 from tests.ground.conftest import Api
 
-BYTES = {"application/octet-stream", "application/zip", "image/png", "image/jpeg", "image/tiff"}
+BYTES = {
+    "application/geopackage+sqlite3",
+    "application/octet-stream",
+    "application/zip",
+    "image/png",
+    "image/jpeg",
+    "image/tiff",
+}
 """Files whose example would tell nobody anything."""
 
 
