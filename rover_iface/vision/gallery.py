@@ -22,8 +22,8 @@ OTHER_SCALE, OTHER_TURN_RAD = 1.3, 0.17
 """Ratio of ranges, and angle between lines of sight, from which on a view is another one. By hand: half of
 what a plane still warps well (1.7 and 0.35): one such view lies near wherever the rover has been."""
 MOST_SCALE, MOST_TURN_RAD = 2.5, 0.9
-"""Beyond these two views of a rock share too little. On a textured plane the told 95 % region of a match held 96 %
-at a scale of 2.5 and 77 % at 3.9, where a patch is 5 px of the old one."""
+"""Beyond these two views of a rock share too little. On a textured plane the told 95 % region of a match held
+96 % at a scale of 2.5 and 77 % at 3.9, where a patch is 5 px of the old one."""
 MATCH_PX = 0.15
 """What a match is off by, in pixels of the coarser view, when views are ranked: any value does that lies
 between interpolation (0.05) and grain (0.3), as it is the same for all."""
