@@ -338,10 +338,10 @@ def main() -> None:
 ABOUT = {
     "kills": """Killed at random instants
 
-The executive is a process that runs a signed package over [the wire](../reference/wire.md) on the reference rover,
-a process of its own that lives on. Kills fall at random instants from the first byte on, up to three a run.
-What was carried out is counted by the rover, and when a command was there is read from its log. A start that
-fell into an absence is due when the executive is back.""",
+The executive is a process that runs a signed package over [the wire](../reference/wire.md) on the
+reference rover, a process of its own that lives on. Kills fall at random instants from the first byte on,
+up to three a run. What was carried out is counted by the rover, and when a command was there is read
+from its log. A start that fell into an absence is due when the executive is back.""",
     "stops": """Stopped
 
 From `outcrop stop` to the rover's word that its wheels stand. A planner at work (`outcrop plan`) and a
