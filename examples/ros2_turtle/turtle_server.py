@@ -11,6 +11,8 @@ import contextlib
 import math
 import threading
 import time
+from collections.abc import Sequence
+from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -47,22 +49,22 @@ class Turtle(Node):
         }
         self.create_timer(0.05, self.tell, callback_group=group)
 
-    def judge(self, goal: object) -> GoalResponse:
+    def judge(self, goal: Any) -> GoalResponse:
         """Reject what lies too far."""
-        poses = getattr(goal, "poses", None) or [goal.pose]  # type: ignore[attr-defined]
+        poses = getattr(goal, "poses", None) or [goal.pose]
         self.get_logger().info("a goal has come")
         far = max(math.hypot(p.pose.position.x, p.pose.position.y) for p in poses)
         return GoalResponse.REJECT if far > 900 else GoalResponse.ACCEPT
 
-    def navigate(self, handle: object) -> object:
+    def navigate(self, handle: Any) -> object:
         """Carry out one goal."""
-        return self.through(handle, [handle.request.pose], NavigateToPose)  # type: ignore[attr-defined]
+        return self.through(handle, [handle.request.pose], NavigateToPose)
 
-    def follow(self, handle: object) -> object:
+    def follow(self, handle: Any) -> object:
         """Carry out several."""
-        return self.through(handle, handle.request.poses, FollowWaypoints)  # type: ignore[attr-defined]
+        return self.through(handle, handle.request.poses, FollowWaypoints)
 
-    def through(self, handle, poses, kind):
+    def through(self, handle: Any, poses: Sequence[Any], kind: Any) -> object:
         """Drive through places until the last, a cancel or a failure."""
         result = kind.Result()
         for count, pose in enumerate(poses):

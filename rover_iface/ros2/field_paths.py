@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 from rover_iface.errors import MappingError
 
@@ -59,7 +60,7 @@ def read_field(message: object, path: str) -> object:
     return found
 
 
-def _into(found: object, step: Step, path: str) -> object:
+def _into(found: Any, step: Step, path: str) -> object:
     if step.member:
         if not hasattr(found, step.member):
             raise AbsentError(f"there is no {step.member} on the way {path}")
@@ -67,7 +68,7 @@ def _into(found: object, step: Step, path: str) -> object:
     if not hasattr(found, "__getitem__") or not hasattr(found, "__len__"):
         raise AbsentError(f"there is no list before {step.where or step.index} on the way {path}")
     if step.where:
-        for entry in found:  # type: ignore[attr-defined]
+        for entry in found:
             if str(getattr(entry, step.where, None)) == step.text:
                 return entry
         raise AbsentError(f"no entry has {step.where} {step.text!r} on the way {path}")

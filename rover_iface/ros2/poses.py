@@ -51,10 +51,10 @@ def transform_of(message: Any) -> Transform:
     """
     for inner in ("pose", "transform", "pose"):
         message = getattr(message, inner, message)
-    place = getattr(message, "position", getattr(message, "translation", None))
-    turn = getattr(message, "orientation", getattr(message, "rotation", None))
+    place: Any = getattr(message, "position", getattr(message, "translation", None))
+    turn: Any = getattr(message, "orientation", getattr(message, "rotation", None))
     try:
-        numbers = [float(v) for v in (place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z)]  # type: ignore[union-attr]
+        numbers = [float(v) for v in (place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z)]
     except (AttributeError, TypeError, ValueError) as err:
         raise AbsentError(f"a {type(message).__name__} is no pose") from err
     if not all(map(math.isfinite, numbers)):
