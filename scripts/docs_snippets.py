@@ -218,7 +218,7 @@ def unknown(text: str) -> list[str]:
 
 def missing_imports(text: str) -> list[str]:
     """Return the names that a snippet imports from our packages and that are not there."""
-    ours = ("mission", "executive", "planner", "rover_iface", "ground")
+    ours = ("mission", "executive", "planner", "rover_iface", "neighbours", "ground")
     lost = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ours:

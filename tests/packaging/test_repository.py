@@ -140,7 +140,8 @@ def test_help_loads_no_heavy_library() -> None:
 def test_wheel_names_every_room() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
-    assert wheel["packages"] == ["mission", "executive", "planner", "rover_iface", "ground", "web"]
+    rooms = ["mission", "executive", "planner", "rover_iface", "neighbours", "ground", "web"]
+    assert wheel["packages"] == rooms
     assert wheel["force-include"] == {"migrations": "ground/migrations"}
 
 
