@@ -66,13 +66,19 @@ def _describe_term(term: Document, names: Mapping[str, str]) -> str:
         case "done":
             return f"{term.get('observation', term.get('target'))} {'done' if term['is'] else 'not done'}"
         case name:
-            what, unit = ("time", "s") if name == "time_s" else ("energy", "J")
-            bounds = (
-                f"{what} {sign} {float(term[key]):.0f} {unit}"
-                for key, sign in COMPARED.items()
-                if key in term
+            what, show = ("time", _clock) if name == "time_s" else ("energy used", _watt_hours)
+            return " and ".join(
+                f"{what} {sign} {show(float(term[key]))}" for key, sign in COMPARED.items() if key in term
             )
-            return " and ".join(bounds)
+
+
+def _clock(seconds: float) -> str:
+    whole = round(seconds)
+    return f"{whole // 3600}:{whole % 3600 // 60:02}:{whole % 60:02}"
+
+
+def _watt_hours(joules: float) -> str:
+    return f"{joules / 3600:.4g} Wh"
 
 
 def boxes(tree: Document, names: Mapping[str, str]) -> Box:

@@ -34,6 +34,8 @@ def test_without_a_track_there_is_no_chart() -> None:
 
 def test_an_option_that_asks_what_was_done_says_so() -> None:
     late = [{"var": "done", "observation": "R1", "is": False}, {"var": "time_s", "ge": 3600.0}]
-    assert describe_when(late, {}) == "R1 not done and time ≥ 3600 s"
+    assert describe_when(late, {}) == "R1 not done and time ≥ 1:00:00"
+    hungry = [{"var": "energy_j", "ge": 532429.0}, {"var": "time_s", "lt": 59.9}]
+    assert describe_when(hungry, {}) == "energy used ≥ 147.9 Wh and time < 0:01:00"
     assert describe_when([{"var": "tracked", "target": "T1", "is": False}], {"T1": "Clovis"}) == "Clovis lost"
     assert describe_when([], {}) == "else"
