@@ -17,6 +17,7 @@ from ground.demo.mission import demo_mission
 from ground.errors import InvalidInputError
 from ground.reports.figures import draw_day
 from ground.reports.plan_drawing import describe_when
+from ground.uplink.admission import commission
 from ground.uplink.flight import Flight, fly
 from ground.uplink.package import json_text, manifest_text
 from ground.uplink.training import PEOPLE, make_team, sign_package
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from ground.uplink.verify import Package
     from planner.solve import PlanResult
     from rover_iface.profile import RoverProfile
+    from rover_iface.terrain import Terrain
 
 PROFILE = "k9"
 BRANCHES = 6
@@ -109,6 +111,7 @@ def run_day(
         document = problem_to_dict(problem)
         out.mkdir(parents=True, exist_ok=True)
         _write_json(out / "problem.json", document)
+        write_world(out / "world", seed, asked, document, terrain, terrain_folder)
     with clock.stage("contingent plan") as tell:
         plan = solve(
             problem,
@@ -147,6 +150,7 @@ def run_day(
         )
     with clock.stage("two people sign the package"):
         sign_day(out, asked, crl_text, terrain.sha256, profile, flight)
+        commission(out / "world", out / "keys" / "trust.json")
     with clock.stage("data products to their requests"):
         products, orphans = tie_products(out, asked)
     day = DayRecord(out, asked, prepared, plan, tree, flight, fault, products, orphans, clock.seconds)
@@ -167,6 +171,30 @@ def run_day(
         )
     (out / "summary.txt").write_text("\n".join(summary_lines(day)) + "\n", encoding="utf-8")
     return day
+
+
+def write_world(
+    folder: Path, seed: int, asked: Day, problem: Document, terrain: Terrain, terrain_folder: Path | None
+) -> None:
+    """Write a day's world, so that any rover can execute its package: a `world/1` with its terrain.
+
+    A terrain that came from a folder stays there; a generated one is written beside the world.
+    """
+    from rover_iface.terrain import write_terrain
+
+    folder.mkdir(parents=True, exist_ok=True)
+    _write_json(folder / "problem.json", problem)
+    world = {
+        "format": "world/1",
+        "name": str(asked.refs["terrain"]),
+        "terrain": "terrain" if terrain_folder is None else str(terrain_folder.resolve()),
+        "profile": PROFILE,
+        "seed": seed,
+        "problem": "problem.json",
+    }
+    if terrain_folder is None:
+        write_terrain(terrain, folder / "terrain")
+    _write_json(folder / "world.json", world)
 
 
 def sign_day(

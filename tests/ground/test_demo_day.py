@@ -57,6 +57,28 @@ def test_demo_runs_a_whole_day_on_generated_terrain(tmp_path: Path) -> None:
         if t["state"] == "lost"
     }
     assert run["faults"][0]["target"] in lost
+    _another_rover_executes_the_package(out, tmp_path / "run")
+
+
+def _another_rover_executes_the_package(day: Path, out: Path) -> None:
+    """The physics engine's rover in the day's own world: the same plan, decided by what that rover meets."""
+    flags = ("--rover", "mujoco", "--world", str(day / "world"), "--trust", str(day / "keys/trust.json"))
+    command = [
+        sys.executable,
+        "-m",
+        "ground.cli",
+        "execute",
+        str(day / "package.zip"),
+        *flags,
+        "--out",
+        str(out),
+    ]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode in (0, 1), done.stderr
+    assert _rows(out / "trace.jsonl")[-1][1:3] == ["end", "root"]
+    assert (out / "plan.crl").read_text() == (day / "plan.crl").read_text()
+    drives = [row for row in _rows(out / "trace.jsonl") if row[1] == "end" and row[2].startswith("navigate-")]
+    assert drives
 
 
 @pytest.mark.slow
