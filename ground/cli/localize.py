@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ground.cli.failure import fail, refusals
+from ground.cli.geo_group.align import align
 
 if TYPE_CHECKING:
     from rover_iface.localization.ground_points import GroundPoints
@@ -22,6 +23,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands to the program."""
     app.command("localize")(localize)
     app.command("sites")(sites)
+    app.command("align")(align)
 
 
 def localize(

@@ -1,0 +1,1 @@
+"""Commands about a site's place on its body."""
