@@ -20,6 +20,7 @@ from ground.gdr.history import GENESIS
 from ground.resources.approvals.row import ApprovalRow
 from ground.resources.packages.row import SignatureRow, StatementRow
 from ground.resources.plans.row import PlanRow
+from ground.resources.problems.row import ProblemRow
 from ground.uplink.keys import id_of, public_text, sign
 from ground.uplink.training import Team
 from ground.uplink.verify import read_package
@@ -46,6 +47,31 @@ def tampered(api: Api, plan: str, **columns: Any) -> None:
     """Change a plan's row behind the server's back."""
     with api.repo.database.write() as session:
         session.execute(update(PlanRow).where(PlanRow.id == plan).values(**columns))
+
+
+def test_rules_look_at_what_the_text_observes_and_not_at_a_list_that_came_with_it(
+    verified: tuple[Api, dict[str, Any]],
+) -> None:
+    """An archive's author writes the list of planned requests too: an empty one passed every rule."""
+    api, plan = verified
+    url = f"/plans/{plan['id']}/flight-rules"
+    before = api.get(url)
+    assert {r["rule"]: r["value"] for r in before}["FR-ARM"] > 0.0
+    tampered(api, plan["id"], planned_request_ids=[])
+    assert api.get(url) == before
+
+
+def test_a_rule_whose_facts_are_absent_does_not_hold(verified: tuple[Api, dict[str, Any]]) -> None:
+    api, plan = verified
+    with api.repo.database.write() as session:
+        row = session.get_one(ProblemRow, session.get_one(PlanRow, plan["id"]).problem_id)
+        document = copy.deepcopy(row.document)
+        for target in document["targets"]:
+            target.pop("observation_point")
+        row.document = document
+    found = {r["rule"]: r for r in api.get(f"/plans/{plan['id']}/flight-rules")}
+    assert not found["FR-TILT"]["holds"]
+    assert "no observation_point" in found["FR-TILT"]["detail"]
 
 
 def test_text_that_was_changed_after_the_approval_never_leaves(

@@ -9,7 +9,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.campaigns.result import RESULTS, CampaignResult
-from ground.checks.flight_rules import CHECKS, Facts, Rule, flight_rules
+from ground.checks.flight_rules import CHECKS, Facts, Rule, UndecidedError, flight_rules
+from ground.checks.used_observations import UsedObservations, used_observations
 from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError, StateError
 from ground.gdr.history import Change, record
@@ -28,6 +29,7 @@ from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow
 from ground.resources.sols.row import SolRow
 from ground.settings import Settings
+from mission.codec import Document
 
 logger = logging.getLogger(__name__)
 
@@ -54,14 +56,25 @@ def _largest_campaign(session: Session, plan: PlanRow) -> CampaignResult | None:
     return max(found, key=lambda result: result.runs, default=None)
 
 
+def _used(plan: PlanRow, problem: Document) -> UsedObservations:
+    """Return what the text observes; the list beside it may have come in with an archive."""
+    from executive.crl import parse
+
+    assert plan.crl_text is not None
+    return used_observations(parse(plan.crl_text), problem, profile_of(plan.rover_profile))
+
+
 def hold_rules(repo: Repository, session: Session, plan: PlanRow) -> list[FlightRuleResult]:
-    """Return how each rule stands for a computed plan."""
+    """Return how each rule stands for a computed plan; one that is undecided does not hold."""
     assert plan.problem_id is not None
+    problem = session.get_one(ProblemRow, plan.problem_id).document
+    used = _used(plan, problem)
     sol, terrain = session.get_one(SolRow, plan.sol_id), mission_terrain(repo, session, plan.mission_id)
     asked = repo.settings.approval_runs
     facts = Facts(
-        problem=session.get_one(ProblemRow, plan.problem_id).document,
-        planned=frozenset(plan.planned_request_ids),
+        problem=problem,
+        planned=used.ids,
+        open_uses=used.open,
         errors=tuple(f"{f['code']} {f['message']}" for f in plan.findings if f["severity"] == "error"),
         instruments=frozenset(profile_of(plan.rover_profile).instruments),
         slope=lambda east_m, north_m: float(terrain.slope(east_m, north_m)),
@@ -78,7 +91,10 @@ def hold_rules(repo: Repository, session: Session, plan: PlanRow) -> list[Flight
     }
     results = []
     for rule in asked_rules(repo.settings):
-        holds, value, detail = CHECKS[rule.check](facts, rule.limit)
+        try:
+            holds, value, detail = CHECKS[rule.check](facts, rule.limit)
+        except UndecidedError as err:
+            holds, value, detail = False, None, str(err)
         value = value if value is not None and math.isfinite(value) else None
         results.append(
             FlightRuleResult(
