@@ -40,6 +40,17 @@ class Terrain:
     def __post_init__(self) -> None:
         if not self.layers:
             raise TerrainFormatError(f'terrain "{self.name}" has no heights')
+        heading = self.origin.get("heading_rad", 0.0)
+        if not isinstance(heading, int | float) or not abs(heading) <= math.tau or isinstance(heading, bool):
+            raise TerrainFormatError(
+                f'terrain "{self.name}": heading_rad of its origin is {str(heading)[:40]!r}; it must be a '
+                "number from -2 pi to 2 pi"
+            )
+
+    @property
+    def start_heading_rad(self) -> float:
+        """Return where a rover looks that starts in the origin of the site frame; 0 is east."""
+        return float(self.origin.get("heading_rad", 0.0))
 
     # ---- extent
 

@@ -247,6 +247,18 @@ def test_the_start_lies_on_clear_level_ground_at_height_zero() -> None:
         assert nearest[1] > 1.0
 
 
+@pytest.mark.parametrize("heading", ["north", math.nan, math.inf, 90.0, None, True, [0.1]])
+def test_a_start_heading_that_is_no_angle_is_refused(heading: object, tmp_path: Path) -> None:
+    write_terrain(plane(), tmp_path)
+    told = json.loads((tmp_path / "terrain.json").read_text())
+    for good in (0, 1.57, -math.pi):
+        (tmp_path / "terrain.json").write_text(json.dumps({**told, "origin": {"heading_rad": good}}))
+        assert load_terrain(tmp_path).start_heading_rad == good
+    (tmp_path / "terrain.json").write_text(json.dumps({**told, "origin": {"heading_rad": heading}}))
+    with pytest.raises(TerrainFormatError, match="heading_rad"):
+        load_terrain(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -74,13 +74,12 @@ def describe(terrain: Terrain, name: str) -> Document:
 
     low = min(float(np.nanmin(layer.heights)) for layer in terrain.layers)
     high = max(float(np.nanmax(layer.heights)) for layer in terrain.layers)
-    heading = terrain.origin.get("heading_rad", 0.0)
     return {
         "name": name,
         "credits": terrain.credits,
         "bounds_m": asdict(Bounds(west, south, east, north)),
         "layers": layers,
-        "start_pose": asdict(Pose(0.0, 0.0, float(heading))),
+        "start_pose": asdict(Pose(0.0, 0.0, terrain.start_heading_rad)),
         "lowest_m": low,
         "highest_m": high,
     }
