@@ -63,6 +63,7 @@ class _Target:
     travelled_m: float
     normal_weight: float
     misses: int = 0
+    watched: StereoView | None = None  # the last view whose errors were checked
 
 
 @dataclass(slots=True)
@@ -281,7 +282,7 @@ class NccTracker:
         found = measured_drift(self.matcher, track.first, now)
         if found is None:
             return at, match, drift
-        self.watch.see(found.squared, 2)
+        self._watch(track, view, found.squared)
         moved = camera.project(match.point - found.off)
         again = self._stereo(view, moved, away, spread=0.35) if np.isfinite(moved).all() else None
         if again is None or again.score < self.options.stereo_limit:
@@ -483,22 +484,28 @@ class NccTracker:
                 continue
             drift = grown_drift(key, camera, last.point, last.normal, fitted[1])
             gap = spot - found.pixel
-            self._watch_gap(camera, last.point, gap, (drift, other), key)
+            self._watch_gap(track, view, gap, (drift, other), key)
             if float(np.hypot(*gap)) <= 2.0 and _total(drift) < _total(other):
                 return spot, fitted[0], drift
         return None
 
+    def _watch(self, track: _Target, view: StereoView, squared: float) -> None:
+        """Take the first check of a picture: all others of the same match share its error."""
+        if track.watched is not view:
+            track.watched = view
+            self.watch.see(squared, 2)
+
     def _watch_gap(
-        self, camera: CameraModel, point: Array, gap: Array, told: tuple[Drift, Drift], key: Template
+        self, track: _Target, view: StereoView, gap: Array, told: tuple[Drift, Drift], key: Template
     ) -> None:
         """Hold the gap (2,), px, between two matches of one picture against what both are told to be off."""
         # the last template comes from the key one: what that had drifted is common to both
         apart = sum((d + q @ q.T for d, q in told), -2.0 * key.uncertainty)
-        jacobian = camera.jacobian(point)
+        jacobian = view.left_camera.jacobian(track.last.point)
         noise = jacobian @ apart @ jacobian.T + self.options.least_px**2 * np.eye(2)
         # below that it does not: what both have in common is not known
         if float(np.linalg.eigvalsh(noise)[0]) >= self.options.least_px**2:
-            self.watch.see(float(gap @ np.linalg.solve(noise, gap)), 2)
+            self._watch(track, view, float(gap @ np.linalg.solve(noise, gap)))
 
     def _bulge_m2(self, view: StereoView, range_m: float) -> float:
         """Return the variance of a spot's depth against the window round it, by the relief of rock.

@@ -10,7 +10,9 @@ import pytest
 from rover_iface.cameras.model import CameraModel, pinhole
 from rover_iface.frames import Transform
 from rover_iface.vision.gallery import MOST_VIEWS, Gallery
-from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
+from rover_iface.vision.ncc import NccTracker, _Target
+from rover_iface.vision.template import Found, NccOptions, Template, TemplateMatcher
+from rover_iface.vision.tracker import Image, StereoView, TrackState, TrackUpdate
 
 SPOT = np.zeros(3)
 BLANK = np.zeros((161, 161), np.float32)
@@ -75,3 +77,35 @@ def test_an_alignment_that_finds_no_place_measures_nothing() -> None:
     assert fitted[0] > 0.99
     flat = np.full_like(image, 0.5)
     assert matcher.fit(flat, template, np.array([80.0, 80.0]), 14) is None
+
+
+class Elsewhere(TemplateMatcher):
+    """Every earlier view is found, each a few pixels beside the last one's match."""
+
+    def predict(self, source: Template, camera: CameraModel, center: np.ndarray, point: np.ndarray) -> Image:
+        return BLANK[:41, :41]
+
+    def fit(self, image: Image, template: Image, at: np.ndarray, half: int) -> tuple[float, np.ndarray]:
+        at += (12.0, 0.0)
+        return 0.9, 0.01 * np.eye(2)
+
+
+def test_a_picture_is_one_check_however_many_views_it_is_compared_with() -> None:
+    """The gaps of one picture all hold the error of its one match: one bad match was counted three times."""
+    options = NccOptions()
+    tracker = NccTracker(options)
+    tracker.matcher = Elsewhere(options)
+    first, last = seen(8.0, 0.0, 0.0), seen(6.0, 0.2, 0.02)
+    gallery = Gallery(first, 0.0)
+    for bearing in (0.3, 0.6):
+        gallery.add(seen(6.0, bearing, 0.01), 10.0 * bearing)
+    nothing = TrackUpdate("T", TrackState.TRACKED, SPOT, np.eye(3), 1.0, np.zeros(2))
+    track = _Target(first, last, gallery, nothing, SPOT, 8.0, 0.0, 0.0, 0.0, normal_weight=1.0)
+    for stop in range(1, 3):
+        eye = camera(5.0, 0.15 * stop)
+        view = StereoView(BLANK, BLANK, eye, eye)
+        at = eye.project(SPOT)
+        assert len(gallery.best(eye, SPOT, last.normal)) == 3
+        tracker._with_key(track, view, at, Found(at.copy(), 0.8, 0.01 * np.eye(2)))
+        assert tracker.watch.checks == stop
+    assert tracker.watch.held == 0
