@@ -375,13 +375,14 @@ class Policy:
         """Let all drives compete, several in a row, until none wins any more; return whether that came.
 
         The first drive goes to where something is live: what a place is worth else, smaller sets are worth
-        there, and the drives to it stand in their values already.
+        there, and the drives to it stand in their values already. Not so for the start, whose smaller sets
+        nobody asks for: it is tried for every place at the end.
         """
         table, rows = self.table, self.outcomes(live, tracked)
         risen = set(here)
         for _ in range(MOST_ROUNDS):
             if not risen:
-                return True
+                break
             following: set[int] = set()
             for place in sorted(risen):
                 others = [a for a in origins if a != place and self.model.has_leg[a, place]]
@@ -390,7 +391,11 @@ class Policy:
                     table[chosen, s] = np.maximum(table[chosen, s], values)
                     following.update(a for a, rose in zip(chosen, better, strict=True) if rose and a)
             risen = following
-        return self.grid.how is not Rounding.DOWN  # only a bound needs the last digit
+        if origins[0] == 0:
+            for place in (p for p in origins[1:] if p not in here and self.model.has_leg[0, p]):
+                for chosen, values in self._departures(place, [0], rows, tracked):
+                    table[chosen, s] = np.maximum(table[chosen, s], values)
+        return not risen or self.grid.how is not Rounding.DOWN  # only a bound needs the last digit
 
     def _departures(
         self, place: int, origins: list[int], rows: list[int], tracked: list[int]

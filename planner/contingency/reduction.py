@@ -12,7 +12,7 @@ import numpy as np
 from planner.constraints.registry import columns_of
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.policy import LiveSets, Moves, TooLargeError
-from planner.contingency.selection import Selection, makeable, nearest_by_worth
+from planner.contingency.selection import Selection, makeable, nearest_by_worth, places_through
 from planner.evaluate.model import Model
 from planner.plan_tree import Navigate, Plan, planned_observations, walk
 from planner.problem import ObservationId, Problem, TargetId
@@ -184,11 +184,12 @@ def _makeable_part(problem: Problem) -> Problem:
 
 
 def only(problem: Problem, names: set[ObservationId]) -> Problem:
-    """Return the problem with these observations only."""
+    """Return the problem with these observations only, and the places that the rover drives through."""
     targets = tuple(
         replace(t, observations=tuple(o for o in t.observations if o.id in names)) for t in problem.targets
     )
-    return part_of(replace(problem, targets=targets), {t.id for t in targets if t.observations})
+    kept = {t.id for t in targets if t.observations}
+    return part_of(replace(problem, targets=targets), kept | places_through(problem, kept))
 
 
 def held_by(problem: Problem, plan: Plan) -> Problem:

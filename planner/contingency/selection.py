@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable
 
 from planner.constraints.registry import columns_of
-from planner.problem import START, ObservationId, Problem
+from planner.problem import START, ObservationId, Problem, TargetId
 
 
 class Selection:
@@ -81,18 +81,38 @@ def nearest_by_worth(problem: Problem) -> list[ObservationId]:
     return [name for _, name in sorted(wanted, key=lambda pair: (-pair[0], pair[1]))]
 
 
+def places_through(problem: Problem, kept: set[TargetId]) -> set[TargetId]:
+    """Return the places on the quickest ways from the start and between places, where no drive leads."""
+    direct = {(leg.origin, str(leg.to)) for leg in problem.legs}
+    through: set[TargetId] = set()
+    for origin in (START, *sorted(kept)):
+        missing = [to for to in kept if to != origin and (origin, to) not in direct]
+        before = _quickest(problem, origin)[1] if missing else {}
+        for to in missing:
+            place = before.get(to, origin)
+            while place != origin:
+                through.add(TargetId(place))
+                place = before[place]
+    return through - kept
+
+
 def _quickest_s(problem: Problem) -> dict[str, float]:
-    """Return the mean time of the quickest drives from the start to each place (Dijkstra)."""
+    return _quickest(problem, START)[0]
+
+
+def _quickest(problem: Problem, origin: str) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the mean time of the quickest drives to each place, and the place before it (Dijkstra)."""
     ways: dict[str, list[tuple[str, float]]] = {}
     for leg in problem.legs:
         ways.setdefault(leg.origin, []).append((leg.to, leg.time_s.mean))
     found: dict[str, float] = {}
-    queue: list[tuple[float, str]] = [(0.0, START)]
+    before: dict[str, str] = {}
+    queue: list[tuple[float, str, str]] = [(0.0, origin, origin)]
     while queue:
-        seconds, place = heapq.heappop(queue)
+        seconds, place, last = heapq.heappop(queue)
         if seconds >= found.get(place, math.inf):
             continue
-        found[place] = seconds
+        found[place], before[place] = seconds, last
         for to, more in ways.get(place, ()):
-            heapq.heappush(queue, (seconds + more, to))
-    return found
+            heapq.heappush(queue, (seconds + more, to, place))
+    return found, before

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mission.sol_timeline import SolSeries
+from planner.contingency.selection import places_through
 from planner.errors import PlannerError
 from planner.evaluate.model import Floats, Ints
 from planner.plan_result import PlanResult, Progress
@@ -242,6 +243,9 @@ def _first_sol(path: PathProblem, told: Told) -> Problem | None:
                 )
         if kept:
             targets.append(dataclasses.replace(target, observations=tuple(kept)))
+    kept_places = {t.id for t in targets}
+    through = places_through(problem, kept_places)
+    targets += [dataclasses.replace(t, observations=()) for t in problem.targets if t.id in through]
     places = {str(t.id) for t in targets}
     legs = tuple(
         dataclasses.replace(leg, p_lose={})

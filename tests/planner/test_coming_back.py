@@ -10,12 +10,12 @@ import pytest
 from benchmarks.executive_equality import compare
 from planner.contingency.bounds import flow_bound, relaxed_bound, upper_bound
 from planner.contingency.policy import Moves, Policy
-from planner.contingency.reduction import moves_of
+from planner.contingency.reduction import moves_of, only, reduce_problem
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import Evaluator
 from planner.plan_tree import Navigate, planned_observations
-from planner.problem import Problem, problem_from_dict, problem_to_dict
+from planner.problem import ObservationId, Problem, problem_from_dict, problem_to_dict
 from planner.solve import solve
 from tests.planner.examples import amount, example, observation, problem_document, visits
 from tests.planner.reference.optimum import optimum
@@ -40,6 +40,27 @@ def light() -> Problem:
     ]  # fmt: skip
     places = [(3.0, 0.0), (3.0, 2.0)]
     return example(places=places, observations=rows, spread=0.2, time_s=11_000.0, energy_j=2e6)
+
+
+def test_a_part_of_a_problem_keeps_the_places_that_lead_to_it() -> None:
+    """Two hubs without work lie before the target that is worth most; nine others fill a table."""
+    rows = [[observation(f"O{k}", utility=20.0 if k == 2 else 0.0 if k < 2 else 0.1)] for k in range(12)]
+    places = [(2.0 + 2.0 * k, 0.0) for k in range(3)] + [(-4.0, -4.0 + k) for k in range(9)]
+    document = problem_document(
+        places=places, observations=rows, spread=0.2, loss=0.0, time_s=9000.0, energy_j=2e6
+    )
+    far = {("start", "T1"), ("T1", "T2"), ("T2", "T3")}
+    document["legs"] = [
+        leg
+        for leg in document["legs"]
+        if (leg["from"], leg["to"]) in far or not {leg["from"], leg["to"]} & {"T1", "T2", "T3"}
+    ]
+    problem = problem_from_dict(document)
+    part = only(problem, {ObservationId("O2")})
+    assert [t.id for t in part.targets if not t.observations] == ["T1", "T2"]
+    assert Policy(Grid(Model.of(part), 33, 21), moves=Moves.ALL).best() > 15.0
+    reduced = reduce_problem(problem, most_live_sets=10.0).problem
+    assert Policy(Grid(Model.of(reduced), 33, 21), moves=Moves.ALL).best() > 15.0
 
 
 @pytest.mark.parametrize("family", FAMILIES)

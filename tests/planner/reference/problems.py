@@ -7,7 +7,7 @@ import numpy as np
 from planner.problem import Problem, problem_from_dict
 from tests.planner.examples import amount, problem_document
 
-FAMILIES = ("plain", "twice", "hub", "precedence", "fading", "tracking", "penalty")
+FAMILIES = ("plain", "twice", "hub", "precedence", "fading", "tracking", "penalty", "through")
 
 
 def generated(family: str, seed: int, *, spread: float = 0.0) -> Problem:
@@ -41,10 +41,14 @@ def generated(family: str, seed: int, *, spread: float = 0.0) -> Problem:
         for name in ("time_s", "energy_j"):
             mean = float(round(leg[name]["mean"], -1))
             leg[name] = amount(mean, spread * mean)
-    if family == "hub":
+    if family in ("hub", "through"):
         document["legs"] = [
             leg for leg in document["legs"] if {leg["from"], leg["to"]} not in ({"T2", "T3"}, {"start", "T3"})
         ]
+    if family == "through":  # nothing is wanted at the place that leads on, and nothing leads back
+        document["targets"][0]["observations"] = []
+        back = ("T3",) if seed % 2 else ("T2", "T3")
+        document["legs"] = [leg for leg in document["legs"] if leg["from"] not in back]
     if family == "fading":
         for target in document["targets"]:
             target["diminishing"] = 0.5
