@@ -44,6 +44,7 @@ WHAT = {
     "day": "One mission's day: targets, requests, keep-outs, start and limits",
     "dictionary": "The commands that a rover takes and the telemetry that it sends",
     "fault": "Faults that a simulated rover suffers, and when",
+    "flight-map": "What a flight dictionary does not say: costs, instruments, how actions are sent (TOML)",
     "package": "Manifest of an uplink package: the digests that people signed",
     "plan-tree": "A contingent plan as data",
     "problem": "A planning problem: observations, drives, budgets, odds",

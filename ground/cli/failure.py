@@ -25,12 +25,21 @@ def refusals() -> Iterator[None]:
     from executive.errors import ExecutiveError
     from ground.errors import GroundError
     from mission.errors import MissionError
+    from neighbours.flight.errors import FlightError
     from planner.errors import PlannerError
     from rover_iface.errors import RoverError
 
     try:
         yield
-    except (GroundError, PlannerError, RoverError, ExecutiveError, CrlError, MissionError) as err:
+    except (
+        GroundError,
+        PlannerError,
+        RoverError,
+        ExecutiveError,
+        CrlError,
+        MissionError,
+        FlightError,
+    ) as err:
         fail(str(err))
     except OSError as err:
         fail(f"{err.filename or 'a file'}: {err.strerror or err}")

@@ -18,6 +18,9 @@ rover = typer.Typer(
 
 def register(app: typer.Typer) -> None:
     """Add the group to the program."""
+    from ground.cli.flight_group.dictionary import dictionary_from
+
+    rover.command("dictionary-from")(dictionary_from)
     app.add_typer(rover)
 
 

@@ -12,6 +12,7 @@ import pytest
 from mission.codec import Codec
 from mission.day import DAYS
 from mission.sol_timeline import SOL_SERIES
+from neighbours.flight.flight_map import FLIGHT_MAP
 from planner.path_network.calibration import CALIBRATIONS
 from planner.plan_tree_document import TREES
 from planner.problem_document import PROBLEMS
@@ -26,7 +27,8 @@ FORMATS = Path(__file__).parents[2] / "docs/formats"
 
 
 CODECS: list[Codec[Any]] = [
-    DAYS, PROFILES, FAULTS, WORLDS, TERRAINS, ROCKS, PROBLEMS, TREES, CALIBRATIONS, MAPPINGS, SOL_SERIES
+    DAYS, PROFILES, FAULTS, WORLDS, TERRAINS, ROCKS, PROBLEMS, TREES, CALIBRATIONS, MAPPINGS, SOL_SERIES,
+    FLIGHT_MAP,
 ]  # fmt: skip
 
 
