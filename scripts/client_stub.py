@@ -51,7 +51,7 @@ def sent_type(schema: dict[str, Any], schemas: dict[str, Any]) -> str:
     """Return the type of a value that is given: any mapping for an object, any sequence for an array."""
     if "$ref" in schema:
         return sent_type(schemas[schema["$ref"].rpartition("/")[2]], schemas)
-    if "anyOf" in schema or "oneOf" in schema:
+    if "properties" not in schema and ("anyOf" in schema or "oneOf" in schema):
         cases = schema.get("anyOf", schema.get("oneOf"))
         return " | ".join(dict.fromkeys(sent_type(case, schemas) for case in cases))
     if schema.get("type") == "array":

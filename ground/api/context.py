@@ -50,6 +50,10 @@ Cursor = Annotated[
     Query(max_length=2000, pattern=r"^[A-Za-z0-9_-]+$", description="`next_cursor` of the page before"),
 ]
 Count = Annotated[bool, Query(description="say in `total` how many there are in all")]
+Crs = Annotated[
+    str,
+    Query(min_length=3, max_length=200, description="site, lonlat, EPSG:..., IAU_2015:...; x before y"),
+]
 IfMatch = Annotated[str | None, Header(description="ETag of what was seen, or `*`; its revision counts")]
 SiteNumber = Annotated[int | None, Query(ge=0, le=2**31 - 1, description="frames of this site alone")]
 FilterId = Annotated[str | None, Query(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
@@ -114,15 +118,15 @@ class Ask:
         """Run a service for who asks."""
         return await call(service, self.repo, self.who, *args, **kwargs)
 
-    async def one(self, kind: str, identifier: str) -> Response:
+    async def one(self, kind: str, identifier: str, *, crs: str | None = None) -> Response:
         """Answer with one resource and its ETag.
 
         A row of SQLite by its key is there in about 50 microseconds, half of what a hop to a thread costs,
         and no writer ever makes a reader wait (write-ahead log): it is read where the request is.
         """
         if self.repo.database.is_sqlite:
-            return answer(get_resource(self.repo, self.who, self.kinds[kind], identifier))
-        return answer(await look(get_resource, self.repo, self.who, self.kinds[kind], identifier))
+            return answer(get_resource(self.repo, self.who, self.kinds[kind], identifier, crs=crs))
+        return answer(await look(get_resource, self.repo, self.who, self.kinds[kind], identifier, crs=crs))
 
     async def page(
         self,
@@ -134,6 +138,7 @@ class Ask:
         *,
         sort: str | None = None,
         count: bool = False,
+        crs: str | None = None,
     ) -> Response:
         """Answer with one page of a list; conditions that are None do not count."""
         return answer(
@@ -148,6 +153,7 @@ class Ask:
                 where=where,
                 sort=sort,
                 count=count,
+                crs=crs,
             )
         )
 

@@ -18,6 +18,7 @@ from starlette.responses import Response
 from ground import errors
 from ground.api.etags import etag_of
 from ground.api.request_id import REQUEST_ID
+from ground.records.forms import MEMBER_FAULT
 
 logger = logging.getLogger(__name__)
 
@@ -137,6 +138,8 @@ def _from_validation(request: Request, error: Exception) -> Response:
     malformed = False
     for item in error.errors():
         where = list(item["loc"])
+        if item["type"] == MEMBER_FAULT:
+            where.append(item["ctx"]["member"])
         malformed |= item["type"] == "json_invalid"
         if where and where[0] == "body":
             pointer = "".join(f"/{part}" for part in where[1:]) if item["type"] != "json_invalid" else None

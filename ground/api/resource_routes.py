@@ -15,6 +15,7 @@ from ground.api.context import (
     Ask,
     Asked,
     Count,
+    Crs,
     Cursor,
     FilterId,
     Id,
@@ -75,12 +76,15 @@ def resource_routes(
         sort: str | None,
         count: bool,
         mission_id: str = "",
+        crs: str | None = None,
         **found: Any,
     ) -> Response:
-        return await ask.page(kind.name, mission_id or None, limit, cursor, found, sort=sort, count=count)
+        return await ask.page(
+            kind.name, mission_id or None, limit, cursor, found, sort=sort, count=count, crs=crs
+        )
 
-    async def one(ask: Ask, **place: str) -> Response:
-        return await ask.one(kind.name, place[key])
+    async def one(ask: Ask, crs: str | None = None, **place: str) -> Response:
+        return await ask.one(kind.name, place[key], crs=crs)
 
     async def change(ask: Ask, body: Body, if_match: str | None, **place: str) -> Response:
         return await ask.change(kind.name, place[key], body, if_match)
@@ -92,29 +96,32 @@ def resource_routes(
         router.add_api_route(at, endpoint, methods=[method], responses=responses(*statuses), **options)
 
     seen = {"if_match": (IfMatch, None)}
+    located: dict[str, object] = {} if kind.locate is None else {"crs": (Crs | None, None)}
+    away = () if kind.locate is None else (503,)
     if lists:
         given = {**mission, "limit": (Limit, limit), "cursor": (Cursor, None)}
         given |= {"sort": (_sort(kind), None), "count": (Count, False)}
         given |= {name: (form, None) for name, form in {**_filters(kind), **(where or {})}.items()}
+        given |= located
         told = described(f"list_{kind.collection.replace('-', '_')}", lists, given, page)
-        add("GET", inside, told, (*known, 422), response_model=Page.__class_getitem__(kind.value))
+        add("GET", inside, told, (*known, 422, *away), response_model=Page.__class_getitem__(kind.value))
     if makes is not None:
         told = _making(kind, mission, *makes)
-        add("POST", inside, told, (400, *known, 409, 422), response_model=kind.value, status_code=201)
+        add("POST", inside, told, (400, *known, 409, 422, *away), response_model=kind.value, status_code=201)
     if starts is not None:
         start_route(router, inside, f"create_{kind.name}", kind.make, *starts)
     if reads:
-        told = described(f"get_{kind.name}", reads, {key: Id}, one)
-        add("GET", path, told, (404, 422), response_model=kind.value)
+        told = described(f"get_{kind.name}", reads, {key: Id, **located}, one)
+        add("GET", path, told, (404, 422, *away), response_model=kind.value)
     if changes:
         told = described(f"change_{kind.name}", changes, {key: Id, "body": kind.change, **seen}, change)
-        add("PATCH", path, told, (400, 404, 409, 412, 422, 428), response_model=kind.value)
+        add("PATCH", path, told, (400, 404, 409, 412, 422, 428, *away), response_model=kind.value)
     if deletes:
         told = described(f"delete_{kind.name}", deletes, {key: Id, **seen}, delete)
         add("DELETE", path, told, (404, 409, 412, 422, 428), status_code=204)
     if mission and makes is not None and changes and deletes:
         told = _writing_many(kind, makes[0])
-        add("POST", f"{inside}/bulk", told, (400, 404, 409, 413, 422), response_model=BulkDone)
+        add("POST", f"{inside}/bulk", told, (400, 404, 409, 413, 422, *away), response_model=BulkDone)
     return router
 
 

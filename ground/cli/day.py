@@ -11,6 +11,7 @@ import typer
 
 from ground.cli.connection import PERSON, SERVER, connected, follow, show, uploaded, written
 from ground.cli.failure import fail, refusals
+from ground.cli.forms.at import CRS, LONLAT, corners_of, reference_of
 from ground.cli.resources import group_of
 
 
@@ -61,17 +62,19 @@ def _sources(app: typer.Typer) -> None:
     @group_of(app, "keep-out").command("add")
     def add_keep_out(
         mission: str = typer.Argument(...),
-        corners: list[str] = typer.Argument(..., help="EAST,NORTH for each corner"),
+        corners: list[str] = typer.Argument(..., help="EAST,NORTH for each corner, or X,Y with --crs"),
+        crs: str | None = CRS,
+        lonlat: bool = LONLAT,
         server: str = SERVER,
         person: str | None = PERSON,
     ) -> None:
         """Draw a keep-out. Needs a server."""
-        try:
-            polygon = [[float(part) for part in corner.split(",")] for corner in corners]
-        except ValueError:
-            fail("a corner is EAST,NORTH in metres, such as 1.5,-2")
+        polygon, name = corners_of(corners), reference_of(crs, lonlat)
         with connected(server, person) as client:
-            typer.echo(client.create_keep_out(mission, polygon_m=polygon).id)
+            if name is None:
+                typer.echo(client.create_keep_out(mission, polygon_m=polygon).id)
+            else:
+                typer.echo(client.create_keep_out(mission, at={"crs": name, "polygon": polygon}).id)
 
     @group_of(app, "product").command("get")
     def get_product(

@@ -21,6 +21,7 @@ from typer.core import TyperGroup
 
 from ground.cli.connection import PERSON, SERVER, connected, follow, show, uploaded, written
 from ground.cli.failure import fail
+from ground.cli.forms.at import CRS, LONLAT, LONLAT_HELP, at_of, reference_of
 
 if TYPE_CHECKING:
     from ground.client.interface import Member, Operation
@@ -213,7 +214,7 @@ def _command(operation: Operation) -> Callable[..., None]:
     for p in operation.parameters["path"]:
         found[p.word] = (int if p.types == {"integer"} else str, typer.Argument(...))
     if operation.body:
-        needed = [member.name.upper() for member in operation.body if member.required]
+        needed = [member.name.upper() for member in _by_place(operation)]
         told = " ".join([*needed, "NAME=VALUE..."])
         words = typer.Argument(
             ... if needed else None,
@@ -221,6 +222,8 @@ def _command(operation: Operation) -> Callable[..., None]:
             help="members by position or by name; @FILE for a list or object in a file",
         )
         found["words"] = (list[str], words)
+        if any(member.name == "at" for member in operation.body):
+            found |= {"crs": (str | None, CRS), "lonlat": (bool, LONLAT)}
     if operation.media not in {"", "application/json", "text/plain", "text/event-stream"}:
         found["out"] = (Path, typer.Argument(..., help="file to write"))
     elif operation.method == "GET" and not operation.paged:
@@ -230,7 +233,7 @@ def _command(operation: Operation) -> Callable[..., None]:
         scalar = member.types & {"string", "integer", "number", "boolean"}
         if member.word in found or member.name in TURNED or not scalar:
             continue
-        if operation.body is not None and member.required:
+        if member in _by_place(operation):
             continue
         about = " | ".join(member.choices) or member.about
         default = ... if member.required else defaults.get(member.name)
@@ -239,6 +242,8 @@ def _command(operation: Operation) -> Callable[..., None]:
             name = member.word.replace("_", "-")
             option = typer.Option(default, f"--{name}/--no-{name}", help=about)
         found[member.word] = (_python_type(scalar) | None, option)
+        if member.name == "crs" and operation.method == "GET":
+            found["lonlat"] = (bool, typer.Option(False, "--lonlat", help=LONLAT_HELP))
     if any(p.word == "revision" for p in operation.parameters["header"]):
         found["revision"] = (
             int | None,
@@ -258,6 +263,12 @@ def _command(operation: Operation) -> Callable[..., None]:
     return command
 
 
+def _by_place(operation: Operation) -> list[Member]:
+    """Return the members of a body that are given by position."""
+    names = {member.name for member in operation.body or () if member.required} | set(operation.first)
+    return [member for member in operation.body or () if member.name in names]
+
+
 def _python_type(types: Iterable[str]) -> Any:
     order = {"boolean": bool, "string": str, "number": float, "integer": int}
     return next(kind for name, kind in order.items() if name in types)
@@ -267,8 +278,14 @@ def _carry_out(operation: Operation, given: dict[str, Any]) -> None:
     where = [given.pop(p.word) for p in operation.parameters["path"]]
     server, person, out = given.pop("server"), given.pop("person"), given.pop("out", None)
     words = given.pop("words", None) or []
+    at: Mapping[str, object] = {}
+    if "lonlat" in given:
+        given["crs"] = reference_of(given["crs"], given.pop("lonlat"))
+        if operation.method != "GET" and (crs := given.pop("crs")) is not None:
+            place, words = at_of(crs, words)
+            at = {"at": place}
     members = {name: value for name, value in given.items() if value is not None}
-    members |= _values_of(operation.body or (), words)
+    members |= _values_of(operation.body or (), words, [] if at else _by_place(operation)) | dict(at)
     forms = [p for p in operation.parameters["query"] if p.name == "form"]
     if forms and out is not None and given["form"] is None:
         members["form"] = _form(out, forms[0].choices)
@@ -290,10 +307,9 @@ def _form(path: Path, forms: Sequence[str]) -> str:
     return form
 
 
-def _values_of(known: Sequence[Member], words: Sequence[str]) -> dict[str, Any]:
-    """Return members of a body: `name=value`, or the value alone of the next that is required."""
+def _values_of(known: Sequence[Member], words: Sequence[str], by_place: Sequence[Member]) -> dict[str, Any]:
+    """Return members of a body: `name=value`, or the value alone of the next of those given by position."""
     by_name = {member.name: member for member in known}
-    by_place = [member for member in known if member.required]
     found: dict[str, Any] = {}
     for word in words:
         name, sign, text = word.partition("=")
@@ -304,7 +320,7 @@ def _values_of(known: Sequence[Member], words: Sequence[str]) -> dict[str, Any]:
         if not open_ones:
             fail(f"{word!r}: give members as name=value; there are {', '.join(by_name)}")
         found[open_ones[0].name] = _value(open_ones[0], word)
-    missing = [member.name for member in by_place if member.name not in found]
+    missing = [member.name for member in by_place if member.name not in found and "at" not in found]
     if missing:
         fail(f"{', '.join(missing)}: needed and not given")
     return found
@@ -333,6 +349,16 @@ class _Line(string.Formatter):
         return str(len(value)) if format_spec == "n" else str(format(value, format_spec))
 
 
+def _where(item: Any) -> str:
+    """Return what a line says behind its end of where a thing lies in the reference that was asked for."""
+    at = item.get("at") if isinstance(item, dict) else None
+    if at is None:
+        return ""
+    corners = at["polygon"] if "polygon" in at else [[at["x"], at["y"]]]
+    told = " ".join(f"{x:.10g},{y:.10g}" for x, y in corners)
+    return f"  {at['crs'] if len(at['crs']) < 60 else 'WKT'}  {told}".replace("{", "{{").replace("}", "}}")
+
+
 def _say(operation: Operation, where: Sequence[str | int], answer: Any, out: Path | None) -> None:
     """Print what came back, or write it."""
     line = LINES.get(operation.name)
@@ -342,7 +368,7 @@ def _say(operation: Operation, where: Sequence[str | int], answer: Any, out: Pat
         written(out, answer.encode() if isinstance(answer, str) else answer)
     elif operation.paged or (line is not None and isinstance(answer, list)):
         for item in answer:
-            typer.echo(_Line().vformat(line or "{id}", (), item))
+            typer.echo(_Line().vformat((line or "{id}") + _where(item), (), item))
     elif operation.media == "text/event-stream":
         for event in answer:
             typer.echo(json.dumps(event, ensure_ascii=False))

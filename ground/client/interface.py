@@ -54,6 +54,8 @@ class Operation:
     """By where they stand: `path`, `query` or `header`."""
     body: tuple[Member, ...] | None
     """The required ones first, in the order that the document demands them; None where nothing is sent."""
+    first: tuple[str, ...]
+    """Of members that can be given in one way or another: those of the first way."""
     media: str
     """Media type of the answer, the first if there are several; empty if it has no body."""
     paged: bool
@@ -100,9 +102,11 @@ def _operation(method: str, path: str, told: Mapping[str, Any]) -> Operation:
         parameters[p["in"]].append(_member(p["name"], required, p["schema"], p.get("description", "")))
     sent = told.get("requestBody", {}).get("content", {})
     body: list[Member] = []
+    first: list[str] = []
     if "application/json" in sent:
         schema = _resolved(sent["application/json"]["schema"])
         needed = schema.get("required", [])
+        first = next((way["required"] for way in schema.get("oneOf", ()) if "required" in way), [])
         rest = [name for name in schema.get("properties", {}) if name not in needed]
         body += [_member(name, name in needed, schema["properties"][name]) for name in [*needed, *rest]]
     done = next(answer for status, answer in told["responses"].items() if status.startswith("2"))
@@ -115,6 +119,7 @@ def _operation(method: str, path: str, told: Mapping[str, Any]) -> Operation:
         told.get("description", ""),
         {place: tuple(found) for place, found in parameters.items()},
         tuple(body) if "application/json" in sent else None,
+        tuple(first),
         media,
         "/Page_" in schema.get("$ref", ""),
         "application/octet-stream" in sent,

@@ -35,6 +35,7 @@ def change_resource(
         with repo.database.read() as session:
             row = find_row(session, kind, resource_id)
             actor.require(kind.edit, mission_of(row))
+            given = kind.settle(session, mission_of(row) or "", given)
             prepared = kind.prepare(repo, session, row, given)
         with repo.database.write() as session:
             row = open_for_change(session, actor, kind, resource_id, revision)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Generic, TypeVar, get_args, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
 
 from ground.gdr.geometry import Pose
 
@@ -62,6 +63,15 @@ class Reference:
     """Marks a member that names another resource of the same mission, of this kind."""
 
     kind: str
+
+
+MEMBER_FAULT = "member"
+"""The type of an error that a rule between members finds, and that is one member's fault."""
+
+
+def member_fault(member: str, why: str) -> PydanticCustomError:
+    """Return the error of a rule between members; answers point to that member."""
+    return PydanticCustomError(MEMBER_FAULT, "{why}", {"member": member, "why": why})
 
 
 def unset() -> Any:

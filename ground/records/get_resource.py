@@ -101,13 +101,17 @@ def row_in_mission(
     return row
 
 
-def get_resource(repo: Repository, actor: Actor, kind: Kind[V], resource_id: str) -> V:
-    """Return the value of one resource.
+def get_resource(
+    repo: Repository, actor: Actor, kind: Kind[V], resource_id: str, *, crs: str | None = None
+) -> V:
+    """Return the value of one resource; where it lies in another reference too, if one is named.
 
     Raises
     ------
     NotFoundError
         If there is none.
+    InvalidInputError
+        If there is no such reference, or the mission has no place on a body.
     """
     with repo.database.read() if kind.related else repo.database.connection() as reader:
         row: Any = reader.execute(_one_of(kind), {"wanted": resource_id}).first()
@@ -115,4 +119,6 @@ def get_resource(repo: Repository, actor: Actor, kind: Kind[V], resource_id: str
             raise NotFoundError(f"there is no {kind.title} {resource_id}")
         actor.require(Action.READ, getattr(row, kind.row.mission_key, None))
         value: V = kind.conceal(actor, kind.show_one(reader, row))
+        if crs is not None and kind.locate is not None:
+            (value,) = kind.locate(reader, getattr(row, kind.row.mission_key, None), [value], crs)
         return value

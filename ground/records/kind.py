@@ -43,6 +43,10 @@ class Changed:
     followers: Sequence[Follower] = ()
 
 
+Settle = Callable[[Session, str, Any], Any]
+"""Return a form about a mission with what it gives in another reference put in site metres."""
+Locate = Callable[[Any, str | None, Sequence[Any], str], list[Any]]
+"""Return values of a mission that tell where they lie in a reference as well, by its name."""
 Prepare = Callable[[Repository, Session, Any, Any], Prepared]
 """Work out for a row and the form with the members to set what takes long, before the database is locked."""
 Apply = Callable[[Repository, Session, Any, Any, Prepared], Changed | None]
@@ -55,6 +59,10 @@ Forget = Callable[[Session, Actor, Any, str], None]
 
 def _nothing_to_prepare(_repo: Repository, _session: Session, row: Row, _members: object) -> Prepared:
     return Prepared(row.revision)
+
+
+def _as_it_came(_session: Session, _mission_id: str, given: Body) -> Body:
+    return given
 
 
 def _as_given(_repo: object, _session: object, _row: object, given: Body, _prepared: object) -> Changed:
@@ -109,11 +117,14 @@ class Kind(Generic[V]):
 
     delete: Action | None = None
     """The right needed to delete it, where that is not `edit`."""
+    settle: Settle = _as_it_came
     prepare: Prepare = _nothing_to_prepare
     apply: Apply = _as_given
     conceal: Callable[[Actor, Any], Any] = _as_it_is
     """Take out of a value what is not for who asks."""
     forget: tuple[Forget, ...] = ()
+    locate: Locate | None = None
+    """Where things lie can be told in other references."""
     hold: Callable[[Session, Any], None] | None = None
     """Raise unless a row fits with the others; asked after an undo, whose changes are no form's."""
 

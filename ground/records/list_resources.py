@@ -27,16 +27,18 @@ def list_resources(
     where: Mapping[str, object] | None = None,
     sort: str | None = None,
     count: bool = False,
+    crs: str | None = None,
 ) -> Page:
     """Return one page, in the order in which the resources were made or by the member that `sort` names.
 
     `where` holds columns with the value they must have; those that are None do not count. `orphan` stands
-    for products without a request. With `count` the page says how many there are in all.
+    for products without a request. With `count` the page says how many there are in all. With `crs` they
+    tell where they lie in that reference too.
 
     Raises
     ------
     InvalidInputError
-        If they cannot be sorted so, or the cursor is not of this list.
+        If they cannot be sorted so, the cursor is not of this list, or the reference is of no use here.
     """
     actor.require(Action.READ, mission_id)
     order, wanted = _order(kind, sort), _wanted(actor, kind, mission_id, where or {})
@@ -53,6 +55,8 @@ def list_resources(
         if count:
             total = reader.scalar(select(func.count()).select_from(kind.row.__table__).where(*wanted))
         shown = [kind.conceal(actor, value) for value in kind.show(reader, rows)]
+        if crs is not None and kind.locate is not None:
+            shown = kind.locate(reader, mission_id, shown, crs)
         return Page(shown, order.cursor(rows[-1]) if more else None, total)
 
 

@@ -12,7 +12,6 @@ from sqlalchemy.orm import Session
 
 from ground.errors import GroundError, TooLargeError
 from ground.gdr.repository import Repository
-from ground.geo.place import Place
 from ground.geo.references import SITE
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert
@@ -27,7 +26,7 @@ from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.create_keep_out import keep_out_row
 from ground.resources.keep_outs.kind import KEEP_OUT
 from ground.resources.keep_outs.row import KeepOutRow
-from ground.resources.missions.row import MissionRow
+from ground.resources.missions.where import site_of
 from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import target_columns, target_row
 from ground.resources.targets.kind import TARGET
@@ -135,9 +134,3 @@ def export_geometry(
             return file.read_bytes()
     write = to_csv if form == "csv" else to_geojson
     return write(found, crs=crs or SITE, site=site)
-
-
-def site_of(session: Session, mission_id: str) -> Place | None:
-    """Return where the site of a mission lies; None where nobody has said it."""
-    place = session.scalar(select(MissionRow.place).where(MissionRow.id == mission_id))
-    return None if place is None else Place(**place)

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ground.errors import InvalidInputError, UnavailableError
+from ground.geo.in_reference import from_site, placed
 from ground.geo.place import Place
 from ground.geo.references import LONLAT, SITE, WGS84
 from ground.geo.site_frame import SiteFrame
 from ground.resources.geometry_files.site_geometry import EXCHANGED, Values
-from ground.resources.geometry_files.where import from_site, placed
 
 if TYPE_CHECKING:
     from types import ModuleType

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from fastapi import Query
 from starlette.responses import Response
 
-from ground.api.context import Asked, Id, answer, api_router, attachment, media_answers
+from ground.api.context import Asked, Crs, Id, answer, api_router, attachment, media_answers
 from ground.api.problems import responses
 from ground.resources.geometry_files.bodies import GeometryImport
 from ground.resources.geometry_files.exchange_geometry import export_geometry as export_geometry_use_case
@@ -22,10 +21,6 @@ MEDIA = {
     "kml": "application/vnd.google-earth.kml+xml",
     "gpx": "application/gpx+xml",
 }
-Crs = Annotated[
-    str,
-    Query(min_length=3, max_length=200, description="site, lonlat, EPSG:..., IAU_2015:...; x before y"),
-]
 
 
 @router.get(

@@ -13,7 +13,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,10 +21,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from ground.errors import InvalidInputError
+from ground.geo.in_reference import from_site, placed, to_site
 from ground.geo.place import Place
 from ground.geo.references import LONLAT, SITE
 from ground.records.forms import Body
-from ground.resources.geometry_files.where import from_site, named_in, placed, to_site
+from ground.resources.geometry_files.named_in import named_in
 from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.targets.bodies import TargetCreate
 from ground.spreadsheet import inert, shown
@@ -33,7 +33,6 @@ from ground.spreadsheet import inert, shown
 MAX_ROWS = 5000
 MAX_REFERENCES = 16
 """Of one file: looking up one and its transformation takes up to 10 ms of processor time."""
-LIMIT_M = 100_000.0
 OWN = frozenset({"kind", "id", "author", "up_m", "geometry"})
 """Members of a file that say nothing that a person gives."""
 IN_REFERENCE = ("x", "y", "polygon")
@@ -50,7 +49,7 @@ class Exchanged:
     @property
     def others(self) -> tuple[str, ...]:
         """Return the members that are no geometry, in the order in which they are declared."""
-        return tuple(name for name in self.make.model_fields if name not in self.place)
+        return tuple(name for name in self.make.model_fields if name not in {*self.place, "at"})
 
 
 EXCHANGED: Mapping[str, Exchanged] = {
@@ -194,9 +193,6 @@ def _shape(
     if named != kind:
         raise ValueError(f"kind is {str(named)[:40]!r}, but the geometry is that of a {kind}")
     corners = to_site(given_corners, name, site)
-    for east, north in corners:
-        if not (math.isfinite(east) and math.isfinite(north) and max(abs(east), abs(north)) <= LIMIT_M):
-            raise ValueError(f"({east:g}, {north:g}) is not within {LIMIT_M:g} m of the site")
     form = exchanged[kind]
     given = {name: members[name] for name in form.others if members.get(name) is not None}
     if not from_feature:

@@ -9,6 +9,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, new_row
 from ground.resources.keep_outs.bodies import KeepOutCreate
+from ground.resources.keep_outs.in_reference import keep_out_in_site
 from ground.resources.keep_outs.kind import KEEP_OUT
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.keep_outs.rules import require_outline
@@ -23,11 +24,12 @@ def create_keep_out(repo: Repository, actor: Actor, mission_id: str, given: Keep
     Raises
     ------
     InvalidInputError
-        If the outline crosses itself, has no area or lies off the terrain.
+        If the outline crosses itself, has no area or lies off the terrain, or there is no
+        way to the site from its reference.
     """
     actor.require(Action.EDIT_MISSION, mission_id)
     with repo.database.write() as session:
-        row = keep_out_row(session, actor, mission_id, given)
+        row = keep_out_row(session, actor, mission_id, keep_out_in_site(session, mission_id, given))
         insert(session, actor, KEEP_OUT, row)
         return KEEP_OUT.show_one(session, row)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ground.records.actor import Action
 from ground.records.kind import Kind
 from ground.resources.keep_outs.bodies import KeepOutChange, KeepOutCreate
+from ground.resources.keep_outs.in_reference import keep_out_in_site, keep_outs_located
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.keep_outs.value import KeepOut
 
@@ -19,4 +20,7 @@ KEEP_OUT = Kind(
     make=KeepOutCreate,
     change=KeepOutChange,
     undoable=True,
+    computed={"at": lambda _row: None},
+    settle=keep_out_in_site,
+    locate=keep_outs_located,
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ground.records.located import OutlineIn
 from ground.records.stored import OfMission
 
 
@@ -16,3 +17,5 @@ class KeepOut(OfMission):
     polygon_m: list[list[float]]
     frame_id: str | None
     sigma_m: float
+    at: OutlineIn | None = None
+    """Its outline in the reference that was asked for with `crs`."""

@@ -9,8 +9,7 @@ from pydantic import Field
 from ground.geo.place import Heights
 from ground.geo.references import MAX_TEXT
 from ground.records.forms import Body, Corner, Id, LongName, Name, Radians, Text, unset
-
-Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e8, le=1e8)]
+from ground.records.located import Coordinate
 
 
 class DriveRuleBody(Body):

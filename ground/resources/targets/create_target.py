@@ -15,6 +15,7 @@ from ground.records.actor import Action, Actor
 from ground.records.edit import insert, new_row
 from ground.resources.missions.terrain import mission_terrain, terrain_row
 from ground.resources.targets.bodies import TargetCreate
+from ground.resources.targets.in_reference import target_in_site
 from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.rules import free_name
@@ -34,9 +35,12 @@ def create_target(repo: Repository, actor: Actor, mission_id: str, given: Target
         If the point is off the terrain.
     NameTakenError
         If another target has the name.
+    InvalidInputError
+        If it is given in a reference from which there is no way to the site.
     """
     actor.require(Action.EDIT_SCIENCE, mission_id)
     with repo.database.read() as session:
+        given = target_in_site(session, mission_id, given)
         columns = target_columns(repo, session, mission_id, given.east_m, given.north_m)
     with repo.database.write() as session:
         row = target_row(session, actor, mission_id, given, columns)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ground.gdr.geometry import Point
+from ground.records.located import PointIn
 from ground.records.stored import OfMission
 
 
@@ -21,3 +22,5 @@ class Target(OfMission):
     covariance_m2: list[list[float]]
     source_image: str
     frame_id: str | None
+    at: PointIn | None = None
+    """Its place in the reference that was asked for with `crs`."""
