@@ -72,6 +72,8 @@ class Settings(BaseSettings):
     job_attempts: int = Field(default=3, ge=1, le=20)
     approval_runs: int = Field(default=0, ge=0, le=1_000_000)
     """Runs of a campaign that an approval needs (flight rule FR-CAMPAIGN); 0 asks for none."""
+    spice_kernels: str = ""
+    """Comma-separated SPICE kernels (LSK, SPK, PCK); they tell the sun of sols with a start in UTC."""
     max_body_mib: float = Field(default=256.0, gt=0.0, le=65536.0)
     session_hours: float = Field(default=12.0, gt=0.0, le=720.0)
     trusted_proxies: str = ""
@@ -100,6 +102,14 @@ class Settings(BaseSettings):
         if folder is not None and not folder.is_dir():
             raise ValueError("there is no such folder of rover profiles")
         return folder
+
+    @field_validator("spice_kernels")
+    @classmethod
+    def _files(cls, given: str) -> str:
+        for part in filter(None, (p.strip() for p in given.split(","))):
+            if not Path(part).is_file():
+                raise ValueError(f"there is no kernel {part!r}")
+        return given
 
     @field_validator("database_url")
     @classmethod
@@ -145,6 +155,11 @@ class Settings(BaseSettings):
     def database_address(self) -> str:
         """Return the SQLAlchemy address, the embedded database when none is set."""
         return self.database_url or f"sqlite:///{self.data_dir / 'outcrop.db'}"
+
+    @property
+    def kernels(self) -> tuple[Path, ...]:
+        """Return the SPICE kernels in the order in which they are loaded."""
+        return tuple(Path(part.strip()) for part in self.spice_kernels.split(",") if part.strip())
 
     @property
     def is_loopback(self) -> bool:

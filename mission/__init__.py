@@ -8,7 +8,7 @@ from mission.day import Day, DriveRule, KeepOut, Limits, Request, Target
 from mission.errors import FormatError, MissionError, PluginError
 from mission.geometry import Pose
 from mission.instrument import Amount, Instrument, Use
-from mission.sky import Sky
+from mission.sky import Sky, SunCourse
 from mission.terrain_grid import TerrainGrid
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "Pose",
     "Request",
     "Sky",
+    "SunCourse",
     "SunElevation",
     "Target",
     "TerrainGrid",

@@ -2,22 +2,84 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated
+
+from annotated_types import Gt, MaxLen, MinLen
 
 from mission.errors import MissionError
+from mission.soltime import SunClock
 from mission.values import value
 
-if TYPE_CHECKING:
-    from mission.soltime import SunClock
+
+@value
+class SunCourse:
+    """The sun's direction in even steps, as an ephemeris gives it.
+
+    `directions` are unit vectors, east-north-up, at `first_s`, `first_s + step_s` ... seconds after
+    `start_utc`, the start of the plan.
+    """
+
+    start_utc: str
+    first_s: float
+    step_s: Annotated[float, Gt(0)]
+    directions: Annotated[tuple[tuple[float, float, float], ...], MinLen(4), MaxLen(2000)]
+
+    def __post_init__(self) -> None:
+        if datetime.fromisoformat(self.start_utc).tzinfo is None:
+            raise MissionError(f"start_utc {self.start_utc} has no zone")
+        for way in self.directions:
+            if abs(math.hypot(*way) - 1.0) > 1e-6:
+                raise MissionError(f"a direction of the sun has length {math.hypot(*way):g}; it must be 1")
+
+    def reaches(self, t_s: float) -> bool:
+        """Return whether a moment lies between the second sample and the last but one."""
+        share = (t_s - self.first_s) / self.step_s
+        return 1.0 <= share <= len(self.directions) - 2
+
+    def direction(self, t_s: float) -> tuple[float, float, float]:
+        """Return the unit vector to the sun, by the cubic through four samples round the moment."""
+        share = (t_s - self.first_s) / self.step_s
+        k = min(max(int(share), 1), len(self.directions) - 3)
+        f = share - k
+        weights = (
+            -f * (f - 1.0) * (f - 2.0) / 6.0,
+            (f + 1.0) * (f - 1.0) * (f - 2.0) / 2.0,
+            -(f + 1.0) * f * (f - 2.0) / 2.0,
+            (f + 1.0) * f * (f - 1.0) / 6.0,
+        )
+        four = self.directions[k - 1 : k + 3]
+        east, north, up = (sum(w * way[i] for w, way in zip(weights, four, strict=True)) for i in range(3))
+        length = math.hypot(east, north, up)
+        return east / length, north / length, up / length
+
+
+@dataclass(frozen=True, slots=True)
+class CourseClock(SunClock):
+    """A clock whose sun is where a course has it, and where the formulas have it beyond the course."""
+
+    course: SunCourse
+
+    def direction(self, t_s: float) -> tuple[float, float, float]:
+        if self.course.reaches(t_s):
+            return self.course.direction(t_s)
+        # not super(): a dataclass with slots is another class than the one that stands here
+        return SunClock.direction(self, t_s)
 
 
 @value
 class Sky:
-    """Season and place of the site, and local mean solar time at the start of the plan."""
+    """Season and place of the site, and local mean solar time at the start of the plan.
+
+    Where an ephemeris was asked, `course` is what it said, and the others are for clocks.
+    """
 
     ls_deg: float = 120.0
     latitude_deg: float = -4.6
     start_lmst_h: float = 10.0
+    course: SunCourse | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.start_lmst_h < 24.0:
@@ -27,6 +89,7 @@ class Sky:
 
     def clock(self) -> SunClock:
         """Return the sun's course from the start of the plan on."""
-        from mission.soltime import SunClock
-
-        return SunClock.at(self.ls_deg, self.latitude_deg, self.start_lmst_h)
+        clock = SunClock.at(self.ls_deg, self.latitude_deg, self.start_lmst_h)
+        if self.course is None:
+            return clock
+        return CourseClock(clock.start_utc, clock.latitude_deg, clock.longitude_east_deg, self.course)

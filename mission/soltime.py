@@ -103,9 +103,13 @@ def equation_of_time_h(ls_deg: float, centre_deg: float) -> float:
 
 
 def sun_direction(ls_deg: float, latitude_deg: float, true_solar_time_h: float) -> tuple[float, float, float]:
-    """Return the unit vector to the sun, east-north-up."""
+    """Return the unit vector to the sun, east-north-up; the latitude is planetographic, as the vertical is.
+
+    The declination is that of the sun as seen from the planet's centre, without the 0.25 sin Ls by which the
+    planetographic latitude of the subsolar point differs.
+    """
     ls = math.radians(ls_deg)
-    declination = math.asin(0.42565 * math.sin(ls)) + math.radians(0.25) * math.sin(ls)
+    declination = math.asin(0.42565 * math.sin(ls))
     latitude, hour = math.radians(latitude_deg), math.radians(15.0 * (true_solar_time_h - 12.0))
     east = -math.cos(declination) * math.sin(hour)
     north = math.cos(latitude) * math.sin(declination) - math.sin(latitude) * math.cos(

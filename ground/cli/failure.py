@@ -26,6 +26,7 @@ def refusals() -> Iterator[None]:
     from ground.errors import GroundError
     from mission.errors import MissionError
     from neighbours.flight.errors import FlightError
+    from neighbours.geodata.errors import GeodataError
     from planner.errors import PlannerError
     from rover_iface.errors import RoverError
 
@@ -39,6 +40,7 @@ def refusals() -> Iterator[None]:
         CrlError,
         MissionError,
         FlightError,
+        GeodataError,
     ) as err:
         fail(str(err))
     except OSError as err:

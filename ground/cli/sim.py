@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ground.cli.failure import refusals
+from ground.cli.geo_group.sky import sky
 
 if TYPE_CHECKING:
     from rover_iface.cameras.rig import CameraRig
@@ -37,6 +38,7 @@ LatitudeOption = Annotated[float, typer.Option(help="degrees north")]
 def register(app: typer.Typer) -> None:
     """Add the group to the program."""
     app.add_typer(sim)
+    app.command("sky")(sky)
 
 
 def _world(terrain: Path | None, seed: int, rover: str) -> tuple[Terrain, CameraRig]:

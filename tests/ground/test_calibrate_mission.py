@@ -78,7 +78,7 @@ def _p_lose(repo: Repository, mission_id: str) -> float:
     with repo.database.read() as session:
         row = session.get_one(MissionRow, mission_id)
         site = worksite(repo, session, row)
-        asked = mission_day(session, row, choose_sol(session, mission_id, None))
+        asked = mission_day(repo, session, row, choose_sol(session, mission_id, None))
     day = site.prepare(asked, lambda _share, _what: None)
     return max(p for route in day.network.routes for p in route.p_lose.values())
 

@@ -23,7 +23,7 @@ from ground.resources.missions.terrain import terrain_row
 from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow
 from ground.resources.sols.row import SolRow
-from mission import Sky
+from ground.resources.sols.sol_sky import sol_sky
 from mission.codec import Document
 
 KIND = "fly_campaign"
@@ -80,7 +80,7 @@ def fly_campaign(repo: Repository, actor: Actor, mission_id: str, given: Campaig
             help_runs=given.help_runs,
             until_se=given.until_se,
             expected_utility=plan.expected_utility,
-            sky=Sky(start_lmst_h=sol.start_lmst_h),
+            sky=sol_sky(repo, session, sol),
         )
         payload = ORDERS.document(work)
         return ask_job(session, repo, actor, KIND, mission_id, (CAMPAIGN, row.id), payload, job_id)

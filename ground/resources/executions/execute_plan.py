@@ -26,7 +26,8 @@ from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
 from ground.resources.problems.row import ProblemRow
 from ground.resources.sols.row import SolRow
-from mission import MissionError, Sky
+from ground.resources.sols.sol_sky import sol_sky
+from mission import MissionError
 from mission.codec import Document
 
 KIND = "execution"
@@ -85,7 +86,7 @@ def execute_plan(repo: Repository, actor: Actor, plan_id: str, given: ExecutionC
             rover=given.rover,
             seed=given.seed,
             rover_profile=plan.rover_profile,
-            sky=Sky(start_lmst_h=sol.start_lmst_h),
+            sky=sol_sky(repo, session, sol),
             signers=(),
         )
         order = ORDERS.document(work)

@@ -35,7 +35,7 @@ def build_path_network(repo: Repository, actor: Actor, mission_id: str, given: P
             PATH_NETWORK, actor, mission_id, given, job_id=job_id, inputs_sha256=inputs, geometry=None
         )
         insert(session, actor, PATH_NETWORK, row)
-        order = NetworkOrder(worksite(repo, session, mission), mission_day(session, mission, sol))
+        order = NetworkOrder(worksite(repo, session, mission), mission_day(repo, session, mission, sol))
         payload = ORDERS.document(order)
         return ask_job(session, repo, actor, KIND, mission_id, (PATH_NETWORK, row.id), payload, job_id)
 

@@ -126,7 +126,7 @@ def _with_keep_outs(repo: Repository, plan_id: str, known: _Known, changes: Chan
         rows = ObservationRequestRow
         there = set(session.scalars(select(rows.id).where(rows.mission_id == plan.mission_id)))
         asked = [str(o.id) for o in known.problem.observations if str(o.id) in there]
-        site, day = worksite(repo, session, mission), mission_day(session, mission, sol, asked)
+        site, day = worksite(repo, session, mission), mission_day(repo, session, mission, sol, asked)
     stands = {
         str(t.id): Pose(p.east_m, p.north_m, p.heading_rad)
         for t in known.problem.targets

@@ -57,7 +57,7 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, given: PlanCr
                 allowed = _allowed(session, parent)
         language = profile_of(mission.rover_profile).language
         sol = choose_sol(session, mission_id, given.sol_id)
-        day = mission_day(session, mission, sol, given.request_ids)
+        day = mission_day(repo, session, mission, sol, given.request_ids)
         day = replace(day, limits=replace(day.limits, max_overrun_probability=allowed))
         inputs = inputs_digest(session, mission_id)
         if changes is not None:

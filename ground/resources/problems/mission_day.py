@@ -18,8 +18,9 @@ from ground.resources.observation_requests.change_rover import require_instrumen
 from ground.resources.observation_requests.row import ObservationRequestRow, day_request
 from ground.resources.sols.kind import SOL
 from ground.resources.sols.row import SolRow
+from ground.resources.sols.sol_sky import sol_sky
 from ground.resources.targets.row import TargetRow, day_target
-from mission import Day, DriveRule, Limits, Pose, Sky
+from mission import Day, DriveRule, Limits, Pose
 
 TO_PLAN = ("open", "planned", "carried", "attempted", "failed")
 """States of requests that a new plan takes up; what is satisfied is not asked for again."""
@@ -56,7 +57,13 @@ def worksite(repo: Repository, session: Session, mission: MissionRow) -> Worksit
     )
 
 
-def mission_day(session: Session, mission: MissionRow, sol: SolRow, request_ids: Collection[str] = ()) -> Day:
+def mission_day(
+    repo: Repository,
+    session: Session,
+    mission: MissionRow,
+    sol: SolRow,
+    request_ids: Collection[str] = (),
+) -> Day:
     """Return a sol of a mission as a day of work, with the requests named, else with all that wait.
 
     Raises
@@ -93,7 +100,7 @@ def mission_day(session: Session, mission: MissionRow, sol: SolRow, request_ids:
             for rule in mission.drive_rules or ()
             if {rule["from_target_id"], rule["to_target_id"]} <= {None, *wanted}
         ),
-        sky=Sky(start_lmst_h=sol.start_lmst_h),
+        sky=sol_sky(repo, session, sol),
         refs={"mission": mission.id, "sol": str(sol.number)},
     )
 

@@ -33,9 +33,9 @@ from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Fault as FaultValue
 from ground.resources.runs.value import RunKind
 from ground.resources.sols.row import SolRow
+from ground.resources.sols.sol_sky import sol_sky
 from ground.resources.targets.row import TargetRow
 from ground.uplink.link import Link
-from mission import Sky
 from mission.codec import Document
 
 KIND = "dry_run"
@@ -105,7 +105,7 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, given: RunCreate) -
             pace=given.pace,
             link=None if link is None else link.as_dict(),
             commands=tuple(SentCommand(c.operation, c.sent_s) for c in given.commands),
-            sky=Sky(start_lmst_h=sol.start_lmst_h),
+            sky=sol_sky(repo, session, sol),
         )
         kind, limit_s = (LIVE_KIND, LIVE_TIME_LIMIT_S) if given.live else (KIND, None)
         order = ORDERS.document(work)
