@@ -22,7 +22,7 @@ def needs_network(plan: PlanSpec) -> bool:
     An upper bound between two points delays the earlier one only if the later one can be pushed by something
     that does not start at the earlier one: a time of day, or a window on a third node.
     """
-    return any(_ties(node) for node in plan.windowed)
+    return any(ties(node) for node in plan.windowed)
 
 
 def watches_windows(plan: PlanSpec) -> bool:
@@ -32,7 +32,8 @@ def watches_windows(plan: PlanSpec) -> bool:
     )
 
 
-def _ties(node: NodeSpec) -> bool:
+def ties(node: NodeSpec) -> bool:
+    """Tell whether a window of the node could delay a start beyond that start's own window."""
     if any(_is_node(w) and (w.hi < INFINITY or -INFINITY < w.lo < 0) for w in node.start_windows):
         return True
     if any(

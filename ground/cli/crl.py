@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.failure import fail, refusals
+from ground.cli.failure import BAD_INPUT, fail, refusals
 
 if TYPE_CHECKING:
     from executive.crl import Finding, Plan
@@ -39,16 +39,13 @@ def check(
 ) -> None:
     """Report everything that is wrong or doubtful in a plan. Exit 1 if it must be rejected."""
     from executive.crl import check as check_text
-    from executive.crl import readable_text
 
     levels = _levels(level or [])
     commands = telemetry = None
     if dictionary is not None:
         language = dictionary_of(dictionary)
         commands, telemetry = language.commands, language.telemetry
-    text = _read(file)
-    if file.suffix == ".json":
-        text = readable_text(_from_json(file, text))
+    text = plan_text(file)
     report = check_text(text, commands=commands, telemetry=telemetry, levels=levels)
     if as_json:
         typer.echo(json.dumps([f.to_json() for f in report.findings], indent=2))
@@ -119,12 +116,60 @@ def format_(
         typer.echo(readable_text(plan), nl=False)
 
 
+@crl_app.command()
+def export(
+    file: Annotated[Path, typer.Argument(help="CRL text, or its JSON form (.json)")],
+    to: Annotated[str, typer.Option("--to", help="bt: XML of BehaviorTree.CPP 4")] = "bt",
+    out: Annotated[Path | None, typer.Option(help="the file to write; default stdout")] = None,
+    partial: Annotated[
+        bool, typer.Option("--partial", help="write what fits, with a comment where something does not")
+    ] = False,
+) -> None:
+    """Write a plan for another executive. Exit 2, and nothing is written, if that cannot say all of it.
+
+    Each construct that does not fit is named on stderr with its place and reason.
+    """
+    from executive.crl import CrlValidationError, load
+    from neighbours.robots.behavior_tree import behavior_tree
+
+    if to != "bt":
+        fail(f"--to {to!r} is no known form; bt is")
+    try:
+        plan = load(plan_text(file))
+    except CrlValidationError as error:
+        first = error.findings[0]
+        fail(f"{file}:{first.line}:{first.column}: {first.message} ({len(error.findings)} findings in all)")
+    tree = behavior_tree(plan)
+    for one in tree.lacking:
+        typer.echo(f"{file}: {one}", err=True)
+    if tree.lacking and not partial:
+        count = len(tree.lacking)
+        places = "1 place" if count == 1 else f"{count} places"
+        typer.echo(f"outcrop: the plan does not fit at {places}; nothing written (--partial)", err=True)
+        raise typer.Exit(BAD_INPUT)
+    if out is None:
+        typer.echo(tree.xml, nl=False)
+    else:
+        try:
+            out.write_text(tree.xml, encoding="utf-8")
+        except OSError as error:
+            fail(f"{out} cannot be written: {error.strerror}")
+
+
 def dictionary_of(name: str) -> Dictionary:
     """Return the dictionary that `--dictionary` names; `outcrop` is that of the program's rovers."""
     from rover_iface.profile import STANDARD_DICTIONARY, dictionary_file
 
     with refusals():
         return dictionary_file(STANDARD_DICTIONARY if name == "outcrop" else name)
+
+
+def plan_text(file: Path) -> str:
+    """Return the CRL text of a file that holds it, or its JSON form."""
+    from executive.crl import readable_text
+
+    text = _read(file)
+    return readable_text(_from_json(file, text)) if file.suffix == ".json" else text
 
 
 def _from_json(file: Path, text: str) -> Plan:

@@ -27,6 +27,7 @@ def refusals() -> Iterator[None]:
     from mission.errors import MissionError
     from neighbours.flight.errors import FlightError
     from neighbours.geodata.errors import GeodataError
+    from neighbours.robots.errors import RobotFormatError
     from planner.errors import PlannerError
     from rover_iface.errors import RoverError
 
@@ -41,6 +42,7 @@ def refusals() -> Iterator[None]:
         MissionError,
         FlightError,
         GeodataError,
+        RobotFormatError,
     ) as err:
         fail(str(err))
     except OSError as err:

@@ -1,0 +1,1 @@
+"""Robot people's forms: behaviour trees out, recordings in and out, live topics."""
