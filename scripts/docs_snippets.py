@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """Run the commands and check the snippets of `docs/learn` and `docs/how-to` against the real program.
 
-    python scripts/docs_snippets.py [--slow] [PAGE ...]      exit status 1 and one line for each that fails
+    python scripts/docs_snippets.py [--slow] [--ros DIR] [PAGE ...]      exit 1, a line for each that fails
 
 All `console` blocks of a page run in one shell, in order, in an empty folder. Each line that begins with `$ `
 is a command; the lines below it are what it prints, in this order, `...` for anything. A comment on the line
 before a block changes that:
 
     <!-- slow -->            runs with --slow only, that is in scripts/docs
+    <!-- ros -->             runs with --ros only, in the ROS 2 that scripts/ros-venv made in DIR
     <!-- file: NAME -->      the block is written to this file of the folder
     <!-- form: REASON -->    not run; commands and options are held against the program
 
@@ -17,12 +18,15 @@ compiled and what they import is looked up; TOML and JSON are parsed.
 
 from __future__ import annotations
 
+import argparse
 import ast
+import contextlib
 import importlib
 import json
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import tempfile
@@ -97,7 +101,43 @@ def missing_line(wanted: list[str], printed: str) -> str | None:
     return None
 
 
-def run_page(page: Path, slow: bool) -> list[str]:
+def in_ros(folder: Path, ros: Path) -> dict[str, str]:
+    """Return an environment whose `outcrop` and `python` are those of a ROS 2; `folder` keeps the first."""
+    outcrop = folder / ".bin/outcrop"
+    outcrop.parent.mkdir()
+    outcrop.write_text(f'#!/bin/sh\nexec {ros}/bin/python -m ground.cli "$@"\n')
+    outcrop.chmod(0o755)
+    return {
+        "PATH": os.pathsep.join((str(outcrop.parent), f"{ros}/bin", os.environ["PATH"])),
+        "AMENT_PREFIX_PATH": str(ros),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_LOG_DIR": str(folder / ".log"),
+    }
+
+
+def in_one_shell(script: str, folder: Path, environment: dict[str, str]) -> tuple[int, str]:
+    """Return how a shell ended and what it printed; what it left running in the background is ended."""
+    with (folder / ".printed").open("w+", encoding="utf-8", errors="replace") as out:
+        shell = subprocess.Popen(
+            ["bash", "-c", script],
+            cwd=folder,
+            env=environment,
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        try:
+            shell.wait(LIMIT_S)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(shell.pid, signal.SIGTERM)
+            shell.wait()
+        out.seek(0)
+        return shell.returncode, out.read()
+
+
+def run_page(page: Path, slow: bool, ros: Path | None = None) -> list[str]:
     """Return what went wrong in the commands of a page, run in order in one shell."""
     todo = []
     with tempfile.TemporaryDirectory() as folder:
@@ -106,7 +146,7 @@ def run_page(page: Path, slow: bool) -> list[str]:
                 target = Path(folder, block.mark.removeprefix("file:").strip())
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_text(block.text, encoding="utf-8")
-            elif block.runs and (slow or block.mark != "slow"):
+            elif block.runs and (block.mark != "slow" or slow) and (block.mark != "ros" or ros):
                 todo += [(block, *step) for step in steps(block)]
         if not todo:
             return []
@@ -121,18 +161,10 @@ def run_page(page: Path, slow: bool) -> list[str]:
             "OUTCROP_SOURCE": str(ROOT),
             "HOME": folder,
             "COLUMNS": "120",
+            **({} if ros is None else in_ros(Path(folder), ros)),
         }
-        done = subprocess.run(
-            ["bash", "-c", script],
-            cwd=folder,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-            timeout=LIMIT_S,
-        )
-    parts = re.split(r"^@@\d+\n", done.stdout, flags=re.M)[1:]
+        code, printed_all = in_one_shell(script, Path(folder), environment)
+    parts = re.split(r"^@@\d+\n", printed_all, flags=re.M)[1:]
     name = page.name
     for (block, command, wanted), printed in zip(todo, parts, strict=False):
         lost = missing_line(wanted, printed)
@@ -140,9 +172,9 @@ def run_page(page: Path, slow: bool) -> list[str]:
             return [
                 f"{name}:{block.line}: {command!r} did not print {lost.strip()!r}, but:\n{printed[-1500:]}"
             ]
-    if done.returncode:
+    if code:
         block, command, _ = todo[len(parts) - 1]
-        return [f"{name}:{block.line}: {command!r} ended with {done.returncode}:\n{parts[-1][-1500:]}"]
+        return [f"{name}:{block.line}: {command!r} ended with {code}:\n{parts[-1][-1500:]}"]
     return []
 
 
@@ -234,11 +266,14 @@ def guide_pages() -> list[Path]:
 
 def main() -> int:
     """Check the pages that are named, or all."""
-    arguments = [a for a in sys.argv[1:] if a != "--slow"]
-    pages = [Path(a) for a in arguments] or guide_pages()
+    reader = argparse.ArgumentParser()
+    reader.add_argument("--slow", action="store_true")
+    reader.add_argument("--ros", type=Path)
+    reader.add_argument("pages", nargs="*", type=Path)
+    asked = reader.parse_args()
     wrong = 0
-    for page in pages:
-        found = [*wrong_form(page), *run_page(page, slow="--slow" in sys.argv)]
+    for page in asked.pages or guide_pages():
+        found = [*wrong_form(page), *run_page(page, asked.slow, asked.ros)]
         commands = sum(len(steps(b)) for b in blocks(page.read_text(encoding="utf-8")) if b.runs)
         print(f"{page.name}: {commands} commands run, {len(found)} wrong", flush=True)
         for line in found:

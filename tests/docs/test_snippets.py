@@ -35,7 +35,7 @@ def test_what_is_not_run_has_a_reason(guide: Path) -> None:
         if block.mark.startswith("form:"):
             assert len(block.mark.split()) >= 4, f"{guide.name}:{block.line}"
         else:
-            assert not block.mark or block.mark == "slow" or block.mark.startswith("file: ")
+            assert not block.mark or block.mark in {"slow", "ros"} or block.mark.startswith("file: ")
 
 
 def test_tutorials_run_almost_whole() -> None:
