@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 ABOUT = {
     "mission": "Missions.",
     "sol": "Sols.",
+    "sol-path": "Sols planned together.",
     "target": "Targets.",
     "request": "Observation requests.",
     "keep-out": "Keep-outs.",

@@ -30,7 +30,7 @@ from ground.resources.plans.answer_what_if import keep_outs_of
 from ground.resources.plans.bodies import PlanCreate
 from ground.resources.plans.draft import draft_of
 from ground.resources.plans.kind import PLAN
-from ground.resources.plans.order import ORDERS, PlanWork, Search
+from ground.resources.plans.order import ORDERS, Ahead, PlanWork, Search
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
 from ground.resources.problems.inputs_digest import inputs_digest
@@ -44,8 +44,13 @@ from planner.changes import Changes
 KIND = "generate_plan"
 
 
-def generate_plan(repo: Repository, actor: Actor, mission_id: str, given: PlanCreate) -> Job:
-    """Return the job whose subject is the new plan, a draft until it is computed."""
+def generate_plan(
+    repo: Repository, actor: Actor, mission_id: str, given: PlanCreate, *, ahead: Ahead | None = None
+) -> Job:
+    """Return the job whose subject is the new plan, a draft until it is computed.
+
+    With `ahead` it is that of the first of several sols.
+    """
     actor.require(Action.PLAN, mission_id)
     changes = None if given.what_if is None else given.what_if.value()
     allowed = given.max_overrun_probability
@@ -85,7 +90,7 @@ def generate_plan(repo: Repository, actor: Actor, mission_id: str, given: PlanCr
         insert(session, actor, PLAN, row)
         search = Search(given.strategy, given.max_branches, given.time_limit_s, given.iterations, given.seed)
         draft = str(draft_of(repo, row.id))
-        work = PlanWork(worksite(repo, session, mission), day, row.id, search, changes, draft)
+        work = PlanWork(worksite(repo, session, mission), day, row.id, search, changes, draft, ahead)
         return ask_job(session, repo, actor, KIND, mission_id, (PLAN, row.id), ORDERS.document(work), job_id)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from ground.day.worksite import Worksite, from_version_0
 from mission import Day
 from mission.codec import Codec
+from mission.sol_timeline import SolNumber, SolSeries
 from mission.values import NotNegative, value
 from planner.changes import Changes
 
@@ -23,10 +24,19 @@ class Search:
 
 
 @value
+class Ahead:
+    """How many sols the plan looks ahead, and their battery and power; None for the day's budgets anew."""
+
+    sols: SolNumber
+    series: SolSeries | None = None
+
+
+@value
 class PlanWork:
     """A plan for a day at a worksite; with `what_if` for that day changed.
 
-    The best plan so far is kept in the file `draft`, for whoever watches; without one it is not.
+    With `ahead` the plan is for the first of several sols. The best plan so far is kept in the file `draft`,
+    for whoever watches; without one it is not.
     """
 
     site: Worksite
@@ -35,6 +45,7 @@ class PlanWork:
     search: Search
     what_if: Changes | None = None
     draft: str = ""
+    ahead: Ahead | None = None
 
 
 def _from_version_0(payload: dict[str, Any]) -> dict[str, Any]:

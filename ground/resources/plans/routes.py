@@ -6,7 +6,7 @@ from starlette.responses import Response
 
 from ground.api.context import Asked, Id, answer
 from ground.api.problems import responses
-from ground.api.resource_routes import resource_routes
+from ground.api.resource_routes import resource_routes, start_route
 from ground.resources.plans.answer_what_if import answer_what_if as answer_what_if_use_case
 from ground.resources.plans.bodies import DraftDocument, SummaryDocument, TreeDocument, WhatIf
 from ground.resources.plans.explain_plan import compare_plans as compare_plans_use_case
@@ -15,6 +15,8 @@ from ground.resources.plans.explain_plan import explain_request as explain_reque
 from ground.resources.plans.generate_plan import generate_plan
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.read_plan import read_crl, read_draft, read_findings, read_summary, read_tree
+from ground.resources.plans.sol_path import ask_sol_path, read_sol_path
+from ground.resources.plans.sol_path_bodies import SolPathCreate, SolPathDocument
 from ground.resources.plans.study_value import PlanComparison, WhatIfAnswer, WhyNot
 from ground.resources.plans.value import Finding
 from ground.versions.difference import PlanDifference
@@ -31,6 +33,23 @@ router = resource_routes(
     changes="Change name or notes of a plan; what was computed is never changed.",
     deletes="Delete a plan that was neither approved nor run.",
 )
+
+
+start_route(
+    router,
+    "/missions/{mission_id}/sol-paths",
+    "create_sol_path",
+    SolPathCreate,
+    ask_sol_path,
+    "Ask for a plan of the first of several sols: a job, whose subject is that plan.\n\n"
+    "What the later sols are worth stands in its sol path.",
+)
+
+
+@router.get("/plans/{plan_id}/sol-path", response_model=SolPathDocument, responses=responses(404, 409, 422))
+async def get_sol_path(ask: Asked, plan_id: Id) -> Response:
+    """Read the sol path (`sol-path/1`) that a plan begins: each sol, its worth, and a bound on all."""
+    return answer(await ask.do(read_sol_path, plan_id))
 
 
 @router.get("/plans/{plan_id}/tree", response_model=TreeDocument, responses=responses(404, 409, 422))

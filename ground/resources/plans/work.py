@@ -13,12 +13,14 @@ from ground.jobs.queue import WorkStoppedError
 from ground.resources.path_networks.geometry import network_geometry, observation_points
 from ground.resources.plans.draft import Drawing
 from ground.resources.plans.order import PlanWork
+from ground.resources.plans.sol_path_work import FirstSol, plan_first_sol
 from mission.codec import Document
 from planner.changes import changed_problem
 
 if TYPE_CHECKING:
     from executive.crl.dictionary import Dictionary
 
+NOT_WORTH = "not worth its time and energy beside the others within this day's budgets"
 STOPPED = "The search was stopped; this is the best plan it had found."
 
 
@@ -60,18 +62,23 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Do
         stopped = stopped or should_stop()
         return stopped
 
+    ahead: FirstSol | None = None
     try:
         problem = day.problem if order.what_if is None else changed_problem(day.problem, order.what_if)
-        result = solve(
-            problem,
-            strategy=search.strategy,
-            max_branches=search.max_branches,
-            time_limit_s=search.time_limit_s,
-            iterations=search.iterations,
-            seed=search.seed,
-            report=follow,
-            should_stop=stop,
-        )
+        if order.ahead is not None:
+            ahead = plan_first_sol(problem, order.ahead, search, follow, stop)
+            problem, result = ahead.problem, ahead.result
+        else:
+            result = solve(
+                problem,
+                strategy=search.strategy,
+                max_branches=search.max_branches,
+                time_limit_s=search.time_limit_s,
+                iterations=search.iterations,
+                seed=search.seed,
+                report=follow,
+                should_stop=stop,
+            )
     except PlannerError as err:
         raise JobFailedError(str(err)) from err
     if stopped and result.status is not PlanStatus.PLANNED:
@@ -85,11 +92,9 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Do
     canonical, text = canonical_text(crl), readable_text(crl)
     done = planned_observations(result.tree.plan)
     left_out = {refusal.request_id: refusal.reason for refusal in day.refused}
-    for observation in problem.observations:
+    for observation in day.problem.observations:
         if observation.id not in done:
-            left_out[observation.id] = (
-                "not worth its time and energy beside the others within this day's budgets"
-            )
+            left_out[observation.id] = NOT_WORTH if ahead is None else ahead.later[observation.id]
     check = result.check
     return {
         "status": result.status.value,
@@ -113,6 +118,7 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Do
         "summary": {
             **summary_of(problem, result, digest(crl)),
             "stopped": stopped,
+            **({} if ahead is None else {"sol_path": ahead.document}),
             **({} if order.what_if is None else {"what_if": order.what_if.as_dict()}),
         },
         "geometry": network_geometry(day),
