@@ -34,6 +34,7 @@ class _PlanGroup(TyperGroup):
 
 def register(app: typer.Typer) -> None:
     """Add the group; what is no command of it is a problem that is to be planned."""
+    from ground.cli.flight_group.sequence import plandev, sequence
     from ground.cli.plan_group.ci import ci
     from ground.cli.plan_group.versions import register_versions
 
@@ -42,6 +43,8 @@ def register(app: typer.Typer) -> None:
     )
     group.command(SOLVE)(plan)
     group.command("ci")(ci)
+    group.command("sequence")(sequence)
+    group.command("plandev")(plandev)
     register_versions(group)
     app.add_typer(group)
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.failure import fail, refusals
+from ground.cli.failure import refusals
 
 if TYPE_CHECKING:
+    from neighbours.flight.foreign import ForeignDictionary
     from neighbours.flight.import_dictionary import ImportedDictionary, Remark
 
 MOST_SHOWN = 4
@@ -35,20 +36,14 @@ def dictionary_from(
     `outcrop --profiles OUT COMMAND`. Exit status 0: made, 2: refused.
     """
     from neighbours.flight.flight_map import load_flight_map
-    from neighbours.flight.fprime_dictionary import read_fprime
     from neighbours.flight.import_dictionary import import_dictionary
     from neighbours.flight.rover_files import write_rover
-    from neighbours.flight.xtce_dictionary import read_xtce
     from rover_iface.profile import load_profile
 
-    readers = {".json": read_fprime, ".xml": read_xtce, ".xtce": read_xtce}
-    reader = readers.get(file.suffix.lower())
-    if reader is None:
-        fail(f"{file}: ends in {file.suffix!r}; F Prime's dictionary ends in .json, XTCE in .xml or .xtce")
     with refusals():
         profile = load_profile(base)
         mapped = load_flight_map(mapping)
-        imported = import_dictionary(reader(file), mapped, profile.language, name)
+        imported = import_dictionary(read_foreign(file), mapped, profile.language, name)
         made = write_rover(name, imported, mapped, profile, out)
         if report is not None:
             report.write_text(_report(imported), encoding="utf-8")
@@ -62,6 +57,19 @@ def dictionary_from(
         typer.echo(f"not said: {_told(remark)}")
     for path in made:
         typer.echo(f"wrote {path}")
+
+
+def read_foreign(path: Path) -> ForeignDictionary:
+    """Return the dictionary in a file, whose ending says which program it is of."""
+    from neighbours.flight.errors import ForeignDictionaryError
+    from neighbours.flight.fprime_dictionary import read_fprime
+    from neighbours.flight.xtce_dictionary import read_xtce
+
+    reader = {".json": read_fprime, ".xml": read_xtce, ".xtce": read_xtce}.get(path.suffix.lower())
+    if reader is None:
+        found = f"ends in {path.suffix!r}; F Prime's dictionary ends in .json, XTCE in .xml or .xtce"
+        raise ForeignDictionaryError(str(path), (found,))
+    return reader(path)
 
 
 def _told(remark: Remark) -> str:

@@ -61,9 +61,31 @@ def day(api: Api, terrain: Path) -> tuple[Mission, dict[str, Any], dict[str, Any
     return mission, planned(api, mission), requests
 
 
+def written_as_a_sequence(crl: str, fprime: FPrime, dictionary: Path, folder: Path) -> None:
+    """Let F Prime's own compiler encode the plan's main line."""
+    (folder / "day.crl").write_text(crl)
+    order = ("plan", "sequence", folder / "day.crl", "--dictionary", dictionary, "--map", folder / "map.toml")
+    code, said = run(*order, "--out", folder / "day.seq")
+    assert code == 2
+    assert 'not said: maintain conditions of "root"' in said
+    assert not (folder / "day.seq").exists()
+    code, said = run(*order, "--out", folder / "day.seq", "--branch", "nominal")
+    assert code == 0, said
+    lines = [s for s in (folder / "day.seq").read_text().splitlines() if not s.startswith(";")]
+    encoded = fprime.encode(folder / "day.seq", dictionary)
+    opcodes = {c["name"]: c["opcode"] for c in json.loads(dictionary.read_text())["commands"]}
+    at = 0
+    for line in lines:
+        command = opcodes[line.split()[1]].to_bytes(4, "big")
+        at = encoded.index(command, at) + 4
+    assert {line.split()[1] for line in lines} >= {"mob.DRIVE_TO", "spec.MEASURE", "arm.TOUCH", "eyes.TRACK"}
+    window = encoded.index(opcodes["spec.MEASURE"].to_bytes(4, "big"))
+    assert (250).to_bytes(4, "big") + (64).to_bytes(2, "big") + (48).to_bytes(2, "big") in encoded[window:]
+
+
 @pytest.mark.slow
 def test_two_hundred_foreign_commands_give_forms_validation_a_plan_and_a_day(
-    sqlite_api: Api, profiles: Path, terrain_folder: Path, tmp_path: Path
+    sqlite_api: Api, profiles: Path, terrain_folder: Path, tmp_path: Path, fprime: FPrime, dictionary: Path
 ) -> None:
     api = sqlite_api
     rover = api.get("/rovers/scout")
@@ -91,6 +113,8 @@ def test_two_hundred_foreign_commands_give_forms_validation_a_plan_and_a_day(
     assert run_["outcome"] == "SUCCEEDED"
     done = {e["arguments"][0] for e in api.get(f"/runs/{run_['id']}/trace")["events"] if e["event"] == "end"}
     assert len([task for task in done if task.startswith("observe")]) == 2, done
+
+    written_as_a_sequence(crl, fprime, dictionary, tmp_path)
 
     (tmp_path / "by-hand.crl").write_text(
         "(plan :id p :node (task :id t :action mob.SET_5 :parameters (level = 300)))"
