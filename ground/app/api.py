@@ -42,6 +42,7 @@ from ground.resources.site_maps.routes import router as site_maps
 from ground.resources.site_views.routes import router as site_views
 from ground.resources.sols.routes import router as sols
 from ground.resources.solutions.routes import router as solutions
+from ground.resources.stac.routes import router as stac
 from ground.resources.targets.routes import router as targets
 from ground.resources.traverses.routes import router as traverses
 from ground.resources.uploads.routes import router as uploads
@@ -63,6 +64,7 @@ ROUTERS = (
     approvals,
     packages,
     geometry_files,
+    stac,
     reports,
     frames,
     solutions,

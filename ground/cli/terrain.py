@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ground.cli.failure import fail, refusals
+from ground.cli.geo_group.glb import glb
 
 terrain = typer.Typer(name="terrain", help="Make, import and look at terrain.", no_args_is_help=True)
 
@@ -15,6 +16,7 @@ terrain = typer.Typer(name="terrain", help="Make, import and look at terrain.", 
 def register(app: typer.Typer) -> None:
     """Add the group to the program."""
     app.add_typer(terrain)
+    terrain.command()(glb)
 
 
 @terrain.command()

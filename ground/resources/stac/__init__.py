@@ -1,0 +1,1 @@
+"""A mission's terrain and products as a STAC catalogue."""
