@@ -146,6 +146,7 @@ def _tell(checked: Package, flight: Flight, out: Path) -> None:
 def _live(app: typer.Typer) -> None:
     """Add what a live run can be asked: it goes to the run's own process, not to a server."""
     from ground.cli.resources import group_of
+    from ground.cli.robot_group.watch import watch
 
     @app.command("stop")
     def stop(run: Path = RUN) -> None:
@@ -183,6 +184,8 @@ def _live(app: typer.Typer) -> None:
         with refusals():
             for topic, count in sorted(export_mcap(run, mcap).items()):
                 typer.echo(f"{count:7d}  {topic}")
+
+    runs.command("watch")(watch)
 
     @runs.command("inject")
     def inject(

@@ -11,7 +11,7 @@ import base64
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -30,9 +30,18 @@ INFO, WARNING = 2, 3
 """Levels of `foxglove.Log`."""
 WARNINGS = ("risk", "garbage", "safing", "port", "link", "clock", "product")
 """Kinds of notes that an operator should see."""
+STATES = {
+    "start": "EXECUTING",
+    "retry": "EXECUTING",
+    "resume": "EXECUTING",
+    "suspend": "SUSPENDED",
+    "end": "FINISHED",
+}
+"""State of a node after an event of the trace; at its end that is the outcome."""
 TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 _NUMBER = {"type": "number"}
 _TEXT = {"type": "string"}
+_LIST = {"type": "array", "items": {"type": "object"}}
 _XYZ = {"type": "object", "properties": dict.fromkeys("xyz", _NUMBER)}
 _POSE = {
     "type": "object",
@@ -52,6 +61,8 @@ SCHEMAS: Mapping[str, Mapping[str, object]] = {
     },
     "outcrop.Telemetry": {"t_s": _NUMBER, "battery_j": _NUMBER, "energy_used_j": _NUMBER, "task": _TEXT},
     "outcrop.PlanEvent": {"t_s": _NUMBER, "event": _TEXT, "node": _TEXT, "detail": {"type": "array"}},
+    "foxglove.SceneUpdate": {"deletions": _LIST, "entities": _LIST},
+    "outcrop.NodeState": {"t_s": _NUMBER, "node": _TEXT, "state": _TEXT},
     "outcrop.Command": {"t_s": _NUMBER, "task": _TEXT, "attempt": {"type": "integer"}, "action": _TEXT},
     "outcrop.Product": {"t_s": _NUMBER, "task": _TEXT, "kind": _TEXT, "path": _TEXT, "sha256": _TEXT},
 }
@@ -86,7 +97,7 @@ def export_mcap(run: Path, target: Path) -> dict[str, int]:
     if target.exists():
         raise NameTakenError(f"{target} exists already")
     journal = JournalFile(run / JOURNAL)
-    zero_ns = _zero_ns(journal.header)
+    zero_ns = zero_of(journal.header)
     counts: dict[str, int] = {}
     channels: dict[str, int] = {}
     fresh = target.with_name(f"{target.name}.part")
@@ -95,10 +106,7 @@ def export_mcap(run: Path, target: Path) -> dict[str, int]:
             writer = Writer(file)
             writer.start(profile="", library="outcrop")
             schemas = {
-                name: writer.register_schema(
-                    name, "jsonschema", json.dumps({"type": "object", "properties": members}).encode()
-                )
-                for name, members in SCHEMAS.items()
+                name: writer.register_schema(name, "jsonschema", schema_text(name)) for name in SCHEMAS
             }
             for number, one in enumerate(messages(run, journal.records, zero_ns)):
                 if one.topic not in channels:
@@ -116,15 +124,20 @@ def export_mcap(run: Path, target: Path) -> dict[str, int]:
     return counts
 
 
-def _zero_ns(header: Json) -> int:
+def schema_text(name: str) -> bytes:
+    """Return the JSON Schema of the messages of a name."""
+    return json.dumps({"type": "object", "properties": SCHEMAS[name]}).encode()
+
+
+def zero_of(header: Json) -> int:
     """Return plan time 0 in nanoseconds of UTC; 0 for a virtual clock, which has no instant."""
     instant = header.get("instant")
     return 0 if instant is None else round(datetime.fromisoformat(instant).timestamp() * 1000) * 1_000_000
 
 
-def messages(run: Path, records: list[Json], zero_ns: int) -> Iterator[Message]:
+def messages(run: Path, records: Iterable[Json], zero_ns: int) -> Iterator[Message]:
     """Yield the messages of a journal, in its order."""
-    book, t_ms = SampleBook(), 0
+    book, trail, t_ms = SampleBook(), Trail(zero_ns), 0
     for record in records:
         t_ms = max(t_ms, record.get("t", t_ms))
         match record["k"]:
@@ -132,6 +145,10 @@ def messages(run: Path, records: list[Json], zero_ns: int) -> Iterator[Message]:
                 node, *detail = record["a"] or [""]
                 told = {"t_s": t_ms / 1000, "event": record["e"], "node": node, "detail": detail}
                 yield Message("/plan", "outcrop.PlanEvent", t_ms, told)
+                if record["e"] in STATES:
+                    state = str(detail[0]) if record["e"] == "end" and detail else STATES[record["e"]]
+                    about = {"t_s": t_ms / 1000, "node": node, "state": state}
+                    yield Message("/nodes", "outcrop.NodeState", t_ms, about)
             case "send":
                 command = CommandId(*record["id"])
                 book.sent(command)
@@ -148,8 +165,51 @@ def messages(run: Path, records: list[Json], zero_ns: int) -> Iterator[Message]:
                     sample = book.heard(event)
                     if sample is not None:
                         yield from _sample(sample, zero_ns, t_ms)
+                        yield from trail.goes_on(sample, t_ms)
                     elif isinstance(event, Product):
                         yield from _product(run, event, zero_ns, t_ms)
+
+
+class Trail:
+    """The line that the rover has drawn on its ground, a segment a message, for 3D panels."""
+
+    def __init__(self, zero_ns: int) -> None:
+        self._zero_ns, self._number = zero_ns, 0
+        self._last: tuple[float, float] | None = None
+
+    def goes_on(self, sample: Sample, t_ms: int) -> Iterator[Message]:
+        """Yield the segment from the last place to that of a sample, none if the rover stands."""
+        here, last = (sample.east_m, sample.north_m), self._last
+        self._last = here
+        if last is None or here == last:
+            return
+        self._number += 1
+        origin = {
+            "position": dict.fromkeys("xyz", 0.0),
+            "orientation": {**dict.fromkeys("xyz", 0.0), "w": 1.0},
+        }
+        line = {
+            "type": 0,  # a strip
+            "pose": origin,
+            "thickness": 3.0,
+            "scale_invariant": True,
+            "points": [{"x": x, "y": y, "z": 0.0} for x, y in (last, here)],
+            "color": {"r": 0.9, "g": 0.5, "b": 0.1, "a": 1.0},
+            "colors": [],
+            "indices": [],
+        }
+        entity = {
+            **_stamp(self._zero_ns, t_ms),
+            "frame_id": "site",
+            "id": f"trail-{self._number}",
+            "lifetime": {"sec": 0, "nsec": 0},
+            "frame_locked": False,
+            **{kind: [] for kind in ("metadata", "arrows", "cubes", "spheres", "cylinders", "triangles")},
+            "lines": [line],
+            "texts": [],
+            "models": [],
+        }
+        yield Message("/trail", "foxglove.SceneUpdate", t_ms, {"deletions": [], "entities": [entity]})
 
 
 def _stamp(zero_ns: int, t_ms: int) -> Json:

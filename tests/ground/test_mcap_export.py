@@ -108,3 +108,13 @@ def test_the_command_says_what_it_wrote_and_what_it_cannot(run: Path, tmp_path: 
         assert failed.exit_code == 2
         assert "Traceback" not in failed.output
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_the_bag_tools_of_ros_say_that_the_file_is_none_of_theirs(run: Path, tmp_path: Path) -> None:
+    """The messages are Foxglove's in JSON, not of ROS in CDR; the file says so by its profile."""
+    from rosbags.rosbag2.errors import ReaderError
+    from rosbags.rosbag2.storage_mcap import McapReader
+
+    export_mcap(run, tmp_path / "run.mcap")
+    with pytest.raises(ReaderError, match="Profile is not ros2"):
+        McapReader(tmp_path / "run.mcap").open()

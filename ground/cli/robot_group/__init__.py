@@ -1,0 +1,1 @@
+"""Commands for robot tools: live topics out, recordings in."""
