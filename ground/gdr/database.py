@@ -81,6 +81,8 @@ class Act:
 
     def __init__(self, first: Callable[[Session], None]) -> None:
         self.session: Session | None = None
+        self.whole = False
+        """Whether a write within it that fails is an end of all of it: then none needs a savepoint."""
         self._first = first
         self._stack = ExitStack()
 
@@ -192,6 +194,8 @@ class Database:
         if act is None:
             with self._transaction() as session:
                 yield session
+        elif act.whole and act.session is not None:
+            yield act.session
         else:
             with act.join(self._transaction).begin_nested() as savepoint:
                 yield savepoint.session
@@ -218,6 +222,18 @@ class Database:
         else:
             with self.act(lambda _session: None):
                 yield
+
+    @contextmanager
+    def whole(self) -> Iterator[Session]:
+        """Give a session whose changes are committed all or none, with those of all writes inside."""
+        with self.together(), self.write() as session:
+            act = _ACT.get()
+            assert act is not None
+            before, act.whole = act.whole, True
+            try:
+                yield session
+            finally:
+                act.whole = before
 
     @contextmanager
     def apart(self) -> Iterator[None]:

@@ -159,16 +159,22 @@ def _set_head(session: Session, chain_id: str, seq: int, sha256: str) -> None:
 def batched(session: Session) -> Iterator[None]:
     """Keep the heads of chains in memory while much is written in one transaction, and write them once.
 
-    The first event of a chain still locks its head.
+    The first event of a chain still locks its head. Rows that are made need not be written one by one.
     """
     heads: Heads = {}
-    session.info["heads"] = heads
+    session.info["heads"], session.info["batch"] = heads, {}
     try:
         yield
         for chain_id, (seq, sha256) in heads.items():
             _set_head(session, chain_id, seq, sha256)
     finally:
-        del session.info["heads"]
+        del session.info["heads"], session.info["batch"]
+
+
+def batch_of(session: Session) -> dict[str, set[str]] | None:
+    """Return what is remembered while much is written in one transaction; None where it is not so."""
+    batch: dict[str, set[str]] | None = session.info.get("batch")
+    return batch
 
 
 @event.listens_for(Session, "before_commit")

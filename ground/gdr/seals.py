@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC
+from functools import cache
 from typing import Any
 
 import orjson
@@ -46,16 +47,27 @@ def row_digest(table: Table, values: Values) -> str:
     What is null or the column's default does not count: a column of a later version changes no digest.
     """
     content = {}
-    for column in table.columns:
-        value = _plain(column.type, values[column.name])
-        if value is not None and value != _usual(column) and column.name not in SECRET:
-            content[column.name] = value
+    for name, plain, usual in _sealed_columns(table):
+        value = values[name]
+        if value is not None and plain is not None:
+            value = plain(value)
+        if value is not None and value != usual:
+            content[name] = value
     options = orjson.OPT_SORT_KEYS | orjson.OPT_NON_STR_KEYS
     try:
         text = orjson.dumps(content, default=_number, option=options)
     except TypeError:  # half of a surrogate pair, say
         text = json.dumps(content, sort_keys=True, default=_number).encode()
     return hashlib.sha256(text).hexdigest()
+
+
+Plain = Callable[[Any], Any]
+
+
+@cache
+def _sealed_columns(table: Table) -> tuple[tuple[str, Plain | None, object], ...]:
+    """Return the name, the plain form and the usual value of each column that a seal covers."""
+    return tuple((c.name, _plain(c.type), _usual(c)) for c in table.columns if c.name not in SECRET)
 
 
 def _usual(column: Column[Any]) -> object:
@@ -66,16 +78,19 @@ def _usual(column: Column[Any]) -> object:
     return kind() if kind in {str, bool, int, float} else None
 
 
-def _plain(kind: object, value: Any) -> Any:
-    """Return a value as it is after a way through the database."""
-    if value is None or isinstance(kind, JSON):
-        return value
+def _plain(kind: object) -> Plain | None:
+    """Return what makes of a value what it is after a way through the database; None where it is the same."""
+    if isinstance(kind, JSON):
+        return None
     if isinstance(kind, Utc):
-        return value.astimezone(UTC).isoformat(timespec="microseconds")
-    for family, python in ((Boolean, bool), (Integer, int), (Float, float)):
-        if isinstance(kind, family):
-            return python(value) + 0.0 if python is float else python(value)  # SQLite keeps no -0.0
-    return str(value)
+        return lambda value: value.astimezone(UTC).isoformat(timespec="microseconds")
+    if isinstance(kind, Boolean):
+        return bool
+    if isinstance(kind, Integer):
+        return int
+    if isinstance(kind, Float):
+        return lambda value: float(value) + 0.0  # SQLite keeps no -0.0
+    return str
 
 
 def _number(value: Any) -> Any:
@@ -100,8 +115,8 @@ def chain_of(row: Any) -> str:
     return getattr(row, name, None) or SYSTEM
 
 
-_Pending = dict[str, dict[str, Base | None]]
-"""Rows that were written and are not sealed yet, by chain and key."""
+_Pending = dict[str, dict[str, Base | str | None]]
+"""Rows that were written and are not sealed yet, or their seals, by chain and key."""
 
 
 def pending_of(session: Session) -> _Pending:
@@ -114,14 +129,25 @@ def drain(session: Session, chain_id: str) -> Seals | None:
     """Return the seals of what was written of a chain since the last time; None without any."""
     rows = pending_of(session).pop(chain_id, {})
     return {
-        key: None if row is None else row_digest(row.__table__, values_of(row))  # type: ignore[arg-type]
+        key: row if row is None or isinstance(row, str) else row_digest(_table_of(row), values_of(row))
         for key, row in rows.items()
     } or None
 
 
+def _table_of(row: Base) -> Table:
+    return row.__table__  # type: ignore[return-value]
+
+
+def seal_values(session: Session, chain_id: str, table: Table, rows: list[Columns]) -> None:
+    """Seal rows of a chain that are written by their columns, and not through the session."""
+    pending = pending_of(session).setdefault(chain_id, {})
+    for values in rows:
+        pending[key_of(table, values)] = row_digest(table, values)
+
+
 def seal(session: Session, row: Base) -> None:
     """Have a row sealed by the next event of its chain, or at the end of the transaction."""
-    table: Any = row.__table__
+    table = _table_of(row)
     if table.name not in UNSEALED:
         pending_of(session).setdefault(chain_of(row), {})[key_of(table, values_of(row))] = row
 

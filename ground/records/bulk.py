@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated, Any
@@ -11,18 +12,18 @@ from pydantic import Field, create_model
 from sqlalchemy.orm import Session
 
 from ground.errors import ForbiddenError, GroundError, InvalidInputError, NotFoundError
-from ground.gdr.history import batched
+from ground.gdr.history import batched, hold_chain
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
-from ground.records.change_resource import change_resource
+from ground.records.change_resource import change_resource, prepare_change
 from ground.records.delete_resource import delete_resource
 from ground.records.forms import Body, Id
 from ground.records.get_resource import mission_of, require_mission
-from ground.records.kind import Kind
+from ground.records.kind import Kind, Prepared
 
 MAX_ROWS = 10_000
-Make = Callable[[Repository, Actor, str, Any], Any]
-"""The use case by which one is made."""
+Make = Callable[..., Any]
+"""The use case by which one is made, of repository, actor, mission and form."""
 Revision = Annotated[
     Annotated[int, Field(strict=True, ge=1, le=2**31 - 1)] | None,
     Field(description="the one that was seen; null for whatever stands there"),
@@ -95,8 +96,10 @@ def write_many(
     if count > MAX_ROWS:
         raise InvalidInputError(f"{count} rows; at most {MAX_ROWS} are one act", pointer="/create")
     done, wrong = BulkDone(), _Wrong(count)
-    with repo.database.together(), repo.database.write() as session, batched(session):
+    ready, foreseen = _prepared(repo, actor, kind, mission_id, given)
+    with repo.database.whole() as session, batched(session):
         require_mission(session, mission_id)
+        hold_chain(session, mission_id)
         for number, row in enumerate(given.delete):
             with wrong.of(f"/delete/{number}"):
                 _require_here(session, kind, row.id, mission_id)
@@ -105,14 +108,33 @@ def write_many(
         for number, row in enumerate(given.update):
             with wrong.of(f"/update/{number}", "/changes"):
                 _require_here(session, kind, row.id, mission_id)
-                value = change_resource(repo, actor, kind, row.id, row.changes, row.revision)
+                value = change_resource(
+                    repo, actor, kind, row.id, row.changes, row.revision, prepared=ready.get(number)
+                )
                 done.updated.append(WrittenRow(value.id, value.revision))
         for number, row in enumerate(given.create):
             with wrong.of(f"/create/{number}"):
-                value = make(repo, actor, mission_id, row)
+                known = {} if kind.foresee is None else {"foreseen": foreseen[number]}
+                value = make(repo, actor, mission_id, row, **known)
                 done.created.append(WrittenRow(value.id, value.revision))
         wrong.refuse()
     return done
+
+
+def _prepared(
+    repo: Repository, actor: Actor, kind: Kind[Any], mission_id: str, given: Any
+) -> tuple[dict[int, tuple[Body, Prepared]], Sequence[Any]]:
+    """Return what the changes and what the new rows need that takes long: the database is not held for it.
+
+    What cannot be worked out is left for the act, which names the row that is wrong.
+    """
+    with repo.database.read() as session:
+        require_mission(session, mission_id)
+    ready: dict[int, tuple[Body, Prepared]] = {}
+    for number, row in enumerate(given.update):
+        with suppress(GroundError):
+            ready[number] = prepare_change(repo, actor, kind, row.id, row.changes)
+    return ready, [] if kind.foresee is None else kind.foresee(repo, mission_id, given.create)
 
 
 def _require_here(session: Session, kind: Kind[Any], identifier: str, mission_id: str) -> None:

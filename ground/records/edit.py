@@ -10,8 +10,8 @@ from sqlalchemy.orm import Session
 from ground.errors import (
     StaleRevisionError,
 )
-from ground.gdr.base import Columns, Row, utc_now
-from ground.gdr.history import Change, dump_row, hold_chain, record
+from ground.gdr.base import Columns, Row, fill_defaults, utc_now
+from ground.gdr.history import Change, batch_of, dump_row, hold_chain, record
 from ground.gdr.ids import new_id
 from ground.records.actor import Actor
 from ground.records.forms import Body
@@ -29,10 +29,13 @@ def new_row(kind: Kind[Any], actor: Actor, mission_id: str, given: Body, /, **co
 
 
 def insert(session: Session, actor: Actor, kind: Kind[Any], row: Row, *, reason: str = "") -> None:
-    """Add a row and write the event."""
+    """Add a row and write the event; in a batch the row is written later, with others."""
     hold_chain(session, chain_of(row))
     session.add(row)
-    session.flush()
+    if batch_of(session) is not None:
+        fill_defaults(row)
+    else:
+        session.flush()
     change = Change(actor.name, "create", kind.name, row.id, None, public(row), reason)
     record(session, chain_of(row), change)
 

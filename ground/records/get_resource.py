@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, TypeVar
 
-from sqlalchemy import Connection, Select, bindparam, column, select, table
+from sqlalchemy import Boolean, Connection, Select, bindparam, column, select, table
 from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError, NotFoundError
@@ -16,7 +16,7 @@ from ground.records.actor import Action, Actor
 from ground.records.kind import Kind
 
 V = TypeVar("V")
-_MISSIONS = table("missions", column("id"))
+_MISSIONS = table("missions", column("id"), column("in_making", Boolean))
 
 
 def mission_of(row: Row) -> str | None:
@@ -42,7 +42,8 @@ def require_mission(session: Session | Connection, mission_id: str) -> None:
     NotFoundError
         If there is none.
     """
-    if session.execute(select(_MISSIONS.c.id).where(_MISSIONS.c.id == mission_id)).first() is None:
+    there = (_MISSIONS.c.id == mission_id, _MISSIONS.c.in_making.is_(False))
+    if session.execute(select(_MISSIONS.c.id).where(*there)).first() is None:
         raise NotFoundError(f"there is no mission {mission_id}")
 
 
@@ -64,7 +65,7 @@ def find_row(
             hold_chain(session, chain_of(row))
         # what was read before the lock may be old by now
         row = session.get(kind.row, resource_id, with_for_update=True, populate_existing=True)
-    if row is None:
+    if row is None or (kind.absent is not None and getattr(row, kind.absent)):
         raise NotFoundError(f"there is no {kind.title} {resource_id}", pointer=pointer)
     return row
 

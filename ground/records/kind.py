@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, is_dataclass
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from pydantic import BaseModel
-from sqlalchemy import Select, select
+from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.orm import Session
 
 from ground.gdr.base import Row
@@ -89,6 +89,10 @@ def plain(value: Any) -> Any:
     return getattr(value, "value", value)
 
 
+Foresee = Callable[[Repository, str, Sequence[Any]], Sequence[Any]]
+"""Work out for forms of a mission, before the database is locked, what making each takes long for."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Kind(Generic[V]):
     """How one kind of resource is stored and shown; `edit` is the right needed to change it."""
@@ -112,6 +116,10 @@ class Kind(Generic[V]):
     related: Related | None = None
     """Those that follow from other rows too; they are read in a session that sees one state of the database.
     """
+    absent: str | None = None
+    """The column that is true of rows that are not there for anybody yet."""
+    foresee: Foresee | None = None
+    """For kinds of which many are made at once; what it returns goes to the use case as `foreseen`."""
     unseen: frozenset[str] = frozenset()
     """Columns that the value has no use for; the large ones would cost more than all the others."""
 
@@ -137,8 +145,14 @@ class Kind(Generic[V]):
         return frozenset(() if self.change is None else self.change.model_fields)
 
     def shown(self) -> Select[Any]:
-        """Return the query for the columns that `show` needs, without conditions."""
-        return select(*(c for c in self.row.__table__.c if c.name not in self.unseen))
+        """Return the query for the columns that `show` needs, of all rows that are there."""
+        columns = self.row.__table__.c
+        return select(*(c for c in columns if c.name not in self.unseen)).where(*self.there)
+
+    @property
+    def there(self) -> tuple[ColumnElement[bool], ...]:
+        """Return the conditions of rows that are there."""
+        return () if self.absent is None else (self.row.__table__.c[self.absent].is_(False),)
 
     def show(self, session: Any, rows: Sequence[Any]) -> list[V]:
         """Return the values of rows of the mapper or of `shown()`."""

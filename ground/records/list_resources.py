@@ -53,7 +53,9 @@ def list_resources(
         rows = rows[:limit]
         total = None
         if count:
-            total = reader.scalar(select(func.count()).select_from(kind.row.__table__).where(*wanted))
+            total = reader.scalar(
+                select(func.count()).select_from(kind.row.__table__).where(*kind.there, *wanted)
+            )
         shown = [kind.conceal(actor, value) for value in kind.show(reader, rows)]
         if crs is not None and kind.locate is not None:
             shown = kind.locate(reader, mission_id, shown, crs)

@@ -36,6 +36,7 @@ from ground.resources.site_maps.kind import SITE_MAP
 from ground.resources.sols.change_sol import change_sol
 from ground.resources.sols.kind import SOL
 from ground.resources.solutions.kind import FRAME_FILE, SOLUTION
+from ground.resources.targets.create_target import foresee_targets
 from ground.resources.targets.forget_drives import forget_drives
 from ground.resources.targets.kind import TARGET
 from ground.resources.traverses.kind import TRAVERSE
@@ -44,7 +45,13 @@ from ground.resources.uploads.kind import UPLOAD
 _ALL = (
     replace(MISSION, apply=change_mission),
     replace(SOL, apply=change_sol, forget=(keep_planned_sol,)),
-    replace(TARGET, prepare=prepare_target, apply=change_target, forget=(forget_requests, forget_drives)),
+    replace(
+        TARGET,
+        foresee=foresee_targets,
+        prepare=prepare_target,
+        apply=change_target,
+        forget=(forget_requests, forget_drives),
+    ),
     replace(
         OBSERVATION_REQUEST,
         prepare=prepare_request,

@@ -122,3 +122,34 @@ def test_requests_of_a_mission_are_filed_and_deleted_together(api: Api, mission:
     api.post(f"{url}/bulk", {"delete": gone}, status=200)
     (left,) = api.get(url)["items"]
     assert (left["id"], left["after"]) == (made[2]["id"], [])
+
+
+def test_the_terrain_is_asked_before_the_database_is_held(
+    api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ground.gdr.database import in_act
+    from ground.resources.targets import create_target
+
+    asked, ask = [], create_target.ground_at
+
+    def note(*given: Any) -> Any:
+        asked.append(in_act())
+        return ask(*given)
+
+    monkeypatch.setattr(create_target, "ground_at", note)
+    api.post(f"/missions/{mission.id}/targets/bulk", {"create": places(5)}, status=200)
+    assert asked == [False] * 5
+
+
+def test_rows_of_one_act_that_others_rest_on_are_named_however_many_there_are(
+    api: Api, mission: Mission
+) -> None:
+    made = api.post(f"/missions/{mission.id}/targets/bulk", {"create": places(30)}, status=200)["created"]
+    order = {"instrument": "science_camera", "value": 1.0}
+    api.post(f"/missions/{mission.id}/observation-requests", {**order, "target_id": made[20]["id"]})
+    answer = problem(api("POST", f"/missions/{mission.id}/undo", {"event": 5}), 409, "wrong-state")
+    newest = api.get(f"/missions/{mission.id}/history?newest_first=true&limit=1")["items"][0]
+    assert answer["event"] == newest["seq"]
+    api.post(f"/missions/{mission.id}/undo", {}, status=200)
+    api.post(f"/missions/{mission.id}/undo", {}, status=200)
+    assert targets(api, mission) == {}

@@ -8,10 +8,13 @@ out from what would change.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from bisect import bisect_right
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from functools import cached_property
+from typing import Any, NoReturn, TypeVar
 
+import orjson
 from sqlalchemy import Text, UniqueConstraint, cast, select
 from sqlalchemy.orm import Session
 
@@ -21,6 +24,9 @@ from ground.gdr.history import EventRow
 from ground.resources.kinds import KINDS
 
 Document = Mapping[str, Any]
+K = TypeVar("K", bound=Hashable)
+FEW = 10
+"""Names that the database looks for; a search takes some milliseconds in a history of 10,000 events."""
 COUNTED = frozenset({"revision", "modified_utc"})
 """What every change sets; it belongs to none."""
 
@@ -56,6 +62,7 @@ class Acts:
         columns = (e.seq, e.actor, e.action, e.kind, e.subject_id, e.group, e.after.is_(None), e.undoes)
         query = select(*columns).where(e.chain_id == chain_id, e.seq >= first).order_by(e.seq)
         self.session, self.chain_id = session, chain_id
+        self._others: dict[str, Others] = {}
         self.lines: dict[int, Line] = {}
         self._last: dict[int, Line] = {}
         """The newest event about each original: what it is, or an undo or redo of it."""
@@ -83,17 +90,105 @@ class Acts:
         """Return an event with its documents."""
         return self.session.get_one(EventRow, (self.chain_id, seq))
 
-    def done_behind(self, seq: int, apart_from: str) -> dict[int, Line]:
-        """Return the done originals of people behind an event that are of another act."""
-        return {
-            line.seq: line
-            for line in self.lines.values()
-            if line.seq > seq
-            and line.root == line.seq
-            and line.counts
-            and line.group != apart_from
-            and self.is_done(line.seq)
-        }
+    def others(self, group: str) -> Others:
+        """Return the done originals of people that are of another act."""
+        if group not in self._others:
+            done = (
+                line
+                for line in self.lines.values()
+                if line.root == line.seq and line.counts and line.group != group and self.is_done(line.seq)
+            )
+            self._others[group] = Others(self, list(done))
+        return self._others[group]
+
+
+class Others:
+    """The done originals beside one act, found by what they are about: an act may be thousands."""
+
+    def __init__(self, acts: Acts, lines: Sequence[Line]) -> None:
+        self._acts, self._lines = acts, lines
+        self._seqs = [line.seq for line in lines]
+        self._asked = 0
+        self._by_values: dict[tuple[str, frozenset[str]], Mapping[bytes, Sequence[Line]]] = {}
+
+    def behind(self, seq: int) -> Sequence[Line]:
+        """Return those behind an event."""
+        return self._lines[bisect_right(self._seqs, seq) :]
+
+    def about(self, subject_id: str) -> Sequence[Line]:
+        """Return those that set members of one resource."""
+        return self._by_subject.get(subject_id, ())
+
+    def naming(self, subject_id: str) -> Sequence[Line]:
+        """Return those that set a member to something that names a resource.
+
+        The database looks for a few names; for many, each document is looked through once.
+        """
+        self._asked += 1
+        if self._asked > FEW:
+            return self._by_name.get(subject_id, ())
+        e = EventRow
+        query = select(e.seq).where(e.chain_id == self._acts.chain_id, e.seq > self._seqs[0] - 1)
+        found = set(self._acts.session.scalars(query.where(cast(e.after, Text).contains(subject_id))))
+        return [n for n in self._lines if n.seq in found and subject_id in _named(self._acts.document(n.seq))]
+
+    def standing_at(self, target_id: str) -> Sequence[Line]:
+        """Return those that set the stand of a request of a target."""
+        return self._by_target.get(target_id, ())
+
+    def giving(self, kind: str, names: frozenset[str], values: Document) -> Sequence[Line]:
+        """Return those that set any of these members of a kind, and left all with these values."""
+        if (kind, names) not in self._by_values:
+            self._by_values[kind, names] = _gathered(
+                (_values(event.after or {}, names), line)
+                for line, event in self._documents(kind)
+                if names & cells(event)
+            )
+        return self._by_values[kind, names].get(_values(values, names), ())
+
+    @cached_property
+    def _by_subject(self) -> Mapping[str, Sequence[Line]]:
+        return _gathered((line.subject_id, line) for line in self._lines)
+
+    @cached_property
+    def _by_name(self) -> Mapping[str, Sequence[Line]]:
+        return _gathered((name, line) for line, event in self._documents() for name in _named(event))
+
+    @cached_property
+    def _by_target(self) -> Mapping[str, Sequence[Line]]:
+        return _gathered(
+            (str((event.after or event.before or {}).get("target_id")), line)
+            for line, event in self._documents("observation_request")
+            if "observation_point" in cells(event)
+        )
+
+    def _documents(self, kind: str | None = None) -> Iterator[tuple[Line, EventRow]]:
+        """Yield those of one kind, or all, with their events, which are read many at once."""
+        lines = [line for line in self._lines if kind in {None, line.kind}]
+        e = EventRow
+        for first in range(0, len(lines), 500):
+            some = lines[first : first + 500]
+            numbers = e.seq.in_([line.seq for line in some])
+            query = select(e).where(e.chain_id == self._acts.chain_id, numbers).order_by(e.seq)
+            yield from zip(some, self._acts.session.scalars(query), strict=True)
+
+
+def _named(event: EventRow) -> set[str]:
+    """Return every text within the members that an event set."""
+    after = event.after or {}
+    return mentions([after.get(name) for name in cells(event)])
+
+
+def _gathered(found: Iterable[tuple[K, Line]]) -> Mapping[K, Sequence[Line]]:
+    """Return lines by what they were found under."""
+    by: dict[K, list[Line]] = {}
+    for key, line in found:
+        by.setdefault(key, []).append(line)
+    return by
+
+
+def _values(document: Document, names: Iterable[str]) -> bytes:
+    return orjson.dumps([document.get(name) for name in sorted(names)])
 
 
 def cells(event: EventRow) -> frozenset[str]:
@@ -123,48 +218,33 @@ def require_free(acts: Acts, original: Line, word: str) -> None:
         It names the newest of them; its number is the member `event`.
     """
     event = acts.document(original.seq)
-    behind = acts.done_behind(original.seq, original.group)
+    others = acts.others(original.group)
+    behind = others.behind(original.seq)
+    if not behind:
+        return
     own = cells(event)
-    candidates = [s for s, line in behind.items() if line.subject_id == original.subject_id]
-    resting = [s for s in candidates if own & cells(acts.document(s))]
+    resting = [line for line in others.about(original.subject_id) if own & cells(acts.document(line.seq))]
     if event.before is None:
-        resting += [
-            s for s in _mentioning(acts, original) if s in behind and _refers(acts, s, original.subject_id)
-        ]
-    resting += [s for s, line in behind.items() if _works_from(acts, original, own, line)]
+        resting += others.naming(original.subject_id)
+    if original.kind == "target" and own & {"east_m", "north_m"}:
+        resting += others.standing_at(original.subject_id)
+    if original.kind == "frame" and "solution_id" in own:
+        resting += [line for line in behind if _follows_a_frame(acts, line)]
+    resting = [line for line in resting if line.seq > original.seq]
     if resting:
-        refuse(word, original, behind[max(resting)])
+        refuse(word, original, max(resting, key=lambda line: line.seq))
 
 
 _PLACE = frozenset({"east_m", "north_m", "polygon_m", "outline_m", "in_frame", "frame_id"})
 
 
-def _works_from(acts: Acts, original: Line, own: frozenset[str], line: Line) -> bool:
-    """Return whether an act was worked out from values that another would take back.
-
-    A stand from the place of its target; the place of what is tied to a frame from the solutions in use.
-    """
-    if original.kind == "target" and own & {"east_m", "north_m"} and line.kind == "observation_request":
-        event = acts.document(line.seq)
-        target = (event.after or event.before or {}).get("target_id")
-        return target == original.subject_id and "observation_point" in cells(event)
-    if original.kind == "frame" and "solution_id" in own and line.kind in {"target", "keep_out", "site_map"}:
-        event = acts.document(line.seq)
-        tied = any((side or {}).get("frame_id") is not None for side in (event.before, event.after))
-        return tied and bool(cells(event) & _PLACE)
-    return False
-
-
-def _mentioning(acts: Acts, original: Line) -> Sequence[int]:
-    e = EventRow
-    query = select(e.seq).where(e.chain_id == acts.chain_id, e.seq > original.seq)
-    return acts.session.scalars(query.where(cast(e.after, Text).contains(original.subject_id))).all()
-
-
-def _refers(acts: Acts, seq: int, subject_id: str) -> bool:
-    event = acts.document(seq)
-    after = event.after or {}
-    return any(subject_id in mentions(after.get(name)) for name in cells(event))
+def _follows_a_frame(acts: Acts, line: Line) -> bool:
+    """Return whether an act set the place of what is tied to a frame, which the solutions in use say."""
+    if line.kind not in {"target", "keep_out", "site_map"}:
+        return False
+    event = acts.document(line.seq)
+    tied = any((side or {}).get("frame_id") is not None for side in (event.before, event.after))
+    return tied and bool(cells(event) & _PLACE)
 
 
 def require_there(acts: Acts, original: Line, values: Document, word: str) -> None:
@@ -208,12 +288,12 @@ def require_unique(acts: Acts, original: Line, row: Any, restored: Collection[st
         names = {column.name for column in getattr(constraint, "columns", ())} - {"mission_id"}
         if not isinstance(constraint, UniqueConstraint) or not names & set(restored):
             continue
-        for line in reversed(acts.done_behind(original.seq, original.group).values()):
-            if line.kind != original.kind or line.subject_id == original.subject_id:
-                continue
-            event = acts.document(line.seq)
-            after = event.after or {}
-            if names & cells(event) and all(after.get(n) == getattr(row, n) for n in names):
+        others = acts.others(original.group)
+        if not others.behind(original.seq):
+            continue
+        values = {name: getattr(row, name) for name in names}
+        for line in reversed(others.giving(original.kind, frozenset(names), values)):
+            if line.seq > original.seq and line.subject_id != original.subject_id:
                 refuse(word, original, line)
 
 
@@ -244,8 +324,7 @@ def require_unused(acts: Acts, original: Line, row: Row, word: str) -> None:
 
 def newest_touching(acts: Acts, original: Line, names: frozenset[str]) -> Line | None:
     """Return the newest done act behind an original that set one of these members of the same kind."""
-    behind = acts.done_behind(original.seq, original.group).values()
-    for line in sorted(behind, key=lambda line: line.seq, reverse=True):
+    for line in reversed(acts.others(original.group).behind(original.seq)):
         if line.kind == original.kind and names & cells(acts.document(line.seq)):
             return line
     return None

@@ -21,6 +21,8 @@ from ground.resources.kinds import KINDS
 
 BESIDE = ("sign", "package", "waive")
 """Actions that give a plan something, and whose events hold none of its own columns."""
+CAME_IN = ("import", "copy")
+"""Actions by which a mission came with parts of which no event tells."""
 PARTIAL = (*BESIDE, "import", "restore", "seal")
 """Actions whose events tell of something beside the resource that they are about."""
 
@@ -68,8 +70,7 @@ def state_at(session: Session, mission_id: str, event: int) -> Mapping[tuple[str
     found = {key: row.after for key, row in said.items()}
     for key, row in _nearest(session, mission_id, event, before=False).items():
         found.setdefault(key, row.before)
-    first_event = session.get_one(EventRow, (mission_id, 1))
-    if first_event.action in {"import", "copy"} or _came_in(session, mission_id, event):
+    if _came_in(session, mission_id, event):
         for kind in KINDS.values():
             rows: Any = kind.row
             key = rows.__table__.c.get(rows.mission_key)
@@ -81,7 +82,7 @@ def state_at(session: Session, mission_id: str, event: int) -> Mapping[tuple[str
 
 def _came_in(session: Session, mission_id: str, event: int) -> bool:
     e = EventRow
-    query = select(e.seq).where(e.chain_id == mission_id, e.seq <= event, e.action == "import")
+    query = select(e.seq).where(e.chain_id == mission_id, e.seq <= event, e.action.in_(CAME_IN))
     return session.scalars(query.limit(1)).first() is not None
 
 

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from ground.errors import GroundError, NotFoundError, StateError
 from ground.gdr.base import utc_now
-from ground.gdr.history import ChainRow, Change, EventRow, hold_chain, record
+from ground.gdr.history import ChainRow, Change, EventRow, batched, hold_chain, record
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.edit import public
@@ -72,7 +72,8 @@ def _turn_back(
                 require_free(acts, original, word)
             if word == "redo":
                 chosen.reverse()
-            done = [_reverse(acts, actor, original, word) for original in chosen]
+            with batched(session):
+                done = [_reverse(acts, actor, original, word) for original in chosen]
             _require_sound(acts, chosen, word)
             return [show_event(row) for row in done]
     except IntegrityError as err:
@@ -105,7 +106,9 @@ def _named_act(acts: Acts, actor: Actor, anyone: bool, event: int, word: str) ->
 
 def _may_turn(line: Line) -> bool:
     """Return whether an original can be taken back: a mission itself is made and deleted for good."""
-    return line.counts and not (line.kind == "mission" and (line.action in {"create", "import"} or line.gone))
+    return line.counts and not (
+        line.kind == "mission" and (line.action in {"create", "import", "copy"} or line.gone)
+    )
 
 
 def _event_of_last_act(session: Session, actor: Actor, mission_id: str, anyone: bool, word: str) -> int:

@@ -146,7 +146,9 @@ def quarantined(table: str, record: Record, importer: str = "") -> Record:
         **record,
         "author": author if author.endswith(ELSEWHERE) else author[: 80 - len(ELSEWHERE)] + ELSEWHERE,
     }
-    if table == "plans":
+    if table == "missions":
+        row |= {"in_making": False}
+    elif table == "plans":
         row |= {"author": importer, "approved_by": None, "elsewhere": True}
         if record["state"] not in {PlanState.DRAFT.value, PlanState.COMPUTED.value}:
             row["state"] = PlanState.COMPUTED.value

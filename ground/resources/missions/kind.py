@@ -49,4 +49,6 @@ MISSION = Kind(
     undoable=True,
     related=_of_missions,
     delete=Action.ADMINISTER,
+    absent="in_making",
+    unseen=frozenset({"in_making"}),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import ForeignKey
+from sqlalchemy import ForeignKey, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from ground.gdr.base import Notes, Row, Text40, Text80, Text200, mission_column
@@ -25,6 +25,8 @@ class MissionRow(Row):
     """`calibration/1` of the path network; the rover profile's numbers when there is none."""
     drive_rules: Mapped[list[Any] | None]
     """Drives that people forbid or draw, as in `DriveRule`; null = none."""
+    in_making: Mapped[bool] = mapped_column(default=False, server_default=false())
+    """It is being copied and not there for anybody yet."""
     place: Mapped[dict[str, Any] | None]
     """Where the site frame lies, as in `Place`; null where nobody has said it."""
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from ground.errors import UnobservedGroundError
+from ground.errors import GroundError, UnobservedGroundError
 from ground.gdr.base import Columns
 from ground.gdr.geometry import Pose
+from ground.gdr.history import batch_of
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.edit import insert, new_row
@@ -23,11 +26,21 @@ from ground.resources.targets.tie_target import tied_target
 from ground.resources.targets.value import Target
 from ground.resources.terrains.terrain import ground_at
 
+if TYPE_CHECKING:
+    from rover_iface.terrain import Terrain
 
-def create_target(repo: Repository, actor: Actor, mission_id: str, given: TargetCreate) -> Target:
+
+Foreseen = tuple[TargetCreate, Columns]
+"""The form of a target in the axes of its mission, and what the terrain says of its point."""
+
+
+def create_target(
+    repo: Repository, actor: Actor, mission_id: str, given: TargetCreate, foreseen: Foreseen | None = None
+) -> Target:
     """Return a new target; height, normal and covariance come from the full-resolution terrain.
 
-    With `frame_id` it is tied to the frame it was seen from, and moves with it.
+    With `frame_id` it is tied to the frame it was seen from, and moves with it. `foreseen` is what the
+    terrain says, if it was asked before.
 
     Raises
     ------
@@ -39,9 +52,11 @@ def create_target(repo: Repository, actor: Actor, mission_id: str, given: Target
         If it is given in a reference from which there is no way to the site.
     """
     actor.require(Action.EDIT_SCIENCE, mission_id)
-    with repo.database.read() as session:
-        given = target_in_site(session, mission_id, given)
-        columns = target_columns(repo, session, mission_id, given.east_m, given.north_m)
+    if foreseen is None:
+        with repo.database.read() as session:
+            given = target_in_site(session, mission_id, given)
+            foreseen = given, target_columns(repo, session, mission_id, given.east_m, given.north_m)
+    given, columns = foreseen
     with repo.database.write() as session:
         row = target_row(session, actor, mission_id, given, columns)
         insert(session, actor, TARGET, row)
@@ -58,11 +73,41 @@ def target_row(
     NameTakenError, InvalidInputError
         If another target has the name, or the mission has no such frame.
     """
-    name = free_name(NamesOf(session, mission_id), given.name)
+    name = _free_name(session, mission_id, given.name)
     row: TargetRow = new_row(TARGET, actor, mission_id, given, **{**columns, "name": name})
     for column, value in tied_target(session, row, columns).items():
         setattr(row, column, value)
     return row
+
+
+def _free_name(session: Session, mission_id: str, wanted: str | None) -> str:
+    """Return a name that is free; in a batch the taken ones are read once."""
+    batch = batch_of(session)
+    if batch is None:
+        return free_name(NamesOf(session, mission_id), wanted)
+    if TargetRow.__tablename__ not in batch:
+        names = session.scalars(select(TargetRow.name).where(TargetRow.mission_id == mission_id))
+        batch[TargetRow.__tablename__] = set(names)
+    taken = batch[TargetRow.__tablename__]
+    name = free_name(taken, wanted)
+    taken.add(name)
+    return name
+
+
+def foresee_targets(
+    repo: Repository, mission_id: str, given: Sequence[TargetCreate]
+) -> list[Foreseen | None]:
+    """Return what making many targets takes long for; None where the terrain says nothing of a point."""
+    with repo.database.read() as session:
+        terrain, start = _ground(repo, session, mission_id)
+        found: list[Foreseen | None] = []
+        for one in given:
+            try:
+                settled = target_in_site(session, mission_id, one)
+                found.append((settled, _columns_at(terrain, start, settled.east_m, settled.north_m)))
+            except GroundError:
+                found.append(None)
+        return found
 
 
 def target_columns(
@@ -77,8 +122,16 @@ def target_columns(
     UnobservedGroundError
         If it has one that no camera saw.
     """
-    terrain = mission_terrain(repo, session, mission_id)
+    return _columns_at(*_ground(repo, session, mission_id), east_m, north_m)
+
+
+def _ground(repo: Repository, session: Session, mission_id: str) -> tuple[Terrain, Pose]:
+    """Return the terrain of a mission, and where its rover stands at first."""
     start = Pose(**terrain_row(session, mission_id).description["start_pose"])
+    return mission_terrain(repo, session, mission_id), start
+
+
+def _columns_at(terrain: Terrain, start: Pose, east_m: float, north_m: float) -> Columns:
     point = ground_at(terrain, east_m, north_m, start)
     if not point.observed:
         raise UnobservedGroundError(

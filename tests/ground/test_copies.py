@@ -1,0 +1,97 @@
+"""Copies of missions: whole or not there, in small transactions, told by the history, undone like others."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from sqlalchemy import func, select
+
+from ground.gdr.history import EventRow, verify_chains
+from ground.resources.history.verify_rows import verify_rows
+from ground.resources.mission_archives import copy_mission as copying
+from ground.resources.missions.row import MissionRow
+from ground.resources.missions.value import Mission
+from ground.resources.targets.row import TargetRow
+from tests.ground.conftest import Api
+from tests.ground.test_bulk import places
+from tests.ground.test_missions_api import problem
+
+
+def require_sound(api: Api) -> None:
+    with api.repo.database.read() as session:
+        assert verify_chains(session)[1] == []
+        assert verify_rows(session).faults == []
+
+
+def test_a_copy_that_is_not_whole_is_there_for_nobody_and_goes_with_a_later_one(
+    api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    api.post(f"/missions/{mission.id}/targets/bulk", {"create": places(7)}, status=200)
+    monkeypatch.setattr(copying, "ROWS_AT_ONCE", 3)
+    with monkeypatch.context() as killed:
+
+        def die(*_: object) -> None:
+            raise RuntimeError("killed")
+
+        killed.setattr(copying, "inherit_roles", die)
+        assert api("POST", f"/missions/{mission.id}/copy", {"name": "Half"}).status_code == 500
+    with api.repo.database.read() as session:
+        half = session.scalars(select(MissionRow).where(MissionRow.in_making)).one()
+        assert session.scalar(select(func.count()).where(TargetRow.mission_id == half.id)) == 7
+    listed = api.get("/missions?count=true")
+    assert [m["id"] for m in listed["items"]] == [mission.id]
+    assert listed["total"] == 1
+    for path in ("", "/history"):
+        problem(api("GET", f"/missions/{half.id}{path}", who="Viewer"), 404, "not-found")
+    problem(
+        api("DELETE", f"/missions/{half.id}", headers={"If-Match": "*"}, who="Administrator"),
+        404,
+        "not-found",
+    )
+    require_sound(api)
+
+    young = api.post(f"/missions/{mission.id}/copy", {"name": "Whole"})
+    assert young["counts"]["targets"] == 7
+    with api.repo.database.write() as session:
+        row = session.get(MissionRow, half.id)
+        assert row is not None, "it may be another server's, at work"
+        row.created_utc -= timedelta(hours=2)
+    api.post(f"/missions/{mission.id}/copy", {"name": "Again"})
+    with api.repo.database.read() as session:
+        assert session.get(MissionRow, half.id) is None
+        assert session.scalar(select(func.count()).where(TargetRow.mission_id == half.id)) == 0
+    require_sound(api)
+
+
+def test_a_copy_is_written_in_small_transactions_and_seen_as_of_its_event(
+    api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(copying, "ROWS_AT_ONCE", 10)
+    api.post(f"/missions/{mission.id}/targets/bulk", {"create": places(45)}, status=200)
+    copy = api.post(f"/missions/{mission.id}/copy", {"name": "What if"})
+    with api.repo.database.read() as session:
+        query = select(EventRow).where(EventRow.chain_id == copy["id"]).order_by(EventRow.seq)
+        events = list(session.scalars(query))
+    assert len({e.group for e in events}) == len(events), "each stands in a transaction of its own"
+    assert max(len(e.rows or {}) for e in events) <= 10
+    assert (events[-1].action, events[-1].actor) == ("copy", "Planner")
+    target = api.get(f"/missions/{copy['id']}/targets?limit=1")["items"][0]
+    headers = {"If-Match": "*"}
+    api("PATCH", f"/targets/{target['id']}", {"notes": "changed"}, headers=headers)
+    past = api.get(f"/missions/{copy['id']}/as-of/{events[-1].seq}")
+    assert len(past["parts"]["targets"]) == 45
+    assert {t["notes"] for t in past["parts"]["targets"]} == {""}
+    api.post(f"/missions/{copy['id']}/undo", {}, status=200)
+    assert api.get(f"/targets/{target['id']}")["notes"] == ""
+    problem(api("POST", f"/missions/{copy['id']}/undo", {}), 409, "wrong-state")
+    require_sound(api)
+
+
+def test_a_copy_with_a_key_is_made_once(api: Api, mission: Mission) -> None:
+    headers: dict[str, Any] = {"Idempotency-Key": "copy-1"}
+    first = api("POST", f"/missions/{mission.id}/copy", {"name": "Once"}, headers=headers)
+    again = api("POST", f"/missions/{mission.id}/copy", {"name": "Once"}, headers=headers)
+    assert first.json() == again.json()
+    assert len(api.get("/missions")["items"]) == 2
