@@ -70,6 +70,7 @@ PLACES = {
     "draw_plan": "exchange draw-plan",
     "export_products": "exchange products",
     "export_stac": "exchange stac",
+    "export_pds4": "exchange pds4",
     "get_stac_catalog": "exchange stac-catalog",
     "get_stac_group": "exchange stac-group",
     "get_stac_item": "exchange stac-item",

@@ -14,6 +14,7 @@ from starlette.responses import FileResponse, Response
 from ground.api.context import PREFIX, ZIP, Asked, Id, answer, api_router, archive, media_answers
 from ground.api.problems import Answers, responses
 from ground.resources.stac.export_catalogue import export_catalogue, read_document, write_terrain_asset
+from ground.resources.stac.export_pds4 import export_pds4 as export_pds4_use_case
 from neighbours.geodata.stac import COG
 
 router = api_router("exchange")
@@ -44,6 +45,18 @@ async def export_stac(ask: Asked, mission_id: Id) -> Response:
     """Send the STAC catalogue as files with relative links, terrain as COG and all products."""
     return await archive(
         f"{mission_id}-stac.zip", lambda target: ask.do(export_catalogue, mission_id, target)
+    )
+
+
+@router.get(
+    "/missions/{mission_id}/pds4-archive",
+    response_class=Response,
+    responses={**ZIP, **responses(404, 422, 503)},
+)
+async def export_pds4(ask: Asked, mission_id: Id) -> Response:
+    """Send pictures, terrain heights and the table of products as files with PDS4 labels."""
+    return await archive(
+        f"{mission_id}-pds4.zip", lambda target: ask.do(export_pds4_use_case, mission_id, target)
     )
 
 

@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 import rasterio
+from PIL import Image
 
 from ground.resources.missions.value import Mission
 from mission import Sky
@@ -27,6 +28,7 @@ from tests.shared import needed
 
 pyproj = needed("pyproj")
 pystac = needed("pystac")
+pds4_tools = needed("pds4_tools")
 
 JEZERO = {"crs": "IAU_2015:49900", "x": 77.45, "y": 18.44, "rotation_rad": 0.2}
 UTAH = {"crs": "EPSG:32612", "x": 518_334.0, "y": 4_251_500.0, "height_m": 1400.0, "heights": "ellipsoid"}
@@ -82,6 +84,34 @@ def unpacked(api: Api, mission: Mission, folder: Path) -> Path:
     return folder
 
 
+def assert_labels(api: Api, mission: Mission, known: dict[str, Any], folder: Path) -> None:
+    """Check that pds4_tools reads each picture, the heights and the table of products as they are here."""
+    answer = api("GET", f"/missions/{mission.id}/pds4-archive")
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        archive.extractall(folder)
+    skipped = json.loads((folder / "not-labelled.json").read_text())
+    pictures = {k: p for k, p in known.items() if p["media"] in ("image/png", "image/jpeg")}
+    assert pictures
+    assert skipped.keys() == known.keys() - pictures.keys()
+    for identifier, product in pictures.items():
+        content = api("GET", f"/products/{identifier}/file").content
+        with Image.open(io.BytesIO(content)) as opened:
+            ours = np.asarray(opened.convert("L" if opened.mode == "L" else "RGB"))
+        (found,) = pds4_tools.read(str(folder / f"{identifier}.xml"), quiet=True)
+        assert np.array_equal(np.asarray(found.data), ours if ours.ndim == 2 else np.moveaxis(ours, 2, 0))
+        label = (folder / f"{identifier}.xml").read_text()
+        taken = datetime.fromisoformat(START) + timedelta(seconds=product["t_s"])
+        assert f"<start_date_time>{taken:%Y-%m-%dT%H:%M:%S}" in label
+        assert "<name>Mars</name>" in label
+        assert f"target {product['target_id']}" in label or product["target_id"] is None
+    (listed,) = pds4_tools.read(str(folder / "products.xml"), quiet=True)
+    assert {str(v) for v in listed["product"]} == set(known)
+    assert {str(v) for v in listed["sha256"]} == {p["sha256"] for p in known.values()}
+    (heights,) = pds4_tools.read(str(next(folder.glob("trn-*.xml"))), quiet=True)
+    layer = api.get(f"/missions/{mission.id}/terrain")["layers"][0]
+    assert np.asarray(heights.data).shape == (layer["rows"], layer["columns"])
+
+
 def test_pystac_walks_and_validates_the_catalogue_over_rest_and_as_files(
     done: tuple[Api, Mission, dict[str, Any]], tmp_path: Path
 ) -> None:
@@ -123,6 +153,7 @@ def test_pystac_walks_and_validates_the_catalogue_over_rest_and_as_files(
         assert item.assets["data"].ext.file.checksum == f"1220{product['sha256']}"
         sent = next(i for i in served.get_items(recursive=True) if i.id == identifier)
         assert api("GET", urlsplit(sent.assets["data"].href).path).content == content
+    assert_labels(api, mission, known, tmp_path / "pds4")
     targets = {t["id"]: t["position"] for t in api.get(f"/missions/{mission.id}/targets")["items"]}
     shown = next(p for p in known.values() if "point_m" in p["label"] or p["target_id"])
     place = next(i for i in filed.get_items(recursive=True) if i.id == shown["id"]).geometry

@@ -1,0 +1,175 @@
+"""A mission's pictures, terrain and list of products as files with PDS4 labels, in one archive."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from datetime import UTC, datetime, timedelta
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from ground.gdr.repository import Repository
+from ground.gdr.terrain_folders import load_cached
+from ground.geo.place import Place
+from ground.geo.spice_site import body_of
+from ground.records.actor import Action, Actor
+from ground.records.get_resource import require_mission
+from ground.resources.missions.row import MissionRow
+from ground.resources.missions.terrain import terrain_row
+from ground.resources.plans.row import PlanRow
+from ground.resources.products.row import ProductRow
+from ground.resources.sols.row import SolRow
+from ground.resources.terrains.row import TerrainRow
+from ground.resources.terrains.terrain import layer_names, layer_of
+from neighbours.geodata.pds4 import About, Kind, Labelled, height_map, image, table
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+PICTURES = {"image/png", "image/jpeg"}
+COLUMNS: tuple[tuple[str, Kind], ...] = (
+    *((name, "ASCII_String") for name in ("product", "file", "kind", "instrument", "target", "request")),
+    *((name, "ASCII_String") for name in ("run", "task", "sha256")),
+    ("t_s", "ASCII_Real"),
+    ("size_bytes", "ASCII_Integer"),
+)
+"""Columns of `products.csv`."""
+
+
+def export_pds4(repo: Repository, actor: Actor, mission_id: str, target: Path) -> None:
+    """Write a zip with a PDS4 label beside each picture, each layer's heights and the table of all products.
+
+    Pictures go as raw pixels, `PRODUCT.img`. What has no object in PDS4 is named in `not-labelled.json`.
+    """
+    actor.require(Action.READ, mission_id)
+    with repo.database.read() as session:
+        require_mission(session, mission_id)
+        mission = session.get_one(MissionRow, mission_id)
+        terrain = terrain_row(session, mission_id)
+        ground = load_cached(repo.terrain_dir(terrain.id))
+        rows = list(
+            session.scalars(
+                select(ProductRow).where(ProductRow.mission_id == mission_id).order_by(ProductRow.id)
+            )
+        )
+        starts = _starts(session, mission_id)
+        body = None if mission.place is None else body_of(Place(**mission.place))
+    skipped: dict[str, str] = {}
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in layer_names(ground):
+            about = _terrain_about(mission, terrain, name, body)
+            heights = layer_of(ground, name).heights[::-1]
+            _put(archive, height_map(about, f"{terrain.id}-{name}.img", heights))
+        for row in rows:
+            pixels = _pixels(repo, row)
+            if pixels is None:
+                skipped[row.id] = f"{row.file_name} ({row.media}) has no object in PDS4 here"
+                continue
+            _put(archive, image(_about(mission, row, starts, body), f"{row.id}.img", pixels))
+        if rows:
+            _put(
+                archive, table(_list_about(mission, body), "products.csv", COLUMNS, [_cells(r) for r in rows])
+            )
+        archive.writestr("not-labelled.json", json.dumps(skipped, indent=1))
+
+
+def _put(archive: zipfile.ZipFile, made: Labelled) -> None:
+    archive.writestr(made.file_name, made.content)
+    archive.writestr(made.label_name, made.label)
+
+
+def _starts(session: Session, mission_id: str) -> dict[str, datetime]:
+    """Return when each plan's sol starts, where that is known in UTC."""
+    on = select(PlanRow.id, SolRow.start_utc).join(SolRow, SolRow.id == PlanRow.sol_id)
+    found = session.execute(on.where(PlanRow.mission_id == mission_id)).all()
+    return {row[0]: _aware(row[1]) for row in found if row[1] is not None}
+
+
+def _aware(time: datetime) -> datetime:
+    return time if time.tzinfo else time.replace(tzinfo=UTC)
+
+
+def _pixels(repo: Repository, row: ProductRow) -> NDArray[np.uint8] | None:
+    """Return the pixels of a product that is a picture of bytes."""
+    if row.media not in PICTURES:
+        return None
+    import numpy as np
+    from PIL import Image
+
+    with Image.open(io.BytesIO(repo.files.read(row.sha256))) as opened:
+        grey = opened.mode in ("L", "1")
+        return np.asarray(opened.convert("L" if grey else "RGB"))
+
+
+def _about(mission: MissionRow, row: ProductRow, starts: dict[str, datetime], body: str | None) -> About:
+    start = starts.get(row.plan_id or "")
+    taken = None if start is None else start + timedelta(seconds=row.t_s)
+    told = {
+        "run": row.run_id,
+        "task": row.task_id,
+        "request": row.request_id,
+        "target": row.target_id,
+        "t_s": f"{row.t_s:.3f}",
+        "kind": row.kind,
+        "file": PurePosixPath(row.file_name).name,
+        "sha256 of the file": row.sha256,
+    }
+    return About(
+        row.id,
+        mission.id,
+        f"{row.kind} of {row.target_id or 'the site'}",
+        mission.name,
+        mission.rover_profile,
+        row.instrument,
+        body,
+        taken,
+        taken,
+        _aware(row.created_utc),
+        "; ".join(f"{name} {value}" for name, value in told.items() if value),
+    )
+
+
+def _terrain_about(mission: MissionRow, terrain: TerrainRow, name: str, body: str | None) -> About:
+    place = "the site has no place" if mission.place is None else f"place {json.dumps(mission.place)}"
+    return About(
+        f"{terrain.id}-{name}",
+        mission.id,
+        f"Heights of {terrain.name}, {name}",
+        mission.name,
+        mission.rover_profile,
+        "",
+        body,
+        None,
+        None,
+        _aware(terrain.created_utc),
+        f"heights over the site's zero, row 0 in the north; {place}; {terrain.credits}",
+    )
+
+
+def _list_about(mission: MissionRow, body: str | None) -> About:
+    made = _aware(mission.created_utc)
+    return About(
+        "products",
+        mission.id,
+        "Data products",
+        mission.name,
+        mission.rover_profile,
+        "",
+        body,
+        None,
+        None,
+        made,
+    )
+
+
+def _cells(row: ProductRow) -> list[str]:
+    words = (row.id, row.file_name, row.kind, row.instrument, row.target_id, row.request_id, row.run_id)
+    texts = (
+        (word or "").replace('"', "'") for word in (*words, row.task_id, row.sha256)
+    )  # PDS4 has no quotes
+    return [*texts, repr(row.t_s), str(row.size_bytes)]
