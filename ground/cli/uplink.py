@@ -146,6 +146,7 @@ def _tell(checked: Package, flight: Flight, out: Path) -> None:
 def _live(app: typer.Typer) -> None:
     """Add what a live run can be asked: it goes to the run's own process, not to a server."""
     from ground.cli.resources import group_of
+    from ground.cli.robot_group.recording import import_
     from ground.cli.robot_group.watch import watch
 
     @app.command("stop")
@@ -186,6 +187,7 @@ def _live(app: typer.Typer) -> None:
                 typer.echo(f"{count:7d}  {topic}")
 
     runs.command("watch")(watch)
+    runs.command("import")(import_)
 
     @runs.command("inject")
     def inject(
