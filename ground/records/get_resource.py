@@ -116,7 +116,7 @@ def get_resource(
     """
     with repo.database.read() if kind.related else repo.database.connection() as reader:
         row: Any = reader.execute(_one_of(kind), {"wanted": resource_id}).first()
-        if row is None:
+        if row is None or any(getattr(row, n) != value for n, value in kind.only(actor).items()):
             raise NotFoundError(f"there is no {kind.title} {resource_id}")
         actor.require(Action.READ, getattr(row, kind.row.mission_key, None))
         value: V = kind.conceal(actor, kind.show_one(reader, row))

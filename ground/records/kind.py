@@ -73,6 +73,10 @@ def _as_it_is(_actor: Actor, value: Any) -> Any:
     return value
 
 
+def _all_of_them(_actor: Actor) -> Mapping[str, object]:
+    return {}
+
+
 def given_columns(given: Body) -> dict[str, object]:
     """Return the members that a form names, as columns keep them."""
     return {name: plain(getattr(given, name)) for name in given.model_fields_set}
@@ -130,6 +134,8 @@ class Kind(Generic[V]):
     apply: Apply = _as_given
     conceal: Callable[[Actor, Any], Any] = _as_it_is
     """Take out of a value what is not for who asks."""
+    only: Callable[[Actor], Mapping[str, object]] = _all_of_them
+    """Values that columns must have in rows that are there for who asks."""
     forget: tuple[Forget, ...] = ()
     locate: Locate | None = None
     """Where things lie can be told in other references."""

@@ -86,6 +86,7 @@ def _wanted(
         mission = column[kind.row.mission_key]
         only, hidden = actor.visible_missions()
         found.append(mission.not_in(hidden) if only is None else mission.in_(only))
+    found += [column[name] == value for name, value in kind.only(actor).items()]
     for name, value in where.items():
         if value is None:
             continue

@@ -25,7 +25,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import ALLOWED, Action, Actor, KeyScope, Role
 from ground.resources.kinds import KINDS
 from ground.resources.missions.value import Mission
-from ground.resources.people.row import PersonRow
+from ground.resources.people.row import PersonRow, SigningKeyRow
 from ground.resources.tables import METADATA
 from tests.ground.conftest import Api, yard
 from tests.ground.test_security import BODIES
@@ -177,6 +177,27 @@ def test_an_upload_is_there_for_who_made_it_and_for_administrators(
         for who in ("Planner", "Administrator"):
             if (path, who) != ("/runs/ingest", "Planner"):
                 assert "no upload" not in sqlite_api("POST", path, form, who=who).text, (path, who)
+
+
+def test_who_may_see_nothing_sees_nobody_but_themselves(
+    sqlite_api: Api, ids: dict[str, str], hidden: Mission
+) -> None:
+    everybody = {p["name"]: p["id"] for p in sqlite_api.get("/people")["items"]}
+    page = sqlite_api.get("/people?count=true", who="Nobody")
+    assert ([p["name"] for p in page["items"]], page["total"]) == (["Nobody"], 1)
+    assert sqlite_api.get("/people?sort=name&limit=1", who="Nobody")["next_cursor"] is None
+    assert sqlite_api.get("/people?name=Planner", who="Nobody")["items"] == []
+    assert sqlite_api.get(f"/people/{everybody['Nobody']}", who="Nobody")["name"] == "Nobody"
+    theirs = sqlite_api("GET", f"/people/{everybody['Planner']}", who="Nobody")
+    never = sqlite_api("GET", "/people/psn-none", who="Nobody")
+    assert (theirs.status_code, never.status_code) == (404, 404)
+    with sqlite_api.repo.database.write() as session:
+        session.add(
+            SigningKeyRow(id="key-1", person_id=everybody["Planner"], name="k", public="A" * 43 + "=")
+        )
+    assert sqlite_api.get("/signing-keys", who="Nobody") == []
+    assert len(sqlite_api.get("/signing-keys", who="Viewer")) == 1
+    assert len(sqlite_api.get("/people", who="Guest")["items"]) == len(everybody)  # sees a mission of theirs
 
 
 HISTORIES = ("history", "as-of/1", "events")

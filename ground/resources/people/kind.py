@@ -19,6 +19,11 @@ def conceal_missions(actor: Actor, person: Person) -> Person:
     return replace(person, mission_roles=seen)
 
 
+def themselves(actor: Actor) -> dict[str, object]:
+    """Let who may see nothing yet, a newcomer say, see nobody but themselves."""
+    return {} if actor.may_somewhere(Action.READ) else {"name": actor.name}
+
+
 PERSON = Kind(
     "person",
     "psn",
@@ -29,5 +34,6 @@ PERSON = Kind(
     make=PersonCreate,
     change=PersonChange,
     conceal=conceal_missions,
+    only=themselves,
     unseen=frozenset({"password_hash", "external_sha256"}),
 )

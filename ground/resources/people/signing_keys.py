@@ -10,6 +10,7 @@ from ground.gdr.history import SYSTEM, Change, record
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.resources.people.accounts import person_named
+from ground.resources.people.kind import PERSON
 from ground.resources.people.row import PersonRow, SigningKeyRow
 from ground.resources.people.value import SigningKey
 from ground.uplink.keys import id_of
@@ -20,13 +21,14 @@ FORM = "signing-key/1"
 
 
 def list_signing_keys(repo: Repository, actor: Actor) -> list[SigningKey]:
-    """Return everybody's public keys, those that were revoked too."""
+    """Return everybody's public keys that the actor may know of, those that were revoked too."""
     actor.require(Action.READ)
+    wanted = [PersonRow.__table__.c[name] == value for name, value in PERSON.only(actor).items()]
     with repo.database.read() as session:
         query = select(SigningKeyRow, PersonRow.name).join(PersonRow, PersonRow.id == SigningKeyRow.person_id)
         return [
             SigningKey(k.id, person, k.name, k.public, k.created_utc, k.revoked_utc)
-            for k, person in session.execute(query.order_by(SigningKeyRow.created_utc))
+            for k, person in session.execute(query.where(*wanted).order_by(SigningKeyRow.created_utc))
         ]
 
 
