@@ -17,6 +17,7 @@ from ground.resources.calibrations.routes import router as calibrations
 from ground.resources.campaigns.routes import router as campaigns
 from ground.resources.comments.routes import router as comments
 from ground.resources.downlinks.routes import router as ingest
+from ground.resources.drafts.routes import router as drafts
 from ground.resources.executions.routes import router as executions
 from ground.resources.frames.routes import router as frames
 from ground.resources.geometry_files.routes import router as geometry_files
@@ -56,6 +57,7 @@ ROUTERS = (
     keep_outs,
     site_views,
     comments,
+    drafts,
     path_networks,
     problems,
     plans,

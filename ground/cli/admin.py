@@ -194,7 +194,7 @@ def _people(app: typer.Typer) -> None:
     def add_person(
         name: str = typer.Argument(...),
         role: str = typer.Option(
-            "viewer", help="none, viewer, scientist, planner, flight_director, operator or admin"
+            "viewer", help="none, viewer, assistant, scientist, planner, flight_director, operator or admin"
         ),
         password: bool = typer.Option(False, "--password", help="ask for a password (needed with accounts)"),
     ) -> None:

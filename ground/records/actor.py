@@ -15,6 +15,8 @@ class Role(StrEnum):
     NONE = "none"
     """Sees nothing: as a role for one mission it hides that mission; in general, all but those named."""
     VIEWER = "viewer"
+    ASSISTANT = "assistant"
+    """Reads and drafts: for keys of programs that propose, whose drafts people take over or reject."""
     SCIENTIST = "scientist"
     PLANNER = "planner"
     FLIGHT_DIRECTOR = "flight_director"
@@ -27,6 +29,8 @@ class Action(StrEnum):
 
     READ = "read"
     COMMENT = "comment"
+    DRAFT = "draft"
+    """Propose what changes nothing until a person takes it over."""
     EDIT_SCIENCE = "edit_science"
     """Targets, observation requests."""
     EDIT_MISSION = "edit_mission"
@@ -42,11 +46,12 @@ class Action(StrEnum):
 
 
 _READER = frozenset({Action.READ})
-_SCIENTIST = _READER | {Action.COMMENT, Action.EDIT_SCIENCE}
+_SCIENTIST = _READER | {Action.COMMENT, Action.DRAFT, Action.EDIT_SCIENCE}
 _PLANNER = _SCIENTIST | {Action.EDIT_MISSION, Action.PLAN}
 ALLOWED: Mapping[Role, frozenset[Action]] = {
     Role.NONE: frozenset(),
     Role.VIEWER: _READER,
+    Role.ASSISTANT: _READER | {Action.DRAFT},
     Role.SCIENTIST: _SCIENTIST,
     Role.PLANNER: _PLANNER,
     Role.FLIGHT_DIRECTOR: _PLANNER | {Action.APPROVE, Action.UPLINK},
@@ -62,6 +67,8 @@ class KeyScope:
 
     role: Role | None = None
     missions: frozenset[str] | None = None
+    name: str = ""
+    """Of the key: under it drafts are filed."""
 
     def allows(self, action: Action, mission_id: str | None) -> bool:
         """Say whether the key is for it; what belongs to no mission may be read with any key."""

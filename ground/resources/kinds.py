@@ -11,6 +11,7 @@ from ground.records.kind import Kind
 from ground.resources.approvals.kind import APPROVAL
 from ground.resources.campaigns.kind import CAMPAIGN
 from ground.resources.comments.kind import COMMENT
+from ground.resources.drafts.kind import DRAFT
 from ground.resources.frames.kind import FRAME
 from ground.resources.keep_outs.change_keep_out import change_keep_out
 from ground.resources.keep_outs.kind import KEEP_OUT
@@ -72,6 +73,7 @@ _ALL = (
     CAMPAIGN,
     PRODUCT,
     COMMENT,
+    DRAFT,
     JOB,
     APPROVAL,
     PERSON,

@@ -30,6 +30,7 @@ from ground.gdr.repository import Repository, open_repository
 from ground.jobs.row import JobRow
 from ground.records.actor import ALLOWED, SYSTEM_ACTOR, Action, Role
 from ground.resources.comments.row import CommentRow
+from ground.resources.drafts.row import DraftRow
 from ground.resources.frames.row import FrameRow, SolutionRow
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.missions.value import Mission
@@ -367,6 +368,9 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("POST", r"/geometry$", Action.EDIT_SCIENCE),
     ("(POST|PATCH|DELETE)", r"/(sols|keep-outs|site-maps)(/\{[a-z_]+\}|/bulk)?$", Action.EDIT_MISSION),
     ("(POST|PATCH|DELETE)", r"/comments(/\{[a-z_]+\})?$", Action.COMMENT),
+    ("POST", r"/(drafts|sentences/draft)$", Action.DRAFT),
+    ("POST", r"/sentences$", Action.READ),
+    ("POST", r"/drafts/\{[a-z_]+\}/(accept|reject)$", Action.EDIT_SCIENCE),  # of a target, as here
     ("POST", r"/(path-networks|plans|runs|campaigns)$", Action.PLAN),
     ("(PATCH|DELETE)", r"/(plans|runs)/\{[a-z_]+\}$", Action.PLAN),
     ("POST", r"/runs/\{[a-z_]+\}/(control|faults)$", Action.PLAN),
@@ -416,6 +420,10 @@ BODIES: dict[str, Any] = {
     "create_observation_request": {"target_id": "T", "instrument": "science_camera", "value": 1.0},
     "create_keep_out": {"polygon_m": [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]},
     "create_comment": {"subject_kind": "mission", "subject_id": "M", "text": "x"},
+    "create_draft": {"target": {"east_m": 1.0, "north_m": 1.0}},
+    "reject_draft": {},
+    "read_sentence": {"text": "image T with the mast camera"},
+    "draft_sentence": {"text": "image T with the mast camera"},
     "create_path_network": {},
     "create_plan": {"iterations": 1},
     "create_run": {"plan_id": "P"},
@@ -530,6 +538,22 @@ def test_every_role_may_do_at_every_endpoint_what_its_rights_say_and_no_more(
         )
         session.add(
             TraverseRow(id="traverse_id", name="N", job_id="job_id", stops=[], solution_ids=[], **common)
+        )
+        session.add(
+            DraftRow(
+                id="draft_id",
+                kind="target",
+                form={"east_m": 1.0, "north_m": 1.0},
+                drafted_by="r-assistant",
+                drafted_for="r-assistant",
+                note="",
+                state="open",
+                reason="",
+                decided_by="",
+                made_kind="",
+                made_id="",
+                **common,
+            )
         )
         session.add(CommentRow(id="comment_id", subject_kind="mission", subject_id="", text="", **common))
         session.add(

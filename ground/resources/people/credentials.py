@@ -171,7 +171,7 @@ def identify(repo: Repository, secret: str) -> Actor | None:
             return None
         missions = None if credential.mission_ids is None else frozenset(credential.mission_ids)
         scoped = credential.role is not None or missions is not None
-        return actor_of(person, KeyScope(_role(credential), missions) if scoped else None)
+        return actor_of(person, KeyScope(_role(credential), missions, credential.name) if scoped else None)
 
 
 def _owner(session: Session, secret: str) -> tuple[CredentialRow, PersonRow] | None:

@@ -1,0 +1,193 @@
+"""Drafts: an assistant's key proposes, a person decides, and nothing else happens."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.gdr.repository import Repository
+from ground.records.actor import Actor, Role
+from ground.resources.people.credentials import create_api_key
+from tests.ground.conftest import Api, open_api, yard
+
+ROCK = {"name": "Rock1", "east_m": 4.0, "north_m": 1.0}
+
+
+class Site:
+    """A mission, its people and an assistant with a key of the planner's."""
+
+    def __init__(self, api: Api, mission: str) -> None:
+        self.api, self.mission = api, f"/missions/{mission}"
+        key = create_api_key(api.repo, Actor("Planner", Role.PLANNER), "Scout", 1, Role.ASSISTANT)
+        self.assistant = {"Authorization": f"Bearer {key.secret}"}
+
+    def drafted(self, form: dict[str, Any], status: int = 201) -> Any:
+        return self.api.post(f"{self.mission}/drafts", form, status, headers=self.assistant)
+
+    def accept(self, draft: str, status: int = 200, **options: Any) -> Any:
+        return self.api.post(f"/drafts/{draft}/accept", None, status, **options)
+
+
+@pytest.fixture
+def site(sqlite_repo: Repository, terrain_folder: Path) -> Iterator[Site]:
+    mission = yard(sqlite_repo, terrain_folder)
+    for api in open_api(sqlite_repo):
+        yield Site(api, mission.id)
+
+
+def test_a_draft_changes_nothing_until_a_person_takes_it_over(site: Site) -> None:
+    draft = site.drafted({"target": ROCK, "note": "layered"})
+    assert (draft["drafted_by"], draft["drafted_for"], draft["state"]) == ("Scout", "Planner", "open")
+    assert site.api.get(f"{site.mission}/targets")["items"] == []
+
+    done = site.accept(draft["id"])
+
+    assert (done["state"], done["decided_by"], done["made_kind"]) == ("accepted", "Planner", "target")
+    target = site.api.get(f"/targets/{done['made_id']}")
+    assert (target["name"], target["author"]) == ("Rock1", "Planner")
+    told = site.api.get(f"{site.mission}/history?limit=100")["items"]
+    assert "drafted by Scout for Planner" in [event["reason"] for event in told]
+    assert "accepted by Planner" in site.accept(draft["id"], 409)["detail"]
+
+
+def test_the_key_of_an_assistant_decides_nothing_and_does_nothing_else(site: Site) -> None:
+    draft = site.drafted({"target": ROCK})
+    for path, body in (
+        (f"/drafts/{draft['id']}/accept", None),
+        (f"/drafts/{draft['id']}/reject", {}),
+        (f"{site.mission}/targets", ROCK),
+        (f"{site.mission}/keep-outs", {"polygon_m": [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]}),
+        (f"{site.mission}/plans", {}),
+        (f"{site.mission}/undo", {}),
+        ("/api-keys", {"name": "more"}),
+        ("/session/password", {"old": "x", "new": "y" * 10}),
+    ):
+        answer = site.api("POST", path, body, headers=site.assistant)
+        assert answer.status_code in {403, 404, 405}, (path, answer.text)
+    assert site.api.get(f"/drafts/{draft['id']}")["state"] == "open"
+
+
+def test_a_narrowed_key_of_a_planner_takes_no_draft_over(site: Site) -> None:
+    draft = site.drafted({"target": ROCK})
+    key = create_api_key(site.api.repo, Actor("Planner", Role.PLANNER), "nightly", 1, Role.PLANNER)
+    told = site.accept(draft["id"], 403, headers={"Authorization": f"Bearer {key.secret}"})
+    assert "by a person" in told["detail"]
+
+
+def test_each_kind_of_draft_becomes_what_it_proposes(site: Site) -> None:
+    ring = [[6.0, 6.0], [7.0, 6.0], [7.0, 7.0]]
+    request = {"target": ROCK, "instrument": "science_camera", "value": 5.0}
+    made = site.accept(site.drafted({"request": request})["id"])
+    assert made["made_kind"] == "observation_request"
+    window = {"request_id": made["made_id"], "window_s": [60.0, 3600.0]}
+    site.accept(site.drafted({"window": window})["id"])
+    asked = site.api.get(f"/observation-requests/{made['made_id']}")
+    assert (asked["target_name"], asked["window_s"]) == ("Rock1", [60.0, 3600.0])
+    assert site.accept(site.drafted({"keep_out": {"polygon_m": ring}})["id"])["made_kind"] == "keep_out"
+    plan = site.accept(site.drafted({"plan": {"iterations": 1}})["id"])
+    assert site.api.get(f"/plans/{plan['made_id']}")["author"] == "Planner"
+
+
+def test_what_does_not_pass_the_checks_stays_a_draft_and_leaves_nothing(site: Site) -> None:
+    """Of a request with a target of its own neither is made if one cannot be."""
+    request = {"target": ROCK, "instrument": "no_such_thing", "value": 5.0}
+    draft = site.drafted({"request": request})
+    site.accept(draft["id"], 422)
+    assert site.api.get(f"/drafts/{draft['id']}")["state"] == "open"
+    assert site.api.get(f"{site.mission}/targets")["items"] == []
+
+
+def test_two_who_take_it_over_at_once_make_it_once(site: Site) -> None:
+    draft = site.drafted({"target": {"east_m": 4.0, "north_m": 1.0}})
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: site.api("POST", f"/drafts/{draft['id']}/accept"), range(4)))
+    assert sorted(answer.status_code for answer in found) == [200, 409, 409, 409]
+    assert len(site.api.get(f"{site.mission}/targets")["items"]) == 1
+
+
+def test_a_rejected_draft_stays_rejected(site: Site) -> None:
+    draft = site.drafted({"target": ROCK})
+    told = site.api.post(f"/drafts/{draft['id']}/reject", {"reason": "too steep"}, 200)
+    assert (told["state"], told["reason"]) == ("rejected", "too steep")
+    site.accept(draft["id"], 409)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        {},
+        {"target": ROCK, "plan": {}},
+        {"approval": {}},
+        {"request": {"instrument": "science_camera", "value": 1.0}},
+        {"request": {"target_id": "tgt-forged", "instrument": "science_camera", "value": 1.0}},
+        {"window": {"request_id": "obs-forged", "window_s": [0.0, 1.0]}},
+        {"target": {**ROCK, "author": "Director"}},
+    ],
+)
+def test_forged_and_malformed_drafts_are_refused(site: Site, form: dict[str, Any]) -> None:
+    site.drafted(form, 422)
+
+
+def test_a_flood_of_drafts_is_stopped(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ground.resources.drafts.create_draft.MOST_OPEN", 3)
+    for _ in range(3):
+        site.drafted({"target": ROCK})
+    assert "3 open drafts" in site.drafted({"target": ROCK}, 409)["detail"]
+
+
+# ---- sentences
+
+
+def test_a_sentence_is_previewed_and_drafted(site: Site) -> None:
+    text = "image the layered rock near 4, 1 in the morning with the mast camera, at most 20 minutes"
+    told = site.api.post(f"{site.mission}/sentences", {"text": text}, 200, headers=site.assistant)
+    assert told["understood"]
+    assert told["assumed"] == ["value 10"]
+    assert "at (4, 1)" in told["in_words"]
+    assert site.api.get(f"{site.mission}/drafts")["items"] == []
+    draft = site.api.post(f"{site.mission}/sentences/draft", {"text": text}, headers=site.assistant)
+    made = site.api.get(f"/observation-requests/{site.accept(draft['id'])['made_id']}")
+    assert made["instrument"] == "science_camera"
+    # the sol starts at 9:00, noon is three Mars hours later
+    assert made["window_s"] == [0.0, pytest.approx(3 * 88775.244 / 24, abs=0.1)]
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("image Rock7 with the mast camera", "Rock7"),
+        ("image the rock at 4, 1 with the microscope, at most 1 minute", "504 s"),
+        ("image the rock at 4, 1 with the mast camera before 6:00", "outside sol"),
+        ("only observe Rock1 in the morning", "Rock1"),
+    ],
+)
+def test_what_is_not_understood_is_asked_and_never_drafted(site: Site, text: str, asked: str) -> None:
+    told = site.api.post(f"{site.mission}/sentences", {"text": text}, 200)
+    assert not told["understood"]
+    assert asked in told["questions"][0]
+    assert asked in site.api.post(f"{site.mission}/sentences/draft", {"text": text}, 422)["detail"]
+
+
+def test_a_sentence_for_a_window_names_the_one_request(site: Site) -> None:
+    rock = site.api.post(f"{site.mission}/targets", ROCK)
+    text = {"text": "only observe Rock1 between 10:00 and 12:00"}
+    assert "has 0" in site.api.post(f"{site.mission}/sentences", text, 200)["questions"][0]
+    body = {"target_id": rock["id"], "instrument": "science_camera", "value": 5.0}
+    request = site.api.post(f"{site.mission}/observation-requests", body)
+    told = site.api.post(f"{site.mission}/sentences", text, 200)
+    assert told["form"]["request_id"] == request["id"]
+    assert told["form"]["window_s"] == pytest.approx([3699.0, 3 * 3699.0], abs=1.0)
+
+
+def test_a_keep_out_of_a_circle_holds_all_of_it(site: Site) -> None:
+    from shapely.geometry import Point, Polygon
+
+    text = {"text": "keep out of a circle of 3 m around 2, 4"}
+    told = site.api.post(f"{site.mission}/sentences", text, 200)
+    ring = Polygon(told["form"]["polygon_m"])
+    assert ring.buffer(1e-9).contains(Point(2.0, 4.0).buffer(3.0))
+    assert ring.area < 1.02 * 9.0 * 3.14159
