@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.contingency.priced_relaxation import MOST_HERE, Relaxation, Weights
+from planner.contingency.priced_relaxation import MOST_HERE, Relaxation, Weights, reckoned_mb
 from planner.evaluate.model import Floats, Model
 from planner.tally import now_s
 
@@ -21,7 +21,7 @@ COARSE, FINER = 128, (2048, 1024, 512, 256)
 """Nodes on which prices and memory are found, and those of the bound."""
 
 LARGEST_MB = 800.0
-"""Largest tables, MB. By hand, as `bounds.TABLE_MB`."""
+"""Largest relaxation, MB, with the masses of its drives. By hand, as `bounds.TABLE_MB`."""
 
 MOST_REMEMBERED = 9
 """Observations remembered: each doubles the sets. By hand."""
@@ -72,6 +72,8 @@ def priced_bound(model: Model, *, limit_s: float) -> float:
     here = np.bincount(model.obs_place[wanted], minlength=1)
     if not wanted.any() or not model.has_leg[:, 1:].any() or int(here.max()) > MOST_HERE:
         return math.inf
+    if reckoned_mb(model, COARSE, ()) > LARGEST_MB:
+        return math.inf
     first = [_best_prices(_of(model, share, ()), np.zeros(model.m), until) for share in (0.0, 1.0)]
     best = min(first, key=lambda found: found.value)
     if best.value == math.inf:
@@ -80,7 +82,8 @@ def priced_bound(model: Model, *, limit_s: float) -> float:
     found, relaxation = best.value, best.relaxation
     for nodes in FINER:
         times = nodes / COARSE
-        if relaxation.seconds * times**2 <= until - now_s() and relaxation.size_mb * times <= LARGEST_MB:
+        size_mb = reckoned_mb(model, nodes, relaxation.memory)
+        if relaxation.seconds * times**2 <= until - now_s() and size_mb <= LARGEST_MB:
             finer = Relaxation(model, relaxation.weights, nodes, relaxation.memory)
             found = min(found, finer.bound(best.own))
             break
@@ -137,6 +140,8 @@ def _remembering(model: Model, found: Priced, until: float) -> Priced:
         if not new or now_s() + LEAST_STEPS * relaxation.seconds * (1 << len(new)) > until:
             return best
         memory = (*relaxation.memory, *new)
+        if reckoned_mb(model, COARSE, memory) > LARGEST_MB:
+            return best
         larger = Relaxation(model, relaxation.weights, COARSE, memory)
         found = _best_prices(larger, found.prices, until)
         best = min(best, found, key=lambda one: one.value)

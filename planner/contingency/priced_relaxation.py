@@ -75,6 +75,22 @@ def _banded(rows: Floats) -> Singles:
     return np.ascontiguousarray(kept, np.float32)
 
 
+def reckoned_mb(model: Model, nodes: int, memory: tuple[int, ...]) -> float:
+    """Return what a relaxation takes at most while it is made and asked, MB, before anything is made.
+
+    That is the masses of its drives, whole and cut off, its tables, and where its policy has been.
+    """
+    wanted = (model.utility > 0.0) & (model.chances.most > 0.0)
+    at = model.obs_place[wanted & ~np.isin(np.arange(model.m), memory)]
+    here = np.bincount(at, minlength=model.n + 1)[1:]
+    legs = int(model.has_leg[:, 1:].sum())
+    tracks = 1 + sum(bool(model.is_place[m]) for m in memory)
+    vertices = 1.0 + float(np.sum(2.0**here))
+    sets = 2.0 ** len(memory)
+    masses = 2.0 * 4.0 * (legs * tracks) + 2.0 * 8.0 * int(wanted.sum())
+    return (nodes + 1) * (masses + sets * (4.0 * legs + 16.0 * vertices)) / 1e6
+
+
 class Relaxation:
     """The relaxation of a model for one resource, grid and memory; prices come with each question."""
 
@@ -128,13 +144,21 @@ class Relaxation:
             return 0.0
         return self.start + self.weights.per_s * model.track_leg_s
 
+    def _by_count(self, legs: list[tuple[int, int]], more: list[float]) -> Singles:
+        """Return the masses of the drives by number of carried tracks, (legs, counts, nodes)."""
+        found = np.empty((len(legs), len(more), self.steps + 1), np.float32)
+        for row, (a, b) in zip(found, legs, strict=True):
+            cells = self._amounts(self.model.leg_ln[a, b])
+            for k, shift in enumerate(more):
+                row[k] = self._rounded(cells, shift)
+        return found
+
     def _layout(self) -> Layout:
         model, every = self.model, range(self.model.n + 1)
         legs = [(a, b) for a in every for b in every[1:] if a != b and model.has_leg[a, b]]
         count = np.array([(s & self.tracks).bit_count() for s in range(1 << len(self.memory))], np.int64)
         carried = self.weights.per_s * model.track_leg_s
-        cells = [self._amounts(model.leg_ln[a, b]) for a, b in legs]
-        leg = [[self._rounded(row, c * carried) for c in range(int(count.max()) + 1)] for row in cells]
+        leg = self._by_count(legs, [c * carried for c in range(int(count.max()) + 1)])
         made = [self._rounded(self._amounts(model.obs_ln[m]), self._shift(int(m))) for m in self.wanted]
         places = [int(model.obs_place[m]) for m in self.memory]
         loss = [
@@ -146,7 +170,7 @@ class Relaxation:
         return Layout(
             origin=np.array([a for a, _ in legs], np.int64),
             to=np.array([b for _, b in legs], np.int64),
-            leg=_banded(np.array(leg)),
+            leg=_banded(leg),
             loss=np.array(loss, float).reshape(len(legs), len(self.memory)),
             before=np.array(before, np.int64),
             after=np.array(after, np.int64),

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import tracemalloc
 
 import numpy as np
 import pytest
 
 from planner.contingency.policy import Moves, Policy
 from planner.contingency.priced_bound import priced_bound
-from planner.contingency.priced_relaxation import Relaxation, Weights
+from planner.contingency.priced_relaxation import Relaxation, Weights, reckoned_mb
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
-from planner.problem import Problem
+from planner.problem import Problem, problem_from_dict
 from planner.tally import tallied
 from tests.planner.examples import observation, problem_document
 from tests.planner.reference.optimum import optimum
@@ -71,8 +73,6 @@ def test_tracks_may_be_given_up_on_the_way() -> None:
 
 
 def _day() -> Problem:
-    from planner.problem import problem_from_dict
-
     rows = [[observation(f"O{k}", "image", utility=4.0 + k)] for k in range(6)]
     places = [(4.0 * k - 10.0, 6.0 * (-1) ** k) for k in range(6)]
     return problem_from_dict(
@@ -89,6 +89,30 @@ def test_it_comes_near_the_best_policy() -> None:
         bound = priced_bound(model, limit_s=2.0)
     assert earned < 0.9 * everything  # the day holds some of it only
     assert 0.999 * earned <= bound <= 1.05 * earned
+
+
+@pytest.mark.parametrize("nodes", [128, 1024])
+def test_a_relaxation_takes_no_more_memory_than_was_reckoned(nodes: int) -> None:
+    """Of 61 targets and more the lists of masses took gigabytes that no limit knew of."""
+    rows = [[observation(f"O{k}", "image", utility=4.0)] for k in range(16)]
+    places = [(4.0 * (k % 4) - 8.0, 6.0 * (k // 4) - 9.0) for k in range(16)]
+    document = problem_document(places=places, observations=rows, spread=0.3, time_s=9000.0)
+    model = Model.of(problem_from_dict(document))
+    Relaxation(model, Weights.of(model, 1.0), 64, ())  # what is loaded once
+    tracemalloc.start()
+    relaxation = Relaxation(model, Weights.of(model, 1.0), nodes, (0, 1))
+    relaxation.bound(np.zeros(len(relaxation.wanted)))
+    relaxation.made()
+    most_mb = tracemalloc.get_traced_memory()[1] / 1e6
+    tracemalloc.stop()
+    assert most_mb <= 1.1 * reckoned_mb(model, nodes, (0, 1)) + 1.0
+
+
+def test_what_takes_too_much_memory_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = Model.of(_day())
+    monkeypatch.setattr("planner.contingency.priced_bound.LARGEST_MB", 0.01)
+    with tallied():
+        assert priced_bound(model, limit_s=2.0) == math.inf
 
 
 def test_the_same_limit_gives_the_same_bound() -> None:
