@@ -16,7 +16,15 @@ from planner.plan_tree import Plan, planned_observations
 from planner.problem import Problem
 from planner.progress import Watch
 from planner.reasons import why_empty, why_impossible
-from planner.stages import Order, best_warm_plan, chosen, long_plan, pressed, searched, searched_within
+from planner.stages import (
+    Order,
+    best_warm_plan,
+    chosen,
+    long_plan,
+    pressed,
+    searched_with_part,
+    searched_within,
+)
 from planner.strategies import strategy_named
 from planner.tally import StoppedError, tallied
 from planner.threads import one_blas_thread
@@ -119,7 +127,7 @@ def _planned(order: Order) -> PlanResult:
     # 3. Plans with 0, 1, 2, ... branches; under a chance constraint an overrun has a price (Everett 1963).
     model, prices = pressed(small.within_reach()), [0.0]
     if chance is None:
-        found = searched(order, model, part, quick=order.quick)
+        found = searched_with_part(order, model, part)
     else:
         found, prices = searched_within(order, model, small, part, chance)
 
