@@ -19,13 +19,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.contingency.priced_kernels import Layout, Singles, Tables, backward, forward
 from planner.evaluate.grid import probability_below
 from planner.evaluate.model import Floats, Model
 from planner.tally import SECONDS, Step, spend
+
+Reals = NDArray[np.floating[Any]]
 
 FINER = 8
 """Cells to a node in which the sum of time and energy of an action is worked out. By hand."""
@@ -66,7 +70,7 @@ def _cells(mu: float, sigma: float, scale: float, count: int, step: float) -> Fl
     return np.asarray(np.diff(probability_below(edges, at, sigma)))
 
 
-def _banded(rows: Floats) -> Singles:
+def _banded(rows: Reals) -> Singles:
     """Return rows of masses cut where little is left; what is left is put on the last node kept."""
     tails = np.cumsum(rows[..., ::-1], axis=-1)[..., ::-1]
     band = max(2, int(np.count_nonzero((tails > TAIL).any(axis=tuple(range(rows.ndim - 1))))))
