@@ -8,6 +8,7 @@ GroundError
 │   ├── UnreachableError     a request without any observation point
 │   ├── TerrainFileError     a terrain that cannot be read, with the reason
 │   └── ArchiveError         an archive or package that is damaged, unsafe or of another form
+├── UnusableQueryError       parameters of an address that cannot be used (status 400)
 ├── ConflictError            the request does not fit the state of the thing
 │   ├── StateError           the state machine does not allow the step
 │   ├── NameTakenError       the name is in use
@@ -46,6 +47,10 @@ class NotFoundError(GroundError):
 
 class InvalidInputError(GroundError):
     """A member of what was sent cannot be used."""
+
+
+class UnusableQueryError(GroundError):
+    """Parameters of an address that cannot be used, where a standard asks for status 400."""
 
 
 class OutsideTerrainError(InvalidInputError):

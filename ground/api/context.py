@@ -264,7 +264,7 @@ async def _while_seen(parts: AsyncIterable[Any], ask: Ask, given: Mapping[str, o
         yield part
 
 
-class _Route(APIRoute):
+class Route(APIRoute):
     """A route whose endpoint runs in one thread and one transaction where the request carries a key."""
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
@@ -321,14 +321,14 @@ def _at_once(endpoint: Coroutine[Any, Any, Answer]) -> Answer:
     raise RuntimeError("an endpoint that waits cannot be one transaction")
 
 
-def api_router(tag: str) -> APIRouter:
+def api_router(tag: str, route_class: type[Route] = Route) -> APIRouter:
     """Return the router of one kind of resource; its routes are whole, so that none is looked for twice."""
     return APIRouter(
         prefix=PREFIX,
         tags=[tag],
         responses=responses(401, 403),
         generate_unique_id_function=operation_id,
-        route_class=_Route,
+        route_class=route_class,
     )
 
 

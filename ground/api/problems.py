@@ -33,6 +33,7 @@ Answers = dict[int | str, dict[str, Any]]
 STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
     errors.NotFoundError: (404, "not-found", "There is no such thing"),
     errors.InvalidInputError: (422, "invalid-input", "The request cannot be used"),
+    errors.UnusableQueryError: (400, "unusable-query", "The parameters cannot be used"),
     errors.OutsideTerrainError: (422, "outside-terrain", "The point is off the terrain"),
     errors.UnobservedGroundError: (422, "unobserved-ground", "The ground there was never observed"),
     errors.UnreachableError: (422, "target-unreachable", "No observation point reaches the target"),

@@ -19,6 +19,7 @@ from ground.resources.comments.routes import router as comments
 from ground.resources.downlinks.routes import router as ingest
 from ground.resources.drafts.routes import router as drafts
 from ground.resources.executions.routes import router as executions
+from ground.resources.features.routes import router as features
 from ground.resources.frames.routes import router as frames
 from ground.resources.geometry_files.routes import router as geometry_files
 from ground.resources.history.routes import router as history
@@ -67,6 +68,7 @@ ROUTERS = (
     packages,
     geometry_files,
     stac,
+    features,
     reports,
     frames,
     solutions,

@@ -109,6 +109,7 @@ FILES: Members = {
     "image/svg+xml": "<svg xmlns='http://www.w3.org/2000/svg'/>",
     "application/xml": "<solution_file/>",
     "application/geo+json": {"type": "FeatureCollection", "frame": "site", "features": []},
+    "application/schema+json": {"type": "object", "properties": {"name": {"type": "string"}}},
     "application/gpx+xml": '<gpx version="1.1"><wpt lat="18.4" lon="77.4"><name>Rock</name></wpt></gpx>',
     "application/vnd.google-earth.kml+xml": (
         '<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><name>Rock</name>'

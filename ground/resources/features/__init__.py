@@ -1,0 +1,1 @@
+"""A mission's things as features of OGC API Features."""
