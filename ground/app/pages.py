@@ -1,4 +1,4 @@
-"""The built UI at `/`, and the API's documentation as a page that needs nothing from elsewhere."""
+"""The built UI at `/`, the plug-in for Open MCT, and the API's documentation as a page of its own."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from starlette.responses import FileResponse, HTMLResponse, Response
 
 from web import DIST
 
+OPEN_MCT = Path(__file__).with_name("outcrop_openmct.js")
+"""Plug-in for Open MCT; it uses the REST interface and the event streams like any other client."""
 _IMMUTABLE = "public, max-age=31536000, immutable"
 _NO_UI = (
     "<!doctype html><title>Outcrop</title><h1>Outcrop</h1><p>The UI is not built in this installation; "
@@ -24,6 +26,10 @@ def install_pages(app: FastAPI, dist: Path = DIST) -> None:
     @app.get("/api/v1/docs", include_in_schema=False)
     async def docs() -> Response:
         return HTMLResponse(docs_page(app))
+
+    @app.get("/openmct/outcrop.js", include_in_schema=False)
+    async def open_mct() -> Response:
+        return FileResponse(OPEN_MCT, media_type="text/javascript", headers={"Cache-Control": "no-cache"})
 
     @app.get("/{path:path}", include_in_schema=False)
     async def page(request: Request, path: str) -> Response:
