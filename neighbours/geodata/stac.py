@@ -119,10 +119,8 @@ def group_document(group: Group, links: Links) -> Document:
         return head
     boxes = [box for item in group.items if (box := box_of(item.outline)) is not None]
     times = sorted(item.time for item in group.items)
-    used = sorted({uri for item in group.items for uri in _extensions(item)})
     return {
         **head,
-        "stac_extensions": used,
         "license": "other",
         "extent": {
             "spatial": {"bbox": [_around(boxes)]},

@@ -135,6 +135,8 @@ def test_pystac_walks_and_validates_the_catalogue_over_rest_and_as_files(
         assert known.keys() < items.keys()
         assert [c.id for c in catalogue.get_children()] == ["terrain", "products"]
         assert all(isinstance(c, pystac.Collection) for c in catalogue.get_children())
+        # a collection that names an extension has to use it: their schemas say so
+        assert all(not c.stac_extensions for c in catalogue.get_children())
         for identifier, product in known.items():
             item = items[identifier]
             assert item.datetime == datetime.fromisoformat(START) + timedelta(
