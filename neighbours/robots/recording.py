@@ -258,9 +258,12 @@ def read_recording(path: Path, mapping: Mapping, keep: Callable[[Picture], None]
         reader.recording.findings.append(what)
 
     known: dict[str, str] = {}
+    faults: list[str] = []
     for file in files:
-        for raw in raw_messages(file, lambda _: None):
+        for raw in raw_messages(file, faults.append):
             known.setdefault(raw.topic, raw.type)
+    if not known:
+        raise RecordingError(f"the recording holds no message: {'; '.join(faults) or 'it is empty'}")
     reader.choose(known)
     for file in files:
         for raw in raw_messages(file, broken):

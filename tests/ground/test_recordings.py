@@ -19,6 +19,7 @@ from neighbours.robots.recording import Mapping, read_recording
 from tests.ground.conftest import Api
 from tests.ground.signed import small_site
 from tests.ground.test_day_over_rest import file_requests, planned
+from tests.ground.test_missions_api import upload
 from tests.neighbours.robots.test_recording import POSES, files_of, pixels, write
 
 OPERATOR = Actor("Operator", Role.OPERATOR)
@@ -70,6 +71,28 @@ def test_a_cut_bag_says_so_and_strangers_bring_nothing_in(api: Api, mission: Any
     with pytest.raises(NotFoundError):
         import_recording(api.repo, OPERATOR, "pln-none", file, Mapping())
     assert [r["id"] for r in api.get(f"/missions/{mission.id}/runs")["items"]] == [made.id]
+
+
+def test_an_uploaded_recording_comes_in_over_rest_and_a_wrong_one_is_named(
+    api: Api, mission: Any, tmp_path: Path
+) -> None:
+    file_requests(api, mission)
+    plan = planned(api, mission)
+    (file,) = files_of(write(tmp_path / "bag", StoragePlugin.MCAP))
+    given = {"plan_id": plan["id"], "mapping": {"pictures": ["/jpg"]}}
+    given["upload_id"] = upload(api, "bag.mcap", file.read_bytes(), "Operator")
+    run = api.post("/runs/import", given, who="Operator")
+    assert run["elsewhere"]
+    assert run["notes"].startswith("Recording bag.mcap, made elsewhere")
+    assert len(api.get(f"/missions/{mission.id}/products?run_id={run['id']}")["items"]) == 4
+    for change, words in (
+        ({"mapping": {"pose": "/amcl"}}, "names topic /amcl"),
+        ({"upload_id": upload(api, "text.mcap", b"no recording", "Operator")}, "neither MCAP nor sqlite3"),
+    ):
+        refused = api("POST", "/runs/import", {**given, **change}, who="Operator")
+        assert refused.status_code == 422
+        assert words in refused.json()["detail"]
+    assert api("POST", "/runs/import", given, who="Viewer").status_code in (403, 404)
 
 
 def test_our_own_export_comes_in_again_with_the_same_poses_and_pictures(tmp_path: Path) -> None:

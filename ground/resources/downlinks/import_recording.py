@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ground.errors import GroundError, StateError
+from ground.errors import ArchiveError, GroundError, StateError, UnavailableError
 from ground.gdr.durable import copy_folder
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
@@ -24,11 +24,13 @@ from ground.records.edit import insert
 from ground.records.get_resource import find_row
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
+from ground.resources.runs.bodies import RunImport
 from ground.resources.runs.dry_run import record_run
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Run, RunKind
 from ground.resources.runs.work import read_run_folder
+from ground.resources.uploads.store_upload import find_upload
 
 if TYPE_CHECKING:
     from neighbours.robots.recording import Mapping, Picture, RecordedPose, Recording
@@ -50,8 +52,36 @@ class _Kept:
     sha256: str
 
 
+def import_upload(repo: Repository, actor: Actor, given: RunImport) -> Run:
+    """Take in an uploaded recording; see `import_recording`.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, or the mapping does not fit it.
+    UnavailableError
+        If the extra `mcap` is not installed.
+    """
+    from neighbours.robots.errors import MissingExtraError, RecordingError
+    from neighbours.robots.recording import Mapping
+
+    actor.require_somewhere(Action.UPLINK)
+    with repo.database.read() as session:
+        upload = find_upload(session, actor, given.upload_id)
+        name = upload.file_name
+        source = repo.files.path(upload.sha256)
+    wanted = given.mapping.model_dump()
+    mapping = Mapping(**{**wanted, "pictures": tuple(wanted["pictures"])})
+    try:
+        return import_recording(repo, actor, given.plan_id, source, mapping, name=name)[0]
+    except MissingExtraError as err:
+        raise UnavailableError(str(err)) from err
+    except RecordingError as err:
+        raise ArchiveError(f"{name}: {err}", pointer="/upload_id") from err
+
+
 def import_recording(
-    repo: Repository, actor: Actor, plan_id: str, source: Path, mapping: Mapping
+    repo: Repository, actor: Actor, plan_id: str, source: Path, mapping: Mapping, *, name: str = ""
 ) -> tuple[Run, Recording]:
     """Return the run made of a recording, and what was read.
 
@@ -101,7 +131,7 @@ def import_recording(
                 options_taken=[],
                 achieved_request_ids=[],
                 crl_sha256=plan.crl_sha256 or "",
-                notes=_notes(source.name, recording),
+                notes=_notes(name or source.name, recording),
                 elsewhere=True,
             )
             insert(session, actor, RUN, row)

@@ -6,11 +6,24 @@ from starlette.responses import Response
 
 from ground.api.context import Asked, api_router, created
 from ground.api.problems import responses
+from ground.resources.downlinks.import_recording import import_upload
 from ground.resources.downlinks.ingest_run import ingest_upload
-from ground.resources.runs.bodies import RunIngest
+from ground.resources.runs.bodies import RunImport, RunIngest
 from ground.resources.runs.value import Run
 
 router = api_router("uplink")
+
+
+@router.post(
+    "/runs/import",
+    response_model=Run,
+    status_code=201,
+    responses=responses(400, 404, 409, 422, 503),
+)
+async def import_run(ask: Asked, body: RunImport) -> Response:
+    """Take in what a robot recorded while a plan was driven: a run made elsewhere, which verifies nothing."""
+    run = await ask.do(import_upload, body)
+    return created(run, f"/api/v1/runs/{run.id}")
 
 
 @router.post(

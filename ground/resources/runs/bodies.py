@@ -78,6 +78,33 @@ class RunChange(Body):
     notes: Text = Field(default_factory=unset)
 
 
+Topic = Annotated[str, StringConstraints(max_length=200, pattern=ONE_LINE)]
+Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e7, le=1e7)]
+
+
+class RecordingMapping(Body):
+    """Which topics of a recording mean what, and where its frame lies in the site; empty goes by type."""
+
+    pose: Topic = ""
+    battery: Topic = ""
+    pictures: Annotated[list[Topic], Field(max_length=100)] = []
+    clock: Literal["header", "log"] = "header"
+    parent: Topic = ""
+    child: Topic = ""
+    east_m: Metres = 0.0
+    north_m: Metres = 0.0
+    heading_rad: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-10.0, le=10.0)] = 0.0
+    capacity_j: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e12)] = 0.0
+
+
+class RunImport(Body):
+    """A recording (a .db3 or .mcap file) uploaded before, and the plan that was driven."""
+
+    upload_id: Id
+    plan_id: Id
+    mapping: RecordingMapping = RecordingMapping()
+
+
 class RunIngest(Body):
     """A zip of a `run/1` folder, uploaded before."""
 
