@@ -43,6 +43,12 @@ By hand: a quarter of 20 s is the 5 s after which a part was found to be better.
 LIVE_SET_S = 4e-4
 """Reckoned seconds of one live set of such a table. By hand: 3.3e-4 on a quick grid with ten targets."""
 
+MANY_TARGETS = 8
+"""Targets up to which `PlannerOptions.bound_s` is meant."""
+
+LEFT_SHARE = 0.5
+"""Share of what is left of the limit for the bound of many targets. By hand: linear programs come beside."""
+
 LEAST_BOUND_S = 0.2
 """Seconds for a bound where the search has used up the limit: without one a plan says nothing. By hand."""
 
@@ -260,7 +266,9 @@ def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
     Any price gives a bound (`OverrunChance.bound`); the least is taken.
     """
     watch, options = order.watch, order.options
-    seconds = options.hasty_bound_s if order.quick else options.bound_s
+    more = options.bound_s_per_target * max(0, model.n - MANY_TARGETS)
+    more = max(0.0, min(more, LEFT_SHARE * watch.left_s()))
+    seconds = options.hasty_bound_s if order.quick else options.bound_s + more
     allowed_s = min(max(LEAST_BOUND_S, watch.left_s()), seconds) / len(prices)
     chance = OverrunChance.of(order.problem) or OverrunChance(0.0)
     return min(

@@ -27,6 +27,9 @@ TABLE_MB = 1200.0
 LP_SHARE = 8.0
 """What the linear programs may use, of the limit for a table: they are for where none fits. By hand."""
 
+LP_LIMIT_S = 2.8
+"""Limit above which they get no more. By hand, as `PlannerOptions.bound_s`."""
+
 LP_CELLS = 48
 """Cells of time in the program over start times: more are tighter and slower. By hand."""
 
@@ -76,9 +79,10 @@ def upper_bound(
         return Bound(0.0, "nothing can be done")
 
     def relaxed() -> Bound:
-        drives = flow_bound(model, limit_s=LP_SHARE / 2.0 * limit_s)
+        each_s = LP_SHARE / 2.0 * min(limit_s, LP_LIMIT_S)
+        drives = flow_bound(model, limit_s=each_s)
         flow = Bound(drives, "linear relaxation over drives")
-        over_starts = relaxed_bound(model, limit_s=LP_SHARE / 2.0 * limit_s)
+        over_starts = relaxed_bound(model, limit_s=each_s)
         found = [best, over_starts, flow]
         if limit_s >= LEAST_PRICED_S:
             found.append(Bound(priced_bound(model, limit_s=limit_s), "prices and a small memory"))
