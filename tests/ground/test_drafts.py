@@ -71,6 +71,18 @@ def test_the_key_of_an_assistant_decides_nothing_and_does_nothing_else(site: Sit
     assert site.api.get(f"/drafts/{draft['id']}")["state"] == "open"
 
 
+def test_the_key_of_an_assistant_uses_up_no_guesses_of_its_owner(site: Site) -> None:
+    from sqlalchemy import select
+
+    from ground.resources.people.row import LoginFailureRow
+
+    for _ in range(6):
+        answer = site.api("PUT", "/session/password", {"old": "x", "new": "y" * 10}, headers=site.assistant)
+        assert answer.status_code == 403
+    with site.api.repo.database.read() as session:
+        assert session.scalars(select(LoginFailureRow)).all() == []
+
+
 def test_a_narrowed_key_of_a_planner_takes_no_draft_over(site: Site) -> None:
     draft = site.drafted({"target": ROCK})
     key = create_api_key(site.api.repo, Actor("Planner", Role.PLANNER), "nightly", 1, Role.PLANNER)

@@ -131,6 +131,7 @@ def _address(request: Request) -> str:
 
 async def change_own_password(request: Request, ask: Ask, old: str, new: str) -> Response:
     """Change who asks' password; a wrong old one is a guess like one at a log-in, and paid for like it."""
+    ask.who.require_person()  # before anything is paid: else a narrowed key shuts its owner out
     limits: LogInLimits = request.app.state.limits
     name, address = ask.who.name, _address(request)
     limits.knock(name, address)
