@@ -45,25 +45,29 @@ class Drawing:
     def __init__(self, path: str, day: PreparedDay) -> None:
         self._path, self._day = path, day
         self._drawn: Plan | None = None
+        self._value = -math.inf
         self._network = network_geometry(day) if path else {}
         self._number = 0
         self._not_before = 0.0
 
     def show(self, progress: Progress) -> None:
-        """Take up what the planner tells, if it tells of another plan."""
+        """Take up what the planner tells, if it tells of another plan that is not worth less."""
         from planner.notes import sketch
         from planner.plan_tree import plan_tree_to_dict
 
         plan = progress.plan
         if not self._path or not plan or plan == self._drawn or time.monotonic() < self._not_before:
             return
-        began, self._drawn = time.monotonic(), plan
+        value = progress.value or 0.0
+        if value < self._value:  # a part of the search that begins anew: what is drawn stays the best
+            return
+        began, self._drawn, self._value = time.monotonic(), plan, value
         self._number += 1
         problem = self._day.problem
         document = {
             "format": FORM,
             "number": self._number,
-            "value": progress.value or 0.0,
+            "value": value,
             "upper": progress.upper if progress.upper is not None and math.isfinite(progress.upper) else None,
             "branches": progress.branches,
             "tree": plan_tree_to_dict(sketch(problem, plan), problem),

@@ -28,6 +28,7 @@ import { type CrlNode, nodesOf } from "../lib/crl";
 import { withRule } from "../lib/drives";
 import { inUnits, words } from "../lib/format";
 import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
+import { reasonsOf } from "../lib/planning";
 import type { Selection } from "../lib/route";
 import { app } from "./app.svelte";
 import type { WhatIfState } from "./what-if.svelte";
@@ -107,6 +108,8 @@ export class MissionState {
   course = $state.raw<readonly Found[]>([]);
   crl = $state.raw<string | null>(null);
   findings = $state.raw<Finding[]>([]);
+  /** What the planner says of the open plan: why it is empty, or has no branches. */
+  reasons = $state.raw<readonly string[]>([]);
   planError = $state<string | null>(null);
   /** What is open on the plan sheet beside the plan. */
   asked = $state<"what-if" | "compare" | "campaign" | null>(null);
@@ -329,6 +332,7 @@ export class MissionState {
       this.tree = same ? (this.draft?.tree ?? null) : null;
       this.crl = null;
       this.findings = [];
+      this.reasons = [];
       this.planLoaded = "";
       if (plan !== null) this.watchDraft(plan.id);
       return;
@@ -337,16 +341,18 @@ export class MissionState {
     this.planLoaded = plan.id;
     this.planError = null;
     try {
-      const [tree, crl, findings] = await Promise.all([
+      const [tree, crl, findings, summary] = await Promise.all([
         calls.planTree(plan.id),
         calls.planCrl(plan.id),
         calls.planFindings(plan.id),
+        calls.planSummary(plan.id),
       ]);
       if (app.route.plan !== plan.id) return;
       this.dropDraft();
       this.tree = tree;
       this.crl = crl;
       this.findings = findings;
+      this.reasons = reasonsOf(summary);
     } catch (error) {
       this.planLoaded = "";
       this.tree = null;
