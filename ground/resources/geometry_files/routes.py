@@ -47,7 +47,7 @@ async def export_geometry(
     responses=responses(400, 404, 413, 422, 503),
 )
 async def import_geometry(ask: Asked, mission_id: Id, body: GeometryImport) -> Response:
-    """Take in targets and keep-outs from an uploaded GeoJSON or CSV file: all of them, or none with the rows
-    that are wrong.
+    """Take in targets and keep-outs from an uploaded GeoJSON, CSV, GeoPackage, KML or GPX file: all of them,
+    or none with the rows that are wrong.
     """
     return answer(await ask.do(import_geometry_use_case, mission_id, body.upload_id, body.crs), 201)

@@ -25,6 +25,7 @@ from ground.geo.in_reference import from_site, placed, to_site
 from ground.geo.place import Place
 from ground.geo.references import LONLAT, SITE
 from ground.records.forms import Body
+from ground.resources.geometry_files.gis_reading import gis_rows, is_gis
 from ground.resources.geometry_files.named_in import named_in
 from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.targets.bodies import TargetCreate
@@ -89,7 +90,7 @@ def read_shapes(
     crs: str | None = None,
     site: Place | None = None,
 ) -> list[Shape]:
-    """Return what a GeoJSON or CSV file holds, all of it, in site metres.
+    """Return what a GeoJSON, CSV, GeoPackage, KML or GPX file holds, all of it, in site metres.
 
     Members that are not ours are kept as lines of the notes. `crs` is the reference of what names none
     itself, `site` where the site lies.
@@ -99,12 +100,7 @@ def read_shapes(
     InvalidInputError
         If the file is neither, or rows cannot be used; it names all of them.
     """
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as err:
-        raise InvalidInputError(f"the file is not UTF-8: {err.reason} at byte {err.start}") from err
-    table = not text.lstrip().startswith("{")
-    rows = list(_lines(text) if table else _features(text))
+    rows, table = _rows_of(content)
     if len(rows) > MAX_ROWS:
         raise InvalidInputError(f"the file has {len(rows)} rows; {MAX_ROWS} are allowed")
     unusable = _unusable({named or crs or SITE for _, named, _ in rows}, site)
@@ -123,6 +119,18 @@ def read_shapes(
     if wrong:
         raise refuse(wrong, len(rows))
     return shapes
+
+
+def _rows_of(content: bytes) -> tuple[list[Row], bool]:
+    """Return the rows of a file, and whether it is a table, each row of which may name a reference."""
+    if is_gis(content):
+        return [(row, named, dict(members)) for row, named, members in gis_rows(content)], False
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as err:
+        raise InvalidInputError(f"the file is not UTF-8: {err.reason} at byte {err.start}") from err
+    table = not text.lstrip().startswith("{")
+    return list(_lines(text) if table else _features(text)), table
 
 
 def _unusable(names: Collection[str], site: Place | None) -> Mapping[str, InvalidInputError]:
