@@ -267,7 +267,8 @@ def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
     """
     watch, options = order.watch, order.options
     more = options.bound_s_per_target * max(0, model.n - MANY_TARGETS)
-    more = max(0.0, min(more, LEFT_SHARE * watch.left_s()))
+    timed = order.iterations is None  # who counts steps instead has no limit of which something is left
+    more = max(0.0, min(more, LEFT_SHARE * watch.left_s())) if timed else 0.0
     seconds = options.hasty_bound_s if order.quick else options.bound_s + more
     allowed_s = min(max(LEAST_BOUND_S, watch.left_s()), seconds) / len(prices)
     chance = OverrunChance.of(order.problem) or OverrunChance(0.0)
