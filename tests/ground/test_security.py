@@ -390,7 +390,7 @@ RULES: tuple[tuple[str, str, Action], ...] = (
 )
 """Which right each changing endpoint needs; written down apart from the code that checks it."""
 FREE = re.compile(
-    r"/(session|first-administrator|api-keys|signing-keys|undo|redo)|/(runs/ingest|missions/import)$"
+    r"/(session|first-administrator|api-keys|signing-keys|undo|redo)|/(runs/ingest|runs/import|missions/import)$"
 )
 """About oneself, for who has the first token, or with a right that depends on what comes in."""
 
