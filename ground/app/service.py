@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
 from ground.api.hub import Hub
+from ground.api.shared_reads import SharedReads
 from ground.app.api import build_api
 from ground.app.compression import Compression
 from ground.app.conditional import Conditional
@@ -68,6 +69,7 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
     app.state.repository = repo
     app.state.kinds = KINDS
     app.state.hub = hub
+    app.state.reads = SharedReads(repo)
     app.state.identities = identities
     app.state.limits = LogInLimits()
     app.state.worker = worker

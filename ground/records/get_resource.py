@@ -102,6 +102,21 @@ def row_in_mission(
     return row
 
 
+def shown_to(actor: Actor, kind: Kind[V], resource_id: str, row: Any, reader: Any = None) -> V:
+    """Return the value of a row that was read, as an actor may see it; None is a row that is not there.
+
+    Raises
+    ------
+    NotFoundError
+        If it is not there for the actor.
+    """
+    if row is None or any(getattr(row, n) != value for n, value in kind.only(actor).items()):
+        raise NotFoundError(f"there is no {kind.title} {resource_id}")
+    actor.require(Action.READ, getattr(row, kind.row.mission_key, None))
+    value: V = kind.conceal(actor, kind.show_one(reader, row))
+    return value
+
+
 def get_resource(
     repo: Repository, actor: Actor, kind: Kind[V], resource_id: str, *, crs: str | None = None
 ) -> V:
@@ -116,10 +131,7 @@ def get_resource(
     """
     with repo.database.read() if kind.related else repo.database.connection() as reader:
         row: Any = reader.execute(_one_of(kind), {"wanted": resource_id}).first()
-        if row is None or any(getattr(row, n) != value for n, value in kind.only(actor).items()):
-            raise NotFoundError(f"there is no {kind.title} {resource_id}")
-        actor.require(Action.READ, getattr(row, kind.row.mission_key, None))
-        value: V = kind.conceal(actor, kind.show_one(reader, row))
+        value: V = shown_to(actor, kind, resource_id, row, reader)
         if crs is not None and kind.locate is not None:
             (value,) = kind.locate(reader, getattr(row, kind.row.mission_key, None), [value], crs)
         return value
