@@ -222,24 +222,29 @@ class DispatchNetwork:
             network.relax()
 
     def _structure(self, network: TemporalNetwork, node: Instance) -> None:
-        start, end = self._at(node, START), self._at(node, END)
-        network.declare(ORIGIN, start, 0, None) if start else None
-        if start and end:
-            network.declare(start, end, 0, None)
-        parent = node.parent
-        if parent is None:
+        start = self._at(node, START)
+        if start:
+            network.declare(ORIGIN, start, 0, None)
+        self._order(network, node, START, node, END)
+        if node.parent is None:
             return
-        above = self._at(parent, START)
-        if above and start:
-            network.declare(above, start, 0, None)
-        closing = self._at(parent, END)
-        if closing and end:
-            network.declare(end, closing, 0, None)
+        self._order(network, node.parent, START, node, START)
+        self._order(network, node, END, node.parent, END)
         previous = previous_sibling(node)
-        if previous is not None and start:
-            before = self._at(previous, END)
-            if before:
-                network.declare(before, start, 0, None)
+        if previous is not None:
+            self._order(network, previous, END, node, START)
+
+    def _order(self, network: TemporalNetwork, first: Instance, a: int, then: Instance, b: int) -> None:
+        """Add that one point comes no later than another.
+
+        The second has occurred before the first only where a replacement kept a task that had SUCCEEDED below
+        composites that are fresh (CRL.md 7.4): the constraint then bounds the first (8.1).
+        """
+        before, after = self._at(first, a), self._at(then, b)
+        if before and after:
+            network.declare(before, after, 0, None)
+        elif before and (time := _time(then, b)) is not None:
+            network.declare(ORIGIN, before, None, time)
 
     def _windows(self, network: TemporalNetwork, node: Instance) -> None:
         for conditions, point in ((node.spec.start_windows, START), (node.spec.end_windows, END)):

@@ -24,6 +24,10 @@ def test_a_branch_that_lost_its_choice_is_not_over_before_what_is_stopped_below_
     assert check_seed(15_460)
 
 
+def test_a_task_that_was_kept_bounds_the_fresh_composite_above_it() -> None:
+    assert check_seed(30_546_399)  # found by 100,000 replacements: the engine held the fresh root back
+
+
 @pytest.mark.slow
 def test_many_random_replacements_keep_the_rules_and_agree_with_the_model() -> None:
     assert sum(check_seed(seed) > 0 for seed in range(10_000, 20_000)) >= 5_000
