@@ -1,0 +1,176 @@
+"""The real Open MCT with our plug-in: plan, states and energy of a live run, at most a second behind."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from urllib.error import HTTPError
+
+import pytest
+from playwright.sync_api import Page, Route, expect, sync_playwright
+
+from ground.resources.runs.work import LIVE
+from tests.npm import npm_packages
+from tests.web.conftest import CHROMIUM, FLAGS, Server
+from tests.web.missions import ask, make_plan, small_mission
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
+
+MOST_BEHIND_S = 1.0
+PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Mission control</title>
+<link rel="icon" href="data:,"><script src="/mct/openmct.js"></script>
+<script src="/openmct/outcrop.js"></script></head><body><script>
+document.addEventListener("DOMContentLoaded", () => {
+  openmct.setAssetPath("/mct");
+  for (const name of ["LocalStorage", "Espresso", "MyItems", "PlanLayout", "UTCTimeSystem"]) {
+    openmct.install(openmct.plugins[name]());
+  }
+  const clockOffsets = { start: -600e3, end: 900e3 };
+  openmct.install(openmct.plugins.Conductor({ menuOptions: [
+    { name: "Realtime", timeSystem: "utc", clock: "local", clockOffsets }] }));
+  openmct.install(OutcropPlugin({ person: "Planner" }));
+  openmct.time.setClock("local");
+  openmct.time.setMode("realtime", clockOffsets);
+  openmct.start(document.body);
+});
+</script></body></html>"""
+LISTEN = """async (run) => {
+  window.heard = {};
+  const energy = await openmct.objects.get(`outcrop:run.${run}.energy_used_j`);
+  openmct.telemetry.subscribe(energy, (datum) => (window.heard[`energy ${datum.value}`] ??= Date.now()));
+  const look = () => {
+    for (const row of document.querySelectorAll("tbody tr, .c-telemetry-table__row, tr")) {
+      window.heard[`row ${row.innerText.replace(/\\s+/g, " ").trim()}`] ??= Date.now();
+    }
+  };
+  new MutationObserver(look).observe(document.body, { childList: true, subtree: true, characterData: true });
+}"""
+
+
+@contextmanager
+def mission_control(server: Server) -> Iterator[tuple[Page, list[str]]]:
+    """Give a page with Open MCT on the server's own address, and what it complained of."""
+    files = npm_packages() / "openmct/dist"
+    complaints: list[str] = []
+
+    def serve(route: Route) -> None:
+        file = files / route.request.url.split("/mct/", 1)[1].split("?")[0]
+        if file.is_file():
+            route.fulfill(path=file)
+        else:
+            route.fulfill(status=404, body="")
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.route("**/mct/**", serve)
+        page.route("**/mission-control", lambda r: r.fulfill(body=PAGE, content_type="text/html"))
+        yield page, complaints
+        browser.close()
+
+
+class Written:
+    """When each line of a live run was written, by its file; and the longest time without a look at it."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.at: dict[str, float] = {}
+        self.longest_s = 0.0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    def _look(self) -> None:
+        offset, before = 0, time.monotonic()
+        while not self._over.wait(0.02):
+            now = time.monotonic()
+            self.longest_s, before = max(self.longest_s, now - before), now
+            with self.file.open("rb") as lines:
+                lines.seek(offset)
+                whole = lines.read()
+            whole = whole[: whole.rfind(b"\n") + 1]
+            offset += len(whole)
+            for line in whole.splitlines():
+                kind, data = json.loads(line)
+                if kind == "telemetry":
+                    told = json.dumps(data["energy_used_j"]).removesuffix(".0")  # as JavaScript writes it
+                    self.at.setdefault(f"energy {told}", time.time())
+                elif kind == "trace" and data["event"] in ("start", "end"):
+                    state = "in progress" if data["event"] == "start" else str(data["arguments"][1]).lower()
+                    self.at.setdefault(f"row {data['arguments'][0]} {state}", time.time())
+
+    def end(self) -> None:
+        self._over.set()
+        self._thread.join(5)
+
+
+def until(what: Callable[[], bool], seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end, "it did not come"
+        time.sleep(0.1)
+
+
+def test_open_mct_shows_plan_states_and_energy_of_a_live_run_within_a_second(server: Server) -> None:
+    mission = small_mission(server, "Open MCT", targets=2)
+    plan = make_plan(server, mission)
+    order = {"plan_id": plan, "live": True, "pace": 30.0}
+    run = str(ask(server, f"/missions/{mission}/runs", order)["subject_id"])
+    until(lambda: len(ask(server, f"/runs/{run}/telemetry")["t_s"]) > 0)
+    (file,) = server.data.rglob(f"{run}/{LIVE}")
+    written = Written(file)
+    folder = f"outcrop:missions/outcrop:mission.{mission}"
+    inside = f"{folder}/outcrop:run.{run}/outcrop:run.{run}"
+    try:
+        with mission_control(server) as (page, complaints):
+            page.goto(f"{server}/mission-control#/browse/{inside}.states")
+            expect(page.get_by_text("Activity states").first).to_be_visible(timeout=60_000)
+            expect(page.get_by_text("in progress").first).to_be_visible(timeout=60_000)
+            page.evaluate(LISTEN, run)
+            since = time.time()
+            heard: dict[str, float] = {}
+
+            def enough() -> bool:
+                heard.update(page.evaluate("window.heard"))
+                states = [
+                    k
+                    for k, at in dict(written.at).items()
+                    if k.startswith("row") and since < at < time.time() - 3
+                ]
+                return bool(states) and sum(k.startswith("energy") for k in heard) > 15
+
+            until(enough)
+            time.sleep(2.0)
+            heard.update(page.evaluate("window.heard"))
+            behind = {}
+            for what, at in dict(written.at).items():
+                if not since < at < time.time() - MOST_BEHIND_S - written.longest_s - 1.0:
+                    continue
+                seen = [
+                    t
+                    for key, t in heard.items()
+                    if key == what or (what[:3] == "row" and key.endswith(what[4:]))
+                ]
+                behind[what] = min(seen) / 1000 - at if seen else float("inf")
+            assert any(what.startswith("row") for what in behind)
+            assert max(behind.values()) <= MOST_BEHIND_S + written.longest_s, behind
+
+            page.goto(f"{server}/mission-control#/browse/{inside}.energy")
+            for name in ("Energy used", "Energy predicted, 5 %", "Energy predicted, 95 %"):
+                expect(page.get_by_text(name).first).to_be_visible(timeout=30_000)
+            page.goto(f"{server}/mission-control#/browse/{inside}.plan")
+            expect(page.get_by_text("main line")).to_be_visible(timeout=30_000)
+            expect(page.get_by_text("navigate").first).to_be_visible(timeout=30_000)
+            page.goto(f"{server}/mission-control#/browse/{folder}/outcrop:plan.{plan}")
+            expect(page.get_by_text("main line")).to_be_visible(timeout=30_000)
+            assert complaints == []
+    finally:
+        written.end()
+        with suppress(HTTPError):  # it may be over
+            ask(server, f"/runs/{run}/control", {"stop": True})
