@@ -56,7 +56,7 @@ def _xml(content: bytes) -> Iterator[Found]:
         from defusedxml import DefusedXmlException
         from defusedxml.ElementTree import ParseError, fromstring
     except ImportError:
-        raise UnavailableError(NEEDS.format("KML and GPX", "defusedxml", "flight")) from None
+        raise UnavailableError(NEEDS.format("KML and GPX", "defusedxml", "geo")) from None
     try:
         root = fromstring(content, forbid_dtd=True)
     except DefusedXmlException as err:

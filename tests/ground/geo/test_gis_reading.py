@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ground.errors import InvalidInputError
+from ground.errors import InvalidInputError, UnavailableError
 from ground.geo.place import Place
 from ground.resources.geometry_files.site_geometry import read_shapes
 from tests.ground.conftest import Api, yard
@@ -63,3 +65,17 @@ def test_a_file_that_cannot_be_used_is_refused_with_the_reason(text: str, why: s
 def test_a_damaged_geopackage_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="damaged"):
         read_shapes(b"SQLite format 3\x00" + bytes(200), site=HERE)
+
+
+@pytest.mark.parametrize(
+    ("package", "content"), [("defusedxml", b"<kml/>"), ("pyogrio", b"SQLite format 3\x00" + bytes(200))]
+)
+def test_the_extra_that_is_missing_is_named_and_has_the_package(
+    monkeypatch: pytest.MonkeyPatch, package: str, content: bytes
+) -> None:
+    for name in [package, *(name for name in sys.modules if name.startswith(f"{package}."))]:
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(UnavailableError, match=rf"{package}: pip install 'outcrop\[geo\]'"):
+        read_shapes(content, site=HERE)
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
+    assert any(line.startswith(package) for line in project["optional-dependencies"]["geo"])
