@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import GroundError, TooLargeError
+from ground.errors import GroundError, InvalidInputError, TooLargeError
 from ground.gdr.repository import Repository
 from ground.geo.references import SITE
 from ground.records.actor import Action, Actor
@@ -18,6 +18,7 @@ from ground.records.edit import insert
 from ground.records.forms import references
 from ground.records.get_resource import mission_of, require_mission
 from ground.records.kind import Kind
+from ground.resources.features.collections import collection_of
 from ground.resources.frames.kind import FRAME
 from ground.resources.geometry_files.gis_files import DRIVERS, to_gpx, write_gis
 from ground.resources.geometry_files.site_geometry import read_shapes, refuse, to_csv, to_geojson
@@ -36,6 +37,8 @@ from ground.resources.uploads.store_upload import uploaded_file
 KINDS: Mapping[str, Kind[Any]] = {kind.name: kind for kind in (TARGET, KEEP_OUT)}
 Given = TargetCreate | KeepOutCreate
 REFERRED: Mapping[str, Kind[Any]] = {FRAME.name: FRAME}
+LINES = ("traverses", "ribbons")
+"""Collections of lines that go out beside targets and keep-outs."""
 MAX_BYTES = 16 * 2**20
 
 
@@ -105,19 +108,32 @@ def _without_strangers(session: Session, mission_id: str, given: Given) -> Given
 
 
 def export_geometry(
-    repo: Repository, actor: Actor, mission_id: str, *, form: str, crs: str | None = None
+    repo: Repository,
+    actor: Actor,
+    mission_id: str,
+    *,
+    form: str,
+    crs: str | None = None,
+    lines: bool = False,
 ) -> bytes:
     """Return all targets and keep-outs of a mission as `geojson`, `csv`, `gpkg`, `kml` or `gpx`.
 
     `crs` is the reference of the coordinates: site metres, and for a GeoPackage that of the mission's place,
-    unless another one is named. KML and GPX are in longitude and latitude.
+    unless another one is named. KML and GPX are in longitude and latitude. `lines` adds traverses and the
+    ribbons of plans to a GeoPackage, KML or GPX.
 
     Raises
     ------
     InvalidInputError
-        If the mission has no place, or there is no transformation.
+        If the mission has no place, there is no transformation, or the form holds no lines.
     """
     actor.require(Action.READ, mission_id)
+    if lines and form not in {*DRIVERS, "gpx"}:
+        raise InvalidInputError(
+            f"{form} holds targets and keep-outs; lines are in gpkg, kml and gpx, and as GeoJSON in "
+            f"/missions/{mission_id}/features/collections/ribbons/items",
+            pointer="lines",
+        )
     with repo.database.read() as session:
         require_mission(session, mission_id)
         found = {}
@@ -125,12 +141,15 @@ def export_geometry(
             rows = select(kind.row).where(kind.row.__table__.c.mission_id == mission_id).order_by(kind.row.id)
             found[name] = kind.show(session, list(session.scalars(rows)))
         site = site_of(session, mission_id)
+        drawn = {
+            name: list(collection_of(name)[1](repo, session, mission_id)) for name in (LINES if lines else ())
+        }
     if form == "gpx":
-        return to_gpx(found, site)
+        return to_gpx(found, site, drawn)
     if form in DRIVERS:
         with tempfile.TemporaryDirectory(prefix="outcrop-gis-") as folder:
             file = Path(folder) / f"{mission_id}.{form}"
-            write_gis(found, file, form, crs or (SITE if site is None else site.crs), site)
+            write_gis(found, file, form, crs or (SITE if site is None else site.crs), site, drawn)
             return file.read_bytes()
     write = to_csv if form == "csv" else to_geojson
     return write(found, crs=crs or SITE, site=site)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
+from fastapi import Query
 from starlette.responses import Response
 
 from ground.api.context import Asked, Crs, Id, answer, api_router, attachment, media_answers
@@ -22,6 +23,10 @@ MEDIA = {
     "gpx": "application/gpx+xml",
 }
 
+Lines = Annotated[
+    bool, Query(description="also traverses and ribbons of plans: in GeoPackage, KML and GPX as lines")
+]
+
 
 @router.get(
     "/missions/{mission_id}/geometry",
@@ -33,9 +38,12 @@ async def export_geometry(
     mission_id: Id,
     form: Literal["geojson", "csv", "gpkg", "kml", "gpx"] = "geojson",
     crs: Crs | None = None,
+    lines: Lines = False,
 ) -> Response:
-    """Send all targets and keep-outs as GeoJSON, CSV, GeoPackage, KML or GPX, in any reference."""
-    content = await ask.do(export_geometry_use_case, mission_id, form=form, crs=crs)
+    """Send all targets and keep-outs as GeoJSON, CSV, GeoPackage, KML or GPX, in any reference; the last
+    three with `lines` also traverses and the ribbons of plans.
+    """
+    content = await ask.do(export_geometry_use_case, mission_id, form=form, crs=crs, lines=lines)
     media = MEDIA[form] + ("; charset=utf-8" if form == "csv" else "")
     return Response(content, media_type=media, headers=attachment(f"{mission_id}.{form}"))
 

@@ -98,6 +98,7 @@ def world(
     run = api.post(f"/missions/{earth.id}/runs", {"plan_id": plan["id"], "seed": 3}, status=202)
     assert finished(api, run)["state"] == "succeeded"
     _traverse(api, earth.id)
+    _traverse(api, mars.id)
     targets = {name: request["target_id"] for name, request in requests.items()}
     yield World(api, earth.id, mars.id, nowhere.id, targets, plan["id"])
     opened.close()
