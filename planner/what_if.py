@@ -191,7 +191,10 @@ def _without(problem: Problem, names: Collection[str]) -> Problem:
 
 
 def begun(program: Program, plan: Plan, visits: Ints, futures: int) -> dict[str, float]:
-    """Return the chance that each observation of a plan is begun, from how often futures came by."""
+    """Return the chance that each observation of a plan is begun, from how often futures came by.
+
+    `visits` [rows] counts, for each row of `program`, the passages of all `futures` together.
+    """
     chance: dict[str, float] = {}
     for path, step in walk(plan):
         if isinstance(step, Observe | Visit) and path in program.step_row:

@@ -64,6 +64,8 @@ class Transform:
     ) -> Transform:
         """Return the transform `site_from_body` of a body turned by yaw about z, then pitch about y, roll
         about x.
+
+        Angles in rad; `translation` [3] is the body's origin in the site frame, m.
         """
         return Transform(rotation_rpy(roll, pitch, yaw), np.asarray(translation, dtype=float))
 

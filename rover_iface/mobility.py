@@ -20,7 +20,7 @@ class Ground(Protocol):
     """Anything that knows heights: a `Terrain`, or a map the rover has made."""
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return heights at points, NaN where unknown."""
+        """Return heights [...], m, at points of the site frame `x` and `y` [...], m; NaN where unknown."""
         ...
 
 

@@ -9,6 +9,9 @@
                           none of the compiled kernels named in `house.toml`
 ``folder``                a folder with more modules than `house.toml` allows
 ``untyped-signature``     ``dict[str, Any]`` in a public signature outside the codecs
+``shapes``                a public function that takes arrays and whose docstring (for a method, its own
+                          or its class's) states no shape: ``[n, 3]``, ``[3]``, ``[...]`` or ``(n, 3)``;
+                          "See `Base`" sends an override to what it overrides
 ``py-typed``              a public package without ``py.typed``
 ========================  ==========================================================================
 
@@ -34,7 +37,7 @@ from pathlib import Path
 from typing import Any
 
 HOUSE = "scripts/house.toml"
-RULES = ("unimported", "complexity", "folder", "untyped-signature", "py-typed")
+RULES = ("unimported", "complexity", "folder", "untyped-signature", "shapes", "py-typed")
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,7 @@ class House:
         yield from self._complexity()
         yield from self._folder()
         yield from self._untyped_signatures()
+        yield from self._shapes()
         yield from self._py_typed()
 
     def _unimported(self) -> Iterator[Finding]:
@@ -145,12 +149,33 @@ class House:
                         text = f"line {function.lineno}: {name} has {ast.unparse(annotation)}"
                         yield Finding("untyped-signature", file, text)
 
+    def _shapes(self) -> Iterator[Finding]:
+        arrays = _array_names(self.files)
+        for file, tree in self.files.items():
+            if any(part.startswith("_") and not part.startswith("__") for part in Path(file).parts):
+                continue
+            docs = {f"{node.name}.": _docstring(node) for node in tree.body if isinstance(node, ast.ClassDef)}
+            for name, function in _public_functions(tree):
+                taken = [a.arg for a in _arguments(function) if _names_in(a.annotation) & arrays[file]]
+                own = _docstring(function)
+                of_class = docs.get(name.removesuffix(function.name), "")
+                if taken and not (SHAPE.search(own) or SEE.match(own) or SHAPE.search(of_class)):
+                    text = f"line {function.lineno}: {name} states no shape of {', '.join(taken)}"
+                    yield Finding("shapes", file, text)
+
     def _py_typed(self) -> Iterator[Finding]:
         for package in self.packages:
             if not (self.root / package / "py.typed").is_file():
                 yield Finding("py-typed", package, f"{package}/py.typed is missing")
 
 
+ARRAYS = {"NDArray", "ndarray", "ArrayLike"}
+SIDE = r"(?:\d+|\.\.\.|[A-Z]|len\(\w+\)|[A-Za-z]\w*(?: [a-z]\w*){0,2}(?: ?[-+*] ?\w+)?)"
+SHAPE = re.compile(
+    rf"(?<!\w)\[(?:\d+ )?{SIDE}(?:, (?:\d+ )?{SIDE})*\]"  # [n, 3], [2 half + 1, len(xs)], [...]
+    rf"|\({SIDE},\)|\((?:{SIDE}, )*\d+(?:, {SIDE})*\)|\([A-Z](?:, [A-Z])+\)"  # (n,), (n, 3), (S, K)
+)
+SEE = re.compile(r"See `\w")
 UNTYPED = re.compile(r"\b(dict|Dict|Mapping|MutableMapping)\[str, (Any|typing\.Any)\]")
 
 
@@ -170,11 +195,62 @@ def _public_functions(
             yield from _public_functions(node, f"{prefix}{node.name}.")
 
 
-def _annotations(function: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[ast.expr]:
+def _array_names(files: dict[str, ast.Module]) -> dict[str, set[str]]:
+    """Return the names that stand for array types in each module: numpy's, and aliases made or imported,
+    for type checkers only too.
+    """
+    names = {file: set(ARRAYS) for file in files}
+    growing = True
+    while growing:
+        growing = False
+        for file, tree in files.items():
+            guarded = [inner for node in tree.body if isinstance(node, ast.If) for inner in node.body]
+            found = {n for node in (*tree.body, *guarded) for n in _array_aliases(node, names, names[file])}
+            growing |= not found <= names[file]
+            names[file] |= found
+    return names
+
+
+def _array_aliases(node: ast.stmt, names: dict[str, set[str]], known: set[str]) -> Iterator[str]:
+    if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+        if isinstance(node.value, ast.Name | ast.Attribute | ast.Subscript | ast.BinOp):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            if _names_in(node.value) & known:
+                yield from (t.id for t in targets if isinstance(t, ast.Name))
+    elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+        base = node.module.replace(".", "/")
+        exported = names.get(f"{base}.py", names.get(f"{base}/__init__.py", set()))
+        yield from (a.asname or a.name for a in node.names if a.name in exported)
+
+
+def _docstring(node: ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) -> str:
+    return " ".join((ast.get_docstring(node) or "").split())
+
+
+def _names_in(node: ast.AST | None) -> set[str]:
+    """Return the last part of each name in a type, also in strings; a callable's arguments are none of it."""
+    match node:
+        case None:
+            return set()
+        case ast.Name(id=name):
+            return {name}
+        case ast.Attribute(attr=name):
+            return {name}
+        case ast.Constant(value=str(text)):
+            return set(re.findall(r"\w+", text))
+        case ast.Subscript(value=ast.Name(id="Callable") | ast.Attribute(attr="Callable")):
+            return set()
+    return set().union(*map(_names_in, ast.iter_child_nodes(node)))
+
+
+def _arguments(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[ast.arg]:
     a = function.args
-    for argument in (*a.posonlyargs, *a.args, a.vararg, *a.kwonlyargs, a.kwarg):
-        if argument is not None and argument.annotation is not None:
-            yield argument.annotation
+    every = (*a.posonlyargs, *a.args, a.vararg, *a.kwonlyargs, a.kwarg)
+    return [argument for argument in every if argument is not None]
+
+
+def _annotations(function: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[ast.expr]:
+    yield from (a.annotation for a in _arguments(function) if a.annotation is not None)
     if function.returns is not None:
         yield function.returns
 

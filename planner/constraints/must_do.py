@@ -34,6 +34,9 @@ class MustDo(Rule):
 
 
 def pressing(utility: Floats, must_do: Truths) -> Floats:
-    """Return utilities under which what must be done is worth more than everything else together."""
+    """Return utilities under which what must be done is worth more than everything else together.
+
+    Utilities [m], one of each observation; `must_do` [m] is true where it must be done.
+    """
     bonus = 2.0 * float(utility.sum()) + 1.0
     return np.where(must_do, utility + bonus, utility)

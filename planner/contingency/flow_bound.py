@@ -68,11 +68,12 @@ def least_time(mean: float, mu: float, sigma: float) -> float:
 
 
 def least_energy(leg: Floats, ln: Floats, hotel_w: float, cells: int, nodes: int) -> float:
-    """Return inf over R of E[min(E, R)] / P(E <= R) for E = G + hotel_w X, rounded down.
+    """Return inf over R of E[min(E, R)] / P(E <= R), J, for E = G + hotel_w X, rounded down.
 
-    `leg` holds (mean X, sd X, mean G, sd G), `ln` the log-normal parameters. The duration X is cut into
-    `cells` of equal chance: its upper edges give a use that is too small, its lower ones a chance that is too
-    large; R is looked at in so many `nodes`, and rounded down between them.
+    `leg` [4] holds mean and standard deviation of the duration X, s, and of the energy G, J: (mean X, sd X,
+    mean G, sd G); `ln` [4] mean and standard deviation of their logarithms, in the same order. The duration
+    is cut into `cells` of equal chance: its upper edges give a use that is too small, its lower ones a chance
+    that is too large; R is looked at in so many `nodes`, and rounded down between them.
     """
     mean_x, mean_g = float(leg[0]) * hotel_w, float(leg[2])
     if mean_x <= 0.0 or ln[1] <= 0.0:

@@ -18,6 +18,8 @@ def solved(cost: Floats, matrix: Any, limits: Floats, bounds: Any, limit_s: floa
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them; the solver is held to the
     iterations that they pay for.
+
+    `cost` [columns], `matrix` [rows, columns] dense or sparse, `limits` [rows].
     """
     rows = matrix.shape[0] + 1
     pivots = max(LEAST_PIVOTS, affordable(Step.PIVOT, limit_s) // rows)

@@ -56,8 +56,10 @@ class Tables(NamedTuple):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def backward(a: Layout, gain: Floats, stay: float, w: Tables) -> None:
-    """Fill the tables; `gain` is the worth of each observation less its price, `stay` the largest chance that
-    an action moves no node on.
+    """Fill the tables from the last node to the first.
+
+    `gain` [observations] is the worth of each observation less its price, in utility; `stay` is the largest
+    chance that an action moves no node on.
     """
     legs, arcs, vertices, places = len(a.origin), len(a.made), len(a.place), len(a.head)
     band, short = a.leg.shape[2], a.observation.shape[1]
@@ -141,9 +143,11 @@ def backward(a: Layout, gain: Floats, stay: float, w: Tables) -> None:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def forward(a: Layout, choice: NDArray[np.int32], mass: Floats) -> Floats:
-    """Return how often each observation is made by the policy in `choice`; `mass` begins it and is used up.
+    """Return how often each observation is made [observations] by the policy in `choice`.
 
-    Faint masses are dropped, and what moves no node on is moved one: it steers prices, and bounds nothing.
+    `choice` and `mass` are [vertices, sets, nodes], as the tables are; `mass` holds the chances that the day
+    begins with and is used up. Faint masses are dropped, and what moves no node on is moved one: the result
+    steers prices, and bounds nothing.
     """
     legs, band, short = len(a.origin), a.leg.shape[2], a.observation.shape[1]
     made = np.zeros(len(a.observation))

@@ -240,7 +240,9 @@ class Relaxation:
         return tuple((s, i) for s, i in zip(every, nodes, strict=True) if i <= self.steps)
 
     def bound(self, prices: Floats) -> float:
-        """Return what no policy earns more than at these prices, one for each wanted observation."""
+        """Return what no policy earns more than at these prices [wanted], in utility, one of each wanted
+        observation.
+        """
         if self.stay > STAYS:
             return math.inf
         a, w = self.layout, self.tables
@@ -249,7 +251,7 @@ class Relaxation:
         return max(float(w.value[0, s, i]) for s, i in self.starts) - a.penalty + self.owed(prices)
 
     def owed(self, prices: Floats) -> float:
-        """Return the prices times the chances that no policy exceeds."""
+        """Return the sum of the prices [wanted], in utility, each times the chance that no policy exceeds."""
         return float((prices * self.chance)[self.priced].sum())
 
     def made(self) -> Floats:

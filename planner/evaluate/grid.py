@@ -43,7 +43,10 @@ def _call(c: Floats, mu: float, sigma: float) -> Floats:
 
 
 def probability_below(c: Floats, mu: float, sigma: float) -> Floats:
-    """Return P(X <= c)."""
+    """Return P(X <= c) for thresholds `c` [...] and a log-normal X in the unit of `c`.
+
+    `mu` and `sigma` are mean and standard deviation of ln X; `mu` -inf means X = 0, `sigma` 0 a constant.
+    """
     if mu == -math.inf:
         return np.where(c >= 0.0, 1.0, 0.0)
     if sigma == 0.0:

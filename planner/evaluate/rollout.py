@@ -77,7 +77,7 @@ class World(NamedTuple):
 
     @staticmethod
     def of(model: Model, worth: Floats) -> World:
-        """Return a model as the kernel takes it."""
+        """Return a model as the kernel takes it; `worth` [m] is what each observation earns, in utility."""
         return World(
             model.n, model.leg_ln, model.has_leg, model.loss, model.obs_ln, model.obs_place, worth,
             model.p_success, model.is_place, model.predecessors, model.trackable, model.place_bits,
@@ -210,6 +210,8 @@ def roll(
     where it stands instead of from the start.
 
     No fast mathematics: in tables of draws every comparison must fall as the executive's does.
+
+    Shapes: `visits` [rows] or [0], `visited` [count, rows] or [0, 0]; the others are given with their types.
     """
     op, arg, value, go, fail, entry = program
     per_s, t_max, e_max, hotel, penalty, track_t, track_e, track_leg, window = costs

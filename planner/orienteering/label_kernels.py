@@ -2,7 +2,8 @@
 
 Shapes: G groups of experiments (a site, or part of a crowded one), X experiments sorted by group, S states
 (group, subset of its experiments done), K time buckets, M lanes. A lane is a price on energy: within it,
-energy is paid for instead of limited, and the least bound of all lanes counts. Times and energies: int64.
+energy is paid for instead of limited, and the least bound of all lanes counts. Times and energies: int64, in
+the units of the problem (seconds and joules, or finer).
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ def lay_moves(
 
     Shapes: (G, X) buckets of time it takes; (G, X) last bucket in which it can begin, -1 for never; (X,)
     first bucket in which an experiment can be over; (G, X, M) what its energy costs. Rounding is optimistic.
+
+    Taken: `road_s` (time, -1 for no way) and `road_j` (energy) [G, G]; `first` [G + 1], where the experiments
+    of each group begin; `duration`, `energy`, `opens` and `latest` [X]; `price` [M], what a unit of energy
+    costs in each lane.
     """
     groups, count, lanes = len(road_s), len(duration), len(price)
     ahead = np.zeros((groups, count), np.int64)
@@ -96,6 +101,9 @@ def fill_table(
     are remembered, others are not. Buckets before `since` are left as they are. `worth` (G, X, M) is gain
     less energy paid for, `end_s` (G,) the time to the end, negative for no way, and `end_paid` (G, M) the
     energy paid for it. As many buckets as the shortest move takes are filled together.
+
+    `ahead` and `last` [G, X] and `soonest` [X] are those of `lay_moves`; `first` [G + 1] tells where the
+    experiments of each group begin, `base` [G] where its states do.
     """
     groups = len(base)
     buckets, lanes = table.shape[1:]
@@ -152,7 +160,12 @@ def trace_table(
     k: int,
     m: int,
 ) -> tuple[Array, int]:
-    """Return how often a best walk of lane m does each experiment, shape (X,), and the energy it uses."""
+    """Return how often a best walk of lane m does each experiment [X], and the energy it uses.
+
+    `table` [S, K, M] is that of `fill_table`, and so are `worth` [G, X, M], `ahead` and `last` [G, X],
+    `soonest` [X], `first` [G + 1] and `base` [G]; `road_j` [G, G] and `energy` [X] are energies. The walk
+    begins in bucket k at `group`, with the experiments of `mask` done there.
+    """
     counts = np.zeros(first[-1], np.int64)
     used = 0
     while True:
@@ -232,6 +245,12 @@ def expand(
     the same group is no later and has used no more. New labels count -1 when the arrays are full. `sets`
     has one row of 64-bit words a label. Bounds, worths and gains are in scaled prize units. `probe` (S, K) is
     a copy of one `lane` of the table: small enough for the cache, it settles nine candidates of ten.
+
+    Shapes, with L labels at most now, N new ones and W words: `sets` [L, W], `place`, `time`, `fuel`,
+    `worth`, `prize` and `bound` [L]; `new_sets` [N, W], the other `new_` arrays, `parent`, `what` and `chain`
+    [N]; `heads` [H], H a power of two; `table` [S, K, M]; `road_s` and `road_j` [G, G]; `first` [G + 1];
+    `base`, `end_s` and `end_j` [G]; `gain`, `value`, `duration`, `energy`, `opens` and `latest` [X]; `needs`
+    [X, W]; `price` [M]; `amounts` [limits, X]; `capacity` [limits].
     """
     size = len(new_place)
     cells = len(heads)

@@ -76,7 +76,7 @@ class Slack:
 
 
 def slack_of(layout: Layout, counts: Floats) -> Slack:
-    """Return the slack of a walk that does each experiment `counts` times."""
+    """Return the slack of a walk that does each experiment `counts` [X] times."""
     return Slack(
         1.0 - counts,
         np.array([counts[a] - counts[b] for a, b in layout.links], dtype=float),

@@ -266,9 +266,10 @@ def fit_calibration(
     Parameters
     ----------
     length_m, turn_rad, duration_s, energy_j
-        One number a leg; durations without tracking overhead, energies without hotel load.
+        Shape [n], one number a leg; durations without tracking overhead, energies without hotel load.
     exposure_m, lost
-        Tracks watched, as for `fit_loss` with columns inside, outside and (optional) occluded.
+        Tracks watched, [k, 2 or 3] and [k], as for `fit_loss` with columns inside, outside and (optional)
+        occluded.
     """
     length = np.asarray(length_m, dtype=np.float64)
     turn = np.asarray(turn_rad, dtype=np.float64)

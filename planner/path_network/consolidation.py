@@ -20,7 +20,12 @@ from planner.path_network.visibility_graph import IntArray
 def greedy_spanner(
     nodes: int, edges: IntArray, length_m: FloatArray, stretch: float
 ) -> npt.NDArray[np.bool_]:
-    """Return which edges a greedy `1 + stretch` spanner keeps. Ties fall to the lower index."""
+    """Return which edges [m] a greedy `1 + stretch` spanner keeps.
+
+    `edges` [m, 2] are pairs of node numbers below `nodes`, `length_m` [m] their lengths, m. They are taken by
+    length, ties by index; one is kept unless the kept ones join its ends by a route of at most `1 + stretch`
+    times its length (Althofer et al. 1993).
+    """
     keep = np.zeros(len(edges), dtype=bool)
     if stretch <= 0:
         keep[:] = True

@@ -69,6 +69,8 @@ def draw_ways(
 
     A drawn way keeps the clearance that every way keeps; one that does not is refused, it is never driven.
     `number` is the node of each place, `target_of` the target of each observation point.
+
+    `graph` is nodes [n, 2], site frame, m; edges [m, 2], node numbers; lengths [m], m.
     """
     xy, edges, length_m = graph
     points = [xy]

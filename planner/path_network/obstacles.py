@@ -56,7 +56,9 @@ class Obstacles:
     openings: Mapping[tuple[float, float], BaseGeometry]
 
     def free(self, lines: npt.NDArray[np.object_], *places: tuple[float, float]) -> npt.NDArray[np.bool_]:
-        """Return which straight lines may be driven on the way to or from these places."""
+        """Return which straight lines [n] (shapely, site frame, m) may be driven on the way to or from these
+        places.
+        """
         for place in places:
             if place in self.openings:
                 lines = shapely.difference(lines, self.openings[place].buffer(_HAIR_M, quad_segs=1))

@@ -343,6 +343,10 @@ class ShortestRoutes:
 
     Each such node has two copies: one that routes from its owner leave by, and one that routes to it come
     in by; no segment leads from the second to the first.
+
+    `owner` [nodes] is the place that a node serves alone, `EVERYBODY` for all others; `edges` [m, 2] are
+    pairs of nodes, `weight` [m] what each costs either way; `sources` [k] are the places to route from, which
+    are among the first `places` nodes.
     """
 
     def __init__(

@@ -75,7 +75,10 @@ def _fits(days: Days, needs: Needs, caution: float, sol: int, t: float, b: float
 
 @_compiled
 def value_by_rule(days: Days, needs: Needs, order: Array, length: int, caution: float) -> float:
-    """Return what an order earns by the rule in the mean of the drawn futures."""
+    """Return what an order earns by the rule in the mean of the drawn futures, in utility.
+
+    The first `length` entries of `order` [m] are the observations, by number, one after another.
+    """
     futures, sols = needs.leg_t.shape[0], len(days.time_s)
     total = 0.0
     for s in range(futures):
@@ -182,6 +185,9 @@ def annealed(
     """Return the order that simulated annealing ends at and its length, and the best with length and value.
 
     The temperature falls from `hot` to `cold`.
+
+    `order` [m] holds observations by number, of which the first `length` count; both orders returned are [m]
+    too.
     """
     np.random.seed(seed)
     now, size = order.copy(), length

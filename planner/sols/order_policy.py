@@ -109,7 +109,7 @@ class OrderPolicies:
         )
 
     def best(self, order: Ints) -> OrderPolicy:
-        """Return the best policy along an order."""
+        """Return the best policy along an order [k] of observations, by number."""
         path, model, size = self.path, self.path.model, len(order)
         shape = self.nodes
         leaving = np.zeros((path.sols, size + 1, *shape), np.int8)

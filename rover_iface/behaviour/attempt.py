@@ -38,10 +38,10 @@ class Attempt:
 def overlay(
     image: npt.NDArray[np.uint8], camera: CameraModel, attempt: Attempt, arm: Arm
 ) -> npt.NDArray[np.uint8]:
-    """Return a hazcam image with what was decided, RGB: the rock (orange), the target as handed off (white
-    cross), the tool's circle (green; red when refused), the arm at contact (blue).
+    """Return a hazcam image with what was decided, RGB [rows, columns, 3]: the rock (orange), the target as
+    handed off (white cross), the tool's circle (green; red when refused), the arm at contact (blue).
 
-    `camera` is the left hazcam in the rover frame.
+    `image` [rows, columns], DN of 8 bits, is that of `camera`, the left hazcam in the rover frame.
     """
     import cv2
 

@@ -13,9 +13,9 @@ Image = npt.NDArray[np.float32]
 
 
 def merge_stack(images: Sequence[Image], *, reach_px: float = 6.0) -> tuple[Image, npt.NDArray[np.intp]]:
-    """Return the merged picture and which image of the stack each pixel is from.
+    """Return the merged picture [rows, columns] and which image of the stack each of its pixels is from.
 
-    Images (height, width), float32 in 0..1, of one view. Sharpness is the local energy of the Laplacian,
+    Images [rows, columns], float32 in 0..1, are of one view. Sharpness is the local energy of the Laplacian,
     smoothed over `reach_px`.
 
     Raises

@@ -117,7 +117,7 @@ def _undistort(target: float, r0: float, r1: float, r2: float) -> float:
 
 @njit(cache=True, nogil=True)
 def back_project_one(p: Array, sample: float, line: float) -> tuple[float, float, float, float, float, float]:
-    """Return ray origin (3) and unit direction (3) of a pixel."""
+    """Return ray origin (x, y, z), m, and unit direction of a pixel, in the frame of camera `p` [26]."""
     ax, ay, az = p[9] - line * p[3], p[10] - line * p[4], p[11] - line * p[5]
     bx, by, bz = p[6] - sample * p[3], p[7] - sample * p[4], p[8] - sample * p[5]
     rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -158,10 +158,12 @@ def back_project_one(p: Array, sample: float, line: float) -> tuple[float, float
 
 @njit(cache=True, nogil=True)
 def project_one(p: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return (sample, line, depth) of a point, the exact inverse of `back_project_one`.
+    """Return (sample, line, depth) of a point in the frame of camera `p` [26], the exact inverse of
+    `back_project_one`.
 
-    Labels print O to six digits. Back-projection uses it as printed (the missions' definition); with an O
-    that is not quite unit the forward formula then misses by up to 0.005 px, which two corrections remove.
+    Pixels and metres; the pixel is NaN when the point is not in front. Labels print O to six digits.
+    Back-projection uses it as printed (the missions' definition); with an O that is not quite unit the
+    forward formula then misses by up to 0.005 px, which two corrections remove.
     """
     u, v, alpha = _project_formula(p, x, y, z)
     if p[24] == 0.0 or math.isnan(u):
@@ -273,7 +275,10 @@ def warp_map(p_out: Array, p_in: Array, width: int, height: int, range_m: float,
 
 @njit(cache=True, nogil=True)
 def sample_bilinear(image: Array, map_xy: Array, fill: float, out: Array) -> None:
-    """Fill `out` with `image` sampled bilinearly at `map_xy` (.., .., 2); `fill` where that is outside."""
+    """Fill `out` [rows, columns] with `image` [h, w] sampled bilinearly; `fill` where that is outside.
+
+    `map_xy` [rows, columns, 2] holds the (sample, line) in `image` of each pixel of `out`.
+    """
     rows, columns = image.shape
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):

@@ -76,7 +76,17 @@ def warp(
     range_m: float = FAR_M,
     fill: float = 0.0,
 ) -> npt.NDArray[np.float32]:
-    """Return `image` of camera `source` as camera `to` would have taken it, bilinear, float32."""
+    """Return `image` of camera `source` as camera `to` would have taken it, bilinear, float32 [rows,
+    columns].
+
+    `image` [rows, columns] has the size of `source`. Cameras that stand apart see a scene at `range_m`; what
+    `source` does not show is `fill`.
+
+    Raises
+    ------
+    CameraError
+        If the image has another size than its camera.
+    """
     from rover_iface.cameras import kernels
 
     if image.ndim != 2 or image.shape != (source.height, source.width):

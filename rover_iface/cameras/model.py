@@ -247,6 +247,9 @@ def pinhole(
     """Return a CAHV camera looking along `forward` with image rows level with `up`.
 
     Without `principal_px` the axis meets the middle of the frame, ((width-1)/2, (height-1)/2).
+
+    `center` [3], m, and the directions `forward` and `up` [3], of any length, are in the frame of the
+    camera's model.
     """
     axis = np.asarray(forward, dtype=np.float64)
     axis = axis / np.linalg.norm(axis)

@@ -52,7 +52,7 @@ class StereoWedge:
                 )
 
     def pick(self, pixel: npt.ArrayLike, options: PointStereo | None = None) -> PointMatch:
-        """Return the surface point under a pixel (sample, line) of the left image.
+        """Return the surface point under a pixel [2], (sample, line), of the left image.
 
         Raises
         ------

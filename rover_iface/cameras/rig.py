@@ -165,7 +165,8 @@ class CameraRig:
         return self.cameras[name]
 
     def point_at(self, target_rover: npt.ArrayLike, name: str = "navcam_left") -> tuple[float, float]:
-        """Return pan and tilt that put a point on the middle of a mast camera's frame.
+        """Return pan and tilt, rad, that put a point [3], rover frame, m, on the middle of a mast camera's
+        frame.
 
         The camera sits beside the axes, so the angles are found by Newton's method on the pixel itself, to
         1e-6 px (Kim et al. 2005 do the same in closed form for an ideal head).

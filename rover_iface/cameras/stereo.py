@@ -112,6 +112,9 @@ def point_stereo(
     The right image is searched along the epipolar curve within the row tolerance, between the nearest and the
     farthest range, or within `range_spread` (a share) of the expected one. The best place is then refined
     together with the slant of the patch, so that a tilted face is matched to a fraction of a pixel.
+
+    Images [rows, columns], float32 in 0..1; `pixel` [2] is (sample, line). The point is in the frame of the
+    cameras.
     """
     from rover_iface.cameras import stereo_kernels as k
     from rover_iface.cameras import triangulation_kernels
@@ -282,6 +285,8 @@ def dense_stereo(
     The frame is widened to the left by the largest disparity. What lies there has no match inside the frame
     of the right camera, but may have one in its image: in subframes that were cut differently, or where
     aligning turned the cameras.
+
+    Images [rows, columns]; the points are in the frame of the cameras.
 
     Raises
     ------

@@ -16,7 +16,7 @@ Image = npt.NDArray[np.float32]
 
 @njit(cache=True, nogil=True, inline="always")
 def bilinear(image: Image, x: float, y: float) -> float:
-    """Return the image between pixels; NaN outside."""
+    """Return the image [rows, columns] between pixels, at sample x and line y; NaN outside."""
     rows, columns = image.shape
     if not (0.0 <= x <= columns - 1.0 and 0.0 <= y <= rows - 1.0):
         return math.nan
@@ -29,7 +29,10 @@ def bilinear(image: Image, x: float, y: float) -> float:
 
 @njit(cache=True, nogil=True)
 def centred_patch(image: Image, u: float, v: float, half: int) -> tuple[Array, float]:
-    """Return a square patch (2 half + 1)^2 less its mean, and its norm; 0 if it leaves the image."""
+    """Return a square patch [2 half + 1, 2 half + 1] less its mean, and its norm; 0 if it leaves the image.
+
+    The patch is that of `image` [rows, columns] round sample u and line v.
+    """
     size = 2 * half + 1
     patch = np.empty((size, size))
     mean = 0.0
@@ -52,7 +55,9 @@ def centred_patch(image: Image, u: float, v: float, half: int) -> tuple[Array, f
 def patch_score(patch: Array, norm: float, right: Image, x: float, y: float) -> float:
     """Return the normalised cross-correlation of a centred patch with the image at a place between pixels.
 
-    -2 if the patch leaves the image there, or either is flat. Kim et al. 2009, eq. 11.
+    `patch` [2 half + 1, 2 half + 1] has a mean of zero and the norm `norm`; `right` is [rows, columns], its
+    place sample x and line y. -2 if the patch leaves the image there, or either is flat. Kim et al. 2009, eq.
+    11.
     """
     size = patch.shape[0]
     half = size // 2
@@ -96,10 +101,11 @@ def search_epipolar(
     inverse_far: float,
     inverse_near: float,
 ) -> tuple[float, float, float]:
-    """Return inverse range, row offset and score of the best place along the epipolar curve.
+    """Return inverse range, 1/m, row offset, px, and score of the best place along the epipolar curve.
 
-    Coarse steps of two pixels with every second pixel of the window first, then all rows within the
-    tolerance about the best eight.
+    Images [rows, columns]; `p_left` and `p_right` [26], cameras as `kernels` lays them out; `pixel` [2] of
+    the left image. Coarse steps of two pixels with every second pixel of the window first, then all rows
+    within the tolerance about the best eight.
     """
     ox, oy, oz, dx, dy, dz = back_project_one(p_left, pixel[0], pixel[1])
     # inverse range is close to linear along the curve
@@ -183,10 +189,12 @@ def refine_plane(
     plane: Array,
     right_px: Array,
 ) -> float:
-    """Refine `plane` (inverse range and its slopes per pixel) and `right_px`; return the patches' score.
+    """Refine `plane` [3] (inverse range, 1/m, and its slopes per pixel) and `right_px` [2]; return the
+    patches' score.
 
-    Gauss and Newton on brightness with gain and offset left free, one row shift, and a prior that keeps the
-    slant below `slant_sigma` (tangent) unless the patch says otherwise.
+    Images [rows, columns]; `p_left` and `p_right` [26], cameras as `kernels` lays them out; `pixel` [2] of
+    the left image. Gauss and Newton on brightness with gain and offset left free, one row shift, and a prior
+    that keeps the slant below `slant_sigma` (tangent) unless the patch says otherwise.
     """
     size = 2 * half + 1
     count = size * size
@@ -358,6 +366,8 @@ def disparity_spread(
     The sandwich of Liang and Zeger 1986: what the blocks of the patch disagree by, between the curvature of
     the fit (disparity, both slopes, gain, offset). Noise, repetitive grain, relief and an occluding edge show
     in it, whatever made the pictures.
+
+    Shapes as for `refine_plane`: images [rows, columns], cameras [26], `pixel` [2], `plane` [3].
     """
     size = 2 * half + 1
     focal = 1.0 / _pixel_angle(p_left, pixel)

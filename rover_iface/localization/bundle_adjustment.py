@@ -185,7 +185,13 @@ class BundleAdjustment:
         *,
         sigma_px: float = 0.5,
     ) -> None:
-        """Add a stereo measurement (u left, u right, v) in the aligned pair of a rig."""
+        """Add a stereo measurement [3], (u left, u right, v) in px, in the aligned pair of a rig.
+
+        Raises
+        ------
+        LocalizationError
+            If the sigma or the disparity is not positive.
+        """
         import gtsam
 
         if not sigma_px > 0:
@@ -374,7 +380,11 @@ def adjoint(transform: Transform) -> Array:
 
 
 def chained(steps: list[tuple[Transform, Array]]) -> tuple[Transform, Array]:
-    """Return the motion over several steps (old_from_new, covariance in the axes of new) with its own."""
+    """Return the motion over several steps, with its covariance.
+
+    A step, and what comes back, is a motion `old_from_new` and its covariance [6, 6] in the axes of the new
+    pose: turn, rad, before shift, m.
+    """
     total, covariance = Transform.identity(), np.zeros((6, 6))
     for step, spread in steps:
         back = adjoint(step.inverse())

@@ -167,6 +167,8 @@ def read_points(
 ) -> GroundPoints:
     """Return the points of a file: CSV (x, y, z, with or without a header), NPZ (`points`, `eye`) or PLY.
 
+    `eye` [3], m, is where the camera stood, in the frame of the points; an NPZ's own goes before it.
+
     Raises
     ------
     LocalizationError

@@ -138,6 +138,8 @@ def confirmed(
     The disparity of each must lie between the least and the largest of the four nearest interest points,
     give or take `limit_px` and a fifth of their spread; far from any interest point (60 px) nothing is said
     and the point is kept.
+
+    `pixels` [n, 2] and `disparities` [n], px, are those of the interest points, in the image of the cloud.
     """
     from scipy.spatial import cKDTree
 

@@ -188,7 +188,11 @@ class _Rocks:
 
 
 def overlapping(rocks: Sequence[SeenRock], other_eye: Array, farthest_m: float) -> npt.NDArray[np.int64]:
-    """Return which rocks lie within reach of both their own stop and the other one."""
+    """Return the indices of rocks that lie within reach of both their own stop and the other one.
+
+    `other_eye` [3], m, is the other stop in the frame of the rocks; its height does not count. Between the
+    stops 2 m are allowed for what their poses are off.
+    """
     return np.array(
         [
             k

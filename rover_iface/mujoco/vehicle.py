@@ -171,7 +171,11 @@ class Vehicle:
         seconds: float,
         tick_s: float,
     ) -> None:
-        """Go back to a state, and on from there for some seconds under controls of `tick_s` each."""
+        """Go back to a state, and on from there for some seconds under controls of `tick_s` each.
+
+        `state` [n] is what `state()` has returned; each control [actuators] is in the units of the model's
+        actuators.
+        """
         self._mujoco.mj_setState(self.model, self.data, state, self._mujoco.mjtState.mjSTATE_INTEGRATION)
         for control in controls:
             part = min(tick_s, seconds)

@@ -120,10 +120,12 @@ def assess(
     hazard: Array,
     confidence: Array,
 ) -> None:
-    """Fit a plane round each cell of rows r0..r1, columns c0..c1 and write hazard (>= 1: obstacle; NaN:
-    unknown).
+    """Fit a plane round each cell of rows r0..r1, columns c0..c1 and write its hazard (>= 1: obstacle; NaN:
+    unknown) and its confidence.
 
-    `reach` is half the patch in cells; `least` the weight a cell needs to count.
+    All arrays are [rows, columns]: `weight`, `total` and `square` are the sums of weight, z (m) and z^2 (m^2)
+    in each cell of `cell` metres. `reach` is half the patch in cells; `least` the weight a cell needs to
+    count. The limits are in m and rad.
     """
     rows, columns = weight.shape
     for r in range(r0, r1):

@@ -30,6 +30,8 @@ def base_move(
 
     All in the rover frame. `terrain` is the ground round the rover in that frame; without one it is made of
     the cloud, and the ground plane goes on where the cloud has no points.
+
+    `point` [3], m, lies on the surface; `normal` [3] is its outward unit normal.
     """
     ground = terrain if terrain is not None else terrain_of(cloud)
     if ground is None:

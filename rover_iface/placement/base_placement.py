@@ -178,6 +178,9 @@ def check_observation_point(
 ) -> ObservationPoint:
     """Return what a given pose is worth for a target.
 
+    `point` (x, y, z), m, and `normal` [3], of any length, are in the site frame; without a normal it is that
+    of the terrain. Each of `keep_out` [n, 2] is a polygon of the site frame, m.
+
     Raises
     ------
     PlacementError

@@ -56,8 +56,8 @@ class JointCheck:
         self.cloud = checks[0].cloud
 
     def candidates(self, at: Array, *, coarse: float = 2.5) -> list[Array]:
-        """Return the points to be tried: the surface at the designated one, then one for each cell of the
-        rock in any cloud, by distance.
+        """Return the points [3] to be tried: the surface at the designated one, `at` [3], then one for each
+        cell of the rock in any cloud, by distance. Rover frame, m.
         """
         from scipy.spatial import cKDTree
 
@@ -71,8 +71,8 @@ class JointCheck:
         return [at, *found[order]]
 
     def judge(self, point: Array, *, brief: bool = False) -> Judged:
-        """Return the surface under the tool as the cloud that knows it best has it, and what is wrong
-        with it.
+        """Return the surface under the tool at a point [3] (rover frame, m) as the cloud that knows it best
+        has it, and what is wrong with it.
 
         When it need be `brief`, a place that the mast's cloud alone refuses is not judged by the other.
         """
@@ -134,7 +134,10 @@ class JointCheck:
         return max(relief / limits.close_relief, doubt / limits.close_doubt, hole / limits.close_hole_m)
 
     def hidden_share(self, at: Array, normal: Array) -> float:
-        """Return the share of the tool's way that something hides from a camera and none sees to be free."""
+        """Return the share of the tool's way that something hides from a camera and none sees to be free.
+
+        The way leads to a surface point `at` [3], rover frame, m, along its unit normal [3].
+        """
         first, second = across(normal)
         turns = np.arange(12) * math.tau / 12.0
         ring = np.outer(np.cos(turns), first) + np.outer(np.sin(turns), second)

@@ -101,7 +101,7 @@ def across_and_height(points: Floats, at: Floats, normal: Floats) -> tuple[Float
 
 @numba.njit(cache=True, nogil=True)
 def quantile(ordered: Floats, share: float) -> float:
-    """Return a quantile of values that are in order, linear between them."""
+    """Return a quantile of values [n] that are in ascending order, linear between them; `share` in 0..1."""
     at = share * (len(ordered) - 1)
     low = int(at)
     high = min(low + 1, len(ordered) - 1)
@@ -144,6 +144,9 @@ def relief(across: Floats, height: Floats, reach: float, above: float) -> tuple[
     Under the tool is what lies within `reach` of its axis and lower than `above`. The relief is the height of
     the highest parts (2 in 100 are higher), the depth of the lowest (1 in 200 is deeper), and the root mean
     square deviation.
+
+    `across` and `height` [n] are each point's distance from the tool's axis and height over its plane; all in
+    m.
     """
     under = (across < reach) & (height < above)
     over = np.sort(height[under])
@@ -164,6 +167,9 @@ def obstruction(
     That is the larger of the height of the highest parts (2 in 100 are higher) in the ring of `margin` round
     the tool, and the height that more than `single` points in ring and disc reach: a rock that leans over
     the surface from beside it is few points high up.
+
+    `across` and `height` [n] are each point's distance from the tool's axis and height over its plane; all
+    lengths in m.
     """
     low = height < above
     ring = np.sort(height[low & (across >= reach) & (across < reach + margin)])
@@ -189,7 +195,10 @@ def median_sigma(covariances: Floats, index: Ints, normal: Floats) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def middle_lever(points: Floats, index: Ints, normal: Floats) -> float:
-    """Return the smaller variance of the chosen points along the plane with this normal, m^2."""
+    """Return the smaller variance of the chosen points along the plane with this normal, m^2.
+
+    `points` [n, 3], m, of which `index` [k] chooses; `normal` [3], unit length.
+    """
     n = len(index)
     flat = np.empty((n, 3))
     for j in range(n):

@@ -33,13 +33,20 @@ def neighbours(cloud: SurfaceCloud) -> Index:
 
 
 def raster_step(pixels: Index) -> int:
-    """Return the distance between used columns of a raster: 1, or more for a thinned one."""
+    """Return the distance, px, between used columns of a raster: 1, or more for a thinned one.
+
+    `pixels` [n, 2] are (sample, line) of the points.
+    """
     columns = np.unique(pixels[:, 0])
     return int(np.diff(columns).min()) if len(columns) > 1 else 1
 
 
 def touching(cloud: SurfaceCloud, edges: Index, jump: float) -> npt.NDArray[np.bool_]:
-    """Return which neighbours lie on one surface, by the distance between them and what they err."""
+    """Return which neighbours lie on one surface, by the distance between them and what they err.
+
+    `edges` [m, 2] are pairs of points of the cloud by index; answered is [m]. `jump` is in spacings of the
+    points.
+    """
     if not len(edges):
         return np.empty(0, bool)
     a, b = edges.T
@@ -51,7 +58,12 @@ def touching(cloud: SurfaceCloud, edges: Index, jump: float) -> npt.NDArray[np.b
 
 
 def adjacency(cloud: SurfaceCloud, a: Index, b: Index, coupling: float) -> tuple[Index, Index, Array]:
-    """Return for each point where its neighbours start, the neighbours, and how much each pulls."""
+    """Return for each point where its neighbours start, the neighbours, and how much each pulls.
+
+    `a` and `b` [m] are the two points of each edge by index. Answered are [n + 1], [2 m] and [2 m]: the
+    neighbours of point i are those from entry i of the first up to entry i + 1. An edge pulls `coupling`,
+    less where the brightness changes across it.
+    """
     weight = np.full(len(a), coupling)
     if cloud.intensity is not None and len(a):
         change = np.sqrt(cloud.intensity[a]) - np.sqrt(cloud.intensity[b])
@@ -63,7 +75,7 @@ def adjacency(cloud: SurfaceCloud, a: Index, b: Index, coupling: float) -> tuple
 
 
 def renumbered(label: Index) -> Index:
-    """Return labels 0..k-1 in place of any numbers; -1 stays."""
+    """Return labels [n] 0..k-1 in place of any numbers; -1 stays."""
     out = np.full(len(label), -1, dtype=np.int64)
     at = label >= 0
     out[at] = np.unique(label[at], return_inverse=True)[1]

@@ -333,8 +333,14 @@ def safety_map(
     near: npt.ArrayLike | None = None,
     second: SurfaceCloud | None = None,
 ) -> list[Judged]:
-    """Return one judgement for each cell of `grid_m` of a rock, within `search_m` of `near` (its centroid);
-    `second` as in `plan_placement`.
+    """Return one judgement for each cell of `grid_m` of a rock, within `search_m` of `near` (its centroid).
+
+    `near` [3] is in the rover frame, m; `second` as in `plan_placement`.
+
+    Raises
+    ------
+    PlacementError
+        If the segmentation has no such rock.
     """
     limits = limits or SafetyLimits()
     if not 0 <= label < len(segmentation.rocks):

@@ -199,6 +199,9 @@ class SimulatedHardware:
     # ---- arm
 
     def reach(self, target: str, point: Array, instrument: str) -> Contact:
+        """See `Hardware`; the tool goes along the normal of the true ground to where its contact sensors
+        touch.
+        """
         body = self.body
         place = np.asarray(body.true_from_believed.apply(point), dtype=np.float64)
         spot = [float(v) for v in place]

@@ -216,7 +216,9 @@ class LogNormal:
         return LogNormal(np.log(safe) - spread**2 / 2, spread, mean > 0)
 
     def amounts(self, z: Array) -> Array:
-        """Return amounts, rounded to thousandths, for standard normal numbers."""
+        """Return amounts [...], rounded to thousandths, for standard normal numbers [...] in the unit of the
+        means.
+        """
         return np.round(np.where(self.positive, np.exp(self.middle + self.spread * z), 0.0), 3)
 
 

@@ -42,14 +42,17 @@ def _cubic_weights(positions: Array, count: int) -> tuple[int, int, Array]:
 
 
 def smooth_step(x: Array) -> Array:
-    """Return 0 below 0, 1 above 1, and a cubic without a kink between."""
+    """Return 0 below 0, 1 above 1, and a cubic without a kink between, of each number [...]."""
     t = np.clip(x, 0.0, 1.0)
     result: Array = t * t * (3 - 2 * t)
     return result
 
 
 class Field:
-    """A noise field over the whole site that can be asked at any raster."""
+    """A noise field over the whole site that can be asked at any raster.
+
+    `values` [n, n] cover a square of `size_m` round the origin of the site frame.
+    """
 
     def __init__(self, values: Array, size_m: float) -> None:
         self.values = values

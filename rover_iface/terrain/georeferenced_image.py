@@ -101,6 +101,8 @@ def mask_on_dem(mask: NDArray[np.bool_], dem: Dem) -> NDArray[np.bool_]:
     """Return a mask that was made on the posts of a DEM's file (row 0 north), on those that it has now.
 
     Row 0 is in the south. What lies outside the file is unknown: false.
+
+    Both masks are [rows, columns].
     """
     from rasterio.warp import Resampling
 

@@ -63,7 +63,10 @@ class Recipe:
 
 
 class Landscape:
-    """Everything drawn once; `ground(xs, ys)` then gives heights on any raster."""
+    """Everything drawn once; `ground(xs, ys)` then gives heights on any raster.
+
+    A raster is asked by its axes `xs` [columns] and `ys` [rows], site frame, m; answered is [rows, columns].
+    """
 
     def __init__(self, recipe: Recipe) -> None:
         self.recipe = recipe
@@ -272,7 +275,7 @@ class Landscape:
         return blocked & (table[:, 2] > 0.1)
 
     def foot_heights(self, x: Array, y: Array) -> Array:
-        """Return ground heights at scattered points, from a raster of the whole site."""
+        """Return ground heights [n], m, at scattered points x, y [n], from a raster of the whole site."""
         size = self.recipe.size_m
         count = int(min(2048, size / 0.125))
         axis = (np.arange(count) + 0.5) * size / count - size / 2

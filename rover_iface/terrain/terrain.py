@@ -19,6 +19,9 @@ from rover_iface.terrain.rocks import Mesh, Rock, rock_meshes
 class Terrain:
     """The ground of a site in its site frame (east-north-up, metres).
 
+    Where a method takes `x` and `y`, they are site coordinates, m, of any one shape [...], or numbers;
+    answered is one value for each, [...].
+
     Parameters
     ----------
     layers

@@ -97,9 +97,9 @@ class Draped:
 
 
 def range_pixel(scene: StereoView, pixel: Array, expected_m: float, spread: float = 0.3) -> PointMatch | None:
-    """Return the surface under a pixel of the pair's left image, None where the patch is not found again.
+    """Return the surface under a pixel [2] of the pair's left image, None where the patch is not found again.
 
-    It is looked for within a share `spread` of the expected range.
+    It is looked for within a share `spread` of the expected range, m.
     """
     found = point_stereo(
         scene.left,
@@ -159,10 +159,11 @@ def find_draped(
     search_px: int,
     context_px: int,
 ) -> tuple[Array, float] | None:
-    """Return where the pair's left image shows what the other camera has at `source_px`, and its correlation.
+    """Return the pixel [2] at which the pair's left image shows what the other camera has at `source_px` [2],
+    and its correlation.
 
-    The picture is draped over the plane of `patch`, in the frame of the pair. None where either sees the
-    plane too flat or its image does not hold the template.
+    `image` [rows, columns] is the other `camera`'s. It is draped over the plane of `patch`, in the frame of
+    the pair. None where either sees the plane too flat or its image does not hold the template.
     """
     for eye in (camera.C, scene.left_camera.C):
         toward = eye - patch.point

@@ -84,8 +84,9 @@ def measured_drift(matcher: TemplateMatcher, first: Template, now: Template) -> 
 def require_range(target: str, view: StereoView, designated: Array, match: PointMatch) -> None:
     """Refuse a target that stereo ranges elsewhere than designated.
 
-    A camera model that is off, pictures of two times and a patch that repeats itself show here, and nowhere
-    else: what the pair says by itself is consistent.
+    `designated` [3], m, is in the frame of the view's cameras. A camera model that is off, pictures of two
+    times and a patch that repeats itself show here, and nowhere else: what the pair says by itself is
+    consistent.
 
     Raises
     ------

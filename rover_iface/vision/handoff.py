@@ -114,9 +114,9 @@ class Side:
         return out
 
     def point(self, pixel: Array, expected_m: float | None = None, spread: float = 0.25) -> PointMatch | None:
-        """Return the surface point under a pixel of the left image by point stereo.
+        """Return the surface point under a pixel [2] of the left image by point stereo.
 
-        It is looked for within a share `spread` of the expected range.
+        It is looked for within a share `spread` of the expected range, m.
         """
         v = self.view
         return point_stereo(
@@ -320,7 +320,11 @@ def _range_line(camera: CameraModel, pixel: Array, other: CameraModel, range_m: 
 
 
 def dense_point(side: Side, pixel: Array, reach_px: float = 4.0) -> Array | None:
-    """Return the middle of the dense points round a pixel of the left image, None where there are few."""
+    """Return the median [3] of the dense points round a pixel [2] of the left image, None where there are
+    few.
+
+    In the frame of the cloud, m.
+    """
     cloud = side.cloud
     if cloud is None:
         return None

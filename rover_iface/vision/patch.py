@@ -17,7 +17,9 @@ Image = npt.NDArray[np.float32]
 
 @njit(cache=True, nogil=True, inline="always")
 def cubic(image: Image, x: float, y: float) -> float:
-    """Return the image between pixels by Catmull-Rom cubics; bilinear near the border, NaN outside."""
+    """Return the image [rows, columns] between pixels by Catmull-Rom cubics, at sample x and line y; bilinear
+    near the border, NaN outside.
+    """
     rows, columns = image.shape
     i, j = math.floor(x), math.floor(y)
     if i < 1 or j < 1 or i > columns - 3 or j > rows - 3:
@@ -61,6 +63,10 @@ def plane_template(
     position was corrected since), is projected into the source image. The pixel map is shifted so that the
     middle of the template falls exactly on `source_px`. `samples` rays per pixel and axis average where the
     template shrinks.
+
+    `source` [rows, columns] and `out` [2 half + 1, 2 half + 1] are images; `p_source` and `p_new` [26]
+    cameras as `cameras.kernels` lays them out; `source_px` and `center` (of the new image) [2] pixels;
+    `point`, `point_source`, m, and the unit `normal` [3] are in the frame of the cameras.
     """
     x0, y0, _a = project_one(p_source, point_source[0], point_source[1], point_source[2])
     shift_x, shift_y = source_px[0] - x0, source_px[1] - y0
@@ -104,9 +110,11 @@ def plane_template(
 def similarity_template(
     source: Image, source_px: Array, scale: float, roll: float, half: int, out: Image
 ) -> int:
-    """Fill `out` with the source patch magnified by `scale` and turned by `roll` (clockwise positive).
+    """Fill `out` [2 half + 1, 2 half + 1] with the source patch magnified by `scale` and turned by `roll`,
+    rad (clockwise positive); return how many of its pixels are unknown.
 
-    Kim et al. 2009, section 4.3.1: the content is magnified and rolled, the window keeps its size.
+    `source` is [rows, columns], the patch lies round its pixel `source_px` [2]. Kim et al. 2009, section
+    4.3.1: the content is magnified and rolled, the window keeps its size.
     """
     c, s = math.cos(roll), math.sin(roll)
     samples = 1 if scale > 0.8 else 2 if scale > 0.4 else 3
@@ -134,7 +142,12 @@ def similarity_template(
 
 @njit(cache=True, nogil=True)
 def correlation(image: Image, template: Image, x: float, y: float, half: int) -> float:
-    """Return eq. 11 at a place between pixels, over the middle `half` of the template; -2 outside or flat."""
+    """Return the normalised cross-correlation (Kim et al. 2009, eq. 11) at a place between pixels, over the
+    middle `half` of the template; -2 outside or flat.
+
+    `image` [rows, columns] and `template`, square [side, side], NaN where unknown; the place is sample x,
+    line y.
+    """
     middle = template.shape[0] // 2
     n, sa, sb, saa, sbb, sab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(-half, half + 1):

@@ -38,7 +38,8 @@ RIGHT_SPREAD = 0.08
 
 
 def lay(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> Draped | None:
-    """Return the pose of a side's left camera in the frame of `scene`, by patches round what a pixel shows.
+    """Return the pose of a side's left camera in the frame of `scene`, by patches round what a pixel [2] of
+    the side shows.
 
     Guesses are tried, likeliest first, until enough patches agree on one; None where never four do.
     """

@@ -25,7 +25,10 @@ first iterations: it leads off the surface, and searching there takes ten times 
 
 
 class Gicp:
-    """Generalised ICP from a start, in two reaches."""
+    """Generalised ICP from a start, in two reaches.
+
+    `centre` [3], m, is a point near both surfaces, in their frame.
+    """
 
     def __init__(self, part: Surface, other: Surface, centre: Array, options: ShapeOptions) -> None:
         import small_gicp
@@ -88,7 +91,10 @@ class Gicp:
 
 
 class NelderMead:
-    """The published engine from a start: Nelder-Mead over six parameters, restarted twice."""
+    """The published engine from a start: Nelder-Mead over six parameters, restarted twice.
+
+    `centre` [3], m, is the point that turns are about, in the frame of the part.
+    """
 
     def __init__(self, part: Surface, sensor: Sensor, centre: Array, options: ShapeOptions) -> None:
         self.points = np.ascontiguousarray(part.points[:: max(1, len(part.points) // 1500)])

@@ -18,6 +18,9 @@ def z_buffer(points: Array, triangles: Index, focal: float, depth: Array) -> Non
     """Fill `depth` (rows, columns) with the nearest depth of the mesh along each pixel's ray, NaN for none.
 
     A facet's depth at a pixel comes from the barycentric weights on its plane (eqs. 9 and 10).
+
+    `points` [n, 3], m, in the camera's frame (x right, y down, z forward); `triangles` [m, 3]; `depth` [rows,
+    columns], m; `focal` in px.
     """
     rows, columns = depth.shape
     cx, cy = (columns - 1) / 2.0, (rows - 1) / 2.0

@@ -256,7 +256,8 @@ class SiftTracker:
     def restart(
         self, target: str, view: StereoView, pixel: Array, position: Array, error_px: float
     ) -> TrackUpdate:
-        """Go on from where something else, sure to `error_px`, has found the target in a view.
+        """Go on from where something else, sure to `error_px`, has found the target in a view: `pixel` [2] of
+        its left image, `position` [3] in the frame of its cameras, m.
 
         Raises
         ------

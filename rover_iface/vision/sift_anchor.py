@@ -138,8 +138,9 @@ class Looks:
     ) -> tuple[Array, Array]:
         """Return position and covariance after looking at the target; `anchor` is brought up to date.
 
-        `anchor.scores` tells how it went: `stereo` and `look` are correlations, `range_sigma` and
-        `look_sigma` the disagreements in standard deviations, NaN for a look that found nothing.
+        Position [3], m, and covariance [3, 3], m^2, are in the frame of the view's cameras. `anchor.scores`
+        tells how it went: `stereo` and `look` are correlations, `range_sigma` and `look_sigma` the
+        disagreements in standard deviations, NaN for a look that found nothing.
         """
         scores = dict.fromkeys(("stereo", "range_sigma", "look", "look_sigma"), math.nan)
         anchor.scores = scores
@@ -155,7 +156,9 @@ class Looks:
         return position, covariance
 
     def told(self, covariance: Array, anchor: Anchor) -> Array:
-        """Return the covariance with what looks share, so that repeating them does not shrink it."""
+        """Return the covariance [3, 3], m^2, with what looks share, so that repeating them does not shrink
+        it.
+        """
         drift, parallax = anchor.drift or (anchor.key.drift, anchor.key.parallax)
         return np.asarray(covariance + anchor.shared + drift + parallax @ parallax.T)
 

@@ -106,6 +106,8 @@ def find_motion(
     A motion that shifts the matches by more than `limit_m` (what dead reckoning can hardly be off) is
     believed only if no smaller one has `least` matches: the rover's own shadow and what it carries along look
     like it.
+
+    `pairs` [n, 2] are indices of matched features, old and new.
     """
     if len(pairs) < 4:
         return None
@@ -237,7 +239,10 @@ def find_motion_published(
     sets: int,
     rng: np.random.Generator,
 ) -> Motion | None:
-    """Return the motion as published: consensus within `tau_m`, Horn's fit, covariance by bootstrap."""
+    """Return the motion as published: consensus within `tau_m`, Horn's fit, covariance by bootstrap.
+
+    `pairs` [n, 2] are indices of matched features, old and new.
+    """
     if len(pairs) < 4:
         return None
     p, q = old.points[pairs[:, 0]], new.points[pairs[:, 1]]

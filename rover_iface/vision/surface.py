@@ -130,7 +130,9 @@ class Sensor:
 
     @classmethod
     def over(cls, scene: Surface, centre: Array, options: ShapeOptions) -> Sensor:
-        """Return a sensor at the eye of the scene that frames what takes part."""
+        """Return a sensor at the eye of the scene that frames what takes part round `centre` [3], site frame,
+        m.
+        """
         away = float(np.linalg.norm(centre - scene.eye))
         side = options.sensor_px
         focal = 0.5 * side * away / (options.radius_m + 0.5 * options.search_m)
@@ -155,7 +157,10 @@ class Sensor:
         return out
 
     def search(self, points: Array, centre: Array, options: ShapeOptions) -> list[Transform]:
-        """Return the best motions of the correlation search, best first; none without half an overlap."""
+        """Return the best motions of the correlation search, best first; none without half an overlap.
+
+        `points` [n, 3] are moved, turns are about `centre` [3]; both in the site frame, m.
+        """
         few = points[:: max(1, len(points) // 350)]
         local = np.ascontiguousarray(self.sensor_from_site.apply(few), dtype=np.float64)
         middle = np.asarray(self.sensor_from_site.apply(centre), dtype=np.float64)

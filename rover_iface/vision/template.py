@@ -237,7 +237,12 @@ class TemplateMatcher:
     options: NccOptions
 
     def predict(self, source: Template, camera: CameraModel, center: Array, point: Array) -> Image | None:
-        """Return what the target should look like round `center`, context included; None when unknown."""
+        """Return what the target should look like round `center` [2], px, context included; None when
+        unknown.
+
+        The image is [context_px, context_px], in brightness of the source; `point` [3] is the target in the
+        frame of `camera`, m.
+        """
         from rover_iface.vision import patch
 
         options = self.options
@@ -278,7 +283,11 @@ class TemplateMatcher:
         return None if np.isnan(core).mean() > UNKNOWN_SHARE else out
 
     def search(self, image: Image, template: Image, prediction: Array) -> Found | None:
-        """Return the best match within the search window."""
+        """Return the best match within the search window round `prediction` [2], px; None where there is
+        none.
+
+        `image` is [rows, columns], `template` [context_px, context_px], as `predict` returns it.
+        """
         from rover_iface.vision import patch
 
         options = self.options
@@ -325,7 +334,10 @@ class TemplateMatcher:
         return float(score), float(half**2) * np.eye(2)
 
     def fit(self, image: Image, template: Image, at: Array, half: int) -> tuple[float, Array] | None:
-        """Do what `align` does; None, and `at` stays, where no place fits: that measures nothing."""
+        """Do what `align` does; None, and `at` [2] stays, where no place fits: that measures nothing.
+
+        Images are [rows, columns].
+        """
         from rover_iface.vision import patch
 
         spread = np.empty((2, 2))
@@ -471,7 +483,10 @@ def grown_drift(
 
 
 def parallax_px(source: Template, camera: CameraModel, point: Array) -> float:
-    """Return what a match is off by the depth of a spot against its surroundings, pixels, either axis."""
+    """Return what a match is off by the depth of a spot against its surroundings, pixels, either axis.
+
+    `point` [3] is the spot in the frame of `camera`, m.
+    """
     ray = source.point - source.camera.C
     aside = camera.jacobian(point) @ (ray / np.linalg.norm(ray))
     return math.sqrt(0.5 * source.depth_m2) * float(np.linalg.norm(aside))

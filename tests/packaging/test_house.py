@@ -19,7 +19,49 @@ FAULTS = {
     "planner/forgotten.py": "",
     "planner/tangled.py": f"def tangle(x: int) -> int:\n{DEEP}    return -1\n",
     "executive/untyped.py": "def plan(day: dict[str, list[int]]) -> 'Mapping[str, Any]':\n    return day\n",
-    "executive/uses_them.py": "import executive.untyped, planner.tangled\n",
+    "planner/shapeless.py": """
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+if TYPE_CHECKING:
+    from planner.evaluate.model import Floats as Reals
+
+Pairs = list[Reals]
+Rule = Callable[[Reals], float]
+
+
+def scaled(by: float, values: "Reals", *more: Pairs) -> Reals:
+    '''Return values times a number, see (below, above), item[0] and (n).'''
+
+
+def centred(values: Reals) -> Reals:
+    '''Return values [n] less their mean.'''
+
+
+def judged(rule: Rule, by: float) -> None:
+    '''Take no array, but what takes one.'''
+
+
+def _own(values: Reals) -> None:
+    pass
+
+
+class Moved:
+    '''Points (n, 3), m.'''
+
+    def __init__(self, points: Reals) -> None:
+        pass
+
+
+class Kept:
+    '''What is kept.'''
+
+    def __init__(self, points: Reals) -> None:
+        pass
+
+    def near(self, points: Reals) -> None:
+        '''See `Moved`.'''
+""",
+    "executive/uses_them.py": "import executive.untyped, planner.shapeless, planner.tangled\n",
     "mission/astray.py": "",
     "mission/first.py": "import mission.second\n",
     "mission/second.py": "import mission.first\n",
@@ -94,6 +136,8 @@ def imports(with_faults: Path) -> str:
         "complexity: planner/tangled.py: line 1: `tangle` is too complex (17 > 15)",
         "folder: web: 32 modules; a folder holds at most 30",
         "untyped-signature: executive/untyped.py: line 1: plan has 'Mapping[str, Any]'",
+        "shapes: planner/shapeless.py: line 11: scaled states no shape of values, more",
+        "shapes: planner/shapeless.py: line 37: Kept.__init__ states no shape of points",
         "py-typed: web: web/py.typed is missing",
     ],
 )
@@ -105,6 +149,12 @@ def test_house_tells_nothing_of_modules_that_are_imported_and_plain(house: str) 
     told = {line.split(": ")[1] for line in house.splitlines() if line.startswith("unimported: ")}
     assert "planner/tangled.py" not in told
     assert "executive/untyped.py" not in told
+
+
+def test_house_asks_for_shapes_only_where_a_public_function_takes_an_array(house: str) -> None:
+    told = [line for line in house.splitlines() if line.startswith("shapes: ")]
+    assert {line.split(": ")[1] for line in told} == {"planner/shapeless.py"}
+    assert len(told) == 2
 
 
 def test_named_kernel_counts_only_if_it_is_compiled(house: str) -> None:

@@ -55,7 +55,7 @@ def bin_edges(low: float, high: float) -> Floats:
 
 
 def histogram(values: Floats) -> Histogram:
-    """Return the shares of the futures by value."""
+    """Return the shares of the futures by value; `values` [futures], in any unit, has one of each."""
     import numpy as np
 
     counts, edges = np.histogram(values, bin_edges(float(values.min()), float(values.max())))
@@ -63,5 +63,5 @@ def histogram(values: Floats) -> Histogram:
 
 
 def rounded(values: Floats) -> list[float]:
-    """Return numbers as they are sent."""
+    """Return numbers [n] as they are sent: to six decimals."""
     return [round(float(value), 6) for value in values]

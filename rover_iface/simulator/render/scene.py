@@ -139,13 +139,15 @@ class Scene:
         return self._embree.run(o, d, query="INTERSECT", output=1)  # type: ignore[attr-defined]
 
     def cast_local(self, origins: npt.NDArray[np.float32], directions: npt.NDArray[np.float32]) -> Hits:
-        """Return first hits of rays that are float32 and relative to `origin` already."""
+        """Return first hits of rays [n, 3], float32, whose origins are relative to `origin` already; site
+        axes, m.
+        """
         return self._embree.run(origins, directions, query="INTERSECT", output=1)  # type: ignore[attr-defined]
 
     def occluded_local(
         self, origins: npt.NDArray[np.float32], directions: npt.NDArray[np.float32]
     ) -> npt.NDArray[np.bool_]:
-        """Return which rays (relative to `origin`) meet anything."""
+        """Return which rays [n, 3] (float32, origins relative to `origin`, site axes, m) meet anything."""
         hits = self._embree.run(origins, directions, query="OCCLUDED")  # type: ignore[attr-defined]
         return np.asarray(hits >= 0)
 
@@ -165,7 +167,7 @@ class Scene:
         return np.asarray(self.ranges(eye, rays / distance[:, None]) > distance - tolerance_m)
 
     def require_above_ground(self, eye: npt.ArrayLike, what: str = "camera") -> None:
-        """Raise `RenderError` if a point lies below the ground or inside a rock."""
+        """Raise `RenderError` if a point [3], site frame, m, lies below the ground or inside a rock."""
         point = np.asarray(eye, dtype=np.float64)
         hit = self.cast(point[None], np.array([[0.0, 0.0, 1.0]]))
         if float(hit["tfar"][0]) < 1e30 and float(hit["Ng"][0, 2]) > 0:

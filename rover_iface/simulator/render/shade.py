@@ -20,7 +20,11 @@ I32 = npt.NDArray[np.int32]
 def window_rays(
     p: F64, left: float, top: float, width: int, height: int, origin: F64, origins: F32, directions: F32
 ) -> None:
-    """Fill float32 rays of a window of camera `p`, row by row, relative to the scene's `origin`."""
+    """Fill float32 rays of a window of camera `p` [26], row by row, relative to the scene's `origin` [3].
+
+    `origins`, m, and `directions` (unit) are [width height, 3], site axes; `p` is laid out as in
+    `rover_iface.cameras.kernels`.
+    """
     for j in range(height):
         for i in range(width):
             ox, oy, oz, dx, dy, dz = back_project_one(p, left + i, top + j)
@@ -50,7 +54,14 @@ def surface(
     shadow_origins: F32,
     shadow_index: I32,
 ) -> int:
-    """Fill points, normals and albedo of the hits; return how many shadow rays were written."""
+    """Fill points, normals and albedo of the hits; return how many shadow rays were written.
+
+    Of n rays with hits `tfar` (m), `prim` (triangle, -1 for none), `u` and `v` (barycentric) [n] are filled:
+    `points` and `normal` [n, 3], `base` (albedo) and `loose` (gravel) [n], and, of those that may see
+    the sun, `shadow_origins` [n, 3] and `shadow_index` [n]. `origins` and `directions` are [n, 3], `sun` [3]
+    is the unit direction to the sun; all in site axes, m. The mesh is `triangles` [m, 3] with `normals` [k,
+    3], `albedo` and `gravels` [k] of its vertices. `lift`, m, keeps a shadow ray off its own surface.
+    """
     count = 0
     for n in range(prim.shape[0]):
         if prim[n] < 0:
@@ -105,6 +116,11 @@ def radiance(
 
     `parameters`: soil slope, stone slope, stone mottle, extra light from the ground. Photometry is
     Lunar-Lambert (McEwen 1996), `limb` its weight.
+
+    Of n rays: `tfar` (m), `prim`, `base`, `loose`, `lit` and `out` [n], `directions`, `points` and `normal`
+    [n, 3], as `surface` fills them; site axes. `objects` [triangles] is the body of each, `materials`
+    [bodies]; `origin` [3], m, is that of the points, `sun` [3] the unit direction to the sun; `parameters`
+    [4].
     """
     soil_slope, stone_slope, mottle, bounce = parameters[0], parameters[1], parameters[2], parameters[3]
     level = math.sqrt(max(1e-9, sun[0] * sun[0] + sun[1] * sun[1]))
@@ -169,9 +185,12 @@ def expose(
     salt: int,
     out: npt.NDArray[np.uint16],
 ) -> None:
-    """Fill digital numbers of `light * gain` (1 fills the well) with shot and read noise.
+    """Fill digital numbers `out` [rows, columns] of `light * gain` (1 fills the well) with shot and read
+    noise.
 
-    Noise belongs to the pixel's place on the detector and to `salt`, so a window has the noise of the frame.
+    `light` is [rows, columns]; `full_well` and `read_noise` are in electrons, `levels` is the count of
+    numbers. Noise belongs to the pixel's place on the detector and to `salt`, so a window has the noise of
+    the frame.
     """
     for j in range(light.shape[0]):
         for i in range(light.shape[1]):
