@@ -77,7 +77,7 @@ class Transform:
         return Transform(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: ArrayLike) -> Array:
-        """Return points [..., 3] in the other frame."""
+        """Return points [..., 3], m, in the other frame."""
         moved: Array = np.asarray(points, dtype=float) @ self.rotation.T + self.translation
         return moved
 
@@ -87,7 +87,7 @@ class Transform:
         return turned
 
     def covariance(self, covariance: ArrayLike) -> Array:
-        """Return a covariance [3, 3] of a point expressed in the other frame."""
+        """Return a covariance [3, 3], m^2, of a point expressed in the other frame."""
         turned: Array = self.rotation @ np.asarray(covariance, dtype=float) @ self.rotation.T
         return turned
 
@@ -114,7 +114,7 @@ def rotation_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def rpy_of(rotation: ArrayLike) -> tuple[float, float, float]:
-    """Return roll, pitch, yaw of a rotation [3, 3], pitch in [-pi/2, pi/2]."""
+    """Return roll, pitch, yaw, rad, of a rotation [3, 3], pitch in [-pi/2, pi/2]."""
     r = np.asarray(rotation, dtype=float)
     pitch = math.asin(min(1.0, max(-1.0, -float(r[2, 0]))))
     if abs(r[2, 0]) > 1 - 1e-12:

@@ -23,7 +23,7 @@ def drive(
     terrain: Annotated[Path | None, typer.Option(help="terrain folder; generated if absent")] = None,
     seed: Annotated[int, typer.Option(help="of the terrain and of all errors")] = 1,
     rover: Annotated[str, typer.Option(help="rover profile")] = "k9",
-    rock_cover: Annotated[float, typer.Option(help="of the generated terrain")] = 0.07,
+    rock_cover: Annotated[float, typer.Option(help="share of the generated terrain under rocks")] = 0.07,
     softer: Annotated[float, typer.Option(help="factor on the slip of the soil")] = 1.0,
     out: Annotated[Path | None, typer.Option(help="PNG: hazard map beside the way over the ground")] = None,
 ) -> None:

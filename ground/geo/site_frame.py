@@ -98,7 +98,8 @@ class SiteFrame:
             transformer(crs, self.grid)
 
     def out(self, points: ArrayLike, name: str) -> Floats:
-        """Return site points [n, 2] in another reference: `site`, `lonlat` or a name.
+        """Return site points [n, 2], m, in another reference: `site`, `lonlat` (degrees) or a name (its
+        units).
 
         Raises
         ------

@@ -59,7 +59,7 @@ def terrain_glb(
     texture: Texture | None = None,
     extras: Mapping[str, object] | None = None,
 ) -> TerrainModel:
-    """Return heights [rows, columns], row 0 in the south, as a GLB of at most `most_triangles`.
+    """Return heights [rows, columns], m, row 0 in the south, as a GLB of at most `most_triangles`.
 
     Posts are thinned evenly, so far as it takes; the first and last rows and columns always stay. Where a
     height is not known there is a hole.

@@ -57,7 +57,7 @@ LP_TOLERANCE = 1e-6
 
 
 def least_time(mean: float, mu: float, sigma: float) -> float:
-    """Return inf over R of E[min(X, R)] / P(X <= R) for a log-normal X, rounded down."""
+    """Return inf over R of E[min(X, R)] / P(X <= R) for a log-normal X, rounded down; in the unit of X."""
     if mean <= 0.0 or sigma <= 0.0:
         return max(mean, 0.0)
     z = np.linspace(-8.0, 8.0, 8001)

@@ -17,7 +17,7 @@ SIMPLER = 1.02
 
 
 class Arrivals:
-    """Futures that come to a point: time, energy and tracks there, each of shape (count,)."""
+    """Futures that come to a point: time, s, energy, J, and tracks there, each of shape (count,)."""
 
     def __init__(self, time_s: Floats, energy_j: Floats, tracked: Ints) -> None:
         self.time_s, self.energy_j, self.tracked = time_s, energy_j, tracked
@@ -30,7 +30,7 @@ class Arrivals:
 
 
 def fitted_condition(model: Model, arrivals: Arrivals, gains: Floats, tracks: list[int]) -> Choice:
-    """Return the condition that collects most of `gains` (count,), and how much that is in sum.
+    """Return the condition that collects most of `gains` (count,), in utility, and how much that is in sum.
 
     `tracks` are the places whose track may be tested.
     """

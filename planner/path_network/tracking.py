@@ -49,7 +49,7 @@ def loss_exposure(
     Parameters
     ----------
     a, b
-        Ends of segments, shape (segments, 2).
+        Ends of segments, shape (segments, 2), site frame, m.
 
     Returns
     -------

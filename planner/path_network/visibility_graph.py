@@ -97,7 +97,7 @@ def build_visibility_graph(
     bounds_m: tuple[float, float, float, float] | None,
     most_corners: int,
 ) -> VisibilityGraph:
-    """Return the tangent graph of places (n, 2) and obstacles.
+    """Return the tangent graph of places (n, 2), site frame, m, and obstacles.
 
     With more than `most_corners` convex corners only near pairs are looked at.
     """

@@ -69,7 +69,7 @@ class Driving:
         return Pose(stand.x + float(by[0]), stand.y + float(by[1]), heading=stand.heading)
 
     def face(self, point: Array) -> Generator[Step, None, str]:
-        """Turn in place as far as it takes for the mast to look at a believed point (3,).
+        """Turn in place as far as it takes for the mast to look at a believed point (3,), site frame, m.
 
         Returns why it went wrong, or an empty string.
         """

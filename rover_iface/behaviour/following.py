@@ -30,7 +30,7 @@ class Eyes(Protocol):
     """What a tracker sees with."""
 
     def stereo(self, point: Array, *, track: str) -> Sighting:
-        """Look at a point (3,) of the believed site frame for the track of a target.
+        """Look at a point (3,), m, of the believed site frame for the track of a target.
 
         Raises
         ------

@@ -74,7 +74,8 @@ class MastCameras:
         return self.rig.point_at(rover_from_believed.apply(point), camera)
 
     def stereo(self, point: Array, camera: str = "navcam", *, track: str = "") -> Sighting:
-        """Point the mast at a believed point (3,) and take a stereo pair round it, for the track of a target.
+        """Point the mast at a point (3,), m, of the believed site frame and take a stereo pair round it, for
+        the track of a target.
 
         Raises
         ------
@@ -129,7 +130,7 @@ class MastCameras:
         return Sighting(view, left)
 
     def picture(self, point: Array, camera: str, size_px: int) -> Shot:
-        """Return a square picture with a believed point (3,) in its middle.
+        """Return a square picture with a point (3,), m, of the believed site frame in its middle.
 
         Raises
         ------

@@ -181,7 +181,10 @@ def project_one(p: Array, x: float, y: float, z: float) -> tuple[float, float, f
 
 @njit(cache=True, nogil=True)
 def jacobian_one(p: Array, x: float, y: float, z: float, out: Array) -> None:
-    """Fill `out` (2, 3) with d(sample, line)/d(point); NaN when the point is not in front."""
+    """Fill `out` (2, 3) with d(sample, line)/d(point); NaN when the point is not in front.
+
+    Pixels per metre, by a point in the frame of camera `p` (26,).
+    """
     u, v, _alpha = project_one(p, x, y, z)
     if math.isnan(u):
         out[:, :] = math.nan
@@ -239,7 +242,9 @@ def jacobian_one(p: Array, x: float, y: float, z: float, out: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def project_many(p: Array, points: Array, pixels: Array) -> None:
-    """Write the pixels [n, 2] of points [n, 3]; NaN where a point is not in front of the camera."""
+    """Write the pixels [n, 2] of points [n, 3], m, in the frame of camera `p` [26]; NaN where a point is not
+    in front of the camera.
+    """
     for i in range(points.shape[0]):
         u, v, _a = project_one(p, points[i, 0], points[i, 1], points[i, 2])
         pixels[i, 0] = u
@@ -248,7 +253,7 @@ def project_many(p: Array, points: Array, pixels: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def back_project_many(p: Array, pixels: Array, origins: Array, directions: Array) -> None:
-    """Write origins and unit directions [n, 3] of the rays of pixels [n, 2]."""
+    """Write origins, m, and unit directions [n, 3], frame of camera `p` [26], of rays of pixels [n, 2]."""
     for i in range(pixels.shape[0]):
         a, b, c, d, e, f = back_project_one(p, pixels[i, 0], pixels[i, 1])
         origins[i, 0], origins[i, 1], origins[i, 2] = a, b, c
@@ -257,14 +262,17 @@ def back_project_many(p: Array, pixels: Array, origins: Array, directions: Array
 
 @njit(cache=True, nogil=True)
 def jacobian_many(p: Array, points: Array, out: Array) -> None:
-    """Write the derivatives [n, 2, 3] of pixels by points [n, 3]."""
+    """Write the derivatives [n, 2, 3], px/m, of pixels by points [n, 3] in the frame of camera `p` [26]."""
     for i in range(points.shape[0]):
         jacobian_one(p, points[i, 0], points[i, 1], points[i, 2], out[i])
 
 
 @njit(cache=True, nogil=True)
 def warp_map(p_out: Array, p_in: Array, width: int, height: int, range_m: float, map_xy: Array) -> None:
-    """Fill `map_xy` (height, width, 2) with the pixel of camera `p_in` seen by each pixel of `p_out`."""
+    """Fill `map_xy` (height, width, 2) with the pixel of camera `p_in` seen by each pixel of `p_out`.
+
+    `p_out` and `p_in` (26,) are in one frame; what they see lies at `range_m`.
+    """
     for j in range(height):
         for i in range(width):
             ox, oy, oz, dx, dy, dz = back_project_one(p_out, float(i), float(j))

@@ -121,7 +121,7 @@ class CameraModel:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Return (width, height)."""
+        """Return (width, height), px."""
         return self.width, self.height
 
     @property
@@ -155,7 +155,9 @@ class CameraModel:
         return (self.H - self.hc * self.A) / self.hs
 
     def project(self, points: npt.ArrayLike) -> Array:
-        """Return pixels (..., 2) as (sample, line) of points (..., 3); NaN for points not in front."""
+        """Return pixels (..., 2) as (sample, line) of points (..., 3), m, in the camera's frame; NaN for
+        points not in front.
+        """
         from rover_iface.cameras import kernels
 
         array = np.asarray(points, dtype=np.float64)
@@ -167,7 +169,7 @@ class CameraModel:
         return pixels.reshape(*array.shape[:-1], 2)
 
     def back_project(self, pixels: npt.ArrayLike) -> tuple[Array, Array]:
-        """Return ray origins and unit directions, each (..., 3), of pixels (..., 2) as (sample, line)."""
+        """Return ray origins, m, and unit directions, each (..., 3), of pixels (..., 2) as (sample, line)."""
         from rover_iface.cameras import kernels
 
         array = np.asarray(pixels, dtype=np.float64)
@@ -191,7 +193,9 @@ class CameraModel:
         return out.reshape(*array.shape[:-1], 2, 3)
 
     def sees(self, points: npt.ArrayLike, margin_px: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Return which points (..., 3) fall inside the frame, `margin_px` from its edge."""
+        """Return which points (..., 3), m, in the camera's frame, fall inside the frame, `margin_px` from its
+        edge.
+        """
         pixels = self.project(points)
         low, x_high, y_high = margin_px - 0.5, self.width - 0.5 - margin_px, self.height - 0.5 - margin_px
         with np.errstate(invalid="ignore"):
@@ -199,7 +203,9 @@ class CameraModel:
             return np.asarray(inside & (pixels[..., 1] >= low) & (pixels[..., 1] < y_high))
 
     def moved(self, rotation: npt.ArrayLike, translation: npt.ArrayLike) -> CameraModel:
-        """Return the camera in another frame: points there are rotation @ points here + translation."""
+        """Return the camera in another frame: points there are rotation (3, 3) @ points here + translation
+        (3,), m.
+        """
         r = np.asarray(rotation, dtype=np.float64)
         if r.shape != (3, 3) or not np.allclose(r @ r.T, np.eye(3), atol=1e-6):
             raise CameraError("rotation of a camera must be an orthogonal 3 x 3 matrix")

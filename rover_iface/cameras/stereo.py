@@ -81,7 +81,8 @@ def triangulate(
     *,
     sigma_px: float = 0.5,
 ) -> tuple[Array, Array]:
-    """Return points (..., 3) and covariances (..., 3, 3) that best explain pixels (..., 2) in both cameras.
+    """Return points (..., 3), m, and covariances (..., 3, 3), m^2, in the cameras' frame, that best explain
+    pixels (..., 2) in both cameras.
 
     Least squares over the four coordinates by Gauss and Newton from the middle of the shortest line between
     the rays; NaN where the rays do not meet in front of the cameras.

@@ -15,7 +15,7 @@ STEPS = 3
 
 @njit(cache=True, nogil=True)
 def invert_symmetric(m: Array, out: Array) -> bool:
-    """Fill `out` (3, 3) with the inverse of a symmetric matrix; False where there is none."""
+    """Fill `out` (3, 3) with the inverse of a symmetric matrix (3, 3); False where there is none."""
     a, b, c, d, e, f = m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]
     xx, xy, xz = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * xx + b * xy + c * xz
@@ -32,7 +32,7 @@ def invert_symmetric(m: Array, out: Array) -> bool:
 def triangulate_many(
     p_left: Array, p_right: Array, left_px: Array, right_px: Array, points: Array, inverses: Array
 ) -> None:
-    """Fill points (n, 3) and inverse normal matrices (n, 3, 3) of pixels (n, 2) in two images.
+    """Fill points (n, 3), m, and inverse normal matrices (n, 3, 3), m^2/px^2, of pixels (n, 2) in two images.
 
     Least squares over the four coordinates, `STEPS` times Gauss and Newton from the middle of the shortest
     line between the rays; NaN where the rays do not meet in front of the cameras.
@@ -92,6 +92,8 @@ def plane_normal(p: Array, x: float, y: float, plane: Array, out: Array) -> None
     """Fill `out` (3,) with the unit normal, towards the camera, of a patch round a pixel.
 
     The inverse range of the patch is plane[0] + plane[1:] . (pixel - (x, y)).
+
+    `plane` (3,) is in 1/m and 1/m per pixel; the normal is in the frame of camera `p` (26,).
     """
     corner = np.empty((3, 3))
     sx, sy, sz = 0.0, 0.0, 0.0

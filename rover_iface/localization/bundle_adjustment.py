@@ -57,7 +57,7 @@ class StereoRig:
         return StereoRig(left, right, (one, two), pose, one.hs, (one.hc, one.vc), base)
 
     def measured(self, left_px: npt.ArrayLike, right_px: npt.ArrayLike) -> Array:
-        """Return (u left, u right, v) [n, 3] in the aligned pair of pixels [n, 2] of the real images."""
+        """Return (u left, u right, v) [n, 3], px, in the aligned pair of pixels [n, 2] of the real images."""
         pair = []
         for camera, to, pixels in zip(
             (self.left, self.right), self.aligned, (left_px, right_px), strict=True
@@ -127,7 +127,9 @@ class BundleAdjustment:
     # ---- what is adjusted
 
     def add_pose(self, key: Hashable, guess: Transform, *, covariance: npt.ArrayLike | None = None) -> None:
-        """Add a pose at a guess; a covariance [6, 6] holds it there (the first pose needs one)."""
+        """Add a pose at a guess; a covariance [6, 6] (turn, rad, before shift, m, in the axes of the pose)
+        holds it there (the first pose needs one).
+        """
         import gtsam
 
         if key in self._pose_keys:
@@ -141,7 +143,7 @@ class BundleAdjustment:
             self._add(gtsam.PriorFactorPose3(number, _pose3(guess), noise), 6)
 
     def add_point(self, key: Hashable, guess: npt.ArrayLike) -> None:
-        """Add a point [3] of the site frame at a guess."""
+        """Add a point [3], m, of the site frame at a guess."""
         import gtsam
 
         if key in self._point_keys:
@@ -158,7 +160,9 @@ class BundleAdjustment:
     def add_motion(
         self, old: Hashable, new: Hashable, old_from_new: Transform, covariance: npt.ArrayLike
     ) -> None:
-        """Add a measured motion (wheels or visual odometry) with covariance [6, 6] in the axes of `new`."""
+        """Add a measured motion (wheels or visual odometry) with covariance [6, 6] in the axes of `new`:
+        turn, rad, before shift, m.
+        """
         import gtsam
 
         noise = gtsam.noiseModel.Gaussian.Covariance(_covariance(covariance, 6, f"motion {old!r} to {new!r}"))

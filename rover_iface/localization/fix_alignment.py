@@ -74,7 +74,7 @@ class FixAlignment:
     distances: Floats
 
     def apply(self, poses_m: Floats) -> Floats:
-        """Return points (n, 3) of the odometry frame in the site frame."""
+        """Return points (n, 3), m, of the odometry frame in the site frame."""
         return np.asarray(poses_m @ _turn(self.yaw_rad).T + self.shift_m)
 
 

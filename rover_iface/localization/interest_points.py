@@ -83,7 +83,10 @@ def interest_points(image: Image, options: InterestOptions | None = None) -> Arr
 
 
 def consistent_parallax(pixels: Array, parallax: Array, limit_px: float) -> npt.NDArray[np.bool_]:
-    """Return which parallaxes [n] fit those of their 8 neighbours in the image [n, 2]."""
+    """Return which parallaxes [n], px, fit those of their 8 neighbours in the image, at `pixels` [n, 2].
+
+    They fit within `limit_px` and three times the median of what the neighbours differ by.
+    """
     from scipy.spatial import cKDTree
 
     if len(pixels) < 9:
@@ -100,6 +103,8 @@ def match_interest_points(
     """Return pixels [n, 2] in the left image of an aligned pair and their disparities [n] (0 to `most_px`).
 
     Disparities are to a fraction of a pixel, by the parabola through the correlation's peak.
+
+    `left` and `right` are [rows, columns] of one size; `most_px` is the largest disparity looked for.
     """
     import cv2
 

@@ -195,7 +195,8 @@ class GroundOptions:
 def fit_ground(
     points: Array, *, side: float = 1.0, reach_m: float = 1.5, options: GroundOptions | None = None
 ) -> Ground:
-    """Return the ground under points [n, 3]: planes through low points, weighted by distance, rocks left out.
+    """Return the ground under points [n, 3], m, z up: planes through low points, weighted by distance, rocks
+    left out.
 
     Each cell of `side` metres stands with its lower points; a Gaussian of `reach_m` weighs the cells round a
     post, and cells above the plane lose weight.

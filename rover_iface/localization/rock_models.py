@@ -192,7 +192,11 @@ def best_rock_model(
     radius_m: tuple[float, float] | None = None,
     height_m: tuple[float, float] | None = None,
 ) -> RockModel:
-    """Return the rock of the family with the least RMS of heights; `SIMPLER_WITHIN` is the one exception.
+    """Return the rock of the family with the least RMS of heights (Li et al., eq. 1); `SIMPLER_WITHIN` is the
+    one exception.
+
+    Points [n, 3], m, in a frame whose z = 0 is the ground and whose z points up; the ranges of radius and
+    height bound the fit.
 
     Raises
     ------

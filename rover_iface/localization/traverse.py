@@ -141,7 +141,7 @@ def _heading(pose: Transform) -> float:
 
 
 def leg_prior(shift: Array, options: TraverseOptions) -> LegPrior:
-    """Return the prior of a leg whose believed shift is [3]."""
+    """Return the prior of a leg whose believed shift is [3], m, in the frame of its first stop."""
     length = max(float(np.hypot(*shift[:2])), 1.0)
     return LegPrior(
         float(shift[0]),

@@ -73,7 +73,7 @@ class HazardMap:
         self.updates = 0
 
     def update(self, clouds: list[Array], eye: ArrayLike) -> int:
-        """Merge point clouds [n, 3] seen from `eye` [3], all in the map's frame; return the points used.
+        """Merge point clouds [n, 3] seen from `eye` [3], all in the map's frame, m; return the points used.
 
         Notes
         -----
@@ -118,9 +118,11 @@ class HazardMap:
         sigma_m: float,
         parameters: RegistrationParameters | None = None,
     ) -> Correction:
-        """Return how clouds [n, 3] must be moved about `pivot` to fit what is mapped; the map stays as it is.
+        """Return how clouds [n, 3], seen from `eye` [3], must be moved about `pivot` (x, y) to fit what is
+        mapped; the map stays as it is.
 
-        `sigma_m` is one standard deviation of the rover's place on the map before.
+        All are in the map's frame, m; `sigma_m` is one standard deviation of the rover's place on the map
+        before.
         """
         p = self.parameters
         if not self.updates:

@@ -44,8 +44,10 @@ def cast_ranges(
     directions: Array,
     reach: float,
 ) -> Array:
-    """Return the distance [n] along unit directions [n, 3] to the surface, NaN where it is not met in
+    """Return the distance [n], m, along unit directions [n, 3] to the surface, NaN where it is not met in
     reach.
+
+    Rays leave `eye` [3]; `heights` [rows, columns] stand `spacing` apart; one frame, m.
     """
     count = directions.shape[0]
     ranges = np.full(count, np.nan)
@@ -87,6 +89,8 @@ def gather(
 ) -> int:
     """Add points [n, 3] with weights [n] to the cells' sums of weight, z and z^2; return how many fell
     inside.
+
+    Lengths in m: points and the grid [rows, columns], of side `cell`, are in one frame.
     """
     rows, columns = weight.shape
     used = 0
@@ -189,7 +193,11 @@ def assess(
 
 @njit(cache=True, nogil=True)
 def obstacle_distance(blocked: NDArray[np.bool_], cell: float) -> Array:
-    """Return the distance [rows, columns] to the nearest blocked cell, metres (chamfer 3-4, within 6 %)."""
+    """Return the distance [rows, columns] to the nearest cell that is `blocked` [rows, columns], metres.
+
+    Chamfer 3-4, within 6 % (Borgefors 1986); `cell` is the side of a cell, m. Infinite is told as a large
+    number.
+    """
     rows, columns = blocked.shape
     far = 1e9
     d = np.where(blocked, 0.0, far)
@@ -224,6 +232,8 @@ def obstacle_distance(blocked: NDArray[np.bool_], cell: float) -> Array:
 def cost_to_go(price: Array, cell: float, goal_row: int, goal_column: int) -> Array:
     """Return the least cost [rows, columns] to reach the goal over cells of `price` per metre (inf:
     closed).
+
+    Shortest paths over the 8 neighbours (Dijkstra 1959); `cell` is the side of a cell, m.
     """
     rows, columns = price.shape
     cost = np.full((rows, columns), np.inf)

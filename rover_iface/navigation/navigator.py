@@ -134,7 +134,7 @@ class Navigator:
         return Navigator(profile, HazardMap(profile, centre, size, map_parameters))
 
     def look(self, clouds: list[Array], eye: Array, believed: Pose) -> int:
-        """Merge clouds [n, 3] seen from `eye` [3], both in the rover frame; return the points used.
+        """Merge clouds [n, 3] seen from `eye` [3], both in the rover frame, m; return the points used.
 
         `believed` is where dead reckoning puts the rover. The look is fitted to the map first; `correction`
         says how well that went, `sigma_m` how sure the rover's place on the map is now.

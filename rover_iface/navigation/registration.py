@@ -91,7 +91,7 @@ def register(
     Parameters
     ----------
     heights, known
-        Map heights [rows, columns], row 0 south, and where they count.
+        Map heights [rows, columns], m, row 0 south, and where they count.
     fresh
         [n, 4]: column, row (fractions of cells), height and weight of the cells of the new look, at the pose
         that dead reckoning gives.

@@ -48,7 +48,9 @@ class Obstacles:
 
     @classmethod
     def of(cls, profile: RoverProfile, cloud: npt.ArrayLike, *, margin_m: float = 0.02) -> Obstacles:
-        """Return the obstacles of a rover before a cloud (n, 3), thinned to one point in 15 mm."""
+        """Return the obstacles of a rover before a cloud (n, 3), rover frame, m, thinned to one point in 15
+        mm.
+        """
         points = np.asarray(cloud, dtype=np.float64).reshape(-1, 3)
         points = points[np.isfinite(points).all(axis=1)]
         away = np.linalg.norm(points - np.array(profile.arm.shoulder_m), axis=1)

@@ -471,7 +471,7 @@ def _refusal(target: str, instrument: str, rules: Sequence[_Rule]) -> PlacementE
 
 
 def inside_polygon(x: Array, y: Array, polygon: ArrayLike) -> NDArray[np.bool_]:
-    """Return which points [n] lie in a polygon [k, 2], by the even-odd rule."""
+    """Return which points x, y [n] lie in a polygon [k, 2], all in one frame, by the even-odd rule."""
     corners = np.asarray(polygon, dtype=float)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
         raise PlacementError(f"a keep-out region needs at least three corners [k, 2], found {corners.shape}")

@@ -122,7 +122,7 @@ class SurfaceCloud:
         )
 
     def subset(self, keep: npt.NDArray[np.generic]) -> SurfaceCloud:
-        """Return the chosen points, by mask or index."""
+        """Return the chosen points; `keep` is a mask (n,) or indices (k,) of points."""
         pixels, intensity = (None if v is None else v[keep] for v in (self.pixels, self.intensity))
         return SurfaceCloud(
             self.points[keep],
@@ -188,6 +188,8 @@ def cloud_of_points(
 
     Points that are not finite are left out. Without `covariances` (..., 3, 3) every point errs by `sigma_m`
     in all directions.
+
+    All in one frame: `eye` (3,), m, is where the cameras stood, `up` a unit vector.
 
     Raises
     ------

@@ -165,7 +165,7 @@ class GroundSurface:
     post_m: float
 
     def height(self, along: Array) -> Array:
-        """Return heights over the plane at coordinates (n, 2) along it."""
+        """Return heights (n,) over the plane at coordinates (n, 2) along it, m."""
         columns, _ = self.posts.shape[1], self.posts.shape[0]
         index, share = _corners(along, self.low, self.post_m, self.posts.shape)
         flat = self.posts.ravel()

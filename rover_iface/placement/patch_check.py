@@ -106,6 +106,8 @@ class PatchCheck:
         same rock, by distance.
 
         Cells are `grid_m` wide within a quarter of the search radius, and `coarse` times that further off.
+
+        `at` and what comes back are points (3,), frame of the cloud, m.
         """
         cloud = self.cloud
         near = np.asarray(
@@ -120,8 +122,8 @@ class PatchCheck:
         return [at, *cloud.points[order]]
 
     def judge(self, point: Array) -> Judged:
-        """Return what the tool would stand on at a point (3,) near the surface, and every limit that it
-        breaks.
+        """Return what the tool would stand on at a point (3,) near the surface, in the frame of the cloud, m,
+        and every limit that it breaks.
 
         The point returned is the one on the fitted plane.
         """
@@ -147,7 +149,8 @@ class PatchCheck:
         )
 
     def sight(self, way: Array) -> tuple[Bools, Bools]:
-        """Return which places (n, 3) something hides from the camera, and which it sees to be free.
+        """Return which places (n, 3), frame of the cloud, m, something hides from the camera, and which it
+        sees to be free.
 
         Behind a rock that stands before a place may be more of that rock. Clouds without order or eye tell
         nothing; nor do pixels without stereo.
@@ -286,7 +289,9 @@ class PatchCheck:
         )
 
     def sound_points(self, at: Array, normal: Array) -> Array:
-        """Return the trusted points (n, 3) under a tool on `at` along `normal`."""
+        """Return the trusted points (n, 3) under a tool on `at` (3,) along the unit `normal` (3,); frame of
+        the cloud, m.
+        """
         window = self._window(at, self._ball)
         ball = kernels.in_ball(window.cloud.points, at, self._ball)
         ball = ball[window.trusted[ball]]
@@ -294,7 +299,9 @@ class PatchCheck:
         return window.cloud.points[ball[(across < self._near) & (height < self._above)]]
 
     def hole_m(self, points: Array, at: Array, normal: Array) -> float:
-        """Return the diameter of the largest circle under the tool without any of the points (n, 3)."""
+        """Return the diameter of the largest circle under the tool without any of the points (n, 3), m; `at`
+        and the unit `normal` are (3,).
+        """
         return self._gaps(points, at, normal, self._near, 0.0)[1]
 
     def _strain(self, m: PatchMeasures) -> float:

@@ -29,7 +29,7 @@ def _across(normal: Floats) -> tuple[Floats, Floats]:
 
 @numba.njit(cache=True, nogil=True)
 def in_ball(points: Floats, at: Floats, radius: float) -> Ints:
-    """Return the indices of the points (n, 3) nearer to `at` (3,) than `radius`."""
+    """Return the indices of the points (n, 3), m, nearer to `at` (3,) than `radius`."""
     found = np.empty(len(points), np.int64)
     count = 0
     for i in range(len(points)):
@@ -42,8 +42,10 @@ def in_ball(points: Floats, at: Floats, radius: float) -> Ints:
 
 @numba.njit(cache=True, nogil=True)
 def fit_plane(points: Floats, weight: Floats, outward: Floats) -> tuple[Floats, Floats]:
-    """Return a point and the outward unit normal of the plane through points (n, 3), wrong matches left
+    """Return a point and the outward unit normal of the plane through points (n, 3), m, wrong matches left
     out.
+
+    `weight` (n,); `outward` (3,) tells the side of the normal.
     """
     n = len(points)
     use = np.ones(n, np.bool_)
@@ -86,7 +88,9 @@ def fit_plane(points: Floats, weight: Floats, outward: Floats) -> tuple[Floats, 
 
 @numba.njit(cache=True, nogil=True)
 def across_and_height(points: Floats, at: Floats, normal: Floats) -> tuple[Floats, Floats]:
-    """Return for points (n, 3) the distance from the axis through `at` along `normal`, and the height."""
+    """Return for points (n, 3) the distance (n,) from the axis through `at` along the unit `normal`, and the
+    height (n,) over the plane there; all in one frame, m.
+    """
     across, height = np.empty(len(points)), np.empty(len(points))
     for i in range(len(points)):
         up, square = 0.0, 0.0
@@ -114,6 +118,8 @@ def covered(points: Floats, hides: Bools, at: Floats, normal: Floats, cell: floa
 
     A point is covered if one of its cell that `hides` (n,), of a raster across the normal round `at` (3,),
     lies `depth` higher. What lies beside a step must not: stereo draws it over the edge.
+
+    All lengths in m, points and directions in one frame; `cell` is the side of a cell of that raster.
     """
     first, second = _across(normal)
     u, v, h = np.empty(len(points)), np.empty(len(points)), np.empty(len(points))
@@ -182,7 +188,10 @@ def obstruction(
 
 @numba.njit(cache=True, nogil=True)
 def median_sigma(covariances: Floats, index: Ints, normal: Floats) -> float:
-    """Return the median deviation along `normal` of the chosen points, covariances (n, 3, 3)."""
+    """Return the median deviation, m, along the unit `normal` (3,) of the chosen points.
+
+    `covariances` (n, 3, 3), m^2, of which `index` (k,) chooses.
+    """
     sigma = np.empty(len(index))
     for j in range(len(index)):
         value = 0.0

@@ -39,7 +39,7 @@ def room_to_stand(
     point
         Target (3,), site metres.
     x, y, heading, standing
-        Poses (n,) and how the rover stands on them.
+        Poses (n,), site metres and rad, and how the rover stands on them.
     """
     body = profile.body
     along = np.arange(-body.length_m / 2 - MARGIN_M, body.length_m / 2 + MARGIN_M + 1e-6, _SPACING_M)

@@ -16,7 +16,8 @@ Ints = npt.NDArray[np.int64]
 def mean_field(odds: Floats, starts: Ints, others: Ints, pull: Floats, chance: Floats, sweeps: int) -> None:
     """Update the chances (n,) of being rock in place, `sweeps` times there and back.
 
-    The neighbours of point i are `others[starts[i]:starts[i + 1]]` with weights `pull`.
+    The mean field of a Potts model. `odds` (n,) are log odds of each point by itself; the neighbours of point
+    i are `others[starts[i]:starts[i + 1]]`, with weights `pull`: `starts` (n + 1,), `others` and `pull` (m,).
     """
     n = len(odds)
     for sweep in range(2 * sweeps):
@@ -41,6 +42,8 @@ def part_at_saddles(
 
     Where two summits meet, they stay apart if the lower one stands at least `deep` (n,) of its own over the
     saddle; otherwise it joins the higher one. Points not in `order` keep -1.
+
+    `height` (n,) and `deep` are in m; neighbours as in `mean_field`.
     """
     parent = np.arange(len(height))
     for i in range(len(height)):

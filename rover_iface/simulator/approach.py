@@ -55,7 +55,7 @@ def approach(
     options: ApproachOptions | None = None,
     pair: tuple[str, str] = ("navcam_left", "navcam_right"),
 ) -> list[ApproachStop]:
-    """Return the stops of a straight approach from `start` to `target` (3,), a surface point of the site.
+    """Return the stops of a straight approach from `start` to `target` (3,), a surface point of the site, m.
 
     The rover drives by odometry with the error of `options` and knows only what the tracker tells it; the
     run ends at the last range or when the target has failed.

@@ -97,7 +97,11 @@ def press(scene: Scene, profile: ArmFigures, at_standoff: Transform) -> Touch:
 
 
 def over(point: Array, normal: Array, standoff_m: float) -> Transform:
-    """Return the pose of a tool (axis x) at its stand-off over a surface point, against its normal (3,)."""
+    """Return the pose of a tool (axis x) at its stand-off over a surface point (3,), against its unit normal
+    (3,).
+
+    Site frame, m.
+    """
     axis = -np.asarray(normal, dtype=np.float64) / np.linalg.norm(normal)
     side = np.cross(axis, (0.0, 0.0, 1.0) if abs(axis[2]) < 0.9 else (1.0, 0.0, 0.0))
     side /= np.linalg.norm(side)
@@ -108,6 +112,8 @@ def links_hit(scene: Scene, arm: Arm, site_from_rover: Transform, joints: npt.Ar
     """Return which link meets the true ground in postures (n, 5), or an empty string.
 
     Six lines along the outside of each link and its middle line are cast.
+
+    Joints in rad, in the order of `Arm`.
     """
     q = np.atleast_2d(np.asarray(joints, dtype=np.float64))
     places = np.asarray(site_from_rover.apply(arm.joint_places(q)), dtype=np.float64)

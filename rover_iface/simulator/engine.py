@@ -142,7 +142,7 @@ class SimulatedRover:
 
     @property
     def now_ms(self) -> int:
-        """Return the virtual clock."""
+        """Return the virtual clock, ms."""
         return self._now
 
     @property

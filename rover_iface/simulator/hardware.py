@@ -288,7 +288,7 @@ def designated(body: Body, bias: Array, point: Array, camera: str = "navcam_left
 
 
 def imager_over(point: Array, normal: Array, distance_m: float = 0.11, field_m: float = 0.05) -> CameraModel:
-    """Return the camera of a microscopic imager over a point (3,), looking against the normal (3,), site
+    """Return the camera of a microscopic imager over a point (3,), m, looking against the normal (3,), site
     frame.
     """
     away = np.asarray(normal, dtype=float)

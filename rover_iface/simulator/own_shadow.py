@@ -40,8 +40,7 @@ class OwnShadow:
     def hides(self, points: npt.NDArray[np.float32], origin: Array, to_sun: Array) -> npt.NDArray[np.bool_]:
         """Return which points (n, 3) lie in its shadow for light from `to_sun` (3,), site frame.
 
-        The points are counted from `origin` (3,).
-        Only rays that pass the ball round the rover are cast.
+        The points, m, are counted from `origin` (3,). Only rays that pass the ball round the rover are cast.
         """
         from rover_iface.simulator.shadow_kernels import rays_past_ball
 

@@ -15,7 +15,9 @@ def rays_past_ball(
     radius: float,
     near: npt.NDArray[np.bool_],
 ) -> None:
-    """Fill which rays from starts (n, 3) along a unit vector `way` come within `radius` of a point ahead."""
+    """Fill which rays from starts (n, 3) along a unit vector `way` come within `radius` of `middle` (3,)
+    ahead; one frame, m.
+    """
     for n in range(len(starts)):
         x, y, z = middle[0] - starts[n, 0], middle[1] - starts[n, 1], middle[2] - starts[n, 2]
         along = x * way[0] + y * way[1] + z * way[2]

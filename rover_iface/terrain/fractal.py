@@ -60,7 +60,10 @@ class Field:
         self._last: list[tuple[tuple[float, float, int, float, float, int], Array]] = []
 
     def at(self, xs: Array, ys: Array) -> Array:
-        """Return values [len(ys), len(xs)] on a regular raster; the last two rasters are remembered."""
+        """Return values [len(ys), len(xs)] on a regular raster; the last two rasters are remembered.
+
+        `xs` and `ys` are site coordinates, m, evenly spaced.
+        """
         key = (float(xs[0]), float(xs[-1]), len(xs), float(ys[0]), float(ys[-1]), len(ys))
         for known, values in self._last:
             if known == key:

@@ -82,7 +82,10 @@ class HeightLayer:
         )
 
     def covers(self, x: Array, y: Array) -> NDArray[np.bool_]:
-        """Return where points lie inside the raster and heights are known; shape of x."""
+        """Return where points lie inside the raster and heights are known; shape of x.
+
+        `x` and `y` [...] are site coordinates, m.
+        """
         west, south, east, north = self.bounds
         within = (x >= west) & (x <= east) & (y >= south) & (y <= north)
         if self._has_holes:
@@ -95,7 +98,10 @@ class HeightLayer:
         return not bool(np.isfinite(self.heights).all())
 
     def sample(self, x: Array, y: Array, *, ground: bool = False) -> Array:
-        """Return bilinear heights at points; the outer half cell continues its post; no test for inside."""
+        """Return bilinear heights at points; the outer half cell continues its post; no test for inside.
+
+        `x`, `y` and the heights [...] are in m, site frame.
+        """
         data = self.ground if ground and self.ground is not None else self.heights
         rows, columns = data.shape
         c = np.clip((x - self.west) / self.spacing, 0.0, columns - 1.0)
@@ -135,7 +141,9 @@ class Ortho:
         return (self.bounds[2] - self.bounds[0]) / self.rgb.shape[1]
 
     def colour(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.uint8]:
-        """Return the colour [..., 3] of the pixels that hold the points, nearest inside the image."""
+        """Return the colour [..., 3] of the pixels that hold the points `x`, `y` [...], site metres, nearest
+        inside the image.
+        """
         west, south, east, north = self.bounds
         rows, columns = self.rgb.shape[:2]
         c = ((np.asarray(x, dtype=float) - west) / (east - west) * columns).astype(np.int64)

@@ -176,7 +176,7 @@ class Landscape:
         return distance * cell_m, label
 
     def ground(self, xs: Array, ys: Array) -> Array:
-        """Return heights without rocks on the raster [len(ys), len(xs)]."""
+        """Return heights, m, without rocks on the raster [len(ys), len(xs)]."""
         recipe = self.recipe
         # The same roughness whatever the size: a fractal of this slope grows by size^0.8.
         h = recipe.relief_m * 0.5 * (recipe.size_m / 128.0) ** 0.8 * self.relief.at(xs, ys)

@@ -18,6 +18,8 @@ def drape_triangles(
     """Raise posts of `heights` [rows, columns] to the triangles above them, in place.
 
     vertices [bodies, n, 3]; triangles [m, 3] are shared by all bodies.
+
+    Lengths in m; `west` and `south` are the first post.
     """
     rows, columns = heights.shape
     for body in range(vertices.shape[0]):
@@ -53,6 +55,8 @@ def cast_shadow(
 
     (`east`, `north`) is the unit direction to the sun on the map, `rise` the tangent of its height. The edge
     is soft over a post of height difference.
+
+    `heights` [rows, columns], row 0 south, stand `spacing` apart, m.
     """
     rows, columns = heights.shape
     light = np.ones((rows, columns))
@@ -95,7 +99,8 @@ def _scramble(i: int, j: int, salt: int) -> float:
 
 @njit(cache=True, nogil=True)
 def cell_borders(x: Array, y: Array, where: NDArray[np.bool_], seed: int) -> tuple[Array, Array]:
-    """Return distance to the border of Worley cells of size 1 and a number in [0, 1) per cell, where asked.
+    """Return distance to the border of Worley cells (Worley 1996) of size 1 and a number in [0, 1) per cell,
+    where asked.
 
     x, y, where [rows, columns]; elsewhere the distance is 1 and the number 0.5.
     """

@@ -216,8 +216,8 @@ def raise_rocks(
     *,
     detail: int | None = None,
 ) -> Array:
-    """Return heights [rows, columns] (row 0 south) with rocks put on: the higher of ground and rock at each
-    post.
+    """Return heights [rows, columns], m (row 0 south), with rocks put on: the higher of ground and rock at
+    each post.
     """
     from rover_iface.terrain.raster import drape_triangles
 

@@ -53,7 +53,7 @@ def add_rocks(
     keep_clear: Sequence[tuple[float, float, float]] = (),
     prefix: str = "S",
 ) -> Terrain:
-    """Return the terrain with rocks at places and of diameters [n, 3], as in `strew_rocks`."""
+    """Return the terrain with rocks at places and of diameters [n, 3], m, site frame, as in `strew_rocks`."""
     rng = stream("shapes of rocks", seed)
     numbers = rng.random((len(table), 5))
     seeds = rng.integers(0, 2**31 - 1, len(table))

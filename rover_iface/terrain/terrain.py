@@ -91,7 +91,7 @@ class Terrain:
     # ---- heights and shape
 
     def height(self, x: ArrayLike, y: ArrayLike, *, ground: bool = False) -> Array:
-        """Return heights at points, NaN outside; `ground` leaves the rocks away where they are known."""
+        """Return heights, m, at points, NaN outside; `ground` leaves the rocks away where they are known."""
         x, y = _pair(x, y)
         value = np.full(x.shape, np.nan)
         for layer in self.layers:
@@ -179,7 +179,8 @@ class Terrain:
     def line_of_sight(
         self, eye: ArrayLike, target: ArrayLike, *, clearance_m: float = 0.02, end_gap_m: float = 0.15
     ) -> NDArray[np.bool_]:
-        """Return whether the straight line from `eye` [..., 3] to `target` [..., 3] stays above the ground.
+        """Return whether the straight line from `eye` [..., 3] to `target` [..., 3], site frame, m, stays
+        above the ground.
 
         The last `end_gap_m` before the target is not tested: a target lies on the surface it is picked from.
         """
@@ -197,7 +198,9 @@ class Terrain:
         return clear
 
     def intersect_ray(self, eye: ArrayLike, direction: ArrayLike, max_range_m: float = 100.0) -> Array | None:
-        """Return the first point [3] where a ray from `eye` [3] meets the surface, or None."""
+        """Return the first point [3] where a ray from `eye` [3] along `direction` [3], site frame, m, meets
+        the surface, or None.
+        """
         start = np.asarray(eye, dtype=float)
         way = np.asarray(direction, dtype=float)
         way = way / np.linalg.norm(way)

@@ -185,7 +185,7 @@ def find_draped(
 
 
 def on_plane(camera: CameraModel, pixel: Array, patch: PointMatch) -> Array | None:
-    """Return where the ray of a pixel meets the plane of a patch (3,), None where they hardly do."""
+    """Return where, m, the ray of a pixel (2,) meets the plane of a patch (3,), None where they hardly do."""
     origin, ray = camera.back_project(pixel)
     down = float(ray @ patch.normal)
     if abs(down) < 0.1:

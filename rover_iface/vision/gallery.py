@@ -58,7 +58,11 @@ class Gallery:
             self.views.remove(worst)
 
     def best(self, camera: CameraModel, point: Array, normal: Array) -> list[Kept]:
-        """Return the views that a camera's picture of a point (3,) can be compared with, the best first."""
+        """Return the views that a camera's picture of a point (3,) can be compared with, the best first.
+
+        The point, m, and its outward unit `normal` (3,) are in the frame of the cameras. The best view is the
+        one whose match would leave the least variance of the point.
+        """
         ranked: list[tuple[float, int, Kept]] = []
         away = float(np.linalg.norm(camera.C - point))
         for kept in self.views:

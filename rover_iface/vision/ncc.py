@@ -121,7 +121,10 @@ class NccTracker:
         *,
         pixel: npt.ArrayLike | None = None,
     ) -> TrackUpdate:
-        """Begin to follow a surface point, given as position (3,) or as pixel (2,) of the left image."""
+        """Begin to follow a surface point, given as position (3,) or as pixel (2,) of the left image.
+
+        Position in the frame of the view's cameras, m; pixels as (sample, line).
+        """
         if target in self._targets:
             raise TrackerError(f'target "{target}" is followed already; clear it first')
         if pixel is None:

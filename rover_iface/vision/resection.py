@@ -22,10 +22,13 @@ def resect(
 ) -> tuple[Motion, Mask] | None:
     """Return the motion that brings points to where the camera shows them, and which agree; None below four.
 
+    Guesses are P3P solutions as OpenCV finds them; the refit is that of `sift_motion.settle`.
+
     Parameters
     ----------
     points, unit
-        (n, 3), m, and their covariance (n, 3, 3), m^2, for one pixel of error of what ranged them.
+        (n, 3), m, in the frame of `camera`, and their covariance (n, 3, 3), m^2, for one pixel of error of
+        what ranged them.
     pixels
         (n, 2) where the image shows them.
     camera

@@ -56,9 +56,9 @@ class SeenRelief:
         Parameters
         ----------
         point
-            (3,), frame of `camera`: the middle of the picture.
+            (3,), m, frame of `camera`: the middle of the picture.
         moved
-            (3,), added to the points of this view: by how much the frame has been corrected since.
+            (3,), m, added to the points of this view: by how much the frame has been corrected since.
         """
         import cv2
 

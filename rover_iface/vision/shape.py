@@ -70,7 +70,7 @@ def register(
     target: npt.ArrayLike,
     options: ShapeOptions | None = None,
 ) -> Registration:
-    """Return how `model` lies on `scene`, from a first guess, tested round `target` (3,) of the model.
+    """Return how `model` lies on `scene`, from a first guess, tested round `target` (3,), m, of the model.
 
     Too few points is a registration that is not accepted, with the guess as its motion.
     """

@@ -143,7 +143,8 @@ def register_views(
     shape: ShapeOptions | None = None,
     options: DrapeOptions | None = None,
 ) -> Registration:
-    """Return how `model` lies on `scene`, from a first guess, by patches round `target` (3,) of the model.
+    """Return how `model` lies on `scene`, from a first guess, by patches round `target` (3,), m, of the
+    model.
 
     Both pairs must range rightly: the patches are seen in all four images. Where fewer than `least_agree` of
     them agree the surfaces alone tell, with their tests. In a registration by patches `overlap` is the share

@@ -72,6 +72,9 @@ def deviations(
 
     `out` (n,) gets the signed deviations, NaN where the sensor knows no depth. A point without one counts as
     the cap: leaving the overlap must not pay.
+
+    `points` (n, 3) and `shift` (3,), m; `rotation` (3, 3); `depth` (rows, columns), m; `focal` in px,
+    `limit`, the cap, in m. Deans, Kunz, Sargent and others 2005.
     """
     rows, columns = depth.shape
     cx, cy = (columns - 1) / 2.0, (rows - 1) / 2.0

@@ -92,6 +92,8 @@ class CombinedTracker:
 
         `narrow` is the same point as a narrow pair sees it from here: it ranges better, and is what `recall`
         goes back to.
+
+        Position in the frame of the view's cameras, m; pixels as (sample, line).
         """
         known = None if narrow is None else narrow.known
         update = self.features.start(target, position, view, pixel=pixel, known=known)

@@ -184,6 +184,8 @@ class SiftTracker:
 
         `pixels` gives the point in both images where stereo has been done already. `known` is its distance
         from the left camera where something ranges better than the pair (method `shipped`).
+
+        Position in the frame of the view's cameras, m; pixels as (sample, line).
         """
         if target in self._targets:
             raise TrackerError(f'target "{target}" is followed already; clear it first')

@@ -105,7 +105,7 @@ class Looks:
         given: Array | None,
         known: KnownRange | None = None,
     ) -> tuple[Array, Array, Anchor]:
-        """Return position, covariance and anchor of the surface under a pixel.
+        """Return position (3,), m, covariance (3, 3), m^2, and anchor of the surface under a pixel (2,).
 
         A range that is `known` better from elsewhere moves the position along the line of sight.
 

@@ -95,7 +95,8 @@ def match_moved(
 
 
 def detect(image: Image, count: int, cells: int = 6) -> tuple[Array, Descriptors]:
-    """Return pixels (n, 2) and descriptors (n, 128) of the strongest features of an image.
+    """Return pixels (n, 2) and descriptors (n, 128) of the strongest features of an image (rows, columns) by
+    SIFT (Lowe 2004).
 
     Strongest within each of `cells` x `cells` parts of the image, so that one garish thing in view does not
     take the places of all the rest.

@@ -60,7 +60,7 @@ class Motion:
     doubtful: bool = False
 
     def at(self, position: Array, covariance: Array) -> tuple[Array, Array]:
-        """Return a point and its covariance (3, 3) after the motion."""
+        """Return a point (3,), m, and its covariance (3, 3), m^2, after the motion."""
         moved = np.asarray(self.new_from_old.apply(position), dtype=np.float64)
         jacobian = np.hstack((-cross(np.asarray(moved - self.centre)), np.eye(3)))
         grown = jacobian @ self.covariance @ jacobian.T
@@ -68,7 +68,8 @@ class Motion:
 
 
 def horn(p: Array, q: Array) -> Transform | None:
-    """Return the rigid motion that brings points p (n, 3) nearest to q, or None for degenerate ones.
+    """Return the rigid motion that brings points p (n, 3), m, nearest to q (n, 3), or None for degenerate
+    ones.
 
     Horn 1987 by way of the singular value decomposition.
     """
@@ -166,9 +167,9 @@ def settle(
     Parameters
     ----------
     p, unit
-        (n, 3) points before the motion and their covariance (n, 3, 3) for one pixel of error.
+        (n, 3), m, points before the motion and their covariance (n, 3, 3) for one pixel of error.
     seen
-        (n, 2 k) where the k cameras show them after it.
+        (n, 2 k), px, where the k cameras show them after it.
     best
         (n,) the consensus to begin with.
     """
@@ -242,6 +243,9 @@ def find_motion_published(
     """Return the motion as published: consensus within `tau_m`, Horn's fit, covariance by bootstrap.
 
     `pairs` [n, 2] are indices of matched features, old and new.
+
+    Deans, Kunz, Sargent and others 2005; `tau_m` is 3 cm there, `draws` 100. `sets` is the count of bootstrap
+    samples.
     """
     if len(pairs) < 4:
         return None
@@ -364,12 +368,12 @@ def _bootstrap(
 
 
 def cross(v: Array) -> Array:
-    """Return the matrix (3, 3) of the vector product with v."""
+    """Return the matrix (3, 3) of the vector product with v (3,)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def small_rotation(turn: Array) -> Array:
-    """Return the rotation (3, 3) by a rotation vector, radians."""
+    """Return the rotation (3, 3) by a rotation vector (3,), radians."""
     angle = float(np.linalg.norm(turn))
     if angle < 1e-12:
         return np.eye(3) + cross(turn)

@@ -89,7 +89,7 @@ class Surface:
     noise_m: float = 0.0
 
     def near(self, centre: npt.ArrayLike, radius_m: float) -> Surface:
-        """Return the part within a radius."""
+        """Return the part within a radius, m, of `centre` (3,), in the frame of the surface."""
         keep = np.linalg.norm(self.points - np.asarray(centre), axis=1) < radius_m
         number = np.cumsum(keep) - 1
         whole = keep[self.triangles].all(axis=1)
@@ -147,7 +147,7 @@ class Sensor:
         return cls(sensor_from_site, focal, depth)
 
     def gaps(self, points: Array, motion: Transform, cap_m: float) -> Array:
-        """Return signed depth deviations (n,) of moved points, NaN where no depth is known."""
+        """Return signed depth deviations (n,), m, of moved points (n, 3), NaN where no depth is known."""
         out = np.empty(len(points))
         local = self.sensor_from_site * motion
         rotation, shift = (

@@ -324,6 +324,9 @@ class TemplateMatcher:
         """Move `at` to the best place within a few pixels; return the score and the covariance (2, 2), px^2.
 
         Where no place fits, `at` stays, and the covariance is that of the window.
+
+        `image` and `template` are [rows, columns]; `at` (2,) is a pixel of the image, `half` that of the
+        window, px.
         """
         from rover_iface.vision import patch
 
@@ -355,10 +358,10 @@ class TemplateMatcher:
     def surroundings(self, source: Template, view: StereoView, at: Array, point: Array) -> float | None:
         """Return how alike the wide surroundings of a match and of a template's spot are, -1 to 1.
 
-        `point` (3,) is the surface point of the match. Scale and roll alone are taken out at first: the
-        ground round a rock does not lie in the plane of its face. Where that leaves a doubt, the template's
-        view is seen through its own ranges from where the rover is now, and the better of both counts. None
-        where either reaches too far out of its picture.
+        `at` (2,), px, and `point` (3,), m, frame of the cameras, are the pixel and the surface point of the
+        match. Scale and roll alone are taken out at first: the ground round a rock does not lie in the plane
+        of its face. Where that leaves a doubt, the template's view is seen through its own ranges from where
+        the rover is now, and the better of both counts. None where either reaches too far out of its picture.
         """
         from rover_iface.vision import patch
 
@@ -470,7 +473,8 @@ def _coarse_to_fine(region: Image, core: Image, count: int = 8) -> list[tuple[in
 def grown_drift(
     source: Template, camera: CameraModel, point: Array, normal: Array, spread_px2: Array
 ) -> tuple[Array, Array]:
-    """Return drift (3, 3) and parallax (3, 2) of the point that a template of `source` was matched with.
+    """Return drift (3, 3), m^2, and parallax (3, 2), m, of the point (3,) that a template of `source` was
+    matched with.
 
     What the source had drifted, the covariance (2, 2), px^2, of the match itself, and parallax: what
     surrounds the spot led the match, and as the line of sight turns it moves against the spot by the
@@ -493,7 +497,11 @@ def parallax_px(source: Template, camera: CameraModel, point: Array) -> float:
 
 
 def on_plane(camera: CameraModel, point: Array, normal: Array, jacobian: Array) -> Array:
-    """Return how a point on a plane (facing the camera, if it is too steep) moves (3, 2) with its pixel."""
+    """Return how a point on a plane (facing the camera, if it is too steep) moves (3, 2) with its pixel.
+
+    In m/px; `point` and the unit `normal` (3,) are in the frame of `camera`, `jacobian` (2, 3) is that of
+    `point`, px/m.
+    """
     toward = camera.C - point
     toward = toward / np.linalg.norm(toward)
     if toward @ normal < 0.3:

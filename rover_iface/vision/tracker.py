@@ -98,6 +98,8 @@ class Tracker(Protocol):
     def start(self, target: str, position: npt.ArrayLike, view: StereoView) -> TrackUpdate:
         """Begin to follow the surface point at `position` (3,), which both images show.
 
+        Position in the frame of the view's cameras, m.
+
         Raises
         ------
         TrackerError

@@ -50,7 +50,7 @@ class Talk(Protocol):
         """There is a new line: nothing that was said on the one before counts."""
 
     def say(self, connection: Connection, now: float) -> None:
-        """Line up what is due at an instant of the monotonic clock."""
+        """Line up what is due at an instant of the monotonic clock, s."""
 
     def hear(self, message: Json) -> None: ...
 

@@ -115,7 +115,9 @@ def load_chain(session: Session, mission_id: str, choices: Mapping[str, str] | N
 
 
 def tie_outline(chain: Chain, frame_id: str, outline_m: Sequence[Sequence[float]]) -> Columns:
-    """Return frame, outline in the frame's axes (at the anchor's height 0) and deviation of an outline."""
+    """Return frame, outline in the frame's axes (at the anchor's height 0) and deviation of an outline [n,
+    2], all in m.
+    """
     import numpy as np
 
     from rover_iface.frames import NED_FROM_ENU

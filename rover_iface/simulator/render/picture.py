@@ -84,7 +84,7 @@ class Frame:
 
     @property
     def unit(self) -> npt.NDArray[np.float32]:
-        """Return the image as float32 in 0..1."""
+        """Return the image [rows, columns] as float32 in 0..1."""
         return (self.image / np.float32((1 << self.bits) - 1)).astype(np.float32)
 
     @property

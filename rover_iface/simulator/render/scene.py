@@ -133,7 +133,7 @@ class Scene:
         return len(self.triangles)
 
     def cast(self, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Hits:
-        """Return first hits of rays (n, 3), site frame: `tfar` (1e37: none), `primID`, `u`, `v`, `Ng`."""
+        """Return first hits of rays (n, 3), site frame, m: `tfar` (1e37: none), `primID`, `u`, `v`, `Ng`."""
         o = np.ascontiguousarray(np.asarray(origins, dtype=np.float64) - self.origin, dtype=np.float32)
         d = np.ascontiguousarray(directions, dtype=np.float32)
         return self._embree.run(o, d, query="INTERSECT", output=1)  # type: ignore[attr-defined]
@@ -152,7 +152,7 @@ class Scene:
         return np.asarray(hits >= 0)
 
     def ranges(self, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Array:
-        """Return distances (n,) along unit rays (n, 3) to the first surface, inf for none."""
+        """Return distances (n,), m, along unit rays (n, 3), site frame, to the first hit, inf for none."""
         d = np.asarray(directions, dtype=np.float64).reshape(-1, 3)
         o = np.broadcast_to(np.asarray(origins, dtype=np.float64), d.shape)
         far = self.cast(o, d)["tfar"].astype(np.float64)
@@ -161,7 +161,7 @@ class Scene:
     def sees(
         self, eye: npt.ArrayLike, points: npt.ArrayLike, tolerance_m: float = 0.02
     ) -> npt.NDArray[np.bool_]:
-        """Return which points (n, 3) nothing hides from `eye`."""
+        """Return which points (n, 3) nothing hides from `eye` (3,); site frame, m."""
         rays = np.asarray(points, dtype=np.float64).reshape(-1, 3) - np.asarray(eye, dtype=np.float64)
         distance = np.linalg.norm(rays, axis=1)
         return np.asarray(self.ranges(eye, rays / distance[:, None]) > distance - tolerance_m)
