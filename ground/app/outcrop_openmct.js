@@ -170,7 +170,7 @@
   }
 
   /** A plan tree in the form of Open MCT's plan: a group for the main line and one for each option. */
-  function planBody(tree, utc, endOfLast) {
+  function planBody(tree, utc, names) {
     const groups = {};
     const waiting = [["main line", tree.plan, 0]];
     while (waiting.length) {
@@ -183,8 +183,9 @@
           step.options.forEach((o, n) => waiting.push([o.id ?? `option ${n + 1}`, o.plan, starts[k]]));
           return;
         }
-        const end = k + 1 < starts.length ? starts[k + 1] : starts[k] + endOfLast(step);
-        const about = step.observation ?? step.target ?? step.to ?? "";
+        const end = k + 1 < starts.length ? starts[k + 1] : starts[k] + (names.duration_s.get(step.observation) ?? 1);
+        const place = step.target ?? step.to ?? "";
+        const about = [names.target.get(place) ?? place, names.instrument.get(step.observation)].filter(Boolean).join(", ");
         groups[group].push({
           id: `${group} ${k}`,
           name: `${step.op} ${about}`.trim(),
@@ -197,6 +198,16 @@
       });
     }
     return groups;
+  }
+
+  /** What people call the targets of a problem, and of each observation the instrument and how long it takes. */
+  function namesOf({ targets = [] }) {
+    const observations = targets.flatMap((target) => target.observations ?? []);
+    return {
+      target: new Map(targets.map(({ id, refs }) => [id, refs?.name ?? id])),
+      instrument: new Map(observations.map(({ id, instrument }) => [id, instrument])),
+      duration_s: new Map(observations.map(({ id, observe }) => [id, observe?.time_s?.mean])),
+    };
   }
 
   const median = ({ quantiles }) => quantiles.time_s[quantiles.p.indexOf(0.5)];
@@ -244,8 +255,7 @@
     async planObject(plan, utc, location) {
       const tree = await this.client.get(`/plans/${plan.id}/tree`);
       const { document } = await this.client.get(`/problems/${plan.problem_id}`);
-      const costs = new Map((document.observations ?? []).map((o) => [o.id, o.time_s?.mean]));
-      const body = planBody(tree, utc, (step) => costs.get(step.observation) ?? 1);
+      const body = planBody(tree, utc, namesOf(document));
       const name = plan.name || `Plan ${plan.number}`;
       return { name, type: "plan", location, selectFile: { body }, configuration: { clipActivityNames: true } };
     }

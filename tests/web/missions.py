@@ -17,12 +17,12 @@ TARGETS = [
 KEEP_OUT = [[6.0, 2.0], [9.0, 2.0], [9.0, 5.0], [6.0, 5.0]]
 
 
-def ask(server: Server, path: str, body: dict[str, Any] | None = None) -> Any:
-    """Ask the API as the planner."""
+def ask(server: Server, path: str, body: dict[str, Any] | None = None, *, wait_s: int = 60) -> Any:
+    """Ask the API as the planner; a job is waited for, but no longer than so."""
     request = Request(
         f"{server.address}/api/v1{path}",
         None if body is None else json.dumps(body).encode(),
-        {"X-Outcrop-Person": "Planner", "Content-Type": "application/json", "Prefer": "wait=60"},
+        {"X-Outcrop-Person": "Planner", "Content-Type": "application/json", "Prefer": f"wait={wait_s}"},
     )
     with urlopen(request, timeout=300) as answer:
         return json.load(answer)

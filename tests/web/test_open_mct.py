@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import statistics
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -66,7 +68,7 @@ def mission_control(server: Server) -> Iterator[tuple[Page, list[str]]]:
 
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page = browser.new_page(viewport={"width": 1200, "height": 600})
         page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.route("**/mct/**", serve)
@@ -117,11 +119,32 @@ def until(what: Callable[[], bool], seconds: float = 120.0) -> None:
         time.sleep(0.1)
 
 
+def browse(page: Page, server: Server, path: str) -> None:
+    """Go to an object and wait until Open MCT has written its view to the address: a click before is lost."""
+    page.goto(f"{server}/mission-control#/browse/{path}")
+    page.wait_for_url(lambda url: path in url and "view=" in url, timeout=60_000)
+
+
+def delays_s(written: Written, heard: dict[str, float], since: float) -> dict[str, float]:
+    """Return how long after it was written each line was on the page: infinity for one that never was.
+
+    What was written in the last seconds may be on its way still and is left out.
+    """
+    delays = {}
+    for what, at in dict(written.at).items():
+        if since < at < time.time() - MOST_BEHIND_S - written.longest_s - 1.0:
+            of_a_row = what.startswith("row") and what[4:]
+            seen = [t for key, t in heard.items() if key == what or (of_a_row and key.endswith(of_a_row))]
+            delays[what] = min(seen) / 1000 - at if seen else float("inf")
+    return delays
+
+
 def test_open_mct_shows_plan_states_and_energy_of_a_live_run_within_a_second(server: Server) -> None:
+    """A machine that is busy keeps page and test waiting: the limit grows by the test's own longest wait."""
     mission = small_mission(server, "Open MCT", targets=2)
     plan = make_plan(server, mission)
-    order = {"plan_id": plan, "live": True, "pace": 30.0}
-    run = str(ask(server, f"/missions/{mission}/runs", order)["subject_id"])
+    order = {"plan_id": plan, "live": True, "pace": 60.0}
+    run = str(ask(server, f"/missions/{mission}/runs", order, wait_s=0)["subject_id"])
     until(lambda: len(ask(server, f"/runs/{run}/telemetry")["t_s"]) > 0)
     (file,) = server.data.rglob(f"{run}/{LIVE}")
     written = Written(file)
@@ -129,46 +152,39 @@ def test_open_mct_shows_plan_states_and_energy_of_a_live_run_within_a_second(ser
     inside = f"{folder}/outcrop:run.{run}/outcrop:run.{run}"
     try:
         with mission_control(server) as (page, complaints):
-            page.goto(f"{server}/mission-control#/browse/{inside}.states")
+            browse(page, server, f"{inside}.states")
             expect(page.get_by_text("Activity states").first).to_be_visible(timeout=60_000)
             expect(page.get_by_text("in progress").first).to_be_visible(timeout=60_000)
             page.evaluate(LISTEN, run)
             since = time.time()
-            heard: dict[str, float] = {}
+            delays: dict[str, float] = {}
 
             def enough() -> bool:
-                heard.update(page.evaluate("window.heard"))
-                states = [
-                    k
-                    for k, at in dict(written.at).items()
-                    if k.startswith("row") and since < at < time.time() - 3
-                ]
-                return bool(states) and sum(k.startswith("energy") for k in heard) > 15
+                delays.update(delays_s(written, page.evaluate("window.heard"), since))
+                return any(what.startswith("row") for what in delays) and len(delays) > 100
 
             until(enough)
-            time.sleep(2.0)
-            heard.update(page.evaluate("window.heard"))
-            behind = {}
-            for what, at in dict(written.at).items():
-                if not since < at < time.time() - MOST_BEHIND_S - written.longest_s - 1.0:
-                    continue
-                seen = [
-                    t
-                    for key, t in heard.items()
-                    if key == what or (what[:3] == "row" and key.endswith(what[4:]))
-                ]
-                behind[what] = min(seen) / 1000 - at if seen else float("inf")
-            assert any(what.startswith("row") for what in behind)
-            assert max(behind.values()) <= MOST_BEHIND_S + written.longest_s, behind
+            worst, median = max(delays.values()), statistics.median(delays.values())
+            sys.stdout.write(
+                f"{len(delays)} values and states: median {median:.2f} s, worst {worst:.2f} s behind; "
+                f"the test itself waited {written.longest_s:.2f} s at most\n"
+            )
+            assert worst <= MOST_BEHIND_S + written.longest_s, delays
 
-            page.goto(f"{server}/mission-control#/browse/{inside}.energy")
+            browse(page, server, f"{inside}.energy")
             for name in ("Energy used", "Energy predicted, 5 %", "Energy predicted, 95 %"):
                 expect(page.get_by_text(name).first).to_be_visible(timeout=30_000)
-            page.goto(f"{server}/mission-control#/browse/{inside}.plan")
-            expect(page.get_by_text("main line")).to_be_visible(timeout=30_000)
-            expect(page.get_by_text("navigate").first).to_be_visible(timeout=30_000)
-            page.goto(f"{server}/mission-control#/browse/{folder}/outcrop:plan.{plan}")
-            expect(page.get_by_text("main line")).to_be_visible(timeout=30_000)
+            shown = [
+                (f"{inside}.plan", ("navigate South", "observe South, mi", "observe North, mi")),
+                (
+                    f"{folder}/outcrop:plan.{plan}",
+                    ("track_start North", "navigate South"),
+                ),  # the next 15 minutes
+            ]
+            for of_plan, names in shown:
+                browse(page, server, of_plan)
+                for name in ("main line", *names):
+                    expect(page.get_by_text(name).first).to_be_visible(timeout=30_000)
             assert complaints == []
     finally:
         written.end()
