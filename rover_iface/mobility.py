@@ -48,7 +48,8 @@ class Standing:
 
 
 def settle(ground: Ground, profile: RoverProfile, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> Standing:
-    """Return how the rover stands with its origin above (x, y) [n] and its nose towards heading [n].
+    """Return how the rover stands with its origin above (x, y) [n], site frame, m, and its nose towards
+    heading [n], rad.
 
     Notes
     -----

@@ -29,7 +29,7 @@ def convert_heights(
     *,
     geoid: str = "EGM96",
 ) -> Floats:
-    """Return heights (n,) over `wanted` of points (n, 2) whose heights are over `given`.
+    """Return heights (n,), m, over `wanted` of points (n, 2) whose heights are over `given`.
 
     `lonlat` is in degrees of the reference's own body. Between ellipsoid and geoid PROJ's grid is used;
     between ellipsoid and sphere (whose radius is the reference's larger axis) the distance from the centre.

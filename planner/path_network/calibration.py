@@ -121,7 +121,7 @@ PRIOR_SPREAD = math.log(4.0)
 def fit_loss(
     exposure_m: npt.ArrayLike, lost: npt.ArrayLike, prior_per_m: npt.ArrayLike | None = None
 ) -> LossFit:
-    """Return the rates that make the seen losses most likely.
+    """Return the rates (k,), losses a metre, that make the seen losses most likely.
 
     Parameters
     ----------

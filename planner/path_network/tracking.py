@@ -102,7 +102,7 @@ def filled(heights: TerrainGrid) -> FloatArray:
 
 
 def sample(heights: TerrainGrid, grid: FloatArray, points: npt.NDArray[np.float64]) -> FloatArray:
-    """Return heights at points (n, 2), bilinear, clamped to the grid's edge."""
+    """Return heights (n,), m, at points (n, 2), site frame, m, bilinear, clamped to the grid's edge."""
     frame = (heights.origin_east_m, heights.origin_north_m, heights.spacing_m)
     return _heights(grid, *map(float, frame), np.ascontiguousarray(points, dtype=np.float64))
 

@@ -250,7 +250,8 @@ class Hardware(Platform, Protocol):
         """Return ranges of the ground, a cloud (n, 3) per view, rover frame; `around`: to all sides."""
 
     def reach(self, target: str, point: Array, instrument: str) -> Contact:
-        """Put a tool on a point (3,), the way there left to the arm's controller; says if it met a surface.
+        """Put a tool on a point (3,) of the believed site frame, m, the way there left to the arm's
+        controller; says if it met a surface.
 
         Raises
         ------

@@ -63,7 +63,8 @@ class MastCameras:
         self.rig = rig_of(hardware.profile)
 
     def point_at(self, point: Array, camera: str = "navcam_left") -> tuple[float, float]:
-        """Return pan and tilt that put a point (3,) of the believed site frame in a camera's middle.
+        """Return pan and tilt, rad, that put a point (3,), m, of the believed site frame in a camera's
+        middle.
 
         Raises
         ------

@@ -27,7 +27,7 @@ def picture_label(camera: CameraModel, point: npt.ArrayLike | None) -> dict[str,
     """Return the part of a picture's label that says what it looks at, in the believed site frame.
 
     The camera of the picture itself (subframe and scale taken in) on the pose of dead reckoning with the mast
-    angles as read, and the point (3,) it was taken of.
+    angles as read, and the point (3,), m, it was taken of.
     """
     from rover_iface.cameras.panorama import camera_document
 

@@ -61,7 +61,7 @@ class Placed:
     def point(
         self, point_frame: npt.ArrayLike, covariance: npt.ArrayLike | None = None
     ) -> tuple[Array, Array]:
-        """Return a point [3] of the frame and its covariance [3, 3] in the anchor's axes.
+        """Return a point [3], m, of the frame and its covariance [3, 3], m^2, in the anchor's axes.
 
         `covariance` is the point's own in the frame; the frame's comes on top.
         """

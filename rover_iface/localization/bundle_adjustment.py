@@ -221,7 +221,11 @@ class BundleAdjustment:
         *,
         eye_rover: npt.ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
-        """Add a rock seen at a place [3] of the rover frame with covariance [3, 3], from the mast's eye."""
+        """Add a rock seen at a place [3], m, of the rover frame with covariance [3, 3], m^2, from the mast's
+        eye.
+
+        `eye_rover` [3], m, is that eye in the rover frame.
+        """
         import gtsam
 
         where, eye = np.asarray(position_rover, dtype=float), np.asarray(eye_rover, dtype=float)

@@ -58,7 +58,9 @@ class InterestOptions:
 
 
 def interest_points(image: Image, options: InterestOptions | None = None) -> Array:
-    """Return pixels [n, 2] (sample, line) of the strongest Förstner points, the strongest first."""
+    """Return pixels [n, 2] (sample, line) of an image's [rows, columns] strongest Förstner points (Förstner
+    and Gülch 1987), the strongest first.
+    """
     import cv2
 
     options = options or InterestOptions()

@@ -135,7 +135,7 @@ class Ground:
     side: float
 
     def at(self, xy: Array) -> Array:
-        """Return ground heights at points [..., 2], bilinear, the border's beyond it."""
+        """Return ground heights [...], m, at points [..., 2], m, bilinear, the border's beyond it."""
         from scipy.ndimage import map_coordinates
 
         where = (

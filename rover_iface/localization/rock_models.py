@@ -123,7 +123,7 @@ def fit_rock_model(
     radius_m: tuple[float, float] | None = None,
     height_m: tuple[float, float] | None = None,
 ) -> RockModel:
-    """Return the best rock of one family through surface points [n, 3]; see the module for the frame.
+    """Return the best rock of one family through surface points [n, 3], m; see the module for the frame.
 
     `radius_m` and `height_m` bound the radius or semi-axes and the height where the outline of the rock is
     known; a triangle's circle may be 1.3 times as large.

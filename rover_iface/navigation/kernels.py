@@ -287,12 +287,15 @@ def try_ways(
     ignore_y: float,
     ignore_radius: float,
 ) -> Array:
-    """Return per way [n, 6]: length free of obstacles, mean hazard, end x, y, heading, share unknown.
+    """Return per way [n, 6], in m and rad: length free of obstacles, mean hazard, end x, y, heading, share
+    unknown.
 
     A way [n, 3] is a turn in place, then an arc of a curvature and a length (backwards if negative). An
     obstacle stops it if it comes within the margin and nearer than it is now, so that the rover can leave
     what it stands beside; so does ground never seen under the body itself. Within a circle (the tracked
     target's own rock) obstacles may come as near as `OWN_MARGIN_M`, and unseen ground does not count.
+
+    `hazard` is [rows, columns]; a turn is in rad, a curvature in 1/m, a length in m.
     """
     rows, columns = hazard.shape
     result = np.zeros((ways.shape[0], 6))

@@ -96,7 +96,7 @@ class Arm:
         return np.array(self.profile.joint_limits_rad)
 
     def joint_places(self, joints: npt.ArrayLike) -> Array:
-        """Return shoulder, elbow, wrist and tool tip (..., 4, 3) of postures (..., 5)."""
+        """Return shoulder, elbow, wrist and tip (..., 4, 3), rover frame, m, of postures (..., 5), rad."""
         q = np.asarray(joints, dtype=np.float64)
         upper, fore, tool = self.profile.links_m
         around = _level(q[..., 0])
@@ -106,24 +106,27 @@ class Arm:
         return np.stack((np.broadcast_to(self.shoulder, tip.shape), elbow, wrist, tip), axis=-2)
 
     def tool_axis(self, joints: npt.ArrayLike) -> Array:
-        """Return the unit vector (..., 3) from wrist to tool tip."""
+        """Return the unit vector (..., 3) from wrist to tool tip in postures (..., 5), rad, rover frame."""
         return self.rover_from_tool(joints)[..., 0]
 
     def rover_from_tool(self, joints: npt.ArrayLike) -> Array:
-        """Return rotations (..., 3, 3) of the tool frame, whose x axis points out of the tool."""
+        """Return rotations (..., 3, 3) of the tool frame in postures (..., 5), rad, whose x axis points out
+        of the tool.
+        """
         q = np.asarray(joints, dtype=np.float64)
         return _forearm(q) @ _turn(0, q[..., 3]) @ _turn(1, q[..., 4])
 
     def forward(self, joints: npt.ArrayLike) -> tuple[Array, Array]:
-        """Return tool tips (..., 3) and tool axes (..., 3) of postures (..., 5)."""
+        """Return tips (..., 3), m, and unit tool axes (..., 3) of postures (..., 5), rad; rover frame."""
         return self.joint_places(joints)[..., 3, :], self.tool_axis(joints)
 
     def tool_pose(self, joints: npt.ArrayLike) -> Transform:
-        """Return `rover_from_tool` of one posture (5,), the origin at the tool tip."""
+        """Return `rover_from_tool` of one posture (5,), rad, the origin at the tool tip."""
         return Transform(self.rover_from_tool(joints), self.forward(joints)[0])
 
     def inverse(self, points: npt.ArrayLike, axes: npt.ArrayLike) -> Postures:
-        """Return all postures that put the tip on points (..., 3) with the tool along unit axes (..., 3).
+        """Return all postures, rad, that put the tip on points (..., 3), rover frame, m, with the tool along
+        unit axes (..., 3).
 
         The order of the eight: waist towards the wrist or away from it, elbow up or down, wrist bent one way
         or the other.
@@ -171,7 +174,8 @@ class Arm:
         near: npt.ArrayLike | None = None,
         max_tilt_rad: float | None = None,
     ) -> Posture | ArmRefusal:
-        """Return the posture that puts the tool on a surface point (3,) along its outward normal (3,).
+        """Return the posture (5,), rad, that puts the tool on a surface point (3,) along its outward normal
+        (3,); rover frame, m.
 
         Of those that are allowed, the one that moves the joints least from `near` (5,; the stowed posture
         when absent). Where the normal itself is out of reach the tool is tilted off it, as little as possible

@@ -111,7 +111,8 @@ class Motion:
 
 
 def clearances(arm: Arm, obstacles: Obstacles, joints: npt.ArrayLike) -> tuple[Array, list[str]]:
-    """Return what is left between the links and anything else in postures (n, 5), and what is nearest.
+    """Return what is left (n,), m, between the links and anything else in postures (n, 5), rad, and what is
+    nearest.
 
     The tool's face may come to the surface: it is rounded off, so that a flat surface on which it stands is
     just touched.
@@ -152,10 +153,10 @@ def plan_motion(
     start: npt.ArrayLike | None = None,
     max_tilt_rad: float | None = None,
 ) -> Motion | ArmRefusal:
-    """Return a way that ends with the tool on a surface point (3,) along its normal (3,), rover frame.
+    """Return a way that ends with the tool on a surface point (3,) along its normal (3,), rover frame, m.
 
-    From `start` (the stowed posture when absent). A refusal names the limit, or what would be touched and by
-    how much.
+    From `start` (5,), rad (the stowed posture when absent). A refusal names the limit, or what would be
+    touched and by how much.
     """
     at = np.asarray(point, dtype=np.float64)
     found = arm.solve(at, normal, near=start, max_tilt_rad=max_tilt_rad)

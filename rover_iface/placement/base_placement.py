@@ -91,7 +91,7 @@ def place_base(
         Where the rover comes from: poses on that side are preferred, since the target was seen from there
         and is tracked on the way. The origin when absent.
     keep_out
-        Polygons [k, 2] in which the rover's origin may not stand.
+        Polygons [k, 2], site metres, in which the rover's origin may not stand.
     count
         How many poses at most.
 

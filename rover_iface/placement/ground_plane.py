@@ -86,7 +86,7 @@ class GroundPlane:
         return np.asarray((points - self.origin) @ np.vstack((self.axes, self.normal)).T)
 
     def points_of(self, local: Array) -> Array:
-        """Return points (n, 3) of the cloud's frame from coordinates along and over the plane."""
+        """Return points (n, 3) of the cloud's frame from coordinates (n, 3) along and over the plane, m."""
         return np.asarray(self.origin + local @ np.vstack((self.axes, self.normal)))
 
 
@@ -196,7 +196,7 @@ def _corners(
 def fit_surface(
     plane: GroundPlane, local: Array, weight: Array, options: GroundOptions | None = None
 ) -> GroundSurface:
-    """Return the smooth surface through points (n, 3) in the plane's coordinates.
+    """Return the smooth surface through points (n, 3), m, in the plane's coordinates.
 
     `weight` (n,), m^-2, is the inverse variance of each height times the chance that it is ground. The sum of
     weighted squared deviations, each cell of `CELL_M` counted as one point, and of squared second

@@ -148,8 +148,8 @@ class JointCheck:
         return float((hidden.any(axis=0) & ~free.any(axis=0)).mean())
 
     def crease_m(self, at: Array, place: Array) -> float:
-        """Return how far the surface falls below the straight lines to a place (3,) from a point on it and
-        from what of the rock lies beyond that.
+        """Return how far the surface falls below the straight lines to a place (3,) from a point on it, `at`
+        (3,), rover frame, m, and from what of the rock lies beyond that.
 
         That is measured towards the eye of the last cloud, the mast's, which looks down on both; towards the
         other where what is seen is far behind.
@@ -160,8 +160,8 @@ class JointCheck:
 
 
 def crease(cloud: SurfaceCloud, own: npt.NDArray[np.bool_], at: Array, place: Array) -> float | None:
-    """Return how far a cloud falls below the straight lines to `place` (3,) from `at` and from the points of
-    the rock, `own` (n,), up to `BEYOND_M` beyond it, seen from the cloud's eye.
+    """Return how far, m, a cloud falls below the straight lines to `place` (3,) from `at` (3,) and from the
+    points of the rock, `own` (n,), up to `BEYOND_M` beyond it, seen from the cloud's eye.
 
     None without an eye or points there, or where `place` is `at`.
 

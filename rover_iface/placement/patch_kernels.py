@@ -232,7 +232,7 @@ def disc_gaps(points: Floats, at: Floats, normal: Floats, radius: float, pixel: 
     """Return the share of a disc that lies within `pixel` of a point (n, 3), and the diameter of the largest
     circle, its centre on the disc, that holds none.
 
-    The points are looked at along the disc's normal.
+    The points are looked at along the disc's unit normal (3,); its centre `at` (3,) and all lengths are in m.
     """
     first, second = _across(normal)
     n = len(points)

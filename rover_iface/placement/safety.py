@@ -69,7 +69,7 @@ def plan_placement(
     cloud
         What the hazard cameras see, rover frame, metres.
     designated_point
-        (3,), rover frame: where the scientist wants the tool, as the hand-off left it.
+        (3,), m, rover frame: where the scientist wants the tool, as the hand-off left it.
     limits
         Defaults: those of a microscopic imager with a recessed lens.
     segmentation
@@ -78,8 +78,8 @@ def plan_placement(
         Asked last, for points that are safe otherwise. The profile's kinematics when None; give a call of
         `plan_motion` to count collisions too.
     approach_axis
-        (3,), the direction out of the surface along which the tool must come; when None it comes along the
-        normal, as near as the arm can.
+        (3,), rover frame, the direction out of the surface along which the tool must come; when None it comes
+        along the normal, as near as the arm can.
     rock_only
         Whether a point on the ground is refused.
     terrain

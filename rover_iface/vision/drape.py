@@ -119,7 +119,7 @@ def find_patches(
 ) -> list[PointMatch]:
     """Return ranged corners of the pair's left image that the other camera has in view, by its `standing`.
 
-    They lie on the dense cloud round a surface point (3,), whose own place is left out.
+    They lie on the dense cloud round a surface point (3,), m, whose own place is left out.
     """
     import cv2
 
@@ -185,7 +185,9 @@ def find_draped(
 
 
 def on_plane(camera: CameraModel, pixel: Array, patch: PointMatch) -> Array | None:
-    """Return where, m, the ray of a pixel (2,) meets the plane of a patch (3,), None where they hardly do."""
+    """Return where (3,), m, the ray of a pixel (2,) meets the plane of a patch, in their frame, None where
+    they hardly do.
+    """
     origin, ray = camera.back_project(pixel)
     down = float(ray @ patch.normal)
     if abs(down) < 0.1:
@@ -211,7 +213,7 @@ def drape(
     scene, cloud
         The pair whose geometry counts, and its dense cloud.
     middle
-        (3,), frame of the pair: round which the patches are taken.
+        (3,), m, frame of the pair: round which the patches are taken.
     guess
         Motion that puts the camera right in that frame.
     """

@@ -275,10 +275,10 @@ def scaled_window(
 ) -> Found | None:
     """Return the target in the navcam by the pancam window shrunk to the navcam's field of view.
 
-    `point` (3,) is where the target is believed, frame of the cameras: it tells scale and search. The shrunk
-    window is found by correlation, then aligned twice over a surface with relief, the second time less of it;
-    None where that does not lie in both images or the two are found apart. The place is that of the larger
-    one. A correlation below 0.7 should not be believed.
+    `point` (3,), m, is where the target is believed, frame of the cameras: it tells scale and search. The
+    shrunk window is found by correlation, then aligned twice over a surface with relief, the second time less
+    of it; None where that does not lie in both images or the two are found apart. The place is that of the
+    larger one. A correlation below 0.7 should not be believed.
     """
     import cv2
 

@@ -89,7 +89,8 @@ def _guesses(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> It
 
 
 def surface_under(scene: Side, camera: CameraModel, pixel: Array) -> tuple[Array, PointMatch] | None:
-    """Return where a camera's ray meets the surface that a pair ranges (3,), and the patch there.
+    """Return where (3,), m, the ray of a camera's pixel (2,) meets the surface that a pair ranges, and the
+    patch there.
 
     The dense cloud says where to look, point stereo makes it sharp. None where the cloud has a hole or stereo
     does not find the patch again.

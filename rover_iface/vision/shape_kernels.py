@@ -17,7 +17,8 @@ Index = npt.NDArray[np.int32]
 def z_buffer(points: Array, triangles: Index, focal: float, depth: Array) -> None:
     """Fill `depth` (rows, columns) with the nearest depth of the mesh along each pixel's ray, NaN for none.
 
-    A facet's depth at a pixel comes from the barycentric weights on its plane (eqs. 9 and 10).
+    A facet's depth at a pixel comes from the barycentric weights on its plane (Deans, Kunz, Sargent and
+    others 2005, eqs. 9 and 10).
 
     `points` [n, 3], m, in the camera's frame (x right, y down, z forward); `triangles` [m, 3]; `depth` [rows,
     columns], m; `focal` in px.
@@ -109,6 +110,9 @@ def correlate(
 
     For each the shift along z is the median of h_i - z_i (eq. 14, which as printed lacks the z_i), with the
     sign that takes it away. `best` (k, 4) gets cost, x, y, z; the cost is infinite where nothing overlaps.
+
+    `points` (n, 3) and `centre` (3,), m; `depth` (rows, columns), m; `focal` in px. Deans, Kunz, Sargent and
+    others 2005.
     """
     rows, columns = depth.shape
     cx, cy = (columns - 1) / 2.0, (rows - 1) / 2.0

@@ -156,8 +156,8 @@ class Looks:
         return position, covariance
 
     def told(self, covariance: Array, anchor: Anchor) -> Array:
-        """Return the covariance [3, 3], m^2, with what looks share, so that repeating them does not shrink
-        it.
+        """Return the covariance [3, 3], m^2, site frame, with what looks share, so that repeating them does
+        not shrink it.
         """
         drift, parallax = anchor.drift or (anchor.key.drift, anchor.key.parallax)
         return np.asarray(covariance + anchor.shared + drift + parallax @ parallax.T)

@@ -130,6 +130,8 @@ def mutual(
 
     `gate` (len(a), len(b)) says which pairs are possible at all. A feature without a rival in its gate passes
     the ratio test if it is nearer than the median second-best distance allows.
+
+    Descriptors (n, 128); `ratio` is that of Lowe 2004 between the nearest and the second.
     """
     if len(a) < 2 or len(b) < 2:
         return np.empty((0, 2), np.int64)

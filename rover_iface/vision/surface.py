@@ -147,7 +147,9 @@ class Sensor:
         return cls(sensor_from_site, focal, depth)
 
     def gaps(self, points: Array, motion: Transform, cap_m: float) -> Array:
-        """Return signed depth deviations (n,), m, of moved points (n, 3), NaN where no depth is known."""
+        """Return signed depth deviations (n,), m, of points (n, 3), m, that `motion` takes to the site frame,
+        NaN where no depth is known.
+        """
         out = np.empty(len(points))
         local = self.sensor_from_site * motion
         rotation, shift = (

@@ -196,7 +196,7 @@ def template_roll(
     old, new
         Cameras before and after the move, in one frame.
     point
-        (3,), the target in that frame.
+        (3,), m, the target in that frame.
 
     Raises
     ------
