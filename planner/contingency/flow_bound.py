@@ -228,7 +228,7 @@ def _reached(residual: Any, start: int) -> set[int]:
 
 
 def flow_bound(model: Model, *, limit_s: float) -> float:
-    """Return what no policy earns more than; infinite if the solver found no answer in its limit.
+    """Return what no policy earns more than, in utility; infinite if the solver found no answer in its limit.
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them: a busy machine does not loosen the
     bound.

@@ -232,7 +232,7 @@ class Grid:
         return slice(i, i + 2), slice(j, j + 2), np.outer([1.0 - fx, fx], [1.0 - fy, fy])
 
     def point(self, t_s: float, g_j: float) -> Any:
-        """Return a unit mass at a point."""
+        """Return a unit mass (nt, ng) at a point, spread over its neighbours."""
         mass = np.zeros(self.shape, self.dtype)
         rows, columns, w = self.corner(t_s, g_j)
         mass[rows, columns] = w

@@ -60,7 +60,7 @@ class VisibilityGraph:
     owner: IntArray
 
     def shared(self) -> npt.NDArray[np.bool_]:
-        """Return which edges every route may use."""
+        """Return which edges (edges,) every route may use."""
         return np.asarray((self.owner[self.edges] == EVERYBODY).all(axis=1))
 
 

@@ -295,7 +295,8 @@ def try_ways(
     what it stands beside; so does ground never seen under the body itself. Within a circle (the tracked
     target's own rock) obstacles may come as near as `OWN_MARGIN_M`, and unseen ground does not count.
 
-    `hazard` is [rows, columns]; a turn is in rad, a curvature in 1/m, a length in m.
+    `hazard` is [rows, columns]; a turn is in rad, a curvature in 1/m, a length in m; places and headings are
+    those of the map's frame.
     """
     rows, columns = hazard.shape
     result = np.zeros((ways.shape[0], 6))

@@ -82,7 +82,9 @@ class GroundPlane:
     rms_m: float
 
     def local(self, points: Array) -> Array:
-        """Return (n, 3): two coordinates along the plane and the height over it, metres."""
+        """Return (n, 3) of points (n, 3) of the cloud's frame: two coordinates along the plane, the height
+        over it; m.
+        """
         return np.asarray((points - self.origin) @ np.vstack((self.axes, self.normal)).T)
 
     def points_of(self, local: Array) -> Array:
@@ -175,7 +177,9 @@ class GroundSurface:
         return out
 
     def height_over(self, points: Array) -> Array:
-        """Return (n,) the height of points (n, 3) over the surface, along the plane's normal, metres."""
+        """Return (n,) the height of points (n, 3) of the cloud's frame over the surface, along the plane's
+        normal, metres.
+        """
         local = self.plane.local(points)
         return np.asarray(local[:, 2] - self.height(local[:, :2]))
 

@@ -299,8 +299,8 @@ class PatchCheck:
         return window.cloud.points[ball[(across < self._near) & (height < self._above)]]
 
     def hole_m(self, points: Array, at: Array, normal: Array) -> float:
-        """Return the diameter of the largest circle under the tool without any of the points (n, 3), m; `at`
-        and the unit `normal` are (3,).
+        """Return the diameter of the largest circle under the tool without any of the points (n, 3), frame of
+        the cloud, m; `at` and the unit `normal` are (3,).
         """
         return self._gaps(points, at, normal, self._near, 0.0)[1]
 

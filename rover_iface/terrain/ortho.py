@@ -29,7 +29,9 @@ _SHADOW = np.array([0.50, 0.46, 0.42])
 
 
 def paint(site: Landscape, rocks: list[Rock], extent_m: float, pixel_m: float) -> NDArray[np.uint8]:
-    """Return the ortho image [rows, columns, 3], row 0 in the north, of a square round the origin."""
+    """Return the ortho image [rows, columns, 3], RGB of 8 bits, row 0 in the north, of a square round the
+    origin.
+    """
     from rover_iface.terrain.raster import cast_shadow
 
     count = round(extent_m / pixel_m)

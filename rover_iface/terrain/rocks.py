@@ -253,7 +253,9 @@ def draw_rocks(
     smallest_m: float,
     largest_m: float = 2.0,
 ) -> Array:
-    """Return places and diameters [n, 3] of rocks, uniform over a rectangle, by the Golombek-Rapp law."""
+    """Return places x, y and diameters [n, 3], site frame, m, of rocks, uniform over a rectangle, by the
+    law of Golombek and Rapp (1997).
+    """
     density, share, size = rock_density(smallest_m, largest_m, total_cover)
     count = int(rng.poisson(density * (east - west) * (north - south)))
     return np.column_stack(

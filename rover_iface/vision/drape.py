@@ -119,7 +119,7 @@ def find_patches(
 ) -> list[PointMatch]:
     """Return ranged corners of the pair's left image that the other camera has in view, by its `standing`.
 
-    They lie on the dense cloud round a surface point (3,), m, whose own place is left out.
+    They lie on the dense cloud round a surface point (3,), frame of the pair, m, whose own place is left out.
     """
     import cv2
 

@@ -107,7 +107,8 @@ class Looks:
     ) -> tuple[Array, Array, Anchor]:
         """Return position (3,), m, covariance (3, 3), m^2, and anchor of the surface under a pixel (2,).
 
-        A range that is `known` better from elsewhere moves the position along the line of sight.
+        A range that is `known` better from elsewhere moves the position along the line of sight. All in the
+        frame of the view's cameras.
 
         Raises
         ------

@@ -476,9 +476,9 @@ def grown_drift(
     """Return drift (3, 3), m^2, and parallax (3, 2), m, of the point (3,) that a template of `source` was
     matched with.
 
-    What the source had drifted, the covariance (2, 2), px^2, of the match itself, and parallax: what
-    surrounds the spot led the match, and as the line of sight turns it moves against the spot by the
-    depth between them.
+    All in the frame of the cameras. What the source had drifted, the covariance (2, 2), px^2, of the match
+    itself, and parallax: what surrounds the spot led the match, and as the line of sight turns it moves
+    against the spot by the depth between them.
     """
     jacobian = camera.jacobian(point)
     out = on_plane(camera, point, normal, jacobian)
