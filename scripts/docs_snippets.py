@@ -44,6 +44,8 @@ FENCE = re.compile(
 )
 LIMIT_S = 600
 """The first tutorial has to come to its end in ten minutes on two cores."""
+QUOTED = re.compile(r"'[^']*'|\"[^\"$]*\"")
+"""Quoted text of a shell that runs no command: what stands in it ends none either."""
 SHELLS = {"console", "sh"}
 
 
@@ -207,6 +209,8 @@ def unknown_in(command: str) -> str | None:
         node, path = lower, [*path, word]
     known = {option for p in node.params for option in [*p.opts, *p.secondary_opts]} | {"--help"}
     for word in words:
+        if word == "--":  # what follows are arguments
+            return None
         option = word.split("=")[0]
         if option.startswith("--") and option not in known:
             return f"outcrop {' '.join(path)} {option}"
@@ -216,8 +220,11 @@ def unknown_in(command: str) -> str | None:
 def outcrop_commands(text: str) -> Iterator[str]:
     """Return each `outcrop` command of a shell text."""
     for line in text.replace("\\\n", " ").splitlines():
-        for part in re.split(r"&&|\|\||[;|&](?=\s)|\$\(|\)", line.removeprefix("$ ")):
-            match = re.match(r"\s*(?:export\s+)?(?:\w+=\S+\s+)*outcrop\s+(.*)", part)
+        quoted = iter(QUOTED.findall(line))
+        bare = QUOTED.sub("\0", line.removeprefix("$ "))
+        for part in re.split(r"&&|\|\||[;|&](?=\s)|\$\(|\)", bare):
+            whole = "".join(next(quoted) if c == "\0" else c for c in part)
+            match = re.match(r"\s*(?:export\s+)?(?:\w+=\S+\s+)*outcrop\s+(.*)", whole)
             if match:
                 yield match[1]
 

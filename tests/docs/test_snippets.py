@@ -62,6 +62,20 @@ def test_wrong_snippet_is_found(tmp_path: Path, text: str, fault: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "line",
+    [
+        'outcrop feature list m targets --filter "S_INTERSECTS(geometry, BBOX(1, 2, 3, 4)) AND id > 3"',
+        "outcrop target add m --lonlat -- -110.79 38.41",
+        'X="$(outcrop mission list)"',
+    ],
+)
+def test_quotes_and_the_end_of_options_are_read_as_a_shell_does(tmp_path: Path, line: str) -> None:
+    assert SNIPPETS["wrong_form"](page(tmp_path, f"```console\n$ {line}\n```\n")) == []
+    wrong = line.replace("outcrop ", "outcrop x", 1)
+    assert len(SNIPPETS["wrong_form"](page(tmp_path, f"```console\n$ {wrong}\n```\n"))) == 1
+
+
+@pytest.mark.parametrize(
     ("text", "fault"),
     [
         ("```console\n$ echo one\ntwo\n```\n", "did not print 'two'"),

@@ -19,7 +19,7 @@ from neighbours.robots.recording import Mapping, read_recording
 from tests.ground.conftest import Api
 from tests.ground.signed import small_site
 from tests.ground.test_day_over_rest import file_requests, planned
-from tests.ground.test_missions_api import upload
+from tests.ground.test_missions_api import problem, upload
 from tests.neighbours.robots.test_recording import POSES, files_of, pixels, write
 
 OPERATOR = Actor("Operator", Role.OPERATOR)
@@ -55,6 +55,13 @@ def test_a_bag_becomes_a_run_that_nothing_here_vouches_for(api: Api, mission: An
         assert np.array_equal(seen, wanted)
     assert api.get(f"/missions/{mission.id}/observation-requests")["items"] == before
     assert api.get(f"/plans/{plan['id']}")["state"] == plan["state"] == "computed"
+    refused = problem(api("POST", f"/runs/{made.id}/next-sol"), 409, "wrong-state")
+    assert f"run {made.id} on 'recording' was made elsewhere" in refused["detail"]
+    assert len(api.get(f"/missions/{mission.id}/sols")["items"]) == 1
+    given = {"run_ids": [made.id]}
+    refused = problem(api("POST", f"/missions/{mission.id}/calibrate", given), 422, "invalid-input")
+    assert f"run {made.id} was made elsewhere" in refused["detail"]
+    problem(api("POST", f"/plans/{plan['id']}/statement"), 409, "wrong-state")
 
 
 def test_a_cut_bag_says_so_and_strangers_bring_nothing_in(api: Api, mission: Any, tmp_path: Path) -> None:

@@ -371,7 +371,7 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("POST", r"/(drafts|sentences/draft)$", Action.DRAFT),
     ("POST", r"/sentences$", Action.READ),
     ("POST", r"/drafts/\{[a-z_]+\}/(accept|reject)$", Action.EDIT_SCIENCE),  # of a target, as here
-    ("POST", r"/(path-networks|plans|runs|campaigns)$", Action.PLAN),
+    ("POST", r"/(path-networks|plans|sol-paths|runs|campaigns)$", Action.PLAN),
     ("(PATCH|DELETE)", r"/(plans|runs)/\{[a-z_]+\}$", Action.PLAN),
     ("POST", r"/runs/\{[a-z_]+\}/(control|faults)$", Action.PLAN),
     ("POST", r"/plans/\{[a-z_]+\}/what-if$", Action.READ),
@@ -426,6 +426,7 @@ BODIES: dict[str, Any] = {
     "draft_sentence": {"text": "image T with the mast camera"},
     "create_path_network": {},
     "create_plan": {"iterations": 1},
+    "create_sol_path": {"sols": 2, "time_limit_s": 1.0},
     "create_run": {"plan_id": "P"},
     "control_run": {"paused": True},
     "inject_fault": {"kind": "novelty", "amount": 0.5},

@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 from ground.api import context
 from ground.api.context import OTHER_NAMES, Ask
 from ground.api.hub import Hub
+from ground.api.shared_reads import SharedReads
 from ground.app.api import build_api
 from ground.errors import AuthenticationError
 from ground.gdr.base import Utc, utc_now
@@ -33,6 +34,10 @@ from tests.ground.test_security import BODIES
 ABSENT = "never_was"
 NO_MISSION = {"person_id", "key_id", "session_id"}
 """Ids of what belongs to no mission."""
+WITHIN = {"item_id": "product", "feature_id": "target"}
+"""Ids that count within the mission that their path names, with a kind that has such ids."""
+WORDS = {"collection_id": "targets", "group": "products", "index": "0", "file": "dem.tif"}
+"""What else a path names; none of it is an id of a row."""
 OPERATIONS = [
     (method.upper(), path, operation["operationId"])
     for path, operations in build_api().openapi()["paths"].items()
@@ -42,7 +47,12 @@ OPERATIONS = [
 
 
 def kind_of(parameter: str) -> str:
-    return OTHER_NAMES.get(parameter, parameter.removesuffix("_id"))
+    return (WITHIN | OTHER_NAMES).get(parameter, parameter.removesuffix("_id"))
+
+
+def ids_of(path: str) -> list[str]:
+    """Return the parameters of a path that name rows."""
+    return [name for name in re.findall(r"\{([a-z_]+_id)\}", path) if name not in WORDS]
 
 
 def fill(session: Session, mission: Mission) -> dict[str, str]:
@@ -93,8 +103,9 @@ def ids(sqlite_repo: Repository, hidden: Mission) -> dict[str, str]:
 
 def told(api: Api, who: str, method: str, path: str, operation: str, ids: dict[str, str]) -> tuple[int, str]:
     """Return status and text of an answer, with the ids that were asked for taken out."""
-    named = re.findall(r"\{([a-z_]+_id)\}", path)
-    url = re.sub(r"\{index\}", "0", path)
+    named, url = ids_of(path), path
+    for word, value in WORDS.items():
+        url = url.replace(f"{{{word}}}", value)
     for name in named:
         url = url.replace(f"{{{name}}}", ids[kind_of(name)])
     body = BODIES.get(operation, {}) if method in {"POST", "PATCH", "PUT"} else None
@@ -111,7 +122,8 @@ def told(api: Api, who: str, method: str, path: str, operation: str, ids: dict[s
 
 
 def test_every_id_of_a_path_is_known_to_belong_to_a_mission_or_to_none() -> None:
-    parameters = {name for _, path, _ in OPERATIONS for name in re.findall(r"\{([a-z_]+_id)\}", path)}
+    parameters = {name for _, path, _ in OPERATIONS for name in ids_of(path)}
+    assert all("{mission_id}" in path for _, path, _ in OPERATIONS if WITHIN.keys() & set(ids_of(path)))
     assert {kind_of(name) for name in parameters - NO_MISSION} <= set(KINDS)
     assert len(OPERATIONS) > 100
 
@@ -121,7 +133,7 @@ def test_every_operation_answers_as_if_the_mission_had_never_been(
     sqlite_api: Api, ids: dict[str, str], hidden: Mission, who: str
 ) -> None:
     absent = {kind: f"{ABSENT}_{kind}" for kind in KINDS}
-    wanted = {kind_of(n) for _, path, _ in OPERATIONS for n in re.findall(r"\{([a-z_]+_id)\}", path)}
+    wanted = {kind_of(n) for _, path, _ in OPERATIONS for n in ids_of(path)}
     assert wanted <= set(ids), "each kind of a path has a row in the hidden mission"
     wrong = []
     for method, path, operation in OPERATIONS:
@@ -244,7 +256,9 @@ def test_a_stream_ends_when_its_listener_may_not_see_it_any_more(
             yield number
 
     async def heard() -> list[int]:
-        ask = Ask(sqlite_repo, Actor("Bo", Role.VIEWER), KINDS, again, Hub(sqlite_repo))
+        ask = Ask(
+            sqlite_repo, Actor("Bo", Role.VIEWER), KINDS, again, Hub(sqlite_repo), SharedReads(sqlite_repo)
+        )
         return [n async for n in context._while_seen(parts(), ask, {"mission_id": hidden.id})]
 
     assert asyncio.run(heard()) == [0, 1]

@@ -58,7 +58,7 @@ def run_folders(
     Raises
     ------
     InvalidInputError
-        If a run is not of the mission.
+        If a run is not of the mission, or was made elsewhere: nothing here vouches for what it drove.
     """
     row = RunRow
     here = select(row.id, row.elsewhere).where(row.mission_id == mission_id).order_by(row.id)
@@ -67,6 +67,10 @@ def run_folders(
         if wanted not in known:
             raise InvalidInputError(
                 f"there is no run {wanted} in mission {mission_id}", pointer=f"/run_ids/{index}"
+            )
+        if known[wanted]:
+            raise InvalidInputError(
+                f"run {wanted} was made elsewhere and calibrates nothing", pointer=f"/run_ids/{index}"
             )
     own = [run_id for run_id, elsewhere in known.items() if not elsewhere]
     return [repo.run_dir(run_id) for run_id in run_ids or own]

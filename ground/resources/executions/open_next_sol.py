@@ -45,7 +45,7 @@ def open_next_sol(repo: Repository, actor: Actor, run_id: str) -> Sol:
     Raises
     ------
     StateError
-        If the run is no execution, told no pose, or is not of the mission's last sol.
+        If the run is no execution, was made elsewhere, told no pose, or is not of the mission's last sol.
     """
     telemetry = read_telemetry(repo, actor, run_id)
     with repo.database.write() as session:
@@ -53,11 +53,16 @@ def open_next_sol(repo: Repository, actor: Actor, run_id: str) -> Sol:
         actor.require(Action.EDIT_MISSION, run.mission_id)
         if run.kind not in {RunKind.EXECUTION.value, RunKind.TRAINING.value}:
             raise StateError(f"the run is a {run.kind.replace('_', ' ')}; a sol ends with an execution")
+        if run.elsewhere:
+            raise StateError(
+                f"run {run_id} on {run.rover!r} was made elsewhere, and nothing here vouches for it; a sol "
+                "ends with an execution that was taken in here; the next can be made by hand"
+            )
         poses = zip(telemetry.east_m, telemetry.north_m, telemetry.heading_rad, strict=True)
         east_m, north_m, heading_rad = next((p for p in reversed(list(poses)) if None not in p), (None,) * 3)
         if east_m is None or north_m is None or heading_rad is None:
             raise StateError("the run told no pose: where the next sol begins is not known")
-        before = session.get_one(SolRow, session.get_one(PlanRow, run.plan_id).sol_id)
+        before = _sol_of(session, run)
         last = session.scalars(
             select(SolRow.number).where(SolRow.mission_id == run.mission_id).order_by(SolRow.number.desc())
         ).first()
@@ -73,6 +78,11 @@ def open_next_sol(repo: Repository, actor: Actor, run_id: str) -> Sol:
         )
         _carry_over(session, actor, before)
         return add_sol(session, actor, run.mission_id, given)
+
+
+def _sol_of(session: Session, run: RunRow) -> SolRow:
+    """Return the sol that a run's plan is for."""
+    return session.get_one(SolRow, session.get_one(PlanRow, run.plan_id).sol_id)
 
 
 def _carry_over(session: Session, actor: Actor, before: SolRow) -> None:
