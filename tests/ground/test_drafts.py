@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from ground.gdr.repository import Repository
-from ground.records.actor import Actor, Role
+from ground.records.actor import SYSTEM_ACTOR, Actor, Role
+from ground.resources.drafts.row import DraftRow
+from ground.resources.mission_archives.import_mission import import_mission
+from ground.resources.mission_archives.mission_archive import export_mission
+from ground.resources.missions.value import Mission
 from ground.resources.people.credentials import create_api_key
-from tests.ground.conftest import Api, open_api, yard
+from tests.ground.conftest import Api, open_api
+from tests.ground.test_archives import other_repository
 
 ROCK = {"name": "Rock1", "east_m": 4.0, "north_m": 1.0}
 
@@ -33,10 +36,8 @@ class Site:
 
 
 @pytest.fixture
-def site(sqlite_repo: Repository, terrain_folder: Path) -> Iterator[Site]:
-    mission = yard(sqlite_repo, terrain_folder)
-    for api in open_api(sqlite_repo):
-        yield Site(api, mission.id)
+def site(api: Api, mission: Mission) -> Site:
+    return Site(api, mission.id)
 
 
 def test_a_draft_changes_nothing_until_a_person_takes_it_over(site: Site) -> None:
@@ -203,3 +204,51 @@ def test_a_keep_out_of_a_circle_holds_all_of_it(site: Site) -> None:
     ring = Polygon(told["form"]["polygon_m"])
     assert ring.buffer(1e-9).contains(Point(2.0, 4.0).buffer(3.0))
     assert ring.area < 1.02 * 9.0 * 3.14159
+
+
+# ---- drafts and what happens to the mission around them
+
+
+def test_undo_takes_back_what_was_made_and_leaves_the_decision(site: Site) -> None:
+    open_still = site.drafted({"target": {**ROCK, "name": "Rock2"}})
+    done = site.accept(site.drafted({"target": ROCK})["id"])
+    site.api.post(f"{site.mission}/undo", {}, status=200)
+    assert site.api.get(f"{site.mission}/targets")["items"] == []
+    assert site.api.get(f"/drafts/{done['id']}")["state"] == "accepted"
+    assert site.api.get(f"/drafts/{open_still['id']}")["state"] == "open"
+    assert "accepted by Planner" in site.accept(done["id"], 409)["detail"]
+    site.api.post(f"{site.mission}/redo", {}, status=200)
+    assert site.api.get(f"/targets/{done['made_id']}")["name"] == "Rock1"
+
+
+def test_a_copy_of_a_mission_has_no_drafts(site: Site) -> None:
+    draft = site.drafted({"target": ROCK})
+    copy = site.api.post(f"{site.mission}/copy", {"name": "What if"})
+    assert site.api.get(f"/missions/{copy['id']}/drafts")["items"] == []
+    assert site.api.get(f"/drafts/{draft['id']}")["state"] == "open"
+
+
+def test_an_open_draft_of_an_archive_comes_in_as_rejected(site: Site, tmp_path: Path) -> None:
+    """Whoever wrote the archive could name anybody as its drafter."""
+    waiting = site.drafted({"target": ROCK})["id"]
+    done = site.accept(site.drafted({"keep_out": {"polygon_m": [[6.0, 6.0], [7.0, 6.0], [7.0, 7.0]]}})["id"])
+    repo, mission_id = site.api.repo, site.mission.removeprefix("/missions/")
+    export_mission(repo, SYSTEM_ACTOR, mission_id, tmp_path / "m.zip")
+    other = other_repository(tmp_path)
+    import_mission(other, SYSTEM_ACTOR, tmp_path / "m.zip")
+    for api in open_api(other):
+        drafts = {draft["id"]: draft for draft in api.get(f"{site.mission}/drafts")["items"]}
+        assert {i: d["state"] for i, d in drafts.items()} == {waiting: "rejected", done["id"]: "accepted"}
+        assert drafts[waiting]["reason"] == "it was open in the archive it came with"
+        assert drafts[waiting]["drafted_by"] == "Scout (elsewhere)"
+        assert drafts[done["id"]]["decided_by"] == "Planner (elsewhere)"
+        api.post(f"/drafts/{waiting}/accept", None, 409)
+        assert api.get(f"{site.mission}/targets")["items"] == []
+    other.database.dispose()
+
+
+def test_a_draft_of_a_kind_that_is_not_known_is_refused(site: Site) -> None:
+    draft = site.drafted({"target": ROCK})["id"]
+    with site.api.repo.database.write() as session:
+        session.get_one(DraftRow, draft).kind = "teleport"
+    assert "unknown kind 'teleport'" in site.accept(draft, 409)["detail"]

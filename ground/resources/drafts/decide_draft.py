@@ -77,6 +77,8 @@ def _open_row(session: Session, actor: Actor, draft_id: str) -> DraftRow:
     """Return the row, behind the lock of its mission: of two who decide at once one is told so."""
     row: DraftRow = find_row(session, DRAFT, draft_id)
     actor.require(Action.READ, row.mission_id)
+    if row.kind not in NEEDED:  # of an archive that another version wrote
+        raise StateError(f"draft {draft_id} is of the unknown kind {row.kind!r}")
     actor.require(NEEDED[row.kind], row.mission_id)
     if actor.scope is not None:
         raise ForbiddenError(

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from ground.errors import ArchiveError, ConflictError
 from ground.gdr.archives import extract_zip
+from ground.gdr.base import utc_now
 from ground.gdr.durable import copy_folder
 from ground.gdr.history import ChainRow, Change, open_chain
 from ground.gdr.history import record as write_event
@@ -22,6 +23,7 @@ from ground.gdr.repository import Repository
 from ground.gdr.seals import seal, seal_mission
 from ground.jobs.value import JobState
 from ground.records.actor import ELSEWHERE, Action, Actor
+from ground.resources.drafts.value import DraftState
 from ground.resources.mission_archives.mission_archive import (
     RIGHTS,
     TABLES,
@@ -141,11 +143,7 @@ def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows
 
 def quarantined(table: str, record: Record, importer: str = "") -> Record:
     """Return a row of an archive as it may stand here: without rights, and naming people of elsewhere."""
-    author = str(record["author"])
-    row = {
-        **record,
-        "author": author if author.endswith(ELSEWHERE) else author[: 80 - len(ELSEWHERE)] + ELSEWHERE,
-    }
+    row = {**record, "author": _of_elsewhere(str(record["author"]))}
     if table == "missions":
         row |= {"in_making": False}
     elif table == "plans":
@@ -156,7 +154,27 @@ def quarantined(table: str, record: Record, importer: str = "") -> Record:
         row |= {"elsewhere": True, "package_sha256": None, "job_id": None, "state": _ended(record)}
     elif table == "campaigns":
         row |= {"elsewhere": True, "state": _ended(record)}
+    elif table == "drafts":
+        row |= _decided_draft(record, importer)
     return row
+
+
+def _decided_draft(record: Record, importer: str) -> Record:
+    """Return the columns of a draft that nobody can take over here.
+
+    Who takes one over relies on who drafted it, and of that an archive is no witness.
+    """
+    names = ("drafted_by", "drafted_for", "decided_by")
+    columns: Record = {name: _of_elsewhere(str(record[name])) if record[name] else "" for name in names}
+    if record["state"] in {DraftState.ACCEPTED.value, DraftState.REJECTED.value}:
+        return columns
+    now = utc_now().isoformat()
+    rejected = {"state": DraftState.REJECTED.value, "decided_by": importer, "decided_utc": now}
+    return {**columns, **rejected, "reason": "it was open in the archive it came with"}
+
+
+def _of_elsewhere(name: str) -> str:
+    return name if name.endswith(ELSEWHERE) else name[: 80 - len(ELSEWHERE)] + ELSEWHERE
 
 
 def _ended(record: Record) -> str:
