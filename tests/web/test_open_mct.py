@@ -51,6 +51,10 @@ LISTEN = """async (run) => {
   };
   new MutationObserver(look).observe(document.body, { childList: true, subtree: true, characterData: true });
 }"""
+SPANS = """async (plan) => {
+  const { selectFile } = await openmct.objects.get(plan);
+  return Object.values(selectFile.body).flat().map(({ name, start, end }) => [name, start, end]);
+}"""
 
 
 @contextmanager
@@ -185,6 +189,8 @@ def test_open_mct_shows_plan_states_and_energy_of_a_live_run_within_a_second(ser
                 browse(page, server, of_plan)
                 for name in ("main line", *names):
                     expect(page.get_by_text(name).first).to_be_visible(timeout=30_000)
+            spans = page.evaluate(SPANS, f"outcrop:plan.{plan}")
+            assert all(after - before > 60_000 for name, before, after in spans if name.startswith("observe"))
             assert complaints == []
     finally:
         written.end()
