@@ -286,13 +286,14 @@ def search(
     Parameters
     ----------
     d, prize
-        Lengths (n, n) and prizes (n,); the tour runs from node 0 to node n - 1.
+        Lengths (n, n), integers in the unit of `budget`, and prizes (n,); the tour runs from node 0 to node n
+        - 1.
     route
-        Tour to begin with, within the budget.
+        Tour (k,) to begin with, nodes by number, within the budget.
     heat
         Temperature of the annealing, in prize units.
     usable
-        Nodes that may be visited.
+        Nodes (m,) that may be visited; `near` (n, K) as in the module.
     """
     n, width = len(d), near.shape[1]
     state = np.array([np.uint64(seed)])

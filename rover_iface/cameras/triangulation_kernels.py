@@ -32,7 +32,8 @@ def invert_symmetric(m: Array, out: Array) -> bool:
 def triangulate_many(
     p_left: Array, p_right: Array, left_px: Array, right_px: Array, points: Array, inverses: Array
 ) -> None:
-    """Fill points (n, 3), m, and inverse normal matrices (n, 3, 3), m^2/px^2, of pixels (n, 2) in two images.
+    """Fill points (n, 3), m, and inverse normal matrices (n, 3, 3), m^2/px^2, of pixels (n, 2) in two images;
+    in the frame of both cameras.
 
     Least squares over the four coordinates, `STEPS` times Gauss and Newton from the middle of the shortest
     line between the rays; NaN where the rays do not meet in front of the cameras.

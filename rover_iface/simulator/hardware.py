@@ -267,10 +267,10 @@ def mast_bias(body: Body) -> Array:
 
 
 def designated(body: Body, bias: Array, point: Array, camera: str = "navcam_left") -> Array:
-    """Return where a surface point (3,) of the true site lies by a picture that a person points at it in.
+    """Return where a surface point (3,), m, of the true site lies by a picture that a person points at it in.
 
-    Believed site frame. The mast is off by its bias in that picture as in all that are taken later, so the
-    pixel that the person meant is found again; by its noise they differ.
+    Believed site frame. The mast is off by its bias (2,), pan and tilt in rad, in that picture as in all that
+    are taken later, so the pixel that the person meant is found again; by its noise they differ.
 
     Raises
     ------

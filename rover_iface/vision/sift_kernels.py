@@ -20,7 +20,8 @@ def near_segments(
     row_px: float,
     out: NDArray[np.bool_],
 ) -> None:
-    """Write (n, m) which pixels (m, 2) lie within `row_px` of which segment, given by its ends (n, 2).
+    """Write (n, m) which pixels (m, 2), (sample, line), lie within `row_px` of which segment, given by its
+    ends (n, 2).
 
     One without finite ends, or without length, has none beside it.
     """
