@@ -24,6 +24,7 @@ from ground.gdr.repository import Repository, open_repository
 from ground.jobs.queue import JobKind
 from ground.jobs.worker import Worker
 from ground.resources.kinds import KINDS
+from ground.resources.mission_archives.copy_mission import sweep_copies
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.people.authentication import Identities
 from ground.resources.people.first_administrator import invite
@@ -98,4 +99,6 @@ def create_app() -> FastAPI:
     repo = open_repository(settings)
     ensure_profiles(repo)
     say_how_to_begin(repo)
+    with repo.database.apart():
+        sweep_copies(repo)
     return build_app(repo, with_worker=settings.serve_worker, warm=settings.warm_up)

@@ -47,6 +47,12 @@ def require_mission(session: Session | Connection, mission_id: str) -> None:
         raise NotFoundError(f"there is no mission {mission_id}")
 
 
+def in_making(reader: Session | Connection, mission_id: str) -> bool:
+    """Return whether a mission is a copy that is not whole yet, which is there for nobody."""
+    query = select(_MISSIONS.c.in_making).where(_MISSIONS.c.id == mission_id)
+    return bool(reader.execute(query).scalar())
+
+
 def find_row(
     session: Session, kind: Kind[Any], resource_id: str, *, lock: bool = False, pointer: str | None = None
 ) -> Any:

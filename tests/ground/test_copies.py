@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from sqlalchemy import func, select
 
+from ground.app import service
 from ground.gdr.history import EventRow, verify_chains
 from ground.resources.history.verify_rows import verify_rows
 from ground.resources.mission_archives import copy_mission as copying
@@ -43,7 +44,16 @@ def test_a_copy_that_is_not_whole_is_there_for_nobody_and_goes_with_a_later_one(
     listed = api.get("/missions?count=true")
     assert [m["id"] for m in listed["items"]] == [mission.id]
     assert listed["total"] == 1
-    for path in ("", "/history"):
+    for path in (
+        "",
+        "/history",
+        "/targets",
+        "/observation-requests",
+        "/drafts",
+        "/stac",
+        "/features",
+        "/sols",
+    ):
         problem(api("GET", f"/missions/{half.id}{path}", who="Viewer"), 404, "not-found")
     problem(
         api("DELETE", f"/missions/{half.id}", headers={"If-Match": "*"}, who="Administrator"),
@@ -95,3 +105,20 @@ def test_a_copy_with_a_key_is_made_once(api: Api, mission: Mission) -> None:
     again = api("POST", f"/missions/{mission.id}/copy", {"name": "Once"}, headers=headers)
     assert first.json() == again.json()
     assert len(api.get("/missions")["items"]) == 2
+
+
+def test_what_is_left_of_a_copy_goes_when_a_server_starts(
+    api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = [api.post(f"/missions/{mission.id}/copy", {"name": name})["id"] for name in ("old", "young")]
+    with api.repo.database.write() as session:
+        for copy, hours in zip(left, (2, 0), strict=True):
+            row = session.get_one(MissionRow, copy)
+            row.in_making, row.created_utc = True, row.created_utc - timedelta(hours=hours)
+    monkeypatch.setattr(service, "open_repository", lambda _settings: api.repo)
+    monkeypatch.setattr(service, "load_settings", lambda: api.repo.settings)
+    monkeypatch.setattr(service, "set_up_logging", lambda _settings: None)
+    service.create_app()
+    with api.repo.database.read() as session:
+        there = [copy for copy in left if session.get(MissionRow, copy) is not None]
+    assert there == left[1:], "a young one may be at work"

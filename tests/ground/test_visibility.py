@@ -25,6 +25,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import ALLOWED, Action, Actor, KeyScope, Role
 from ground.resources.kinds import KINDS
+from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
 from ground.resources.people.row import PersonRow, SigningKeyRow
 from ground.resources.tables import METADATA
@@ -141,6 +142,22 @@ def test_every_operation_answers_as_if_the_mission_had_never_been(
         never = told(sqlite_api, who, method, path, operation, absent)
         if real != never or hidden.name in real[1] or not 400 <= real[0] < 500:
             wrong.append((method, path, real, never))
+    assert wrong == []
+
+
+def test_a_copy_in_the_making_is_there_for_no_operation_on_a_mission(
+    sqlite_api: Api, ids: dict[str, str], hidden: Mission
+) -> None:
+    with sqlite_api.repo.database.write() as session:
+        session.get_one(MissionRow, hidden.id).in_making = True
+    absent = {kind: f"{ABSENT}_{kind}" for kind in KINDS}
+    wrong = []
+    for method, path, operation in OPERATIONS:
+        if "{mission_id}" in path:
+            real = told(sqlite_api, "Administrator", method, path, operation, ids)
+            never = told(sqlite_api, "Administrator", method, path, operation, absent)
+            if real != never or hidden.name in real[1]:
+                wrong.append((method, path, real, never))
     assert wrong == []
 
 

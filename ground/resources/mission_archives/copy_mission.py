@@ -2,7 +2,7 @@
 
 What belongs to the mission is read as one state of the database and written in small transactions, so that
 nobody else's write waits for a large copy. Until the last of them no list shows the copy, it cannot be asked
-for, and nobody was told the ids of its parts; what a crash leaves of one goes with a later copy.
+for, nor can its parts; what a crash leaves of one goes with a later copy or when a server starts.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
     actor.require(Action.EDIT_MISSION, mission_id)
     copy_id = new_id(MISSION.prefix)
     with repo.database.apart():
-        _sweep(repo)
+        sweep_copies(repo)
         source = _read(repo, mission_id)
         new_ids = _new_ids(source)
         _begin(repo, actor, source.mission, copy_id, name, notes)
@@ -148,7 +148,7 @@ def _rules(
     return [{**rule, **{end: new_ids.get(rule[end]) for end in ends}} for rule in rules] if rules else None
 
 
-def _sweep(repo: Repository) -> None:
+def sweep_copies(repo: Repository) -> None:
     """Delete what is left of copies whose server was stopped, in small transactions too."""
     old = (MissionRow.in_making, MissionRow.created_utc < utc_now() - LEFT_BEHIND)
     with repo.database.read() as session:
@@ -158,8 +158,8 @@ def _sweep(repo: Repository) -> None:
             while _shrink(repo, _table(kind_name), mission_id):
                 pass
         with repo.database.write() as session:
-            row = session.get(MissionRow, mission_id)
-            if row is not None:
+            row = session.get(MissionRow, mission_id, with_for_update=True)
+            if row is not None:  # of two servers that start one does it
                 session.delete(row)
 
 
