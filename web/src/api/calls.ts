@@ -60,9 +60,9 @@ type Schemas = components["schemas"];
 type SessionValue = Schemas["SessionValue"];
 
 const inMission = (mission_id: string) => ({ path: { mission_id } });
-const inMissionPage = (mission_id: string, cursor: string | undefined) => ({
+const inMissionPage = (mission_id: string, cursor: string | undefined, crs: string | null = null) => ({
   path: { mission_id },
-  query: cursor === undefined ? { limit: PAGE } : { limit: PAGE, cursor },
+  query: { limit: PAGE, ...(cursor === undefined ? {} : { cursor }), ...(crs === null ? {} : { crs }) },
 });
 const pageOnly = (cursor: string | undefined) => ({
   query: cursor === undefined ? { limit: PAGE } : { limit: PAGE, cursor },
@@ -272,8 +272,8 @@ export const changeSol = (sol: Sol, changes: SolChange): Promise<Sol> =>
     api.PATCH("/api/v1/sols/{sol_id}", { params: { path: { sol_id: sol.id }, header: ifMatch(sol) }, body: changes }),
   );
 
-export const targets = (id: string): Promise<Target[]> =>
-  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/targets", { params: inMissionPage(id, cursor) })));
+export const targets = (id: string, crs: string | null = null): Promise<Target[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/targets", { params: inMissionPage(id, cursor, crs) })));
 
 export const createTarget = (
   id: string,
@@ -333,8 +333,8 @@ export const deleteRequest = (request: ObservationRequest): Promise<unknown> =>
     }),
   );
 
-export const keepOuts = (id: string): Promise<KeepOut[]> =>
-  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/keep-outs", { params: inMissionPage(id, cursor) })));
+export const keepOuts = (id: string, crs: string | null = null): Promise<KeepOut[]> =>
+  pages((cursor) => body(api.GET("/api/v1/missions/{mission_id}/keep-outs", { params: inMissionPage(id, cursor, crs) })));
 
 export const createKeepOut = (id: string, name: string, polygon_m: number[][]): Promise<KeepOut> =>
   body(

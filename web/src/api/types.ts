@@ -28,6 +28,7 @@ export type OpenSession = Schemas["OpenSession"];
 export type Panorama = Schemas["Panorama"];
 export type PathNetwork = Schemas["PathNetwork"];
 export type Person = Schemas["Person"];
+export type Place = Schemas["Place"];
 export type Plan = Schemas["Plan"];
 export type PlanCreate = Schemas["PlanCreate"];
 export type Pose = Schemas["Pose"];

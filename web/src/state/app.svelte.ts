@@ -3,6 +3,7 @@
 import * as calls from "../api/calls";
 import { ProblemError } from "../api/client";
 import type { Person } from "../api/types";
+import type { Coordinates } from "../lib/coordinates";
 import { formatRoute, NOWHERE, parseRoute, type Route, type Selection } from "../lib/route";
 
 export interface Toast {
@@ -38,6 +39,8 @@ class AppState {
   theme = $state<"dark" | "light">("dark");
   toasts = $state.raw<Toast[]>([]);
   help = $state(false);
+  /** What coordinates are shown and typed in, where a mission has a place. */
+  coordinates = $state<Coordinates>(remembered("coordinates", "site"));
   auth = $state("profiles");
   /** Nobody administers the service yet. */
   unowned = $state(false);

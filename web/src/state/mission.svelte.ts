@@ -24,6 +24,7 @@ import type {
   Target,
   Terrain,
 } from "../api/types";
+import { crsOf } from "../lib/coordinates";
 import { type CrlNode, nodesOf } from "../lib/crl";
 import { withRule } from "../lib/drives";
 import { inUnits, words } from "../lib/format";
@@ -119,6 +120,9 @@ export class MissionState {
   readonly instruments = $derived<readonly RoverInstrument[]>(this.profile?.instruments ?? []);
   /** Kinds of condition that a request may have. */
   readonly kinds = $derived(this.profile?.constraints ?? []);
+  readonly place = $derived(this.mission?.place ?? null);
+  /** The reference that coordinates are shown in; null for site metres. */
+  readonly crs = $derived(crsOf(app.coordinates, this.place));
   readonly sol = $derived(this.sols[this.sols.length - 1] ?? null);
   /** Where the rover stands when the open plan begins, else when the newest sol does. */
   readonly startPose = $derived(
@@ -253,6 +257,13 @@ export class MissionState {
     );
   }
 
+  /** Ask for what tells its place; again if the person chose another reference meanwhile. */
+  private async inReference<T>(ask: (crs: string | null) => Promise<T>): Promise<T> {
+    const { crs } = this;
+    const found = await ask(crs);
+    return crs === this.crs ? found : this.inReference(ask);
+  }
+
   async reload(kind: string): Promise<void> {
     switch (kind) {
       case "mission":
@@ -263,13 +274,13 @@ export class MissionState {
         this.sols = await calls.sols(this.id);
         break;
       case "target":
-        this.targets = await calls.targets(this.id);
+        this.targets = await this.inReference((crs) => calls.targets(this.id, crs));
         break;
       case "observation_request":
         this.requests = await calls.requests(this.id);
         break;
       case "keep_out":
-        this.keepOuts = await calls.keepOuts(this.id);
+        this.keepOuts = await this.inReference((crs) => calls.keepOuts(this.id, crs));
         break;
       case "path_network":
         this.networks = await calls.networks(this.id);
