@@ -149,7 +149,7 @@ def test_a_drawing_shows_every_step_and_option_and_no_two_boxes_overlap() -> Non
     root = boxes(TREE, {"A": "Rock <1>", "B": 'Say "hi"'})
     lay_out(root)
     found = root.walk()
-    assert [b.label for b in found] == ["", "Rock <1> lost", "time \u2265 90 s", "go on"]
+    assert [b.label for b in found] == ["", "Rock <1> lost", "time ≥ 0:01:30", "go on"]
     assert [b.probability for b in found] == [1.0, 0.25, 0.25, 0.5]
     for number, a in enumerate(found):
         for b in found[number + 1 :]:
