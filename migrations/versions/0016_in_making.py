@@ -17,6 +17,13 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Take it away, and what was being copied with it."""
-    op.execute("DELETE FROM missions WHERE in_making")
+    """Take it away, and what was being copied with it: the missions and all that is theirs."""
+    tables = sa.MetaData()
+    tables.reflect(op.get_bind())
+    missions = tables.tables["missions"]
+    made = sa.select(missions.c.id).where(missions.c.in_making)
+    for table in reversed(tables.sorted_tables):
+        if "mission_id" in table.columns:
+            op.execute(sa.delete(table).where(table.c.mission_id.in_(made)))
+    op.execute(sa.delete(missions).where(missions.c.in_making))
     op.drop_column("missions", "in_making")
