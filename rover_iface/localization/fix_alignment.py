@@ -6,9 +6,8 @@ fit no common answer are named and left out.
 
 from __future__ import annotations
 
-import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,11 @@ class FixAlignmentOptions:
         Chance that a good fix is called wrong; 0.001 costs 0.1 % of the fixes and 1 % of the spread.
     most_pairs
         Pairs of fixes tried for a first answer; all pairs of 90 fixes are 4,005.
+    most_scored
+        Fixes by which a first answer is judged; the final one uses all. 500 tell the share of wrong ones to
+        2 %.
+    most_fixes
+        More are refused: their covariances and residuals are held at once, 0.5 kB each.
     longest_turn_sigma_rad
         A turn known worse than this is refused: the poses lie in one place. 0.5 rad is where the linear
         covariance of a turn stops to mean anything.
@@ -37,6 +41,8 @@ class FixAlignmentOptions:
 
     false_outlier: float = 0.001
     most_pairs: int = 4_005
+    most_scored: int = 500
+    most_fixes: int = 20_000
     longest_turn_sigma_rad: float = 0.5
 
     def __post_init__(self) -> None:
@@ -125,16 +131,20 @@ def align_fixes(
     Raises
     ------
     LocalizationError
-        If there are fewer than 3 fixes, no more than half of them agree, or they lie in one place.
+        If there are fewer than 3 fixes or too many, no more than half agree, or they lie in one place.
 
     Notes
     -----
     First answer: the pair of fixes whose turn and shift leave the smallest sum of squared distances, each cut
     at the gate (Torr and Zisserman 2000, MSAC). Then Gauss-Newton on those within the gate until none comes
-    or goes. The covariance is the inverse of the normal matrix at the end.
+    or goes. All of it about the middle of poses and fixes: far from the origin the shift is known by the turn
+    alone, and the normal matrix about the origin is too close to singular to be inverted. The covariance is
+    its inverse at the end, moved to the origin.
     """
     chosen = options or FixAlignmentOptions()
-    pairs = _checked(fixes_m, fix_covariance_m2, poses_m, pose_covariance_m2)
+    given = _checked(fixes_m, fix_covariance_m2, poses_m, pose_covariance_m2, chosen.most_fixes)
+    pose_middle, fix_middle = given.poses.mean(axis=0), np.append(given.fixes[:, :2].mean(axis=0), 0.0)
+    pairs = replace(given, poses=given.poses - pose_middle, fixes=given.fixes - fix_middle)
     flat = chi2.ppf(1.0 - chosen.false_outlier, 2)
     gate = np.where(pairs.has_height, chi2.ppf(1.0 - chosen.false_outlier, 3), flat)
     state = _first_answer(pairs, flat, chosen, rng or np.random.default_rng(0))
@@ -148,23 +158,20 @@ def align_fixes(
         agrees = now
     _require_majority(agrees)
     state, normal = _fit(pairs.taken(agrees), state)
-    covariance = _inverse(normal)
-    spread, limit = math.sqrt(covariance[3, 3]), chosen.longest_turn_sigma_rad
-    if not spread <= limit:
-        raise LocalizationError(
-            f"the turn is known to {math.degrees(spread):.0f} degrees only: the poses lie too close together "
-            f"for their fixes; at most {math.degrees(limit):.0f} degrees are taken"
-        )
+    covariance = _inverse(normal, chosen.longest_turn_sigma_rad)
     shift = state[:3].copy()
     if not pairs.has_height[agrees].any():
         shift[2] = np.nan
     residuals = pairs.fixes - (pairs.poses @ _turn(state[3]).T + shift)
     distances = np.sqrt(_distances2(pairs.fixes, pairs, state))
     yaw = math.remainder(float(state[3]), 2 * math.pi)
-    return FixAlignment(yaw, shift, covariance, agrees, residuals, distances)
+    arm = _turn(yaw) @ pose_middle
+    return FixAlignment(yaw, shift + fix_middle - arm, _moved(covariance, arm), agrees, residuals, distances)
 
 
-def _checked(fixes: Floats, covariance: Floats, poses: Floats, pose_covariance: Floats | None) -> _Pairs:
+def _checked(
+    fixes: Floats, covariance: Floats, poses: Floats, pose_covariance: Floats | None, most: int
+) -> _Pairs:
     fixes, poses = np.asarray(fixes, dtype=float), np.asarray(poses, dtype=float)
     n = len(fixes)
     if pose_covariance is None:
@@ -178,6 +185,8 @@ def _checked(fixes: Floats, covariance: Floats, poses: Floats, pose_covariance: 
         raise LocalizationError(
             f"there are {n} fixes with a pose; 3 are needed, as two that differ do not say which is wrong"
         )
+    if n > most:
+        raise LocalizationError(f"there are {n} fixes with a pose; at most {most} are taken at once")
     if not (np.isfinite(fixes[:, :2]).all() and np.isfinite(poses).all()):
         raise LocalizationError("a fix or pose is no number")
     known = np.asarray(covariance, dtype=float)
@@ -210,20 +219,26 @@ def _first_answer(
 ) -> Floats:
     """Return (east, north, up, yaw) of the best pair, by the horizontal places."""
     n = len(pairs.fixes)
-    index = np.array(list(itertools.combinations(range(n), 2)))
-    if len(index) > options.most_pairs:
-        index = index[rng.choice(len(index), options.most_pairs, replace=False)]
-    one, two = index.T
+    if n * (n - 1) // 2 <= options.most_pairs:
+        one, two = np.triu_indices(n, 1)
+    else:
+        one = rng.integers(0, n, options.most_pairs)
+        two = (one + rng.integers(1, n, options.most_pairs)) % n
+    judges = pairs
+    if n > options.most_scored:
+        some = np.zeros(n, dtype=bool)
+        some[rng.choice(n, options.most_scored, replace=False)] = True
+        judges = pairs.taken(some)
     way = pairs.poses[two, :2] - pairs.poses[one, :2]
     seen = pairs.fixes[two, :2] - pairs.fixes[one, :2]
     yaws = np.arctan2(seen[:, 1], seen[:, 0]) - np.arctan2(way[:, 1], way[:, 0])
     best, lowest = np.zeros(4), math.inf
-    level = pairs.fixes * [1, 1, np.nan]
+    level = judges.fixes * [1, 1, np.nan]
     for yaw, a, b in zip(yaws, one, two, strict=True):
-        turned = pairs.poses @ _turn(float(yaw)).T
-        shift = (pairs.fixes[[a, b], :2] - turned[[a, b], :2]).mean(axis=0)
+        turned = pairs.poses[[a, b]] @ _turn(float(yaw)).T
+        shift = (pairs.fixes[[a, b], :2] - turned[:, :2]).mean(axis=0)
         state = np.array([shift[0], shift[1], 0.0, yaw])
-        cost = float(np.minimum(_distances2(level, pairs, state), gate).sum())
+        cost = float(np.minimum(_distances2(level, judges, state), gate).sum())
         if cost < lowest:
             best, lowest = state, cost
     up = (pairs.fixes - pairs.poses)[:, 2]
@@ -270,11 +285,34 @@ def _fit(pairs: _Pairs, start: Floats) -> tuple[Floats, Floats]:
     return state, np.asarray(normal)
 
 
-def _inverse(normal: Floats) -> Floats:
-    """Return the covariance of a normal matrix; NaN for `up` where nothing tells it."""
-    if normal[2, 2] > 0:
-        return np.asarray(np.linalg.pinv(normal, rcond=1e-15))
-    keep = [0, 1, 3]
+def _inverse(normal: Floats, longest_turn_sigma_rad: float) -> Floats:
+    """Return the covariance (4, 4) of a normal matrix; NaN for `up` where nothing tells it.
+
+    Raises
+    ------
+    LocalizationError
+        If the turn is not known, or worse than the limit.
+    """
+    keep = [0, 1, 2, 3] if normal[2, 2] > 0 else [0, 1, 3]
+    told = normal[np.ix_(keep, keep)]
+    across = np.linalg.solve(told[:-1, :-1], told[:-1, -1])
+    turn = float(told[-1, -1] - told[-1, :-1] @ across)  # what is known of the turn beside an unknown shift
+    if not turn * longest_turn_sigma_rad**2 >= 1.0:
+        known = f"to {math.degrees(1 / math.sqrt(turn)):.0f} degrees only" if turn > 0 else "not at all"
+        raise LocalizationError(
+            f"the turn is known {known}: the poses lie too close together for their fixes; at most "
+            f"{math.degrees(longest_turn_sigma_rad):.0f} degrees are taken"
+        )
     covariance = np.full((4, 4), np.nan)
-    covariance[np.ix_(keep, keep)] = np.linalg.pinv(normal[np.ix_(keep, keep)], rcond=1e-15)
+    covariance[np.ix_(keep, keep)] = np.linalg.inv(told)
     return covariance
+
+
+def _moved(covariance: Floats, arm: Floats) -> Floats:
+    """Return a covariance (4, 4) counted from the origin; it was counted from `arm` [3], m, site axes."""
+    move = np.eye(4)
+    move[0, 3], move[1, 3] = arm[1], -arm[0]
+    unknown = np.isnan(covariance)
+    moved = move @ np.nan_to_num(covariance) @ move.T
+    moved[unknown] = np.nan
+    return np.asarray(moved)

@@ -21,10 +21,12 @@ def covariance(rng: np.random.Generator, sigma: float) -> Floats:
     return np.asarray(a @ np.diag((sigma * rng.uniform(0.5, 2.0, 3)) ** 2) @ a.T)
 
 
-def day(rng: np.random.Generator, fixes: int, wrong: int) -> tuple[FixAlignment, Floats, set[int]]:
+def day(
+    rng: np.random.Generator, fixes: int, wrong: int, away: Floats | float = 0.0
+) -> tuple[FixAlignment, Floats, set[int]]:
     """Return the answer for a simulated way, the truth (east, north, up, yaw), and the fixes made wrong."""
     yaw, shift = rng.uniform(-math.pi, math.pi), rng.normal(0, 300, 3)
-    poses = np.cumsum(rng.normal(0, 12, (fixes, 3)) * [1, 1, 0.1], axis=0)
+    poses = np.cumsum(rng.normal(0, 12, (fixes, 3)) * [1, 1, 0.1], axis=0) + away
     turn = np.array([[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]])
     spread = np.array([covariance(rng, rng.uniform(0.3, 1.5)) for _ in range(fixes)])
     odometry = np.array([covariance(rng, 0.2) for _ in range(fixes)])
@@ -93,3 +95,38 @@ def test_what_cannot_be_aligned_is_refused_with_the_figure() -> None:
         align_fixes(near + rng.normal(0, 0.05, (6, 3)), spread, near)
     with pytest.raises(LocalizationError, match="covariance of fix 2"):
         align_fixes(poses, spread * np.array([1, -1, 1, 1, 1, 1])[:, None, None], poses)
+
+
+def test_far_from_the_origin_the_covariance_still_tells_the_error() -> None:
+    rng, middle = np.random.default_rng(6), np.array([5e5, 4e6, 0.0])
+    trials, nees = 60, 0.0
+    for _ in range(trials):
+        found, truth, _ = day(rng, 12, 2, middle)
+        c, s = math.cos(truth[3]), math.sin(truth[3])
+        where = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ middle + truth[:3]
+        turned = math.remainder(found.yaw_rad - truth[3], math.tau)
+        error = np.array([*(found.apply(middle[None])[0] - where), turned])  # at the way, where it is linear
+        arm = found.apply(middle[None])[0] - found.shift_m
+        back = np.eye(4)
+        back[0, 3], back[1, 3] = -arm[1], arm[0]
+        nees += float(error @ np.linalg.solve(back @ found.covariance @ back.T, error))
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], 4 * trials) / trials
+    assert low <= nees / trials <= high
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0), (3.0, 4.0), (100.0, 50.0), (5e5, 4e6)])
+def test_poses_in_one_place_tell_no_turn_wherever_it_is(at: tuple[float, float]) -> None:
+    poses = np.tile([*at, 0.0], (6, 1))
+    fixes = np.random.default_rng(7).normal(0, 0.1, (6, 3))
+    with pytest.raises(LocalizationError, match="too close together"):
+        align_fixes(fixes, np.tile(np.eye(3) * 0.01, (6, 1, 1)), poses)
+
+
+def test_many_fixes_are_sampled_and_too_many_refused() -> None:
+    rng = np.random.default_rng(8)
+    poses = rng.normal(0, 50, (2000, 3))
+    fixes = poses + np.array([10.0, 20.0, 0.0]) + rng.normal(0, 0.1, (2000, 3))
+    found = align_fixes(fixes, np.tile(np.eye(3) * 0.01, (2000, 1, 1)), poses)
+    assert found.shift_m == pytest.approx([10.0, 20.0, 0.0], abs=0.03)
+    with pytest.raises(LocalizationError, match="20001 fixes with a pose; at most 20000"):
+        align_fixes(np.zeros((20_001, 3)), np.tile(np.eye(3), (20_001, 1, 1)), np.zeros((20_001, 3)))
