@@ -7,10 +7,11 @@ that of NASA-AMMOS/seq-json-schema 1.3.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import TypeAlias, assert_never
+from typing import Literal, TypeAlias, assert_never
 
 from executive.crl.nodes import Task
 from executive.crl.values import Value
@@ -42,13 +43,15 @@ Json: TypeAlias = "dict[str, Json] | list[Json] | str | float | bool | None"
 class SentCommand:
     """A command of a sequence: the value of each plain argument by its name, and when it is sent.
 
-    `delay_s` counts from the end of the command before; `not_before_s` from the plan's start.
+    `delay_s` counts from the end of the command before, `waits_s` of it are tasks that wait; `not_before_s`
+    counts from the plan's start.
     """
 
     task: str
     command: ForeignCommand
     values: Mapping[str, Value]
     delay_s: float
+    waits_s: float
     not_before_s: float | None
 
 
@@ -82,11 +85,29 @@ def sent_commands(run: StraightRun, foreign: ForeignDictionary, mapped: FlightMa
         }
         given |= task.parameters if sent is None else _stood_for(sent.arguments, task, wrong)
         values = _checked(command, given, task.id, wrong)
-        made.append(SentCommand(task.id, command, values, delay_s + _gap(step, run), step.not_before_s))
+        delay = delay_s + _gap(step, run)
+        made.append(SentCommand(task.id, command, values, delay, delay_s, step.not_before_s))
         delay_s = 0.0
     if wrong:
         raise SequenceError("; ".join(wrong))
     return tuple(made)
+
+
+def unsaid_times(
+    commands: tuple[SentCommand, ...], form: Literal["seq", "seq-json"], epoch: datetime | None
+) -> tuple[str, ...]:
+    """Return what a form cannot say of when commands are sent, each by name."""
+    told = []
+    for sent in commands:
+        opens = sent.not_before_s is not None
+        if sent.waits_s and (form == "seq-json" or (opens and epoch is not None)):
+            told.append(f'wait of {sent.waits_s:g} s before "{sent.task}"')
+        if opens and form == "seq" and epoch is None:
+            told.append(
+                f'window of "{sent.task}" opens at {sent.not_before_s:g} s: without --epoch it is a wait '
+                "by mean times, and the command may come before it"
+            )
+    return tuple(told)
 
 
 def _gap(step: Step, run: StraightRun) -> float:
@@ -137,8 +158,8 @@ def _fault(leaf: Leaf, value: Value) -> str:
         case Number(low, high, _, whole):
             if isinstance(value, bool) or not isinstance(value, int | float):
                 return "it must be a number"
-            if whole and value != int(value):
-                return "it must be a whole number"
+            if not math.isfinite(value) or (whole and value != int(value)):
+                return f"it must be a {'whole' if whole else 'finite'} number"
             if low is not None and value < low:
                 return f"it must be at least {low:g}"
             return f"it must be at most {high:g}" if high is not None and value > high else ""
@@ -181,7 +202,7 @@ def seq_text(
 def _tag(sent: SentCommand, epoch: datetime | None) -> str:
     if epoch is not None and sent.not_before_s is not None:
         return f"A{_day_of_year(epoch, sent.not_before_s)}"
-    if sent.delay_s >= _DAY_S:
+    if round(1000 * sent.delay_s) >= 1000 * _DAY_S:
         raise SequenceError(f'task "{sent.task}" waits {sent.delay_s:g} s; a relative tag is less than a day')
     return f"R{_clock(sent.delay_s)}"
 

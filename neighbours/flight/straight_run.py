@@ -6,16 +6,32 @@ cannot say of the plan is told by name.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
 from executive.crl.nodes import Block, Branch, ConcurrentBlock, Node, Option, Plan, Task, walk, walk_plan
-from executive.crl.values import UNBOUNDED_S, Absolute
+from executive.crl.values import UNBOUNDED_S, Absolute, IfNone, OnOptionFailure
 from neighbours.flight.errors import SequenceError
 
 NOMINAL = "nominal"
 """Names the run in which each branch takes its last option: in plans of the planner, the one that goes on."""
+
+_WORTH = frozenset(
+    {
+        "id",
+        "name",
+        "reward",
+        "probability",
+        "expectations",
+        "metadata",
+        "source",
+        "priority",
+        "node_list",
+        "options",
+    }
+)
+"""Fields of a node that change nothing of what it does; its children are looked at by themselves."""
 
 MOST_RUNS = 1000
 """Runs of one plan; every option of a planner's plan adds one, and 200 options are its most."""
@@ -28,8 +44,8 @@ class Step:
     Attributes
     ----------
     start_s, time_s, energy_j
-        When it is expected to begin on the plan's clock, and means of its time and energy; 0 where the plan
-        expects nothing of it.
+        When it is expected to begin on the plan's clock, and means of its time and the energy that it uses,
+        which is below 0 where it charges; 0 where the plan expects nothing of it.
     not_before_s
         When its window opens; None where it begins as soon as it can.
     """
@@ -119,14 +135,23 @@ def straight_run(plan: Plan, branches: Iterable[str]) -> StraightRun:
 
 
 def choices(branch: Branch) -> tuple[Option, ...]:
-    """Return the options that do different things; those that differ in worth alone count once, the first."""
+    """Return the options that do different things; of those that differ in name or worth alone, the last."""
     seen: dict[object, Option] = {}
-    for option in branch.options:
-        seen.setdefault(
-            tuple((n.action, tuple(n.parameters.items())) for n in walk(option.node) if isinstance(n, Task)),
-            option,
-        )
-    return tuple(seen.values())
+    for option in reversed(branch.options):
+        seen.setdefault((option.requires, _does(option.node)), option)
+    return tuple(reversed(seen.values()))
+
+
+def _does(node: Node) -> tuple[object, ...]:
+    """Return what a node and all below it do: every field but names, worth and what is expected."""
+    return tuple(
+        (type(n).__name__, *(_plain(getattr(n, f.name)) for f in fields(n) if f.name not in _WORTH))
+        for n in walk(node)
+    )
+
+
+def _plain(value: object) -> object:
+    return tuple(value.items()) if isinstance(value, Mapping) else value
 
 
 def unsaid(plan: Plan) -> tuple[str, ...]:
@@ -160,8 +185,25 @@ def _unsaid_of(node: Node) -> list[str]:
             told.append(f'window of "{node.id}" closes at {high / 1000:g} s')
     if node.end_temporal_conditions or node.duration is not None:
         told.append(f'limits of the end of "{node.id}"')
+    if node.uses or node.requires:
+        told.append(f'resources of "{node.id}"')
+    if node.continue_on_failure:
+        told.append(f'"{node.id}" may fail, and the plan goes on')
     if isinstance(node, Task) and node.retries:
         told.append(f'{node.retries} retries of "{node.id}"')
+    if isinstance(node, Branch):
+        told += _unsaid_of_options(node)
+    return told
+
+
+def _unsaid_of_options(branch: Branch) -> list[str]:
+    """Return what is asked of options, and what a branch does when none can be taken or one fails."""
+    told = [f'conditions of option "{o.id}"' for o in branch.options if o.eligible_conditions]
+    told += [f'resources of option "{o.id}"' for o in branch.options if o.requires]
+    if branch.if_none is not IfNone.FAIL:
+        told.append(f'branch "{branch.id}" without an option: {branch.if_none.value}')
+    if branch.on_option_failure is not OnOptionFailure.FAIL:
+        told.append(f'branch "{branch.id}" after a failed option: {branch.on_option_failure.value}')
     return told
 
 
@@ -183,7 +225,7 @@ def _steps(done: Any) -> Iterator[Step]:
             start_s = max(t_s, opens_s or 0.0)
             expected = {e.name: e.mean for e in node.expectations}
             time_s = max(0.0, expected.get("time", _waits(node)))
-            yield Step(node, start_s, time_s, abs(expected.get("energy", 0.0)), opens_s)
+            yield Step(node, start_s, time_s, -expected.get("energy", 0.0), opens_s)
             t_s, opens_s = start_s + time_s, None
 
 

@@ -49,19 +49,19 @@ def sequence(
     """
     from ground.cli.flight_group.dictionary import read_foreign
     from neighbours.flight.flight_map import load_flight_map
-    from neighbours.flight.sequence import sent_commands, seq_json, seq_text
+    from neighbours.flight.sequence import sent_commands, seq_json, seq_text, unsaid_times
     from neighbours.flight.straight_run import NOMINAL, straight_run, unsaid
 
     with refusals():
         tree = _read(plan)
-        left = unsaid(tree)
+        start = _time(epoch) if epoch else None
+        run = straight_run(tree, branch or [NOMINAL])
+        commands = sent_commands(run, read_foreign(dictionary), load_flight_map(mapping))
+        left = (*unsaid(tree), *unsaid_times(commands, form.value, start))
         for line in left:
             typer.echo(f"not said: {line}", err=True)
         if left and not branch:
             fail(f"{plan}: {len(left)} things are left out; name the run: --branch {NOMINAL} or an option")
-        run = straight_run(tree, branch or [NOMINAL])
-        commands = sent_commands(run, read_foreign(dictionary), load_flight_map(mapping))
-        start = _time(epoch) if epoch else None
         if form is SequenceForm.SEQ:
             text = seq_text(commands, f"{tree.id or plan.stem}, run {run.name}", left, start)
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import fields
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +14,7 @@ import jsonschema
 import pytest
 
 from executive.crl import parse
+from executive.crl.nodes import Block, Branch, ConcurrentBlock, Task
 from neighbours.flight.errors import SequenceError
 from neighbours.flight.flight_map import FlightMap, Sent
 from neighbours.flight.foreign import (
@@ -27,7 +29,7 @@ from neighbours.flight.foreign import (
     Text,
 )
 from neighbours.flight.plandev import plandev_plan
-from neighbours.flight.sequence import sent_commands, seq_json, seq_text
+from neighbours.flight.sequence import sent_commands, seq_json, seq_text, unsaid_times
 from neighbours.flight.straight_run import NOMINAL, straight_run, straight_runs, unsaid
 from rover_iface.profile import load_profile
 from tests.npm import npm_packages
@@ -83,9 +85,74 @@ def test_what_a_sequence_cannot_say_is_named() -> None:
         "budget of energy: 90000",
         'maintain conditions of "root"',
         'branch "late": options short, go-on',
+        'conditions of option "short"',
         'window of "noon" closes at 1200 s',
         '2 retries of "long"',
     )
+
+
+def test_options_that_differ_in_a_window_are_two_and_the_last_of_equals_is_the_main_line() -> None:
+    def option(name: str, what: str, window: str = "") -> str:
+        return f"(option :id {name} :node (task :id {name}-t {window} :action {what}))"
+
+    early, late = (f":start-temporal-conditions (({w}))" for w in ("0 100", "5000 6000"))
+    two = parse(
+        "(plan :id p :node (branch :id b :options "
+        f"({option('early', 'image', early)} {option('late', 'image', late)})))"
+    )
+    assert [run.name for run in straight_runs(two)] == [NOMINAL, "early"]
+    assert 'branch "b": options early, late' in unsaid(two)
+    equal = parse(
+        "(plan :id p :node (branch :id b :options "
+        f"({option('first', 'image')} {option('other', 'heat')} {option('last', 'image')})))"
+    )
+    runs = {run.name: [s.task.id for s in run.steps] for run in straight_runs(equal)}
+    assert runs == {NOMINAL: ["last-t"], "other": ["other-t"]}
+
+
+def test_what_is_asked_of_one_option_and_of_failures_is_named() -> None:
+    plan = parse(
+        "(plan :id p :resources ((arm :unit)) :node (block :id r :node-list ((branch :id b :if-none :skip "
+        ":options ((option :id o :eligible-conditions ((database (:time <= 5))) "
+        ":node (task :id t :uses (arm) :continue-on-failure t :action image)))))))"
+    )
+    assert unsaid(plan) == (
+        'conditions of option "o"',
+        'branch "b" without an option: skip',
+        'resources of "t"',
+        '"t" may fail, and the plan goes on',
+    )
+
+
+def test_every_field_of_a_node_is_carried_told_or_without_meaning_for_a_sequence() -> None:
+    carried = {
+        "id",
+        "action",
+        "parameters",
+        "node_list",
+        "options",
+        "start_temporal_conditions",
+        "expectations",
+    }
+    told = {
+        *("start_conditions", "wait_for_conditions", "maintain_conditions", "end_conditions"),
+        *("end_temporal_conditions", "duration", "continue_on_failure", "uses", "requires", "retries"),
+        *("if_none", "on_option_failure"),
+    }
+    of_runs_alone = {  # names and worth, and what matters while the executive holds, retries or chooses
+        *("name", "priority", "reward", "probability", "metadata", "source"),
+        *("retry_delay_ms", "interruptible", "on_resume"),
+    }
+    known = {f.name for kind in (Task, Block, ConcurrentBlock, Branch) for f in fields(kind)}
+    assert known == carried | told | of_runs_alone
+
+
+def test_waits_and_windows_that_a_form_cannot_say_are_named() -> None:
+    commands = sent_commands(straight_run(PLAN, [NOMINAL]), FOREIGN, MAP)
+    assert unsaid_times(commands, "seq-json", None) == ('wait of 12.5 s before "long"',)
+    assert unsaid_times(commands, "seq", START) == ('wait of 12.5 s before "long"',)
+    (told,) = unsaid_times(commands, "seq", None)
+    assert told.startswith('window of "long" opens at 600 s: without --epoch')
 
 
 def test_a_run_is_the_text_of_a_sequence() -> None:
