@@ -17,14 +17,19 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from neighbours.robots.errors import MissingExtraError, RecordingError
 
+if TYPE_CHECKING:
+    from mcap.records import Chunk, McapRecord
+
 GAP_S = 5.0
 """Poses further apart are told as a gap; odometry comes many times a second."""
+MOST_BYTES = 256 << 20
+"""Bytes of a message or an unpacked chunk. Writers make chunks of about 1 MiB; a large picture has 100."""
 NANO = 1_000_000_000
 POSE_TYPES = (
     "nav_msgs/msg/Odometry",
@@ -186,6 +191,8 @@ def _sqlite(path: Path, broken: Callable[[str], None]) -> Iterator[Raw]:
             base.execute(
                 "PRAGMA writable_schema=ON"
             )  # else a file that is shorter than it says is refused whole
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES)
+            _require_tables(base)
             topics = {row[0]: row[1:] for row in base.execute("SELECT id, name, type FROM topics")}
             for topic, at_ns, data in base.execute("SELECT topic_id, timestamp, data FROM messages"):
                 if topic in topics and isinstance(data, bytes) and isinstance(at_ns, int):
@@ -196,11 +203,61 @@ def _sqlite(path: Path, broken: Callable[[str], None]) -> Iterator[Raw]:
         broken(f"{path.name} is damaged after {count} messages: {error}")
 
 
+def _require_tables(base: sqlite3.Connection) -> None:
+    """Raise unless topics and messages are plain tables: a view may be a query that never ends."""
+    made = dict(base.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'"))
+    for name in ("topics", "messages"):
+        if not str(made.get(name)).upper().startswith("CREATE TABLE"):
+            raise sqlite3.DatabaseError(f"{name} is no table")
+
+
+def _unpacked(chunk: Chunk) -> Chunk:
+    """Return a chunk without compression.
+
+    Raises
+    ------
+    ValueError
+        If it would be larger than it says, or than what is taken.
+    """
+    size = chunk.uncompressed_size
+    if size > MOST_BYTES:
+        raise ValueError(f"a chunk of {size} bytes; {MOST_BYTES} are taken")
+    if chunk.compression == "zstd":
+        import zstandard
+
+        try:
+            with zstandard.ZstdDecompressor().stream_reader(chunk.data) as stream:
+                data = stream.read(size + 1)
+        except zstandard.ZstdError as error:
+            raise ValueError(f"a chunk that cannot be unpacked: {error}") from error
+    elif chunk.compression == "lz4":
+        import lz4.frame
+
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    else:
+        return chunk
+    if len(data) != size:
+        raise ValueError(f"a chunk that is not of the {size} bytes that it says")
+    return replace(chunk, compression="", data=data)
+
+
+def _records(stream: BinaryIO) -> Iterator[McapRecord]:
+    """Yield the records of a file, those of chunks too; a chunk is unpacked only within limits."""
+    from mcap import records
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=MOST_BYTES)
+    for record in reader.records:
+        if isinstance(record, records.Chunk):
+            yield from breakup_chunk(_unpacked(record), validate_crc=True)
+        else:
+            yield record
+
+
 def _mcap(path: Path, broken: Callable[[str], None]) -> Iterator[Raw]:
     try:
         from mcap.exceptions import McapError
         from mcap.records import Channel, DataEnd, Message, Schema
-        from mcap.stream_reader import StreamReader
     except ImportError:
         raise MissingExtraError("MCAP needs the package mcap: pip install 'outcrop[mcap]'") from None
     schemas: dict[int, str] = {}
@@ -208,7 +265,7 @@ def _mcap(path: Path, broken: Callable[[str], None]) -> Iterator[Raw]:
     count, over = 0, False
     with path.open("rb") as file:
         try:
-            for record in StreamReader(file, validate_crcs=True).records:
+            for record in _records(file):
                 if isinstance(record, Schema):
                     schemas[record.id] = record.name
                 elif isinstance(record, Channel):

@@ -196,6 +196,19 @@ def test_a_sentence_for_a_window_names_the_one_request(site: Site) -> None:
     assert told["form"]["window_s"] == pytest.approx([3699.0, 3 * 3699.0], abs=1.0)
 
 
+def test_a_window_is_not_laid_over_a_newer_change(site: Site) -> None:
+    rock = site.api.post(f"{site.mission}/targets", ROCK)
+    body = {"target_id": rock["id"], "instrument": "science_camera", "value": 5.0}
+    request = site.api.post(f"{site.mission}/observation-requests", body)
+    draft = site.drafted({"window": {"request_id": request["id"], "window_s": [100.0, 200.0]}})
+    where = f"/observation-requests/{request['id']}"
+    changed = site.api("PATCH", where, json={"window_s": [1000.0, 2000.0]}, headers={"If-Match": '"1"'})
+    assert changed.status_code == 200, changed.text
+    refused = site.accept(draft["id"], 409)
+    assert "after the draft was made" in refused["detail"]
+    assert site.api.get(where)["window_s"] == [1000.0, 2000.0]
+
+
 def test_a_keep_out_of_a_circle_holds_all_of_it(site: Site) -> None:
     from shapely.geometry import Point, Polygon
 

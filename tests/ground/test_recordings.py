@@ -77,6 +77,9 @@ def test_a_cut_bag_says_so_and_strangers_bring_nothing_in(api: Api, mission: Any
         import_recording(api.repo, Actor("Viewer", Role.VIEWER), plan["id"], file, Mapping())
     with pytest.raises(NotFoundError):
         import_recording(api.repo, OPERATOR, "pln-none", file, Mapping())
+    outside = Actor("Operator", Role.OPERATOR, mission_roles={mission.id: Role.NONE})
+    with pytest.raises(NotFoundError, match=f"there is no plan {plan['id']}$"):
+        import_recording(api.repo, outside, plan["id"], file, Mapping())
     assert [r["id"] for r in api.get(f"/missions/{mission.id}/runs")["items"]] == [made.id]
 
 

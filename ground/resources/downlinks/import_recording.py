@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ground.errors import ArchiveError, GroundError, StateError, UnavailableError
+from ground.errors import ArchiveError, GroundError, NotFoundError, StateError, UnavailableError
 from ground.gdr.durable import copy_folder
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
@@ -101,6 +101,8 @@ def import_recording(
 
     with repo.database.read() as session:
         plan: PlanRow = find_row(session, PLAN, plan_id)
+        if not actor.sees(plan.mission_id):
+            raise NotFoundError(f"there is no {PLAN.title} {plan_id}")  # as if there were none
         actor.require(Action.UPLINK, plan.mission_id)
         if plan.crl_sha256 is None:
             raise StateError(f"plan {plan.number} is not computed; a recording is of a plan that was driven")
@@ -161,6 +163,10 @@ def _keeper(folder: Path, pictures: list[_Kept]) -> Callable[[Picture], None]:
     return keep
 
 
+LAST_S = 4_000_000_000
+"""Seconds since 1970 in the year 2096; stamps of ROS 2 end in 2106."""
+
+
 def _write(folder: Path, recording: Recording, pictures: list[_Kept]) -> None:
     """Write the folder `run/1` of a recording; its time 0 is its first pose, level or picture."""
     stamps = [
@@ -169,6 +175,9 @@ def _write(folder: Path, recording: Recording, pictures: list[_Kept]) -> None:
         *(p.t_ns for p in pictures),
     ]
     zero_ns, end_ns = min(stamps), max(stamps)
+    for stamp in (zero_ns, end_ns):
+        if not 0 <= stamp < LAST_S * NANO:
+            raise ArchiveError(f"a time stamp of {stamp / NANO:g} s; 0 to {LAST_S} since 1970 are taken")
     document = {
         "format": "run/1",
         "outcome": OUTCOME,

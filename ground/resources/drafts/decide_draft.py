@@ -115,6 +115,7 @@ def _made(repo: Repository, actor: Actor, deciding: Deciding, row: DraftRow) -> 
             return "observation_request", made.id
         case "window":
             asked = WindowDraft(**row.form)
+            _require_unchanged(repo, deciding, row, asked.request_id)
             change = ObservationRequestChange.model_validate({"window_s": asked.window_s})
             change_resource(repo, actor, deciding.requests, asked.request_id, change, None, reason=reason)
             return "observation_request", asked.request_id
@@ -123,3 +124,14 @@ def _made(repo: Repository, actor: Actor, deciding: Deciding, row: DraftRow) -> 
         case "plan":
             return "plan", generate_plan(repo, actor, mission_id, PlanCreate(**row.form)).subject_id
     raise StateError(f"draft {row.id} is of the unknown kind {row.kind!r}")
+
+
+def _require_unchanged(repo: Repository, deciding: Deciding, row: DraftRow, request_id: str) -> None:
+    """Refuse a draft about a request that somebody has changed since: their change would be lost."""
+    with repo.database.read() as session:
+        request = find_row(session, deciding.requests, request_id)
+        if request.modified_utc > row.created_utc:
+            raise StateError(
+                f"observation request {request_id} was changed at {request.modified_utc.isoformat()}, after "
+                f"the draft was made at {row.created_utc.isoformat()}; draft it again, or change it by hand"
+            )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from sqlalchemy.orm import Session
 from ground.errors import NotFoundError
 from ground.gdr.base import Row
 from ground.gdr.repository import Repository
+from ground.geo.site_frame import FAR_M
 from ground.reports.figures import ribbons
 from ground.resources.features.value import Collection, Feature
 from ground.resources.keep_outs.row import KeepOutRow
@@ -210,8 +210,9 @@ def _point(place: object) -> Sequence[object]:
 
 
 def _numbers(values: Sequence[object]) -> list[float]:
-    numbers = [float(v) for v in values if isinstance(v, int | float)]
-    return numbers if len(numbers) == len(values) and all(map(math.isfinite, numbers)) else []
+    """Return metres within a site, nothing if one is none; labels may have been written by anybody."""
+    numbers = [v for v in values if isinstance(v, int | float) and abs(v) <= FAR_M]
+    return [float(v) for v in numbers] if len(numbers) == len(values) else []
 
 
 def _ribbons(_repo: Repository, session: Session, mission_id: str) -> Iterator[Feature]:

@@ -6,8 +6,10 @@ XML is read by defusedxml: what a DTD and entities could do is refused.
 from __future__ import annotations
 
 import json
+import sqlite3
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 MAX_ROWS = 5000
+MAX_CELL = 16 << 20
+"""Bytes of one value: those of a whole file that is taken."""
 SQLITE = b"SQLite format 3\x00"
 NOT_TAKEN = frozenset({"outcrop_id", "fid", "ogc_fid"})
 """Columns that our own files and GDAL write, and that say nothing that a person gives."""
@@ -130,6 +134,7 @@ def _package(content: bytes) -> Iterator[Found]:
         file = Path(folder) / "given.gpkg"
         file.write_bytes(content)
         try:
+            _require_tables(file)
             for layer in pyogrio.list_layers(file)[:, 0]:
                 count = pyogrio.read_info(file, layer=layer, force_feature_count=True)["features"]
                 if count > MAX_ROWS:
@@ -138,6 +143,25 @@ def _package(content: bytes) -> Iterator[Found]:
                 yield from _layer(meta, shapes, columns)
         except (DataSourceError, DataLayerError) as err:
             raise InvalidInputError(f"the GeoPackage is damaged: {err}") from err
+
+
+def _require_tables(file: Path) -> None:
+    """Refuse a GeoPackage whose layers are no plain tables: a view may be a query that never ends."""
+    try:
+        with closing(sqlite3.connect(f"file:{file}?mode=ro&immutable=1", uri=True)) as base:
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CELL)
+            made = dict(base.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'"))
+            views = {
+                str(name) for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'view'")
+            }
+    except (sqlite3.Error, ValueError) as err:
+        raise InvalidInputError(f"the GeoPackage is damaged: {err}") from err
+    if views:
+        raise InvalidInputError(
+            f"the GeoPackage has views, which are not read: {', '.join(sorted(views)[:5])}"
+        )
+    if "gpkg_contents" not in made:
+        raise InvalidInputError("the GeoPackage is damaged: it has no table gpkg_contents")
 
 
 def _layer(meta: Mapping[str, Any], shapes: Sequence[Any] | None, columns: Sequence[Any]) -> Iterator[Found]:

@@ -94,16 +94,24 @@ def _aware(time: datetime) -> datetime:
     return time if time.tzinfo else time.replace(tzinfo=UTC)
 
 
+BYTES = frozenset({"1", "L", "P", "RGB"})
+"""Modes of pictures whose values are bytes."""
+
+
 def _pixels(repo: Repository, row: ProductRow) -> NDArray[np.uint8] | None:
-    """Return the pixels of a product that is a picture of bytes."""
+    """Return the pixels [rows, columns] or [rows, columns, 3] of a product that is a picture of bytes."""
     if row.media not in PICTURES:
         return None
     import numpy as np
     from PIL import Image
 
-    with Image.open(io.BytesIO(repo.files.read(row.sha256))) as opened:
-        grey = opened.mode in ("L", "1")
-        return np.asarray(opened.convert("L" if grey else "RGB"))
+    try:
+        with Image.open(io.BytesIO(repo.files.read(row.sha256))) as opened:
+            if opened.mode not in BYTES:
+                return None  # 16 bits, say: what cannot be kept as it is is not labelled
+            return np.asarray(opened.convert("L" if opened.mode in ("L", "1") else "RGB"))
+    except (OSError, ValueError, Image.DecompressionBombError):
+        return None
 
 
 def _about(mission: MissionRow, row: ProductRow, starts: dict[str, datetime], body: str | None) -> About:

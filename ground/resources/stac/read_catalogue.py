@@ -18,7 +18,7 @@ from ground.gdr.repository import Repository
 from ground.gdr.terrain_folders import load_cached
 from ground.geo.place import Place
 from ground.geo.references import LONLAT
-from ground.geo.site_frame import SiteFrame, site_frame
+from ground.geo.site_frame import FAR_M, SiteFrame, site_frame
 from ground.geo.spice_site import body_of
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import require_mission
@@ -311,9 +311,14 @@ def _product_item(
 def _point(row: ProductRow, target: TargetRow | None) -> list[Corner]:
     """Return the place that a product shows, east and north, by its label or its target; none if unknown."""
     said = (row.label or {}).get("point_m")
-    if isinstance(said, list) and len(said) == 3:
+    if isinstance(said, list) and len(said) == 3 and all(_is_near(v) for v in said[:2]):
         return [(float(said[0]), float(said[1]))]
     return [] if target is None else [(target.east_m, target.north_m)]
+
+
+def _is_near(value: object) -> bool:
+    """Return whether a member of a label, which anybody may have written, is metres within a site."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= FAR_M
 
 
 def _sun(clock: SunClock, t_s: float) -> dict[str, float]:

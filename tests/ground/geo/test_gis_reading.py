@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sqlite3
 import sys
 import tomllib
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +67,19 @@ def test_a_file_that_cannot_be_used_is_refused_with_the_reason(text: str, why: s
 def test_a_damaged_geopackage_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="damaged"):
         read_shapes(b"SQLite format 3\x00" + bytes(200), site=HERE)
+
+
+def test_a_geopackage_with_a_view_that_never_ends_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "endless.gpkg"
+    with closing(sqlite3.connect(file)) as base:
+        base.execute("CREATE TABLE gpkg_contents (table_name TEXT, data_type TEXT)")
+        base.execute(
+            "CREATE VIEW rocks AS WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n) "
+            "SELECT k FROM n"
+        )
+        base.commit()
+    with pytest.raises(InvalidInputError, match="has views, which are not read: rocks"):
+        read_shapes(file.read_bytes(), site=HERE)
 
 
 @pytest.mark.parametrize(

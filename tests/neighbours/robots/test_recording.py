@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import random
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from neighbours.robots import recording as recording_module
 from neighbours.robots.errors import RecordingError
 from neighbours.robots.recording import Mapping, Picture, Recording, files_of, read_mapping, read_recording
 
@@ -256,3 +259,34 @@ def test_what_is_no_recording_and_what_does_not_fit_is_named(tmp_path: Path) -> 
         (tmp_path / "map.toml").write_text(text)
         with pytest.raises(RecordingError, match=words):
             read_mapping(tmp_path / "map.toml")
+
+
+def test_a_bag_whose_messages_are_a_query_is_not_read(tmp_path: Path) -> None:
+    file = tmp_path / "endless.db3"
+    with closing(sqlite3.connect(file)) as base:
+        base.execute("CREATE TABLE topics (id INTEGER, name TEXT, type TEXT)")
+        base.execute(
+            "CREATE VIEW messages AS WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n) "
+            "SELECT 1 AS topic_id, k AS timestamp, x'00' AS data FROM n"
+        )
+        base.commit()
+    with pytest.raises(RecordingError, match="messages is no table"):
+        read(file)
+
+
+def test_a_chunk_is_unpacked_within_limits_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mcap.writer import CompressionType, Writer
+
+    monkeypatch.setattr(recording_module, "MOST_BYTES", 100_000)
+    for kind in (CompressionType.ZSTD, CompressionType.LZ4):
+        file = tmp_path / f"{kind.name}.mcap"
+        with file.open("wb") as stream:
+            writer = Writer(stream, compression=kind, chunk_size=10_000_000)
+            writer.start()
+            schema = writer.register_schema("foxglove.PoseInFrame", "jsonschema", b"{}")
+            channel = writer.register_channel("/pose", "json", schema)
+            writer.add_message(channel, 1, bytes(5_000_000), 1)
+            writer.finish()
+        assert file.stat().st_size < 60_000
+        with pytest.raises(RecordingError, match=r"a chunk of \d+ bytes; 100000 are taken"):
+            read(file)
