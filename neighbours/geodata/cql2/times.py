@@ -30,4 +30,7 @@ def instant(text: str, position: int | None = None, *, day: bool = False) -> Ins
         found = datetime.fromisoformat(re.sub(r"(\.\d{6})\d+", r"\1", text.upper()))
     except ValueError as err:
         raise Cql2Error(f"{text[:40]!r} is no date that there is", position) from err
-    return Instant(found.replace(tzinfo=UTC) if day else found.astimezone(UTC), day)
+    try:
+        return Instant(found.replace(tzinfo=UTC) if day else found.astimezone(UTC), day)
+    except OverflowError as err:
+        raise Cql2Error(f"{text[:40]!r} lies outside the years 1 to 9999 in UTC", position) from err
