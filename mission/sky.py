@@ -28,10 +28,14 @@ class SunCourse:
     directions: Annotated[tuple[tuple[float, float, float], ...], MinLen(4), MaxLen(2000)]
 
     def __post_init__(self) -> None:
-        if datetime.fromisoformat(self.start_utc).tzinfo is None:
+        try:
+            start = datetime.fromisoformat(self.start_utc)
+        except ValueError as err:
+            raise MissionError(f"start_utc {self.start_utc!r} is no time in ISO 8601") from err
+        if start.tzinfo is None:
             raise MissionError(f"start_utc {self.start_utc} has no zone")
         for way in self.directions:
-            if abs(math.hypot(*way) - 1.0) > 1e-6:
+            if not abs(math.hypot(*way) - 1.0) <= 1e-6:  # NaN too
                 raise MissionError(f"a direction of the sun has length {math.hypot(*way):g}; it must be 1")
 
     def reaches(self, t_s: float) -> bool:
