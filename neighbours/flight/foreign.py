@@ -106,8 +106,31 @@ LONGEST_SERIES = 64
 """Longest array that becomes parameters one by one: a form with more is none that a person fills in."""
 
 
+MOST_LEAVES = 1000
+"""Plain values of one argument in all; the largest structs of flight dictionaries have some dozens."""
+
+
+def _size(kind: ForeignType) -> int:
+    """Return the number of plain values of a type, one more than the limit where there are more."""
+    match kind:
+        case Series(item, length):
+            return min(length * _size(item), MOST_LEAVES + 1)
+        case Group(members):
+            total = 0
+            for _, inner in members:
+                total += _size(inner)
+                if total > MOST_LEAVES:
+                    return MOST_LEAVES + 1
+            return total
+        case _:
+            return 1
+
+
 def leaves(name: str, kind: ForeignType) -> list[tuple[str, Leaf]]:
     """Return the plain values of a type with their names: `v.0`, `v.1` of an array, `p.x` of a struct."""
+    too_long = isinstance(kind, Series) and kind.length > LONGEST_SERIES  # has a reason of its own
+    if not too_long and _size(kind) > MOST_LEAVES:
+        return [(name, Unsaid(f"type of more than {MOST_LEAVES} values"))]
     match kind:
         case Series(item, length):
             if length > LONGEST_SERIES:

@@ -71,6 +71,7 @@ class _Reader:
                 where,
                 ('is no dictionary of F Prime: it must have the members "commands" and "typeDefinitions"',),
             )
+        self.structs: dict[str, ForeignType] = {}
         self.types: dict[str, Mapping[str, Any]] = {}
         for item in self.items("typeDefinitions"):
             name = str(item.get("qualifiedName"))
@@ -112,7 +113,7 @@ class _Reader:
         """Tell what is wrong with a definition by itself."""
         if item.get("kind") != "enum":
             return
-        labels = [str(c.get("name")) for c in item.get("enumeratedConstants") or [] if isinstance(c, dict)]
+        labels = _constants(item)
         if not labels:
             self.wrong.append(f'enum "{name}" has no constants')
         twice = [label for label, n in Counter(labels).items() if n > 1]
@@ -191,8 +192,7 @@ class _Reader:
     def defined(self, name: str, item: Mapping[str, Any], where: str, depth: int) -> ForeignType:
         match item.get("kind"):
             case "enum":
-                constants = item.get("enumeratedConstants") or []
-                return Choice(tuple(str(c.get("name")) for c in constants if isinstance(c, dict)))
+                return Choice(tuple(_constants(item)))
             case "alias":
                 return self.type_of(item.get("underlyingType"), where, depth)
             case "array":
@@ -202,7 +202,9 @@ class _Reader:
                     return Unsaid("an array without size")
                 return Series(self.type_of(item.get("elementType"), where, depth), size)
             case "struct":
-                return self.struct(name, item, where, depth)
+                if name not in self.structs:  # once: structs of structs would be many
+                    self.structs[name] = self.struct(name, item, where, depth)
+                return self.structs[name]
             case other:
                 self.wrong.append(f'type "{name}" is of the kind {_shown(other)}, none of F Prime')
                 return Unsaid("no type")
@@ -220,6 +222,11 @@ class _Reader:
             size = table.get("size")
             made.append((member, Series(kind, size) if isinstance(size, int) and size > 0 else kind))
         return Group(tuple(made))
+
+
+def _constants(item: Mapping[str, Any]) -> list[str]:
+    found = item.get("enumeratedConstants")
+    return [str(c.get("name")) for c in found if isinstance(c, dict)] if isinstance(found, list) else []
 
 
 def _index(table: Any) -> int:

@@ -158,15 +158,33 @@ def box_of(outline: Sequence[Corner]) -> list[float] | None:
     """Return west, south, east, north of corners; west is the larger where they lie across 180 degrees."""
     if not outline:
         return None
-    east, north = [lon for lon, _ in outline], [lat for _, lat in outline]
-    if max(east) - min(east) > 180.0:
-        return [min(v for v in east if v > 0), min(north), max(v for v in east if v <= 0), max(north)]
-    return [min(east), min(north), max(east), max(north)]
+    west, east = _span([(lon, lon) for lon, _ in outline])
+    north = [lat for _, lat in outline]
+    return [west, min(north), east, max(north)]
 
 
 def _around(boxes: Sequence[Sequence[float]]) -> list[float]:
-    west, south, east, north = zip(*boxes, strict=True)
-    return [min(west), min(south), max(east), max(north)]
+    west, east = _span([(box[0], box[2]) for box in boxes])
+    return [west, min(box[1] for box in boxes), east, max(box[3] for box in boxes)]
+
+
+def _span(spans: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the west and east end, -180 to 180 degrees, of the shortest arc that holds all arcs."""
+    whole = (-180.0, 180.0)
+    if any(east - west >= 360.0 for west, east in spans):
+        return whole
+    arcs = sorted((_within(west), (east - west) % 360.0) for west, east in spans)
+    end, gap, found = arcs[0][0], 0.0, whole
+    for west, width in [*arcs, (arcs[0][0] + 360.0, 0.0)]:
+        if west - end > gap:
+            gap, found = west - end, (_within(west), _within(end))
+        end = max(end, west + width)
+    return found if gap > 0 else whole
+
+
+def _within(longitude: float) -> float:
+    """Return a longitude as -180 (not taken) to 180 degrees."""
+    return longitude if -180.0 <= longitude <= 180.0 else 180.0 - (180.0 - longitude) % 360.0
 
 
 def _geometry(outline: Sequence[Corner]) -> Document | None:

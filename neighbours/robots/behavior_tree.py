@@ -156,8 +156,8 @@ def _mark(root: Element, tree: Element, lacking: Sequence[Lacking]) -> None:
 
 
 def entry(text: str) -> str:
-    """Return an identifier of the scripting language for an id of a plan."""
-    return re.sub(r"[^A-Za-z0-9_]", lambda m: f"_{ord(m[0]):x}_", text)
+    """Return an identifier of the scripting language for an id of a plan; two ids never share one."""
+    return re.sub(r"[^A-Za-z0-9]", lambda m: f"_{ord(m[0]):x}_", text)
 
 
 @dataclass(slots=True)

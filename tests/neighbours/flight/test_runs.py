@@ -15,7 +15,7 @@ import pytest
 
 from executive.crl import parse
 from executive.crl.nodes import Block, Branch, ConcurrentBlock, Task
-from neighbours.flight.errors import SequenceError
+from neighbours.flight.errors import ForeignDictionaryError, SequenceError
 from neighbours.flight.flight_map import FlightMap, Sent
 from neighbours.flight.foreign import (
     Argument,
@@ -27,7 +27,10 @@ from neighbours.flight.foreign import (
     Number,
     Series,
     Text,
+    Unsaid,
+    leaves,
 )
+from neighbours.flight.fprime_dictionary import read_fprime
 from neighbours.flight.plandev import plandev_plan
 from neighbours.flight.sequence import sent_commands, seq_json, seq_text, unsaid_times
 from neighbours.flight.straight_run import NOMINAL, straight_run, straight_runs, unsaid
@@ -301,3 +304,25 @@ def test_a_plan_of_runs_without_end_is_refused(tmp_path: Path) -> None:
     flat = " ".join(option(k, "") for k in range(12))
     with pytest.raises(SequenceError, match="more than 1000 runs"):
         straight_runs(parse(f"(plan :id p :node (block :id r :node-list ({flat})))"))
+
+
+def test_types_that_grow_with_each_level_are_told_and_not_expanded(tmp_path: Path) -> None:
+    def part(name: str) -> dict[str, Any]:
+        return {"type": {"kind": "qualifiedIdentifier", "name": name}}
+
+    types: list[dict[str, Any]] = [
+        {"kind": "enum", "qualifiedName": "S0", "enumeratedConstants": [{"name": "A", "value": 0}]}
+    ]
+    for level in range(1, 19):
+        members = {f"m{k}": {**part(f"S{level - 1}"), "index": k} for k in range(4)}
+        types.append({"kind": "struct", "qualifiedName": f"S{level}", "members": members})
+    command = {"name": "a.GO", "opcode": 1, "formalParams": [{"name": "v", **part("S18")}]}
+    file = tmp_path / "d.json"
+    file.write_text(json.dumps({"metadata": {}, "typeDefinitions": types, "commands": [command]}))
+    (go,) = read_fprime(file).commands
+    (argument,) = go.arguments
+    assert leaves("v", argument.type) == [("v", Unsaid("type of more than 1000 values"))]
+    types[0]["enumeratedConstants"] = 5
+    file.write_text(json.dumps({"metadata": {}, "typeDefinitions": types, "commands": [command]}))
+    with pytest.raises(ForeignDictionaryError, match='enum "S0" has no constants'):
+        read_fprime(file)
