@@ -416,6 +416,8 @@ class ExactSolver:
             lay.open_end,
             lay.end_s,
             lay.end_j,
+            lay.home_s,
+            lay.home_j,
             relaxed.step,
             self._problem.time_budget,
             lay.e_budget,

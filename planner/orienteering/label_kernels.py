@@ -228,6 +228,8 @@ def expand(
     open_end: bool,
     end_s: Array,
     end_j: Array,
+    home_s: Array,
+    home_j: Array,
     step: int,
     budget: int,
     e_budget: int,
@@ -249,7 +251,8 @@ def expand(
     Shapes, with L labels at most now, N new ones and W words: `sets` [L, W], `place`, `time`, `fuel`,
     `worth`, `prize` and `bound` [L]; `new_sets` [N, W], the other `new_` arrays, `parent`, `what` and `chain`
     [N]; `heads` [H], H a power of two; `table` [S, K, M]; `road_s` and `road_j` [G, G]; `first` [G + 1];
-    `base`, `end_s` and `end_j` [G]; `gain`, `value`, `duration`, `energy`, `opens` and `latest` [X]; `needs`
+    `base`, `end_s` and `end_j` (straight to the end, negative for no way), `home_s` and `home_j` (the least,
+    by way of others too) [G]; `gain`, `value`, `duration`, `energy`, `opens` and `latest` [X]; `needs`
     [X, W]; `price` [M]; `amounts` [limits, X]; `capacity` [limits].
     """
     size = len(new_place)
@@ -294,11 +297,14 @@ def expand(
                 burnt = fuel[i] + cost_h + energy[x]
                 if burnt > e_budget:
                     continue
-                if not open_end and (end_s[h] < 0 or done + end_s[h] > budget or burnt + end_j[h] > e_budget):
-                    continue
+                if not open_end and (done + home_s[h] > budget or burnt + home_j[h] > e_budget):
+                    continue  # no way to the end, not even by way of others
+                ends = open_end or (
+                    end_s[h] >= 0 and done + end_s[h] <= budget and burnt + end_j[h] <= e_budget
+                )
                 gained = worth[i] + gain[x]
                 state, k, left = base[h] + (inside | bit), int(done / step), e_budget - burnt
-                spare = prize[i] + value[x] <= best
+                spare = not ends or prize[i] + value[x] <= best
                 if spare:
                     most = probe[state, k] + math.ceil(left * price[lane])
                     if most + gained < needed:
@@ -365,7 +371,7 @@ def expand(
                 new_bound[slot] = limit
                 parent[slot] = i
                 what[slot] = x
-                if new_prize[slot] > best:
+                if ends and new_prize[slot] > best:
                     best = new_prize[slot]
                     best_at = slot
                     needed = (best + 1) * scale - offset - slack

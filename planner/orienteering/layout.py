@@ -68,6 +68,7 @@ class Layout:
         if p.energy_budget is None:
             self.road_j, self.energy = np.zeros_like(self.road_j), np.zeros_like(self.energy)
             self.end_j = np.zeros_like(self.end_j)
+        self.home_s, self.home_j = _homeward(self.road_s, self.end_s), _homeward(self.road_j, self.end_j)
         count = len(o)
         self.words = (count + 63) // 64
         self.needs = np.zeros((count, self.words), dtype=np.uint64)
@@ -139,6 +140,13 @@ def _closure(roads: IntArray) -> npt.NDArray[np.float64]:
     for k in range(len(cost)):
         cost = np.minimum(cost, cost[:, k, None] + cost[None, k, :])
     return cost
+
+
+def _homeward(roads: IntArray, ends: IntArray) -> IntArray:
+    """Return the least time or energy [G] to the end, by way of others too; 2^60 where there is no way."""
+    direct = np.where(ends < 0, np.inf, ends.astype(np.float64))
+    least = (_closure(roads) + direct[None, :]).min(axis=1)
+    return np.where(np.isinf(least), 2.0**60, np.floor(least)).astype(np.int64)
 
 
 def _no_self(matrix: IntArray) -> IntArray:

@@ -34,6 +34,14 @@ def test_exact_engine_proves_what_brute_force_finds(problem: RoutingProblem) -> 
         assert route_value(problem, solution.route) == solution.value
 
 
+def test_a_site_without_a_road_to_the_end_is_left_by_way_of_another() -> None:
+    roads = np.array([[1, -1, 1], [1, 1, 1], [1, 1, 1]])
+    wanted = tuple(Experiment(f"E{k}", site, 0, 1, must_do=True) for k, site in enumerate((0, 2)))
+    problem = RoutingProblem(roads, roads * 0 + 1, wanted, 20, end_site=1)
+    solution = ExactSolver(problem, SMALL).solve()
+    assert (solution.value, solution.proven, solution.route) == (0, True, (0, 1))  # was "proven impossible"
+
+
 @settings(max_examples=40, deadline=None)
 @given(problems(limits=True))
 def test_cp_sat_agrees_with_brute_force(problem: RoutingProblem) -> None:
