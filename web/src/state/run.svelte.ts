@@ -156,7 +156,8 @@ export class RunState {
     const quick = this.columns.t_s.length < 3;
     await app.attempt("Reading the run", async () => {
       await Promise.all([this.m.reload("run"), this.m.reload("product"), this.m.reload("observation_request")]);
-      await this.load(id, quick ? "start" : "here");
+      await this.load(id, quick && this.following ? "start" : "here");
+      if (!this.following) return; // somebody looks at a moment of their own
       // A rover faster than the eye is shown again from the start.
       if (quick) this.play();
       else this.t = this.end;
