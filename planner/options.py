@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from mission.codec import Codec
+from mission.codec import Codec, read_toml
 from mission.errors import MissionError
 from mission.values import NotNegative, Positive, value
 from planner.errors import PlannerError
@@ -105,9 +104,8 @@ def load_options(path: Path) -> PlannerOptions:
         If the file cannot be read, is not TOML, or holds a member or value that is not possible.
     """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        raw = path.read_bytes()
     except OSError as err:
         raise PlannerError(f"options file {path}: {err.strerror or err}") from err
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as err:
-        raise PlannerError(f"options file {path} is not TOML: {err}") from err
+    document = read_toml(raw, f"options file {path}", PlannerError)
     return OPTIONS.from_document({"format": OPTIONS.format, **document}, f"options file {path}")

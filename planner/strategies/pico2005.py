@@ -118,11 +118,13 @@ def _proposals(model: Model, plan: Plan, path: Path, masses: dict[State, Any], g
         every = every._replace(tracked=every.tracked | state.tracked)
     late = max(model.t_max_s - SHARE * need_t, 0.0)
     if late < model.t_max_s:
-        propose(TimeCondition(Comparison.GE, round(late, 4)), every, late, mean_g)
+        propose(TimeCondition(Comparison.GE, round(float(late), 4)), every, late, mean_g)
     low = max(model.e_max_j - SHARE * need_e, 0.0)
     if low < model.e_max_j:
         used_t = min(mean_t, low / model.hotel_w if model.hotel_w > 0 else mean_t)
-        propose(EnergyCondition(Comparison.GE, round(low, 3)), every, used_t, low - model.hotel_w * used_t)
+        propose(
+            EnergyCondition(Comparison.GE, round(float(low), 3)), every, used_t, low - model.hotel_w * used_t
+        )
     for step in wanted:
         m = model.number_of[step.observation]
         target = int(model.obs_place[m])
