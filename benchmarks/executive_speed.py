@@ -55,6 +55,7 @@ def measure(work: Callable[[], Any], repeat: int) -> dict[str, float]:
         "wall_s": statistics.median(walls),
         "cpu_s": statistics.median(cpus),
         "best_s": min(walls),
+        "best_cpu_s": min(cpus),
         "spread_s": max(walls) - min(walls),
     }
 
@@ -138,13 +139,16 @@ def throughput(repeat: int, quick: bool) -> Rows:
     rows: Rows = []
     for shape in ("sequence", "parallel", "nested"):
         small: dict[str, float] = {}
+        ours_s = 0.0
         for count in (1_000,) if quick else (1_000, 10_000):
             for journal in ("none", "memory", "file") if count == 1_000 else ("none", "memory"):
                 row = measure(run_shape(shape, count, journal=journal), repeat)
                 if count == 1_000:
-                    small[journal] = row["best_s"]
+                    small[journal] = row["best_cpu_s"]
                 else:
-                    row["ratio_to_1000"] = row["best_s"] / small[journal]
+                    row["ratio_to_1000"] = row["best_cpu_s"] / small[journal]
+                if journal == "memory":
+                    ours_s = row["best_cpu_s"]
                 rows.append({"what": f"outcrop, journal {journal}", "shape": shape, "tasks": count, **row})
             for bare in (True, False):
                 once = count == 10_000 and shape == "sequence"
@@ -154,6 +158,7 @@ def throughput(repeat: int, quick: bool) -> Rows:
                     ),
                     1 if once else repeat,
                 )
+                peer["outcrop_with_journal_to_it"] = ours_s / peer["best_cpu_s"]
                 name = f"py_trees {version('py_trees')}, {'root only' if bare else 'BehaviourTree'}"
                 rows.append({"what": name, "shape": shape, "tasks": count, **peer})
     return rows

@@ -16,7 +16,8 @@
     |-- LocalizationError         rocks, poses or frame solutions cannot be used to localise the rover
     |-- WorldError                a world, fault or problem document is malformed
     |-- MappingError              a mapping to ROS 2 is malformed or contradicts its dictionary
-    `-- RosError                  ROS 2, or a package of it, is not there
+    |-- RosError                  ROS 2, or a package of it, is not there
+    `-- MissingExtraError         a package of an extra is not installed
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ from __future__ import annotations
 
 class RoverError(Exception):
     """Base of all errors of this room; the message names the thing, its value and the limit."""
+
+
+class MissingExtraError(RoverError):
+    """A package of an extra is not installed; the message says how to get it."""
 
 
 class ProfileError(RoverError):

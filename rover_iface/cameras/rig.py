@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from mission.codec import read_toml
 from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.errors import CameraError
 from rover_iface.frames import Transform
@@ -94,10 +94,7 @@ def load_cameras(source: str | Path) -> Mapping[str, MountedCamera]:
 
 @lru_cache(maxsize=16)
 def _parse(raw: bytes, name: str) -> Mapping[str, MountedCamera]:
-    try:
-        document = tomllib.loads(raw.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as err:
-        raise CameraError(f"camera set {name}: not TOML: {err}") from err
+    document = read_toml(raw, f"camera set {name}", CameraError)
     if document.pop("format", None) != FORMAT:
         raise CameraError(f'camera set {name}: "format" must be "{FORMAT}"')
     try:

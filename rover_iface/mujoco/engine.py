@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rover_iface.errors import RoverError
+from rover_iface.extras import require_packages
 
 
 def import_mujoco() -> Any:
@@ -12,11 +12,10 @@ def import_mujoco() -> Any:
 
     Raises
     ------
-    RoverError
+    MissingExtraError
         If it is not installed.
     """
-    try:
-        import mujoco
-    except ImportError:
-        raise RoverError("the rover mujoco needs the package mujoco: pip install 'outcrop[mujoco]'") from None
+    require_packages("the rover mujoco", "mujoco", ("mujoco",))
+    import mujoco
+
     return mujoco

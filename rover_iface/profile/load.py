@@ -14,7 +14,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 from executive.crl.errors import DictionaryError
-from mission.codec import Codec
+from mission.codec import Codec, read_toml
 from mission.errors import PluginError
 from mission.plugins import Registry
 from rover_iface import profiles
@@ -71,7 +71,7 @@ def _claims_profile(path: Path) -> bool:
     """Return whether a TOML file is to be a profile; a broken one is, so that whoever asks for it is told."""
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return True
     return str(document.get("format")).startswith("profile/")
 
@@ -121,11 +121,7 @@ def _named(name: str) -> Path:
 @lru_cache(maxsize=32)
 def _parse(raw: bytes, path: str) -> RoverProfile:
     where = f"rover profile {path}"
-    try:
-        document = tomllib.loads(raw.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as err:
-        raise ProfileError(f"{where}: not TOML: {err}") from err
-    read = PROFILES.from_document(document, where)
+    read = PROFILES.from_document(read_toml(raw, where, ProfileError), where)
     try:
         language = dictionary_file(_beside(path, read.dictionary))
     except DictionaryError as err:

@@ -18,6 +18,7 @@ from pathlib import Path
 from rover_iface.behaviour import repertoire
 from rover_iface.behaviour.repertoire import MakeRepertoire
 from rover_iface.errors import WorldError
+from rover_iface.extras import VISION, require_packages
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.faults import Fault
 from rover_iface.simulator.terrain_rover import TerrainRover
@@ -64,7 +65,10 @@ def make_rover(
     ------
     WorldError
         If the world is malformed or has no terrain.
+    MissingExtraError
+        If a package of the extra `vision` is not installed.
     """
+    require_packages("a rover that sees", "vision", VISION)
     place = load_world(world)
     return TerrainRover(
         body_of(place, terrain, seed, own_shadow=own_shadow),

@@ -197,33 +197,40 @@ class Terrain:
         clear: NDArray[np.bool_] = ~blocked
         return clear
 
-    def intersect_ray(self, eye: ArrayLike, direction: ArrayLike, max_range_m: float = 100.0) -> Array | None:
-        """Return the first point [3] where a ray from `eye` [3] along `direction` [3], site frame, m, meets
-        the surface, or None.
+    def intersect_rays(
+        self, eyes: ArrayLike, directions: ArrayLike, max_range_m: float = 100.0, *, coarsening: float = 0.0
+    ) -> Array:
+        """Return the points (..., 3) where rays from `eyes` (..., 3) along `directions` (..., 3), site frame,
+        m, first meet the surface; NaN where a ray meets none or begins below it.
+
+        A ridge that is thinner along a ray than half a post, or than `coarsening` times its distance, may be
+        passed through.
         """
-        start = np.asarray(eye, dtype=float)
-        way = np.asarray(direction, dtype=float)
-        way = way / np.linalg.norm(way)
-        step = max(0.02, self.spacing / 2)
-        t = np.arange(0.0, max_range_m, step)
-        points = start + t[:, None] * way
-        gap = points[:, 2] - self.height(points[:, 0], points[:, 1])
-        below = np.flatnonzero(gap <= 0)
-        if below.size == 0:
-            return None
-        k = int(below[0])
-        if k == 0:
-            return points[0]
-        lo, hi = float(t[k - 1]), float(t[k])
+        starts, ways = np.broadcast_arrays(np.asarray(eyes, dtype=float), np.asarray(directions, dtype=float))
+        starts, ways = starts.reshape(-1, 3), ways.reshape(-1, 3)
+        ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        near, far = np.zeros(len(starts)), np.full(len(starts), np.nan)
+        active = np.flatnonzero(self._above(starts, ways, near) > 0)
+        t, step = 0.0, max(0.02, self.spacing / 2)
+        while t < max_range_m and active.size:
+            t = min(max_range_m, t + max(step, coarsening * t))
+            met = self._above(starts[active], ways[active], np.full(active.size, t)) <= 0
+            far[active[met]] = t
+            active = active[~met]
+            near[active] = t
+        near, far = near.copy(), far.copy()
         for _ in range(30):
-            mid = (lo + hi) / 2
-            p = start + mid * way
-            if p[2] > float(self.height(p[0], p[1])):
-                lo = mid
-            else:
-                hi = mid
-        hit: Array = start + hi * way
-        return hit
+            middle = (near + far) / 2
+            above = self._above(starts, ways, middle) > 0
+            near, far = np.where(above, middle, near), np.where(above, far, middle)
+        shape = np.broadcast_shapes(np.shape(eyes), np.shape(directions))
+        return (starts + far[:, None] * ways).reshape(shape)
+
+    def _above(self, starts: Array, ways: Array, t: Array) -> Array:
+        """Return how far points on rays stand above the surface, m; NaN outside the terrain."""
+        points = starts + t[:, None] * ways
+        above: Array = points[:, 2] - self.height(points[:, 0], points[:, 1])
+        return above
 
     # ---- rocks
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from executive.crl import Plan, canonical_text, check
@@ -103,17 +103,39 @@ def check_seed(seed: int, edits: Sequence[str] = EDITS) -> int:
     if made is None:
         return 0
     case, plan = made
+    check_case(case, plan)
+    orders = (e.operation for e in case.script if isinstance(e, Operator))
+    return sum(order is Operation.REPLACE for order in orders)
+
+
+def check_case(case: Case, plan: Plan) -> None:
+    """Hold a run of a plan in the world of a case to the rules and to the model, the horizon included.
+
+    Raises
+    ------
+    AssertionError
+        If a rule is broken or the traces differ; it names the first instant at which they do.
+    """
     journal = MemoryJournal()
     rover = ScriptedRover(case.initial, case.actions, case.script)
     session = Session(load_plan(plan), rover, journal=journal)
     watched = Watched(session)
-    while session.now_ms < HORIZON_MS and session.step_once():
+    while session.now_ms <= HORIZON_MS and session.step_once():  # an instant has up to two macro steps
         watched.look()
         assert not watched.problems, watched.problems
     check_commands(rover.sent)
-    assert replay(journal.records) == recorded_trace(journal.records) == session.trace
+    assert replay(journal.records) == recorded_trace(journal.records) == session.trace, "the replay differs"
     model = Model(plan, ScriptedRover(case.initial, case.actions, case.script))
     model.run(HORIZON_MS)
-    assert table(model.trace) == table([(r.t_ms, (r.event, *r.arguments)) for r in session.trace])
-    orders = (e.operation for e in case.script if isinstance(e, Operator))
-    return sum(order is Operation.REPLACE for order in orders)
+    expected = table(model.trace)
+    found = table([(r.t_ms, (r.event, *r.arguments)) for r in session.trace])
+    assert found == expected, difference(found, expected)
+
+
+Events = Mapping[int, Sequence[tuple[str, ...]]]
+
+
+def difference(found: Events, expected: Events) -> str:
+    """Return the first instant at which two tables differ, and what each of them has there."""
+    t = min(t for t in found.keys() | expected.keys() if found.get(t) != expected.get(t))
+    return f"at {t} ms the engine has {found.get(t, [])}, the model {expected.get(t, [])}"

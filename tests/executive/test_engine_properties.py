@@ -60,7 +60,7 @@ def run_fast(case: Case, plan: PlanSpec) -> tuple[Session, MemoryJournal, Script
     journal = MemoryJournal()
     session = Session(plan, rover, journal=journal)
     steps = 0
-    while session.now_ms < HORIZON_MS and session.step_once():
+    while session.now_ms <= HORIZON_MS and session.step_once():
         check_resources(session.engine)
         steps += 1
         assert steps < 20_000, "the run does not come to an end"
@@ -125,7 +125,7 @@ def test_a_run_that_crashed_obeys_the_same_rules(seed: int, crash_at: int, away:
     if not session.over:
         rover.wait_until(crash_at * 500 + away * 500)
         session = recover_session(plan, rover, journal, now_ms=rover.t_ms)
-    while session.now_ms < HORIZON_MS and session.step_once():
+    while session.now_ms <= HORIZON_MS and session.step_once():
         check_resources(session.engine)
     check_trace(plan, session.trace, over=session.over)
     check_commands(rover.sent)
@@ -145,7 +145,7 @@ def test_any_valid_plan_runs_and_agrees_with_the_one_that_looks_at_everything(pl
     assert replay(journal.records) == session.trace
     naive = Session(compiled, ScriptedRover(case.initial, case.actions))
     naive.engine = NaiveEngine(compiled)
-    while naive.now_ms < HORIZON_MS and naive.step_once():
+    while naive.now_ms <= HORIZON_MS and naive.step_once():
         pass
     assert by_time(session.trace) == by_time(naive.trace)
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from tests.executive.replaced_runs import check_seed
+from executive.crl import canonical_text, check
+from executive.ports import Operation, Operator
+from tests.executive.replaced_runs import HORIZON_MS, check_case, check_seed, difference
 from tests.executive.replacements import OPTION_EDITS
+from tests.executive.worlds import Case
 
 
 def test_random_replacements_keep_the_rules_and_agree_with_the_model() -> None:
@@ -26,6 +29,22 @@ def test_a_branch_that_lost_its_choice_is_not_over_before_what_is_stopped_below_
 
 def test_a_task_that_was_kept_bounds_the_fresh_composite_above_it() -> None:
     assert check_seed(30_546_399)  # found by 100,000 replacements: the engine held the fresh root back
+
+
+def test_a_start_window_that_closes_at_the_horizon_is_part_of_the_comparison() -> None:
+    text = f"""(plan :id p :node (task :id a :action act :wait-for-conditions ((database (:k = 1)))
+        :start-temporal-conditions ((0 {HORIZON_MS // 1000}))))"""
+    plan = check(text).plan
+    assert plan is not None
+    again = Operator(1_000, Operation.REPLACE, canonical_text(plan))
+    check_case(Case(text, {"k": 0}, {}, (again,)), plan)
+    assert check_seed(112_517_250, OPTION_EDITS)  # found by the study: the same with an alternate
+
+
+def test_traces_that_differ_are_told_apart_by_the_first_instant() -> None:
+    found = {0: [("start", "a")], 5: [("end", "a")]}
+    expected = {0: [("start", "a")], 3: [("retry", "a")], 5: [("end", "b")]}
+    assert difference(found, expected) == "at 3 ms the engine has [], the model [('retry', 'a')]"
 
 
 @pytest.mark.slow

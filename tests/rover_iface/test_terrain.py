@@ -94,11 +94,34 @@ def test_line_of_sight_is_blocked_by_a_wall_and_free_over_it() -> None:
 
 
 def test_a_ray_meets_the_plane_where_geometry_says() -> None:
-    hit = plane(0.1, 0.0).intersect_ray([0, 0, 2.0], [1.0, 0.5, -0.5])
-    assert hit is not None
+    hit = plane(0.1, 0.0).intersect_rays([0, 0, 2.0], [1.0, 0.5, -0.5])
     t = 2.0 / 0.6
     assert np.allclose(hit, [t, 0.5 * t, 2 - 0.5 * t], atol=0.01)
-    assert plane().intersect_ray([0, 0, 2.0], [1.0, 0.0, 0.5], 5.0) is None
+    assert np.isnan(plane().intersect_rays([0, 0, 2.0], [1.0, 0.0, 0.5], 5.0)).all()
+
+
+@pytest.mark.parametrize("coarsening", [0.0, 0.01])
+def test_rays_stop_at_the_first_ridge_that_is_not_thinner_than_a_step(coarsening: float) -> None:
+    ground = bumpy(lambda x, y: 0.3 * np.sin(x) * np.cos(1.3 * y))
+    seed = int(np.random.SeedSequence().generate_state(1)[0])
+    print(f"seed {seed}")
+    ways = np.random.default_rng(seed).normal(size=(300, 3))
+    ways[:, 2] = -np.abs(ways[:, 2])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    eye = np.array([0.0, 0.0, float(ground.height(0.0, 0.0)) + 2.0])
+    found = ground.intersect_rays(eye, ways, 30.0, coarsening=coarsening)
+    t = np.arange(0.0, 30.0, 0.002)
+    for way, hit in zip(ways, found, strict=True):
+        line = eye + t[:, None] * way
+        below = line[:, 2] <= ground.height(line[:, 0], line[:, 1])
+        if np.isnan(hit).any():
+            reached = 30.0
+        else:
+            reached = float(np.linalg.norm(hit - eye))
+            assert hit[2] == pytest.approx(float(ground.height(hit[0], hit[1])), abs=1e-6)
+        longest = max(0.02, ground.spacing / 2, coarsening * reached) + 0.004
+        for thin in np.split(t, np.flatnonzero(~below)):  # a stretch of the ray below ground, before the hit
+            assert not thin.size or thin[0] >= reached - 0.01 or thin[-1] - thin[0] <= longest
 
 
 def test_a_height_grid_holds_the_terrain_south_row_first() -> None:

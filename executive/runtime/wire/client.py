@@ -235,12 +235,15 @@ class WireRover:
             raise WireError(str(reply.get("reason") or "the rover takes no faults"))
 
     def fetch(self, products: Iterable[Product]) -> None:
-        """Let products come down that the rover told of earlier, where their files are not here."""
+        """Let products come down that the rover told of earlier, where their files are not here.
+
+        It begins no line: that is for whoever knows what this run has heard before (`since`).
+        """
         with self._told:
             for product in products:
                 if self._downloads is not None:
                     self._downloads.want(product)
-        self._line.begin()
+        self._line.wake()
 
     def wait_for_products(self, timeout_s: float) -> int:
         """Return how many files have not come down when none is open any more or the time is over."""

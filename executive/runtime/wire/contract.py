@@ -120,8 +120,10 @@ class _Bench:
 
 
 def _tells_its_state(bench: _Bench) -> None:
-    state = bench.rover.present_state()
-    _need(bool(state), "it has no state")
+    end = time.monotonic() + bench.patience_s  # a sensor may give its first word a while after the start
+    while not (state := bench.rover.present_state()) and time.monotonic() < end:
+        bench.settle(0.1)
+    _need(bool(state), f"it has no state after {bench.patience_s:g} s")
     bench.settle(0.2)
     first = bench.heard[0] if bench.heard else None
     _need(isinstance(first, Update), f"the first event of a run is {first!r:.80}, no update")

@@ -16,9 +16,10 @@ MERGE_FROM = 2_000
 def first_number(seconds: float) -> int:
     """Return the number before the first event of a life that begins at this UTC instant.
 
-    A rover that keeps nothing over a restart numbers above all it has said before: 2^20 numbers a second.
+    A rover that keeps nothing over a restart numbers above all it has said before: 2^20 numbers a second, so
+    two lives within one second have numbers of their own, too.
     """
-    return max(0, int(seconds)) << 20
+    return max(0, int(seconds * (1 << 20)))
 
 
 class Kept:

@@ -8,6 +8,7 @@ import stat
 import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ from executive.runtime.live import LiveRuntime, LiveSettings
 from executive.runtime.wire import Address, Keys, WireOptions, WireRover
 from executive.runtime.wire.address import dial, listen
 from executive.runtime.wire.frames import LIMIT, FrameReader, frame
-from executive.runtime.wire.kept import MERGE_FROM, Kept
+from executive.runtime.wire.kept import MERGE_FROM, Kept, first_number
 from executive.runtime.wire.messages import event_of
 from executive.runtime.wire.round_trips import RoundTrips
 from executive.runtime.wire.stop import stop_rover
@@ -428,6 +429,32 @@ def test_what_a_rover_that_restarted_does_not_know_has_failed_and_is_not_done_ag
     assert "alternate safe" in events
     assert [c.task for c in second.carried_out] == ["beacon"]
     assert any("the rover has restarted" in note.text for note in outcome.notes)
+
+
+def test_both_ends_begun_anew_do_nothing_again_though_products_are_fetched_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    where, command = tmp_path / "r.sock", CommandId("run", "long", 1)
+    first, second = Waiter(JumpingClock()), Waiter(JumpingClock())
+    with served(first, where) as (address, _), line_to(address, out=tmp_path / "run") as line:
+        line.wait_ready(5)
+        line.send(Command(command, "wait", {"duration_s": 60.0}))
+        until(lambda: first.carried_out)
+        (heard,) = (event.number for event in hear(line, 1) if isinstance(event, Update))
+    monkeypatch.setattr("executive.runtime.wire.lead.first_number", lambda _now: heard + 1000)
+    with served(second, where) as (address, _), line_to(address, out=tmp_path / "run") as line:
+        line.fetch([Product(0, CommandId("run", "image", 1), "image", "products/1.bin", "0" * 64)])
+        line.since(heard)
+        known = line.status(command).result
+    assert isinstance(known, Result)
+    assert known.reason == "the rover restarted and knows nothing of it"
+    assert second.carried_out == []
+
+
+def test_lives_within_one_second_have_numbers_of_their_own_above_what_was_said() -> None:
+    lives = [first_number(1_790_000_000.0 + step / 1000) for step in range(1000)]
+    assert all(later - earlier >= 1000 for earlier, later in pairwise(lives))
+    assert lives[-1] < 2**53  # whole in every JSON
 
 
 def test_a_rover_whose_clock_was_set_back_while_it_was_off_is_still_heard() -> None:
