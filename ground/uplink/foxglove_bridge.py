@@ -1,7 +1,7 @@
 """A run as live topics for Foxglove: its journal, followed while it grows, over Foxglove's protocol.
 
 The bridge reads the folder of a run and nothing else; it sends nothing to the run. Topics and messages are
-those of `mcap_export`. When somebody subscribes, what went before is sent anew to all who listen there,
+those of `run_messages`. When somebody subscribes, what went before is sent anew to all who listen there,
 as the library offers no way to one client; so a message may come twice.
 """
 
@@ -19,7 +19,7 @@ from executive.errors import JournalError
 from executive.runtime.codec import Json
 from executive.runtime.journal import record_of
 from ground.errors import InvalidInputError, UnavailableError
-from ground.uplink.mcap_export import JOURNAL, Message, messages, schema_text, zero_of
+from ground.uplink.run_messages import JOURNAL, Message, messages, schema_text, zero_of
 
 LOOK_S = 0.1
 """How often the journal is looked at."""

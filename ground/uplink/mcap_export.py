@@ -1,90 +1,58 @@
-"""A run as MCAP (mcap.dev): pose, telemetry, plan, notes and pictures, for Foxglove and its like.
+"""A run as MCAP (mcap.dev), for Foxglove and its like, or with messages of ROS 2 for bag tools.
 
 All comes from the journal, so a run that goes on, or was cut off, is exported as far as it got. Messages are
-JSON with JSON Schema; `/pose`, `/log` and the pictures have the names and members of Foxglove's own schemas
-(docs.foxglove.dev/docs/visualization/message-schemas), so its panels show them as they are.
+JSON with JSON Schema; with profile `ros2` they are CDR with definitions of ROS.
 """
 
 from __future__ import annotations
 
-import base64
 import json
-import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from datetime import datetime
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Protocol
 
-from executive.ports import CommandId, Product
-from executive.runtime.codec import Json, event_from_json
 from executive.runtime.journal import JournalFile
-from executive.runtime.wire.downloads import safe_path
 from ground.errors import InvalidInputError, NameTakenError
-from ground.uplink.flight import Sample, SampleBook, product_line
-
-JOURNAL = "journal.jsonl"
-FORMATS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
-"""Pictures that `foxglove.CompressedImage` may hold, by the suffix of their files."""
-INFO, WARNING = 2, 3
-"""Levels of `foxglove.Log`."""
-WARNINGS = ("risk", "garbage", "safing", "port", "link", "clock", "product")
-"""Kinds of notes that an operator should see."""
-STATES = {
-    "start": "EXECUTING",
-    "retry": "EXECUTING",
-    "resume": "EXECUTING",
-    "suspend": "SUSPENDED",
-    "end": "FINISHED",
-}
-"""State of a node after an event of the trace; at its end that is the outcome."""
-TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
-_NUMBER = {"type": "number"}
-_TEXT = {"type": "string"}
-_LIST = {"type": "array", "items": {"type": "object"}}
-_XYZ = {"type": "object", "properties": dict.fromkeys("xyz", _NUMBER)}
-_POSE = {
-    "type": "object",
-    "properties": {
-        "position": _XYZ,
-        "orientation": {"type": "object", "properties": dict.fromkeys("xyzw", _NUMBER)},
-    },
-}
-SCHEMAS: Mapping[str, Mapping[str, object]] = {
-    "foxglove.PoseInFrame": {"timestamp": TIME, "frame_id": _TEXT, "pose": _POSE},
-    "foxglove.Log": {"timestamp": TIME, "level": {"type": "integer"}, "message": _TEXT, "name": _TEXT},
-    "foxglove.CompressedImage": {
-        "timestamp": TIME,
-        "frame_id": _TEXT,
-        "data": {"type": "string", "contentEncoding": "base64"},
-        "format": _TEXT,
-    },
-    "outcrop.Telemetry": {"t_s": _NUMBER, "battery_j": _NUMBER, "energy_used_j": _NUMBER, "task": _TEXT},
-    "outcrop.PlanEvent": {"t_s": _NUMBER, "event": _TEXT, "node": _TEXT, "detail": {"type": "array"}},
-    "foxglove.SceneUpdate": {"deletions": _LIST, "entities": _LIST},
-    "outcrop.NodeState": {"t_s": _NUMBER, "node": _TEXT, "state": _TEXT},
-    "outcrop.Command": {"t_s": _NUMBER, "task": _TEXT, "attempt": {"type": "integer"}, "action": _TEXT},
-    "outcrop.Product": {"t_s": _NUMBER, "task": _TEXT, "kind": _TEXT, "path": _TEXT, "sha256": _TEXT},
-}
+from ground.uplink.run_messages import JOURNAL, Encoded, Message, messages, schema_text, zero_of
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
-    """One message: topic, name of its schema, plan time in milliseconds, content."""
+class Encoder(Protocol):
+    """How messages are written: profile of the file, encoding of the messages, and each message's bytes."""
 
-    topic: str
-    schema: str
-    t_ms: int
-    content: Json
+    profile: str
+    encoding: str
+
+    def schema(self, name: str) -> tuple[str, bytes]:
+        """Return encoding and text of a schema."""
+
+    def encoded(self, message: Message) -> Iterator[Encoded]:
+        """Yield what is written for a message, in order, all at its time."""
 
 
-def export_mcap(run: Path, target: Path) -> dict[str, int]:
+class JsonMessages:
+    """Messages as they are, in JSON."""
+
+    profile, encoding = "", "json"
+
+    def schema(self, name: str) -> tuple[str, bytes]:
+        return "jsonschema", schema_text(name)
+
+    def encoded(self, message: Message) -> Iterator[Encoded]:
+        data = json.dumps(message.content, allow_nan=False).encode()
+        yield Encoded(message.topic, message.schema, data)
+
+
+def export_mcap(run: Path, target: Path, *, ros2: bool = False, capacity_j: float = 0.0) -> dict[str, int]:
     """Write the run in a folder as MCAP; return how many messages each topic has.
+
+    With `ros2` the file has the profile of that name and messages of ROS 2 in CDR; `capacity_j` is then the
+    energy of the full battery, of which its state tells the share.
 
     Raises
     ------
     InvalidInputError
-        If the package `mcap` is not installed.
+        If a package that is needed is not installed.
     NameTakenError
         If the file exists.
     JournalError
@@ -98,23 +66,26 @@ def export_mcap(run: Path, target: Path) -> dict[str, int]:
         raise NameTakenError(f"{target} exists already")
     journal = JournalFile(run / JOURNAL)
     zero_ns = zero_of(journal.header)
+    encoder = _encoder(run, zero_ns, ros2=ros2, capacity_j=capacity_j)
     counts: dict[str, int] = {}
     channels: dict[str, int] = {}
+    schemas: dict[str, int] = {}
     fresh = target.with_name(f"{target.name}.part")
     try:
         with fresh.open("wb") as file:
             writer = Writer(file)
-            writer.start(profile="", library="outcrop")
-            schemas = {
-                name: writer.register_schema(name, "jsonschema", schema_text(name)) for name in SCHEMAS
-            }
-            for number, one in enumerate(messages(run, journal.records, zero_ns)):
-                if one.topic not in channels:
-                    channels[one.topic] = writer.register_channel(one.topic, "json", schemas[one.schema])
-                at_ns = zero_ns + 1_000_000 * one.t_ms
-                data = json.dumps(one.content, allow_nan=False).encode()
-                writer.add_message(channels[one.topic], at_ns, data, at_ns, number)
-                counts[one.topic] = counts.get(one.topic, 0) + 1
+            writer.start(profile=encoder.profile, library="outcrop")
+            for message in messages(run, journal.records, zero_ns):
+                at_ns = zero_ns + 1_000_000 * message.t_ms
+                for one in encoder.encoded(message):
+                    if one.schema not in schemas:
+                        schemas[one.schema] = writer.register_schema(one.schema, *encoder.schema(one.schema))
+                    if one.topic not in channels:
+                        channels[one.topic] = writer.register_channel(
+                            one.topic, encoder.encoding, schemas[one.schema]
+                        )
+                    writer.add_message(channels[one.topic], at_ns, one.data, at_ns, sum(counts.values()))
+                    counts[one.topic] = counts.get(one.topic, 0) + 1
             writer.finish()
             file.flush()
             os.fsync(file.fileno())
@@ -124,116 +95,9 @@ def export_mcap(run: Path, target: Path) -> dict[str, int]:
     return counts
 
 
-def schema_text(name: str) -> bytes:
-    """Return the JSON Schema of the messages of a name."""
-    return json.dumps({"type": "object", "properties": SCHEMAS[name]}).encode()
+def _encoder(run: Path, zero_ns: int, *, ros2: bool, capacity_j: float) -> Encoder:
+    if not ros2:
+        return JsonMessages()
+    from ground.uplink.ros2_messages import Ros2Messages
 
-
-def zero_of(header: Json) -> int:
-    """Return plan time 0 in nanoseconds of UTC; 0 for a virtual clock, which has no instant."""
-    instant = header.get("instant")
-    return 0 if instant is None else round(datetime.fromisoformat(instant).timestamp() * 1000) * 1_000_000
-
-
-def messages(run: Path, records: Iterable[Json], zero_ns: int) -> Iterator[Message]:
-    """Yield the messages of a journal, in its order."""
-    book, trail, t_ms = SampleBook(), Trail(zero_ns), 0
-    for record in records:
-        t_ms = max(t_ms, record.get("t", t_ms))
-        match record["k"]:
-            case "trace":
-                node, *detail = record["a"] or [""]
-                told = {"t_s": t_ms / 1000, "event": record["e"], "node": node, "detail": detail}
-                yield Message("/plan", "outcrop.PlanEvent", t_ms, told)
-                if record["e"] in STATES:
-                    state = str(detail[0]) if record["e"] == "end" and detail else STATES[record["e"]]
-                    about = {"t_s": t_ms / 1000, "node": node, "state": state}
-                    yield Message("/nodes", "outcrop.NodeState", t_ms, about)
-            case "send":
-                command = CommandId(*record["id"])
-                book.sent(command)
-                about = {"task": command.task, "attempt": command.attempt, "action": record["action"]}
-                sent = {"t_s": t_ms / 1000, **about, "parameters": record["parameters"]}
-                yield Message("/commands", "outcrop.Command", t_ms, sent)
-            case "note":
-                level = WARNING if record["kind"] in WARNINGS else INFO
-                log = {"level": level, "message": record["text"], "name": record["kind"]}
-                yield Message("/log", "foxglove.Log", t_ms, {**_stamp(zero_ns, t_ms), **log})
-            case "step":
-                for document in record["events"]:
-                    event = event_from_json(document)
-                    sample = book.heard(event)
-                    if sample is not None:
-                        yield from _sample(sample, zero_ns, t_ms)
-                        yield from trail.goes_on(sample, t_ms)
-                    elif isinstance(event, Product):
-                        yield from _product(run, event, zero_ns, t_ms)
-
-
-class Trail:
-    """The line that the rover has drawn on its ground, a segment a message, for 3D panels."""
-
-    def __init__(self, zero_ns: int) -> None:
-        self._zero_ns, self._number = zero_ns, 0
-        self._last: tuple[float, float] | None = None
-
-    def goes_on(self, sample: Sample, t_ms: int) -> Iterator[Message]:
-        """Yield the segment from the last place to that of a sample, none if the rover stands."""
-        here, last = (sample.east_m, sample.north_m), self._last
-        self._last = here
-        if last is None or here == last:
-            return
-        self._number += 1
-        origin = {
-            "position": dict.fromkeys("xyz", 0.0),
-            "orientation": {**dict.fromkeys("xyz", 0.0), "w": 1.0},
-        }
-        line = {
-            "type": 0,  # a strip
-            "pose": origin,
-            "thickness": 3.0,
-            "scale_invariant": True,
-            "points": [{"x": x, "y": y, "z": 0.0} for x, y in (last, here)],
-            "color": {"r": 0.9, "g": 0.5, "b": 0.1, "a": 1.0},
-            "colors": [],
-            "indices": [],
-        }
-        entity = {
-            **_stamp(self._zero_ns, t_ms),
-            "frame_id": "site",
-            "id": f"trail-{self._number}",
-            "lifetime": {"sec": 0, "nsec": 0},
-            "frame_locked": False,
-            **{kind: [] for kind in ("metadata", "arrows", "cubes", "spheres", "cylinders", "triangles")},
-            "lines": [line],
-            "texts": [],
-            "models": [],
-        }
-        yield Message("/trail", "foxglove.SceneUpdate", t_ms, {"deletions": [], "entities": [entity]})
-
-
-def _stamp(zero_ns: int, t_ms: int) -> Json:
-    seconds, nanoseconds = divmod(zero_ns + 1_000_000 * t_ms, 1_000_000_000)
-    return {"timestamp": {"sec": seconds, "nsec": nanoseconds}}
-
-
-def _sample(sample: Sample, zero_ns: int, t_ms: int) -> Iterator[Message]:
-    yield Message("/telemetry", "outcrop.Telemetry", t_ms, sample.as_dict())
-    half = sample.heading_rad / 2  # about z, east-north-up
-    pose = {
-        "position": {"x": sample.east_m, "y": sample.north_m, "z": 0.0},
-        "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
-    }
-    content = {**_stamp(zero_ns, t_ms), "frame_id": "site", "pose": pose}
-    yield Message("/pose", "foxglove.PoseInFrame", t_ms, content)
-
-
-def _product(run: Path, product: Product, zero_ns: int, t_ms: int) -> Iterator[Message]:
-    yield Message("/products", "outcrop.Product", t_ms, product_line(product))
-    path = safe_path(product.path)
-    kind = FORMATS.get(Path(product.path).suffix.lower())
-    if path is None or kind is None or not (run / path).is_file():
-        return
-    data = base64.b64encode((run / path).read_bytes()).decode()
-    content = {**_stamp(zero_ns, t_ms), "frame_id": product.kind, "data": data, "format": kind}
-    yield Message(f"/images/{product.kind}", "foxglove.CompressedImage", t_ms, content)
+    return Ros2Messages(run, zero_ns, capacity_j)

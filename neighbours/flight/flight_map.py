@@ -6,13 +6,12 @@ plans itself.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import TypeAlias
 
-from mission.codec import Codec
+from mission.codec import Codec, read_toml
 from mission.instrument import Instrument
 from mission.values import NotNegative, value
 from neighbours.flight.errors import FlightError
@@ -78,9 +77,7 @@ def load_flight_map(path: Path | None) -> FlightMap:
     if path is None:
         return FlightMap()
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        raw = path.read_bytes()
     except OSError as err:
         raise FlightError(f"{path}: {err.strerror or err}") from err
-    except ValueError as err:
-        raise FlightError(f"{path}: is no TOML: {err}") from err
-    return FLIGHT_MAP.from_document(document, str(path))
+    return FLIGHT_MAP.from_document(read_toml(raw, str(path), FlightError), str(path))

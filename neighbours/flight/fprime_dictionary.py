@@ -71,7 +71,7 @@ class _Reader:
                 where,
                 ('is no dictionary of F Prime: it must have the members "commands" and "typeDefinitions"',),
             )
-        self.structs: dict[str, ForeignType] = {}
+        self.structs: dict[tuple[str, int], ForeignType] = {}
         self.types: dict[str, Mapping[str, Any]] = {}
         for item in self.items("typeDefinitions"):
             name = str(item.get("qualifiedName"))
@@ -202,9 +202,9 @@ class _Reader:
                     return Unsaid("an array without size")
                 return Series(self.type_of(item.get("elementType"), where, depth), size)
             case "struct":
-                if name not in self.structs:  # once: structs of structs would be many
-                    self.structs[name] = self.struct(name, item, where, depth)
-                return self.structs[name]
+                if (name, depth) not in self.structs:  # once at each depth: structs of structs would be many
+                    self.structs[name, depth] = self.struct(name, item, where, depth)
+                return self.structs[name, depth]
             case other:
                 self.wrong.append(f'type "{name}" is of the kind {_shown(other)}, none of F Prime')
                 return Unsaid("no type")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -48,7 +47,7 @@ def write_rover(
         (made / f"{name}.toml").write_text(_toml(PROFILES.document(profile)), encoding="utf-8")
         load_profile(made / f"{name}.toml")
         for file in (dictionary, f"{name}.toml"):
-            os.replace(made / file, folder / file)  # noqa: PTH105 - the pair belongs together
+            (made / file).replace(folder / file)
     return folder / f"{name}.toml", folder / dictionary
 
 

@@ -90,6 +90,7 @@ class _Reader:
         self.where, self.root = where, root
         self.systems: list[_System] = []
         self.types: dict[tuple[str, ...], Element] = {}
+        self.made: dict[tuple[tuple[str, ...], int], ForeignType] = {}
         self.commands: dict[tuple[str, ...], Element] = {}
         waiting = [_System((), root)]
         while waiting:
@@ -230,6 +231,12 @@ class _Reader:
         if depth > _DEEPEST:
             self.wrong.append(f'{where}: type "{reference}" lies more than {_DEEPEST} types deep')
             return _NO_SUCH
+        if (found, depth) not in self.made:  # once at each depth: types of types would be many
+            self.made[found, depth] = self.made_of(found, where, depth)
+        return self.made[found, depth]
+
+    def made_of(self, found: tuple[str, ...], where: str, depth: int) -> ForeignType:
+        """Return the type of a way; `where` it was first asked for stands in what is told of it."""
         element = self.types[found]
         kind = _tag(element).removesuffix("ParameterType").removesuffix("ArgumentType")
         inside = (found[0], found[1:-1])
@@ -247,16 +254,14 @@ class _Reader:
                 inner = self.type_of(*inside, element.get("arrayTypeRef", ""), where, depth + 1)
                 return _NO_SUCH if length is None else Series(inner, length)
             case "Aggregate":
-                return Group(
-                    tuple(
-                        (
-                            _name(m),
-                            self.type_of(*inside, m.get("typeRef", ""), f"{where}.{_name(m)}", depth + 1),
-                        )
-                        for members in _all(element, "MemberList")
-                        for m in _all(members, "Member")
-                    )
+                members = tuple(
+                    (_name(m), self.type_of(*inside, m.get("typeRef", ""), f"{where}.{_name(m)}", depth + 1))
+                    for listed in _all(element, "MemberList")
+                    for m in _all(listed, "Member")
                 )
+                if not members:
+                    self.wrong.append(f'aggregate "{_name(element)}" has no members')
+                return Group(members)
             case _:
                 return Unsaid(kind.lower())
 

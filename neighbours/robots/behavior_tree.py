@@ -51,7 +51,15 @@ from executive.crl.values import (
     utility_at,
 )
 from executive.engine.compile_plan import shortest
-from neighbours.robots.tree_limits import Family, Lacking, contested, lacking_of, leaves, node_conditions
+from neighbours.robots.tree_limits import (
+    FORBIDDEN,
+    Family,
+    Lacking,
+    contested,
+    lacking_of,
+    leaves,
+    node_conditions,
+)
 
 CLOCK = "t_ms"
 """Blackboard entry with the time of the plan clock, in milliseconds."""
@@ -147,7 +155,7 @@ def _mark(root: Element, tree: Element, lacking: Sequence[Lacking]) -> None:
         for child in parent:
             places.setdefault(child.get("name", ""), (parent, child))
     for one in lacking:
-        text = re.sub("-(?=-|$)", "- ", f" not said: {one} ")
+        text = FORBIDDEN.sub("\ufffd", re.sub("-(?=-|$)", "- ", f" not said: {one} "))
         parent, child = places.get(one.node, (root, tree))
         parent.insert(list(parent).index(child), ElementTree.Comment(text))
 
@@ -267,7 +275,7 @@ def _element(tag: str, attributes: Mapping[str, str] | None = None, *below: Elem
 
 
 def _holds_element(conditions: Conditions) -> Element:
-    return _element("Condition", {"ID": "Holds", "when": conditions_text(conditions)})
+    return _element("Condition", {"ID": "Holds", "when": _when(conditions)})
 
 
 def _sequence(parts: Sequence[Element]) -> Element:
@@ -276,10 +284,15 @@ def _sequence(parts: Sequence[Element]) -> Element:
 
 
 def port_text(value: Value) -> str:
-    """Return a parameter as the text of a port."""
+    """Return a parameter as the text of a port; U+FFFD stands for a character that XML cannot hold."""
     if isinstance(value, bool):
         return "true" if value else "false"
-    return value if isinstance(value, str) else shortest(value)
+    return FORBIDDEN.sub("\ufffd", value) if isinstance(value, str) else shortest(value)
+
+
+def _when(conditions: Conditions) -> str:
+    """Return conditions as the text of a port."""
+    return port_text(conditions_text(conditions))
 
 
 def port_names(parameters: Iterable[str]) -> dict[str, str]:
@@ -388,7 +401,7 @@ class _Writer:
             parts.append(_holds_element(node.end_conditions))
         made = _sequence(parts)
         if node.maintain_conditions:
-            watch = {"ID": "NotFalse", "when": conditions_text(node.maintain_conditions)}
+            watch = {"ID": "NotFalse", "when": _when(node.maintain_conditions)}
             made = _element("ReactiveSequence", None, _element("Condition", watch), made)
         timeout_ms = _timeout_ms(node)
         if timeout_ms is not None:
@@ -417,7 +430,7 @@ class _Writer:
         if plain and all(isinstance(t, Relative) for t in windows):
             return _element("Delay", {"delay_msec": str(max(lows))}, _sequence(parts))
         activated = f"active_{entry(node.id)}"
-        ports = {"within": within(windows, activated), "when": conditions_text(waits) if waits else ""}
+        ports = {"within": within(windows, activated), "when": _when(waits) if waits else ""}
         if needs:
             about = {"resources": "; ".join(needs), "priority": shortest(node.priority), **ports}
             parts = [_element("Decorator", {"ID": "Using", **about}, _sequence(parts))]
@@ -486,7 +499,7 @@ class _Writer:
         if branch.if_none is not IfNone.WAIT or any(not c.conditions for c in choices):
             return chosen
         some: Conditions = (Or(tuple(And(c.conditions) for c in choices)),)
-        ports = {"ID": "WaitWindow", "within": "", "when": conditions_text(some)}
+        ports = {"ID": "WaitWindow", "within": "", "when": _when(some)}
         return _element("Sequence", None, _element("Action", ports), chosen)
 
     def _by_time(self, branch: Branch, choices: list[_Choice], none: Element) -> Element:

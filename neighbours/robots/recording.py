@@ -11,36 +11,33 @@ from __future__ import annotations
 import base64
 import json
 import math
-import sqlite3
-import struct
-import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any
 
+from mission.codec import read_toml
+from neighbours.robots.bag_files import Raw, files_of, raw_messages
 from neighbours.robots.errors import MissingExtraError, RecordingError
-
-if TYPE_CHECKING:
-    from mcap.records import Chunk, McapRecord
+from neighbours.robots.transforms import Motion, Transforms
 
 GAP_S = 5.0
 """Poses further apart are told as a gap; odometry comes many times a second."""
-MOST_BYTES = 256 << 20
-"""Bytes of a message or an unpacked chunk. Writers make chunks of about 1 MiB; a large picture has 100."""
 NANO = 1_000_000_000
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 POSE_TYPES = (
     "nav_msgs/msg/Odometry",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/PoseStamped",
     "foxglove.PoseInFrame",
-    "tf2_msgs/msg/TFMessage",
+    TRANSFORMS,
 )
 """Types that give the pose, the best first: the topic of the first that is there is taken."""
 PICTURE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "foxglove.CompressedImage")
 BATTERY_TYPES = ("sensor_msgs/msg/BatteryState", "outcrop.Telemetry")
+ENERGY_TOPIC, ENERGY_TYPE = "/energy/battery_j", "std_msgs/msg/Float64"
+"""Joules in the battery, as our own runs export them for ROS 2; taken before all others."""
 PARENTS, CHILDREN = ("site", "map", "odom", "world"), ("base_link", "base_footprint", "rover")
 
 
@@ -57,7 +54,8 @@ class Mapping:
     clock
         `header` takes the stamp of a message where it has one, `log` the time of writing.
     parent, child
-        Frames of the transform that is the pose, where the topic holds transforms; empty takes usual names.
+        Frames between which transforms give the pose, directly or by way of others, where the topic holds
+        transforms; empty takes usual names.
     east_m, north_m, heading_rad
         Where the recording's frame lies in the site frame, and how it is turned.
     capacity_j
@@ -85,10 +83,10 @@ def read_mapping(path: Path) -> Mapping:
         If the file is no TOML, or a member is unknown or of the wrong type.
     """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RecordingError(f"mapping {path} cannot be read: {error}") from error
-    return mapping_of(document, f"mapping {path}")
+        raw = path.read_bytes()
+    except OSError as error:
+        raise RecordingError(f"mapping {path}: {error.strerror or error}") from error
+    return mapping_of(read_toml(raw, f"mapping {path}", RecordingError), f"mapping {path}")
 
 
 def mapping_of(document: dict[str, object], name: str) -> Mapping:
@@ -112,17 +110,6 @@ def mapping_of(document: dict[str, object], name: str) -> Mapping:
     if given.get("clock", "header") not in ("header", "log"):
         raise RecordingError(f"{name}: clock must be header or log, found {given['clock']!r}")
     return Mapping(**given)
-
-
-@dataclass(frozen=True, slots=True)
-class Raw:
-    """A message as it lies in the file: time of writing in nanoseconds, encoding `cdr` or `json`."""
-
-    topic: str
-    type: str
-    encoding: str
-    log_ns: int
-    data: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,146 +146,19 @@ class Recording:
     whole: bool = True
 
 
-# --- files --------------------------------------------------------------------------
-
-
-def files_of(path: Path) -> list[Path]:
-    """Return the files of a recording: itself, or those of a rosbag2 folder in the order of their names."""
-    if path.is_file():
-        return [path]
-    found = sorted(p for p in path.glob("*") if p.suffix in (".db3", ".mcap")) if path.is_dir() else []
-    if not found:
-        raise RecordingError(f"{path} is no recording: neither a file nor a folder with .db3 or .mcap files")
-    return found
-
-
-def raw_messages(path: Path, broken: Callable[[str], None]) -> Iterator[Raw]:
-    """Yield the messages of one file as far as it is whole; `broken` is told where it is not."""
-    with path.open("rb") as file:
-        magic = file.read(16)
-    if magic.startswith(b"SQLite format 3"):
-        yield from _sqlite(path, broken)
-    elif magic.startswith(b"\x89MCAP0\r\n"):
-        yield from _mcap(path, broken)
-    else:
-        broken(f"{path.name} is neither MCAP nor sqlite3")
-
-
-def _sqlite(path: Path, broken: Callable[[str], None]) -> Iterator[Raw]:
-    count = 0
-    try:
-        with closing(sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)) as base:
-            base.execute(
-                "PRAGMA writable_schema=ON"
-            )  # else a file that is shorter than it says is refused whole
-            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES)
-            _require_tables(base)
-            topics = {row[0]: row[1:] for row in base.execute("SELECT id, name, type FROM topics")}
-            for topic, at_ns, data in base.execute("SELECT topic_id, timestamp, data FROM messages"):
-                if topic in topics and isinstance(data, bytes) and isinstance(at_ns, int):
-                    name, type_ = topics[topic]
-                    count += 1
-                    yield Raw(str(name), str(type_), "cdr", at_ns, data)
-    except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
-        broken(f"{path.name} is damaged after {count} messages: {error}")
-
-
-def _require_tables(base: sqlite3.Connection) -> None:
-    """Raise unless topics and messages are plain tables: a view may be a query that never ends."""
-    made = dict(base.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'"))
-    for name in ("topics", "messages"):
-        if not str(made.get(name)).upper().startswith("CREATE TABLE"):
-            raise sqlite3.DatabaseError(f"{name} is no table")
-
-
-def _unpacked(chunk: Chunk) -> Chunk:
-    """Return a chunk without compression.
-
-    Raises
-    ------
-    ValueError
-        If it would be larger than it says, or than what is taken.
-    """
-    size = chunk.uncompressed_size
-    if size > MOST_BYTES:
-        raise ValueError(f"a chunk of {size} bytes; {MOST_BYTES} are taken")
-    if chunk.compression == "zstd":
-        import zstandard
-
-        try:
-            with zstandard.ZstdDecompressor().stream_reader(chunk.data) as stream:
-                data = stream.read(size + 1)
-        except zstandard.ZstdError as error:
-            raise ValueError(f"a chunk that cannot be unpacked: {error}") from error
-    elif chunk.compression == "lz4":
-        import lz4.frame
-
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-    else:
-        return chunk
-    if len(data) != size:
-        raise ValueError(f"a chunk that is not of the {size} bytes that it says")
-    return replace(chunk, compression="", data=data)
-
-
-def _records(stream: BinaryIO) -> Iterator[McapRecord]:
-    """Yield the records of a file, those of chunks too; a chunk is unpacked only within limits."""
-    from mcap import records
-    from mcap.stream_reader import StreamReader, breakup_chunk
-
-    reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=MOST_BYTES)
-    for record in reader.records:
-        if isinstance(record, records.Chunk):
-            yield from breakup_chunk(_unpacked(record), validate_crc=True)
-        else:
-            yield record
-
-
-def _mcap(path: Path, broken: Callable[[str], None]) -> Iterator[Raw]:
-    try:
-        from mcap.exceptions import McapError
-        from mcap.records import Channel, DataEnd, Message, Schema
-    except ImportError:
-        raise MissingExtraError("MCAP needs the package mcap: pip install 'outcrop[mcap]'") from None
-    schemas: dict[int, str] = {}
-    channels: dict[int, tuple[str, str, str]] = {}
-    count, over = 0, False
-    with path.open("rb") as file:
-        try:
-            for record in _records(file):
-                if isinstance(record, Schema):
-                    schemas[record.id] = record.name
-                elif isinstance(record, Channel):
-                    type_ = schemas.get(record.schema_id, "")
-                    channels[record.id] = (record.topic, type_, record.message_encoding)
-                elif isinstance(record, Message) and record.channel_id in channels:
-                    topic, type_, encoding = channels[record.channel_id]
-                    count += 1
-                    yield Raw(topic, type_, encoding, record.log_time, bytes(record.data))
-                elif isinstance(record, DataEnd):
-                    over = True
-        except (
-            McapError,
-            struct.error,
-            ValueError,
-            EOFError,
-            RuntimeError,
-            KeyError,
-            AssertionError,
-        ) as error:
-            if not over:
-                why = str(error) or type(error).__name__
-                broken(f"{path.name} is cut or damaged after {count} messages: {why}")
-                return
-    if not over:
-        broken(f"{path.name} is cut after {count} messages")
-
-
 # --- reading --------------------------------------------------------------------------
 
 
-def read_recording(path: Path, mapping: Mapping, keep: Callable[[Picture], None]) -> Recording:
+def read_recording(
+    path: Path,
+    mapping: Mapping,
+    keep: Callable[[Picture], None],
+    tell: Callable[[float], None] = lambda _share: None,
+) -> Recording:
     """Return what a recording holds; `keep` is given each picture as it comes.
+
+    The file is gone through twice: for the topics, then for their messages. `tell` hears with each message
+    what share of the second is done; what it raises ends the reading.
 
     Raises
     ------
@@ -316,15 +176,20 @@ def read_recording(path: Path, mapping: Mapping, keep: Callable[[Picture], None]
 
     known: dict[str, str] = {}
     faults: list[str] = []
+    count = done = 0
     for file in files:
         for raw in raw_messages(file, faults.append):
             known.setdefault(raw.topic, raw.type)
+            count += 1
+            tell(0.0)
     if not known:
         raise RecordingError(f"the recording holds no message: {'; '.join(faults) or 'it is empty'}")
     reader.choose(known)
     for file in files:
         for raw in raw_messages(file, broken):
             reader.take(raw)
+            done += 1
+            tell(done / count)
     return reader.finish()
 
 
@@ -338,6 +203,7 @@ class _Reader:
         self._last: dict[str, int] = {}
         self._unstamped: set[str] = set()
         self._store: Any = None
+        self._transforms = Transforms()
 
     def choose(self, known: dict[str, str]) -> None:
         """Say what each topic is taken for."""
@@ -349,14 +215,19 @@ class _Reader:
                     f"the mapping names topic {topic}, which the recording has not; it has {has}"
                 )
         pose = mapping.pose or _best(known, POSE_TYPES)
-        battery = mapping.battery or _best(known, BATTERY_TYPES)
+        own = ENERGY_TOPIC if known.get(ENERGY_TOPIC) == ENERGY_TYPE else ""
+        battery = mapping.battery or own or _best(known, BATTERY_TYPES)
         pictures = mapping.pictures or tuple(t for t, kind in known.items() if kind in PICTURE_TYPES)
-        usable = {"pose": POSE_TYPES, "battery": BATTERY_TYPES, "picture": PICTURE_TYPES}
+        usable = {"pose": POSE_TYPES, "battery": (*BATTERY_TYPES, ENERGY_TYPE), "picture": PICTURE_TYPES}
         for role, topics in (("pose", (pose,)), ("battery", (battery,)), ("picture", pictures)):
             for topic in filter(None, topics):
                 if known[topic] not in usable[role]:
                     raise RecordingError(f"topic {topic} of type {known[topic]} gives no {role}")
                 self._roles[topic] = role
+        if pose and known[pose] == TRANSFORMS:
+            fixed = f"{pose.rpartition('/')[0]}/tf_static"
+            if known.get(fixed) == TRANSFORMS:
+                self._roles[fixed] = "pose"
         every = {*POSE_TYPES, *BATTERY_TYPES, *PICTURE_TYPES}
         for topic, kind in sorted(known.items()):
             if topic not in self._roles:
@@ -390,39 +261,56 @@ class _Reader:
 
     def _time(self, raw: Raw, stamp: Any) -> int:
         """Return the time of a message on the chosen clock, and note where it goes back."""
-        t_ns = raw.log_ns
-        if self.mapping.clock == "header":
-            told = 0 if stamp is None else _stamp_ns(stamp)
-            if told > 0:
-                t_ns = told
-            else:
-                self._unstamped.add(raw.topic)
+        t_ns = self._told(raw, stamp)
         if t_ns < self._last.get(raw.topic, t_ns):
             self._late[raw.topic] += 1
         self._last[raw.topic] = max(t_ns, self._last.get(raw.topic, t_ns))
         return t_ns
 
+    def _told(self, raw: Raw, stamp: Any) -> int:
+        """Return the time of a message on the chosen clock."""
+        if self.mapping.clock != "header":
+            return raw.log_ns
+        told = 0 if stamp is None else _stamp_ns(stamp)
+        if told > 0 or (stamp is not None and told == raw.log_ns):
+            return told
+        self._unstamped.add(raw.topic)
+        return raw.log_ns
+
     def _use(self, role: str, raw: Raw, message: Any) -> None:
-        if role == "pose":
-            found = _pose_of(raw.type, message, self.mapping)
-            if found is not None:
-                stamp, position, turn = found
-                self.recording.poses.append(self._in_site(self._time(raw, stamp), position, turn))
+        if raw.type == TRANSFORMS:
+            self._take_transforms(raw, message)
+        elif role == "pose":
+            stamp, position, turn = _pose_of(raw.type, message)
+            motion = _motion_of(position, turn)
+            self.recording.poses.append(self._in_site(self._time(raw, stamp), motion))
         elif role == "battery":
             level = _level_of(raw.type, message, self.mapping)
             if math.isfinite(level):
-                stamp = message.header.stamp if raw.encoding == "cdr" else None
+                stamp = message.header.stamp if raw.type == "sensor_msgs/msg/BatteryState" else None
                 self.recording.battery.append((self._time(raw, stamp), level))
         else:
             stamp, frame, kind, data = _picture_of(raw.type, message)
             self._keep(Picture(self._time(raw, stamp), raw.topic, frame, kind, data))
             self.recording.pictures += 1
 
-    def _in_site(self, t_ns: int, position: Any, turn: Any) -> RecordedPose:
+    def _take_transforms(self, raw: Raw, message: Any) -> None:
+        wrong = 0
+        for one in message.transforms:
+            link = (one.header.frame_id.strip("/"), one.child_frame_id.strip("/"))
+            t_ns, move = self._told(raw, one.header.stamp), one.transform
+            try:
+                fixed = raw.topic.endswith("/tf_static")
+                self._transforms.take(t_ns, link, _motion_of(move.translation, move.rotation), fixed=fixed)
+            except ValueError:
+                wrong += 1
+        if wrong:
+            raise ValueError(f"{wrong} transforms with a number that is none")
+
+    def _in_site(self, t_ns: int, motion: Motion) -> RecordedPose:
         """Return a pose in the site frame; raise ValueError of one that is no number."""
         mapping = self.mapping
-        x, y, z = float(position.x), float(position.y), float(position.z)
-        qx, qy, qz, qw = (float(v) for v in (turn.x, turn.y, turn.z, turn.w))
+        (x, y, z), (qx, qy, qz, qw) = motion
         if (
             not all(map(math.isfinite, (x, y, z, qx, qy, qz, qw)))
             or qx * qx + qy * qy + qz * qz + qw * qw < 0.25
@@ -433,8 +321,44 @@ class _Reader:
         heading = math.atan2(math.sin(yaw), math.cos(yaw))
         return RecordedPose(t_ns, mapping.east_m + c * x - s * y, mapping.north_m + s * x + c * y, z, heading)
 
+    def _follow_transforms(self) -> None:
+        """Make poses of the chain of transforms, and tell what is to be known of it."""
+        mapping, transforms, tell = self.mapping, self._transforms, self.recording.findings.append
+        frames = transforms.frames()
+        if not frames:
+            return
+        parents = (mapping.parent.strip("/"),) if mapping.parent else PARENTS
+        children = (mapping.child.strip("/"),) if mapping.child else CHILDREN
+        chain = transforms.chain(parents, children)
+        if not chain:
+            some = ", ".join(frames[:10]) + (", ..." if len(frames) > 10 else "")
+            tell(
+                f"no transforms lead from {' or '.join(parents)} to {' or '.join(children)}; there are {some}"
+            )
+            return
+        if len(chain) > 1:
+            tell(f"poses are put together of {' -> '.join([chain[0][0], *(child for _, child in chain)])}")
+        if transforms.left_out:
+            tell(f"{transforms.left_out} transforms of further frames are left out")
+        for (parent, child), count in sorted(transforms.late(chain).items()):
+            tell(f"transforms {parent} -> {child}: {count} are out of order; they are put in order")
+        early = wrong = 0
+        for t_ns, motion in transforms.poses(chain):
+            if motion is None:
+                early += 1
+                continue
+            try:
+                self.recording.poses.append(self._in_site(t_ns, motion))
+            except ValueError:
+                wrong += 1
+        if early:
+            tell(f"{early} poses are left out: another transform of the chain had not come yet")
+        if wrong:
+            tell(f"{wrong} poses are left out: put together they are no number")
+
     def finish(self) -> Recording:
         recording, tell = self.recording, self.recording.findings.append
+        self._follow_transforms()
         for what, count in sorted(self._bad.items()):
             tell(f"{count} messages could not be decoded: {what}")
         for topic, count in sorted(self._late.items()):
@@ -476,26 +400,28 @@ def _stamp_ns(stamp: Any) -> int:
     return int(stamp.sec) * NANO + int(nanoseconds)
 
 
-def _pose_of(kind: str, message: Any, mapping: Mapping) -> tuple[Any, Any, Any] | None:
-    """Return stamp, position and orientation; None of transforms between other frames."""
+def _pose_of(kind: str, message: Any) -> tuple[Any, Any, Any]:
+    """Return stamp, position and orientation."""
     if kind == "foxglove.PoseInFrame":
         return message.timestamp, message.pose.position, message.pose.orientation
-    if kind == "tf2_msgs/msg/TFMessage":
-        for one in message.transforms:
-            parent, child = one.header.frame_id.strip("/"), one.child_frame_id.strip("/")
-            if parent in ((mapping.parent,) if mapping.parent else PARENTS) and child in (
-                (mapping.child,) if mapping.child else CHILDREN
-            ):
-                return one.header.stamp, one.transform.translation, one.transform.rotation
-        return None
     pose = message.pose if kind == "geometry_msgs/msg/PoseStamped" else message.pose.pose
     return message.header.stamp, pose.position, pose.orientation
+
+
+def _motion_of(position: Any, turn: Any) -> Motion:
+    """Return the numbers of a position and an orientation."""
+    x, y, z, qx, qy, qz, qw = (
+        float(v) for v in (position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w)
+    )
+    return (x, y, z), (qx, qy, qz, qw)
 
 
 def _level_of(kind: str, message: Any, mapping: Mapping) -> float:
     """Return the energy in the battery, joules; NaN if the message does not tell it."""
     if kind == "outcrop.Telemetry":
         return float(message.battery_j)
+    if kind == ENERGY_TYPE:
+        return float(message.data)
     if mapping.capacity_j > 0 and 0 <= message.percentage <= 1:
         return float(message.percentage) * mapping.capacity_j
     return float(message.charge) * 3600.0 * float(message.voltage)  # Ah at the present voltage

@@ -6,6 +6,7 @@ for end. So a construct is listed when the tree would do the same only sometimes
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -43,6 +44,8 @@ from executive.engine.spec import INFINITY, NodeSpec, Window
 
 _Amounts = Callable[[Node], tuple[Amount, ...]]
 
+FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that XML 1.0 cannot hold, not even as a reference (XML 1.0, 2.2)."""
 MOST_ORDERS = 24
 """Orders in which options may be tried that are written out, 4! of four options."""
 
@@ -199,6 +202,14 @@ def _of_task(task: Task) -> Iterator[Lacking]:
         if isinstance(value, str) and value.startswith("{") and value.endswith("}"):
             why = f"parameter {name}: BehaviorTree.CPP reads {value} as the name of a blackboard entry"
             yield _at(task, "text in braces", "parameters", why)
+        if isinstance(value, str):
+            yield from _no_xml(task, "parameters", f"parameter {name}", value)
+
+
+def _no_xml(held: Node | Option | _Held, word: str, what: str, text: str) -> Iterator[Lacking]:
+    for found in sorted(set(FORBIDDEN.findall(text))):
+        why = f"{what} has the character U+{ord(found):04X}, which XML cannot hold"
+        yield _at(held, "text with a forbidden character", word, why)
 
 
 def _of_branch(branch: Branch, family: Family) -> Iterator[Lacking]:
@@ -220,6 +231,9 @@ def _conditions(
     held: Node | Option | _Held, word: str, conditions: Conditions, family: Family
 ) -> Iterator[Lacking]:
     for leaf in leaves(conditions):
+        values = (*leaf.arguments, *((leaf.value,) if isinstance(leaf, Comparison) else ()))
+        for value in values:
+            yield from _no_xml(held, word, f"condition on :{leaf.key}", str(value))
         if leaf.key in ("reason", "attempts", "result"):
             why = "a node of a tree leaves SUCCESS or FAILURE behind and nothing else"
             yield _at(held, f"condition on :{leaf.key}", word, why)

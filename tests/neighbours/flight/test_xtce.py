@@ -12,6 +12,7 @@ import yamcs.pymdb as mdb
 from executive.crl.dictionary import ValueType
 from neighbours.flight.errors import FlightError, ForeignDictionaryError
 from neighbours.flight.flight_map import FlightMap
+from neighbours.flight.foreign import Flag, Group
 from neighbours.flight.import_dictionary import import_dictionary
 from neighbours.flight.xtce_dictionary import read_xtce
 from rover_iface.profile import load_profile
@@ -155,3 +156,37 @@ def test_a_range_that_is_no_number_is_told(tmp_path: Path) -> None:
     text = database().dumps().replace('maxInclusive="500"', 'maxInclusive="NaN"')
     with pytest.raises(ForeignDictionaryError, match=r'power\.MEASURE\.exposure maxInclusive is "NaN"'):
         read_xtce(written(tmp_path, text))
+
+
+def nested(levels: int, members: int) -> str:
+    """Return XTCE whose type `t0` holds `members` of `t1`, each of those as many of `t2`, and so on."""
+    held = "".join(
+        f'<AggregateParameterType name="t{n}"><MemberList>'
+        + "".join(f'<Member name="m{k}" typeRef="t{n + 1}"/>' for k in range(members))
+        + "</MemberList></AggregateParameterType>"
+        for n in range(levels)
+    )
+    return (
+        f'<SpaceSystem name="R"><TelemetryMetaData><ParameterTypeSet>{held}'
+        f'<BooleanParameterType name="t{levels}"/></ParameterTypeSet><ParameterSet>'
+        '<Parameter name="p" parameterTypeRef="t0"/></ParameterSet></TelemetryMetaData></SpaceSystem>'
+    )
+
+
+def test_types_of_types_are_made_once_and_not_once_for_each_way_to_them(tmp_path: Path) -> None:
+    """19 levels of two members each are half a million ways to the last type."""
+    (channel,) = read_xtce(written(tmp_path, nested(19, 2))).channels
+    kind = channel.type
+    for _ in range(19):
+        assert isinstance(kind, Group)
+        (_, first), (_, second) = kind.members
+        assert first is second
+        kind = first
+    assert kind == Flag()
+
+
+def test_an_aggregate_without_members_and_types_that_are_too_deep_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ForeignDictionaryError, match='aggregate "t0" has no members'):
+        read_xtce(written(tmp_path, nested(1, 0)))
+    with pytest.raises(ForeignDictionaryError, match='type "t21" lies more than 20 types deep'):
+        read_xtce(written(tmp_path, nested(30, 2)))

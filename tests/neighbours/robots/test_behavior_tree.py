@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 import typer
@@ -179,3 +180,23 @@ def test_the_command_writes_all_or_nothing_unless_asked(tmp_path: Path) -> None:
         ["crl", "export", str(tmp_path / "none.crl")],
     ):
         assert CliRunner().invoke(app, bad).exit_code == 2
+
+
+def test_characters_that_xml_cannot_hold_are_named_and_leave_the_file_readable() -> None:
+    text = (
+        '(task :id a :action image :parameters (camera = "m\x01ast" words = "{\x0b}" fine = "a\tb\u2603")'
+        ' :start-conditions ((database (:mode = "x\x02"))))'
+    )
+    made = behavior_tree(load(text))
+    forbidden = [one.why for one in made.lacking if one.construct == "text with a forbidden character"]
+    assert [why.partition(" has the character ")[::2] for why in forbidden] == [
+        ("parameter camera", "U+0001, which XML cannot hold"),
+        ("parameter words", "U+000B, which XML cannot hold"),
+        ("condition on :mode", "U+0002, which XML cannot hold"),
+    ]
+    root = ElementTree.fromstring(made.xml)
+    (action,) = [e for e in root.iter("Action") if e.get("name") == "a"]
+    assert (action.get("camera"), action.get("fine")) == ("m\ufffdast", "a\tb\u2603")
+    assert [e.get("when") for e in root.iter("Condition") if e.get("when")] == [
+        '((database (:mode = "x\ufffd")))'
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import random
 import sqlite3
@@ -15,9 +16,10 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from neighbours.robots import recording as recording_module
+from neighbours.robots import bag_files
+from neighbours.robots.bag_files import files_of
 from neighbours.robots.errors import RecordingError
-from neighbours.robots.recording import Mapping, Picture, Recording, files_of, read_mapping, read_recording
+from neighbours.robots.recording import Mapping, Picture, Recording, read_mapping, read_recording
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 T0_NS = 1_780_000_000_000_000_000
@@ -254,7 +256,7 @@ def test_what_is_no_recording_and_what_does_not_fit_is_named(tmp_path: Path) -> 
         ("poze = 'x'", "unknown member 'poze'"),
         ("east_m = 'far'", "east_m cannot be 'far'"),
         ("clock = 'wall'", "clock must be header or log"),
-        ("= 3", "cannot be read"),
+        ("= 3", "not TOML"),
     ):
         (tmp_path / "map.toml").write_text(text)
         with pytest.raises(RecordingError, match=words):
@@ -277,7 +279,7 @@ def test_a_bag_whose_messages_are_a_query_is_not_read(tmp_path: Path) -> None:
 def test_a_chunk_is_unpacked_within_limits_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from mcap.writer import CompressionType, Writer
 
-    monkeypatch.setattr(recording_module, "MOST_BYTES", 100_000)
+    monkeypatch.setattr(bag_files, "MOST_BYTES", 100_000)
     for kind in (CompressionType.ZSTD, CompressionType.LZ4):
         file = tmp_path / f"{kind.name}.mcap"
         with file.open("wb") as stream:
@@ -290,3 +292,30 @@ def test_a_chunk_is_unpacked_within_limits_alone(tmp_path: Path, monkeypatch: py
         assert file.stat().st_size < 60_000
         with pytest.raises(RecordingError, match=r"a chunk of \d+ bytes; 100000 are taken"):
             read(file)
+
+
+def test_a_fault_behind_the_data_of_an_mcap_file_is_told(tmp_path: Path) -> None:
+    """Every message stands before DataEnd (opcode 0x0F); what comes after is the summary."""
+    from mcap.data_stream import ReadDataStream
+    from mcap.opcode import Opcode
+
+    (bag,) = files_of(write(tmp_path / "bag", StoragePlugin.MCAP))
+    data = in_small_chunks(bag, tmp_path / "whole.mcap").read_bytes()
+    place, opcode = 8, 0
+    while opcode != Opcode.DATA_END:
+        stream = ReadDataStream(io.BytesIO(data[place:]))
+        opcode, length = stream.read1(), stream.read8()
+        place += 9 + length
+    for name, bad in (
+        ("cut", data[: place + 5]),
+        ("gone", data[:place]),
+        ("wild", data[:place] + b"\xff" * 40),
+    ):
+        broken = tmp_path / f"{name}.mcap"
+        broken.write_bytes(bad)
+        found, _ = read(broken)
+        assert len(found.poses) == len(POSES)
+        assert not found.whole
+        assert any(
+            f.startswith(f"{broken.name} is cut or damaged behind its data, all ") for f in found.findings
+        )
