@@ -111,9 +111,10 @@ async def measure(port: int, pid: int, path: str, connections: int, seconds: flo
     }
 
 
-def file_mission(base: str) -> tuple[str, str]:
-    """Make a mission with one target; return the ids of both."""
-    with httpx.Client(base_url=base, timeout=120.0) as client:
+def file_mission(base: str, secret: str = "") -> tuple[str, str]:
+    """Make a mission with one target, as the owner of a secret; return the ids of both."""
+    headers = {"Authorization": f"Bearer {secret}"} if secret else {}
+    with httpx.Client(base_url=base, headers=headers, timeout=120.0) as client:
         mission = client.post(
             "/missions", json={"name": "Bench", "terrain": {"source": "generated", "seed": 1, "size_m": 48.0}}
         ).json()["id"]
@@ -169,6 +170,7 @@ def main() -> None:
             "OUTCROP_DATABASE_URL": given.database,
             "OUTCROP_LOG_LEVEL": "error",
             "OUTCROP_SERVE_WORKER": "false",
+            "OUTCROP_WARM_UP": "false",
         }
         outcrop = [sys.executable, "-m", "ground.cli"]
         subprocess.run([*outcrop, "migrate"], env=environment, check=True, cwd=ROOT)

@@ -27,6 +27,7 @@ from ground.resources.jobs.routes import router as jobs
 from ground.resources.keep_outs.routes import router as keep_outs
 from ground.resources.lineage.routes import router as lineage
 from ground.resources.mission_archives.routes import router as mission_archives
+from ground.resources.mission_merges.routes import router as mission_merges
 from ground.resources.mission_setup.routes import router as mission_setup
 from ground.resources.missions.routes import router as missions
 from ground.resources.observation_requests.routes import router as observation_requests
@@ -48,11 +49,13 @@ from ground.resources.stac.routes import router as stac
 from ground.resources.targets.routes import router as targets
 from ground.resources.traverses.routes import router as traverses
 from ground.resources.uploads.routes import router as uploads
+from ground.resources.webhooks.routes import router as webhooks
 
 ROUTERS = (
     targets,
     missions,
     mission_setup,
+    mission_merges,
     sols,
     observation_requests,
     keep_outs,
@@ -86,6 +89,7 @@ ROUTERS = (
     ingest,
     executions,
     product_files,
+    webhooks,
 )
 """Those asked most come first: a request is held against one route after the other."""
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 
-from sqlalchemy import inspect
-
+from ground.gdr.migrate import current_revision, newest_revision
 from ground.gdr.repository import Repository
 from ground.jobs.worker import Worker
 
@@ -17,12 +16,12 @@ DEGRADED = "degraded: "
 def check_readiness(repo: Repository, worker: Worker | None = None) -> dict[str, str]:
     """Return `ok` or what is wrong for each part: database, schema, data folder, worker and engine."""
     repo.database.ping()
-    tables = set(inspect(repo.database.engine).get_table_names())
+    found, needed = current_revision(repo.database), newest_revision()
     return {
         "database": "ok",
         "schema": "ok"
-        if {"missions", "alembic_version"} <= tables
-        else "not migrated: run `outcrop migrate`",
+        if found == needed
+        else f"the database is at revision {found or 'none'}, {needed} is needed: run `outcrop migrate`",
         **({} if worker is None else worker_checks(worker)),
         "data_dir": "ok" if os.access(repo.data_dir, os.W_OK) else f"{repo.data_dir} cannot be written",
     }

@@ -75,6 +75,7 @@ WORDS: Members = {
     "media": "image/png",
     "detail": f"there is no target tgt-{SERIAL}",
     "url": f"/api/v1/targets/tgt-{SERIAL}",
+    "secret": "whsec_C2FVsBQIhrscChlQIMV+b5sSYspob7oD",
     "east_m": 4.2,
     "north_m": -1.5,
     "up_m": 0.1,

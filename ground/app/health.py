@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from importlib.metadata import version
 
 from fastapi import APIRouter, Request
@@ -12,13 +13,31 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.responses import Response
 
 from ground.api.context import Repo, answer, call, operation_id
-from ground.api.metrics import ENGINE_FAILURES, ENGINE_UP, JOBS, MISSIONS, REGISTRY, WORKER_UP
+from ground.api.metrics import (
+    DATABASE_SIZE,
+    DISK_FREE,
+    ENGINE_FAILURES,
+    ENGINE_UP,
+    EVENTS,
+    FAULTS,
+    JOB_WAIT,
+    JOBS,
+    MISSIONS,
+    PRODUCTS_SIZE,
+    REGISTRY,
+    SINCE,
+    WORKER_UP,
+)
 from ground.api.problems import problem, responses
 from ground.app.check_readiness import DEGRADED, OK, check_readiness
+from ground.gdr.base import utc_now
+from ground.gdr.history import ChainRow
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
 from ground.resources.missions.row import MissionRow
+from ground.resources.products.row import ProductRow
+from ground.resources.upkeep.noted import ACTS, noted
 
 
 def exposition(repo: Repository, worker: Worker | None = None) -> tuple[bytes, str]:
@@ -34,6 +53,17 @@ def exposition(repo: Repository, worker: Worker | None = None) -> tuple[bytes, s
         ):
             JOBS.labels(kind, state).set(count)
         MISSIONS.set(session.scalar(select(func.count()).select_from(MissionRow)) or 0)
+        oldest = session.scalar(select(func.min(JobRow.created_utc)).where(JobRow.state == "queued"))
+        JOB_WAIT.set(0.0 if oldest is None else (utc_now() - oldest).total_seconds())
+        PRODUCTS_SIZE.set(session.scalar(select(func.sum(ProductRow.size_bytes))) or 0)
+        EVENTS.set(session.scalar(select(func.sum(ChainRow.seq))) or 0)
+    DATABASE_SIZE.set(repo.database.size_bytes())
+    DISK_FREE.set(shutil.disk_usage(repo.data_dir).free)
+    for act in ACTS:
+        last = noted(repo, act)
+        if last is not None:
+            SINCE.labels(act).set((utc_now() - last[0]).total_seconds())
+            FAULTS.labels(act).set(last[1])
     return generate_latest(REGISTRY), CONTENT_TYPE_LATEST
 
 

@@ -11,6 +11,9 @@ from ground.resources.calibrations.order import ORDERS as CALIBRATION_ORDERS
 from ground.resources.campaigns import fly_campaign
 from ground.resources.campaigns import work as campaign_work
 from ground.resources.campaigns.order import ORDERS as CAMPAIGN_ORDERS
+from ground.resources.downlinks import import_recording
+from ground.resources.downlinks import work as recording_work
+from ground.resources.downlinks.order import ORDERS as RECORDING_ORDERS
 from ground.resources.executions import execute_plan
 from ground.resources.executions import work as execution_work
 from ground.resources.executions.order import ORDERS as EXECUTION_ORDERS
@@ -48,6 +51,13 @@ def job_kinds() -> Mapping[str, JobKind]:
             execution_work.work,
             execute_plan.settle,
             begin=execute_plan.begin,
+        ),
+        JobKind(
+            import_recording.KIND,
+            RECORDING_ORDERS,
+            recording_work.work,
+            import_recording.settle,
+            import_recording.abandon,
         ),
         JobKind(
             fly_campaign.KIND,

@@ -5,6 +5,8 @@
 
   const NAMESPACE = "outcrop";
   const SETTLE_MS = 1300; // a live run tells its link once a second: within that the clocks are compared
+  const LEAST_WAIT_MS = 1000; // before a server that is away is asked again, then twice as long each time
+  const MOST_WAIT_MS = 30000;
   const QUANTILES = { predicted_low: 0.05, predicted_median: 0.5, predicted_high: 0.95 };
   const COLOURS = { navigate: "#3a7bd5", observe: "#2a9d8f", visit: "#2a9d8f", track_start: "#b08900" };
 
@@ -23,6 +25,29 @@
 
   const identifier = (key) => ({ namespace: NAMESPACE, key });
 
+  /** An answer that is none; one that will be the same the next time is `final`. */
+  function refusal({ status }, path) {
+    const error = new Error(`Outcrop answers ${status} to ${path}`);
+    return Object.assign(error, { final: status >= 400 && status < 500 && status !== 429 });
+  }
+
+  /** Tries `act(again)` until it is done, refused for good or `signal` aborts; `again` says that it goes well. */
+  async function persist(signal, act) {
+    let wait = LEAST_WAIT_MS;
+    while (!signal.aborted) {
+      try {
+        if (await act(() => (wait = LEAST_WAIT_MS))) return;
+      } catch (error) {
+        if (signal.aborted) return;
+        console.warn(`Outcrop: ${error.message}`);
+        if (error.final) return;
+      }
+      const now = wait;
+      await new Promise((resolve) => setTimeout(resolve, now));
+      wait = Math.min(2 * wait, MOST_WAIT_MS);
+    }
+  }
+
   /** REST and event streams of one Outcrop. */
   class Client {
     constructor({ url = "", key = "", person = "" }) {
@@ -34,19 +59,28 @@
 
     async get(path) {
       const answer = await fetch(this.base + path, { headers: this.headers, credentials: "same-origin" });
-      if (!answer.ok) throw new Error(`Outcrop answers ${answer.status} to ${path}`);
+      if (!answer.ok) throw refusal(answer, path);
       return answer.json();
     }
 
+    /** All of a list, page by page. */
     async list(path) {
-      return (await this.get(path)).items;
+      const items = [];
+      let cursor = null;
+      do {
+        const page = await this.get(cursor === null ? path : `${path}?cursor=${encodeURIComponent(cursor)}`);
+        items.push(...page.items);
+        cursor = page.next_cursor;
+      } while (cursor !== null);
+      return items;
     }
 
-    /** Calls `heard(event, data)` for each event until the stream ends or `signal` aborts. */
-    async listen(path, signal, heard) {
+    /** Calls `heard(event, data, id)` for each event behind `last` until the stream ends or `signal` aborts. */
+    async listen(path, signal, last, heard) {
       const headers = { ...this.headers, Accept: "text/event-stream" };
+      if (last) headers["Last-Event-ID"] = last;
       const answer = await fetch(this.base + path, { headers, signal, credentials: "same-origin" });
-      if (!answer.ok) throw new Error(`Outcrop answers ${answer.status} to ${path}`);
+      if (!answer.ok) throw refusal(answer, path);
       const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
       let text = "";
       for (;;) {
@@ -58,7 +92,8 @@
           const lines = part.split("\n");
           const event = lines.find((l) => l.startsWith("event: "))?.slice(7);
           const data = lines.find((l) => l.startsWith("data: "))?.slice(6);
-          if (event && data) heard(event, JSON.parse(data));
+          const id = lines.find((l) => l.startsWith("id: "))?.slice(4);
+          if (event && data) heard(event, JSON.parse(data), id);
         }
       }
     }
@@ -86,8 +121,10 @@
     place() {
       let least = Infinity;
       this.settled = false;
-      this.controller = new AbortController();
-      const heard = (event, data) => {
+      const { signal } = new AbortController(); // a feed is followed until the run ends or the page is left
+      let last = "";
+      const heard = (event, data, id) => {
+        last = id ?? last;
         if (event === "control" && data.pace > 0) this.pace = data.pace;
         if (typeof data?.t_s === "number") least = Math.min(least, Date.now() - (1000 * data.t_s) / this.pace);
         if (event === "end") this.over = true;
@@ -95,8 +132,12 @@
         if (this.settled) this.tell(event, data);
         else this.waiting.push([event, data]);
       };
-      this.client.listen(`/runs/${this.run.id}/events`, this.controller.signal, heard).catch((error) => {
-        if (error.name !== "AbortError") console.warn(`Outcrop: ${error.message}`);
+      persist(signal, async (again) => {
+        await this.client.listen(`/runs/${this.run.id}/events`, signal, last, (...told) => {
+          again();
+          heard(...told);
+        });
+        return this.over;
       });
       return new Promise((resolve) => {
         const settle = () => {
@@ -337,12 +378,14 @@
         subscribe(object, callback) {
           const [, run, measure] = parts(object);
           let stop = () => {};
-          let stopped = false;
-          source.feed(run).then((feed) => {
-            if (!stopped) stop = feed.listen(measure, callback);
-          }, (error) => console.warn(`Outcrop: ${error.message}`));
+          const controller = new AbortController();
+          persist(controller.signal, async () => {
+            const feed = await source.feed(run);
+            if (!controller.signal.aborted) stop = feed.listen(measure, callback);
+            return true;
+          });
           return () => {
-            stopped = true;
+            controller.abort();
             stop();
           };
         },

@@ -7,14 +7,13 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ground.errors import InvalidInputError
 from ground.geo.heights import convert_heights
-from ground.geo.place import Heights, Place
+from ground.geo.place import Heights, Place, heights_named
 from ground.geo.references import LONLAT, WGS84
 from ground.geo.site_frame import SiteFrame, site_frame
 
@@ -135,12 +134,10 @@ def _number(row: Row, column: str, default: float | None = None) -> float:
 
 
 def _word(row: Row, default: Heights) -> Heights:
-    word = row[1].get("heights", "").strip() or default
-    if word not in get_args(Heights):
-        raise InvalidInputError(
-            f"{row[0]}: heights is {word[:40]!r}; use one of {', '.join(get_args(Heights))}"
-        )
-    return word  # type: ignore[return-value]
+    try:
+        return heights_named(row[1].get("heights", "").strip() or default)
+    except InvalidInputError as err:
+        raise InvalidInputError(f"{row[0]}: {err.message}") from None
 
 
 def _spread(row: Row, tall: bool) -> Floats:

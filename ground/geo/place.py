@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
+
+from ground.errors import InvalidInputError
 
 Heights = Literal["unknown", "ellipsoid", "geoid", "areoid", "sphere"]
 """What a site's heights are counted from: the ellipsoid of the reference, a geoid, Mars' areoid, a sphere."""
+
+_NAMED: Mapping[str, Heights] = {word: word for word in get_args(Heights)}
+
+
+def heights_named(word: str) -> Heights:
+    """Return what heights are counted from, by its word.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such word.
+    """
+    if word not in _NAMED:
+        raise InvalidInputError(f"heights is {word[:40]!r}; use one of {', '.join(_NAMED)}")
+    return _NAMED[word]
 
 
 @dataclass(frozen=True, slots=True)

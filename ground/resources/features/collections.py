@@ -13,10 +13,11 @@ from sqlalchemy.orm import Session
 from ground.errors import NotFoundError
 from ground.gdr.base import Row
 from ground.gdr.repository import Repository
-from ground.geo.site_frame import FAR_M
 from ground.reports.figures import ribbons
+from ground.resources.features.footprints import footprint
 from ground.resources.features.value import Collection, Feature
 from ground.resources.keep_outs.row import KeepOutRow
+from ground.resources.missions.row import MissionRow
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow
@@ -33,7 +34,8 @@ NEWEST_PLANS = 20
 """Plans whose ribbons are told: each is a document of up to some megabytes that is read for an answer."""
 NEWEST_RUNS = 50
 """Runs whose paths are told: of each a file of telemetry is read."""
-Read = Callable[[Repository, Session, str], Iterable[Feature]]
+Read = Callable[[Repository, Session, str, "str | None"], Iterable[Feature]]
+"""Reads the features of a mission; with the id of one of them nothing of the others is read."""
 
 TARGETS = Collection(
     "targets",
@@ -71,8 +73,8 @@ TRAVERSES = Collection(
 FOOTPRINTS = Collection(
     "footprints",
     "Footprints",
-    "The ground in each image: a square where the product tells its size, else the point that it shows, "
-    "else the point from which it was taken.",
+    "The ground in each image: what its camera model sees of the terrain, else a square where the product "
+    "tells its size, else the point that it shows, else the point from which it was taken.",
     "any",
     {
         "kind": "text",
@@ -120,8 +122,9 @@ RUNS = Collection(
 )
 
 
-def _rows(session: Session, row: Any, mission_id: str) -> Sequence[Any]:
-    return session.scalars(select(row).where(row.mission_id == mission_id).order_by(row.id)).all()
+def _rows(session: Session, row: Any, mission_id: str, only: str | None) -> Sequence[Any]:
+    query = select(row).where(row.mission_id == mission_id).order_by(row.id)
+    return session.scalars(query if only is None else query.where(row.id == only)).all()
 
 
 def _feature(
@@ -132,13 +135,20 @@ def _feature(
     return Feature(head.id, geometry, head.created_utc, members, more)
 
 
-def _targets(_repo: Repository, session: Session, mission_id: str) -> Iterator[Feature]:
+def _targets(_repo: Repository, session: Session, mission_id: str, only: str | None) -> Iterator[Feature]:
     import shapely
 
     asked: dict[str, list[ObservationRequestRow]] = defaultdict(list)
-    for request in _rows(session, ObservationRequestRow, mission_id):
+    requests_here = (
+        select(ObservationRequestRow)
+        .where(ObservationRequestRow.mission_id == mission_id)
+        .order_by(ObservationRequestRow.id)
+    )
+    if only is not None:
+        requests_here = requests_here.where(ObservationRequestRow.target_id == only)
+    for request in session.scalars(requests_here):
         asked[request.target_id].append(request)
-    for row in _rows(session, TargetRow, mission_id):
+    for row in _rows(session, TargetRow, mission_id, only):
         requests = asked[row.id]
         told = [
             {"id": r.id, "instrument": r.instrument, "value": r.value, "must_do": r.must_do} for r in requests
@@ -155,10 +165,10 @@ def _targets(_repo: Repository, session: Session, mission_id: str) -> Iterator[F
         )
 
 
-def _keep_outs(_repo: Repository, session: Session, mission_id: str) -> Iterator[Feature]:
+def _keep_outs(_repo: Repository, session: Session, mission_id: str, only: str | None) -> Iterator[Feature]:
     import shapely
 
-    for row in _rows(session, KeepOutRow, mission_id):
+    for row in _rows(session, KeepOutRow, mission_id, only):
         yield _feature(row, KEEP_OUTS, shapely.Polygon(row.polygon_m), {})
 
 
@@ -173,55 +183,32 @@ def line_of(points: Iterable[Sequence[float]]) -> BaseGeometry | None:
     return shapely.LineString(corners) if len(corners) > 1 else None
 
 
-def _traverses(_repo: Repository, session: Session, mission_id: str) -> Iterator[Feature]:
-    for row in _rows(session, TraverseRow, mission_id):
+def _traverses(_repo: Repository, session: Session, mission_id: str, only: str | None) -> Iterator[Feature]:
+    for row in _rows(session, TraverseRow, mission_id, only):
         stops = [] if row.document is None else row.document["stops"]
         line = line_of(stop["adjusted_m"] for stop in stops)
         yield _feature(row, TRAVERSES, line, {}, stops=float(len(row.stops)))
 
 
-def _footprints(_repo: Repository, session: Session, mission_id: str) -> Iterator[Feature]:
-    for row in _rows(session, ProductRow, mission_id):
-        if row.media.startswith("image/"):
-            yield _feature(row, FOOTPRINTS, _seen(row.label), {"file_url": f"/api/v1/products/{row.id}/file"})
+def _footprints(repo: Repository, session: Session, mission_id: str, only: str | None) -> Iterator[Feature]:
+    images = [row for row in _rows(session, ProductRow, mission_id, only) if row.media.startswith("image/")]
+    terrain = repo.terrain_dir(session.get_one(MissionRow, mission_id).terrain_id)
+    for row in images:
+        shape = footprint(row.label, terrain)
+        yield _feature(row, FOOTPRINTS, shape, {"file_url": f"/api/v1/products/{row.id}/file"})
 
 
-def _seen(label: Mapping[str, Any]) -> BaseGeometry | None:
-    """Return the ground in a picture by its label; a label may come from any rover and hold anything."""
-    import shapely
-
-    for place in (label, label.get("point_m"), label.get("pose")):
-        found = _numbers(_point(place))
-        if len(found) < 2:
-            continue
-        east, north = found[:2]
-        (size,) = _numbers([label.get("size_m")]) or (0.0,)
-        if place is label and size > 0.0:
-            half = size / 2
-            return shapely.box(east - half, north - half, east + half, north + half)
-        return shapely.Point(east, north)
-    return None
-
-
-def _point(place: object) -> Sequence[object]:
-    if isinstance(place, Mapping):
-        return [place.get("east_m"), place.get("north_m")]
-    return place[:2] if isinstance(place, list) else []
-
-
-def _numbers(values: Sequence[object]) -> list[float]:
-    """Return metres within a site, nothing if one is none; labels may have been written by anybody."""
-    numbers = [v for v in values if isinstance(v, int | float) and abs(v) <= FAR_M]
-    return [float(v) for v in numbers] if len(numbers) == len(values) else []
-
-
-def _ribbons(_repo: Repository, session: Session, mission_id: str) -> Iterator[Feature]:
+def _ribbons(_repo: Repository, session: Session, mission_id: str, only: str | None) -> Iterator[Feature]:
     newest = (
         select(PlanRow)
         .where(PlanRow.mission_id == mission_id, PlanRow.crl_sha256.is_not(None))
         .order_by(PlanRow.number.desc())
         .limit(NEWEST_PLANS)
     )
+    told = session.scalars(newest.with_only_columns(PlanRow.id)).all() if only is not None else ()
+    wanted = None if only is None else only.rpartition(".")[0]
+    if wanted is not None:
+        newest = select(PlanRow).where(PlanRow.id == wanted, PlanRow.id.in_(told))
     for plan in session.scalars(newest):
         if plan.problem_id is None or not plan.tree:
             continue
@@ -236,13 +223,18 @@ def _ribbons(_repo: Repository, session: Session, mission_id: str) -> Iterator[F
                 "probability": ribbon.probability,
             }
             name = f"{plan.id}.{number:04d}"
+            if only not in (None, name):
+                continue
             yield Feature(name, line_of(ribbon.points_m), plan.created_utc, members)
 
 
-def _runs(repo: Repository, session: Session, mission_id: str) -> Iterator[Feature]:
+def _runs(repo: Repository, session: Session, mission_id: str, only: str | None) -> Iterator[Feature]:
     newest = (
         select(RunRow).where(RunRow.mission_id == mission_id).order_by(RunRow.id.desc()).limit(NEWEST_RUNS)
     )
+    if only is not None:
+        told = session.scalars(newest.with_only_columns(RunRow.id)).all()
+        newest = select(RunRow).where(RunRow.id == only, RunRow.id.in_(told))
     for row in session.scalars(newest):
         points: Iterable[Sequence[float]] = ()
         if row.telemetry_sha256 is not None:

@@ -80,7 +80,7 @@ def select_features(
         collection, read = collection_of(collection_id)
         to = wanted(place, asked.crs, "crs")
         tests = _Tests.of(place, collection, asked)
-        found = sorted(read(repo, session, mission_id), key=lambda feature: feature.id)
+        found = sorted(read(repo, session, mission_id, None), key=lambda feature: feature.id)
     found = tests.passed(place, found)
     behind = [f for f in found if asked.after is None or f.id > asked.after]
     page = behind[: min(asked.limit, MOST)]
@@ -107,7 +107,7 @@ def get_feature(
         place = place_of(session, mission_id)
         _, read = collection_of(collection_id)
         to = wanted(place, crs, "crs")
-        feature = next((f for f in read(repo, session, mission_id) if f.id == feature_id), None)
+        feature = next(iter(read(repo, session, mission_id, feature_id)), None)
     if feature is None:
         raise NotFoundError(f"there is no feature {feature_id} in {collection_id}")
     (shape,) = out(place, [feature.geometry], to)

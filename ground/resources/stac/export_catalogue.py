@@ -6,8 +6,10 @@ import json
 import tempfile
 import zipfile
 from pathlib import Path
+from urllib.parse import quote
 
 from ground.errors import NotFoundError
+from ground.gdr.archives import name_in_archive
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.resources.stac.read_catalogue import PRODUCTS, TERRAIN, Catalogue, read_catalogue, write_layer
@@ -41,11 +43,14 @@ def export_catalogue(repo: Repository, actor: Actor, mission_id: str, target: Pa
                 write_layer(repo, actor, mission_id, layer_of_item(item.id), kind, draft)
                 archive.write(draft, f"{TERRAIN}/{item.id}/{kind}.tif", zipfile.ZIP_STORED)
         for item in found.group(PRODUCTS).items:
-            archive.write(found.files[item.id], f"{PRODUCTS}/{item.id}/{item.assets['data'].title}")
+            archive.write(
+                found.files[item.id], f"{PRODUCTS}/{item.id}/{name_in_archive(item.assets['data'].title)}"
+            )
 
 
 def _beside(_item: str, file: str) -> str:
-    return f"./{file}"
+    """Return the relative address of a file of an item: an href is a URI reference, not a name of a file."""
+    return f"./{quote(name_in_archive(file))}"
 
 
 def layer_of_item(identifier: str) -> str:
@@ -67,16 +72,13 @@ def static_documents(found: Catalogue) -> dict[str, Document]:
         documents[f"{group.id}/{names[group.id]}"] = group_document(group, links)
         for item in group.items:
             above = Links("../../catalog.json", f"../{names[group.id]}")
-            documents[f"{group.id}/{item.id}/{item.id}.json"] = item_document(item, above, _collection(group))
+            collection = group.id if group.id in found.placed else None
+            documents[f"{group.id}/{item.id}/{item.id}.json"] = item_document(item, above, collection)
     return documents
 
 
 def _file(group: Group) -> str:
     return "collection.json" if is_collection(group) else "catalog.json"
-
-
-def _collection(group: Group) -> str | None:
-    return group.id if is_collection(group) else None
 
 
 def read_document(
@@ -101,6 +103,7 @@ def read_document(
         mission_id,
         lambda name, file: f"{root}/{TERRAIN}/{name}/{file}",
         lambda name, _file: f"{base}/products/{name}/file",
+        None if group is None or item is None else (group, item),
     )
     if group is None:
         parts = {part.id: f"{root}/{part.id}" for part in found.groups}
@@ -111,7 +114,8 @@ def read_document(
         parts = {part.id: f"{root}/{group}/{part.id}" for part in here.items}
         return group_document(here, Links(root, root, f"{root}/{group}", parts))
     one: Item = found.item(group, item)
-    return item_document(one, Links(root, f"{root}/{group}", f"{root}/{group}/{item}"), _collection(here))
+    links = Links(root, f"{root}/{group}", f"{root}/{group}/{item}")
+    return item_document(one, links, group if group in found.placed else None)
 
 
 def write_terrain_asset(
@@ -124,7 +128,7 @@ def write_terrain_asset(
     NotFoundError
         If there is no such item or asset.
     """
-    found = read_catalogue(repo, actor, mission_id, _beside, _beside).item(TERRAIN, item)
+    found = read_catalogue(repo, actor, mission_id, _beside, _beside, (TERRAIN, item)).item(TERRAIN, item)
     kind = file.removesuffix(".tif")
     if kind not in found.assets:
         raise NotFoundError(f"{item} has no asset {file!r}; it has {', '.join(found.assets)}")

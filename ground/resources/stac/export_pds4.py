@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from sqlalchemy import select
-from sqlalchemy.orm import Session
 
 from ground.gdr.repository import Repository
 from ground.gdr.terrain_folders import load_cached
@@ -20,11 +20,10 @@ from ground.records.actor import Action, Actor
 from ground.records.get_resource import require_mission
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import terrain_row
-from ground.resources.plans.row import PlanRow
 from ground.resources.products.row import ProductRow
-from ground.resources.sols.row import SolRow
-from ground.resources.terrains.row import TerrainRow
+from ground.resources.stac.planned_sols import aware, planned_sols
 from ground.resources.terrains.terrain import layer_names, layer_of
+from ground.spreadsheet import inert
 from neighbours.geodata.pds4 import About, Kind, Labelled, height_map, image, table
 
 if TYPE_CHECKING:
@@ -39,6 +38,8 @@ COLUMNS: tuple[tuple[str, Kind], ...] = (
     ("size_bytes", "ASCII_Integer"),
 )
 """Columns of `products.csv`."""
+_FORBIDDEN = re.compile(r'["\r\n]')
+"""Characters that a cell of a delimited table of PDS4 must not hold."""
 
 
 def export_pds4(repo: Repository, actor: Actor, mission_id: str, target: Path) -> None:
@@ -57,14 +58,18 @@ def export_pds4(repo: Repository, actor: Actor, mission_id: str, target: Path) -
                 select(ProductRow).where(ProductRow.mission_id == mission_id).order_by(ProductRow.id)
             )
         )
-        starts = _starts(session, mission_id)
+        sols = planned_sols(session, mission_id)
+        starts = {plan: aware(sol.start_utc) for plan, sol in sols.items() if sol.start_utc is not None}
         body = None if mission.place is None else body_of(Place(**mission.place))
+    place = "the site has no place" if mission.place is None else f"place {json.dumps(mission.place)}"
+    said = f"heights over the site's zero, row 0 in the north; {place}; {terrain.credits}"
     skipped: dict[str, str] = {}
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in layer_names(ground):
-            about = _terrain_about(mission, terrain, name, body)
+            identifier, title = f"{terrain.id}-{name}", f"Heights of {terrain.name}, {name}"
+            about = _about_mission(mission, body, identifier, title, terrain.created_utc, said)
             heights = layer_of(ground, name).heights[::-1]
-            _put(archive, height_map(about, f"{terrain.id}-{name}.img", heights))
+            _put(archive, height_map(about, f"{identifier}.img", heights))
         for row in rows:
             pixels = _pixels(repo, row)
             if pixels is None:
@@ -72,26 +77,14 @@ def export_pds4(repo: Repository, actor: Actor, mission_id: str, target: Path) -
                 continue
             _put(archive, image(_about(mission, row, starts, body), f"{row.id}.img", pixels))
         if rows:
-            _put(
-                archive, table(_list_about(mission, body), "products.csv", COLUMNS, [_cells(r) for r in rows])
-            )
+            about = _about_mission(mission, body, "products", "Data products", mission.created_utc)
+            _put(archive, table(about, "products.csv", COLUMNS, [_cells(row) for row in rows]))
         archive.writestr("not-labelled.json", json.dumps(skipped, indent=1))
 
 
 def _put(archive: zipfile.ZipFile, made: Labelled) -> None:
     archive.writestr(made.file_name, made.content)
     archive.writestr(made.label_name, made.label)
-
-
-def _starts(session: Session, mission_id: str) -> dict[str, datetime]:
-    """Return when each plan's sol starts, where that is known in UTC."""
-    on = select(PlanRow.id, SolRow.start_utc).join(SolRow, SolRow.id == PlanRow.sol_id)
-    found = session.execute(on.where(PlanRow.mission_id == mission_id)).all()
-    return {row[0]: _aware(row[1]) for row in found if row[1] is not None}
-
-
-def _aware(time: datetime) -> datetime:
-    return time if time.tzinfo else time.replace(tzinfo=UTC)
 
 
 BYTES = frozenset({"1", "L", "P", "RGB"})
@@ -137,47 +130,31 @@ def _about(mission: MissionRow, row: ProductRow, starts: dict[str, datetime], bo
         body,
         taken,
         taken,
-        _aware(row.created_utc),
+        aware(row.created_utc),
         "; ".join(f"{name} {value}" for name, value in told.items() if value),
     )
 
 
-def _terrain_about(mission: MissionRow, terrain: TerrainRow, name: str, body: str | None) -> About:
-    place = "the site has no place" if mission.place is None else f"place {json.dumps(mission.place)}"
+def _about_mission(
+    mission: MissionRow, body: str | None, name: str, title: str, made: datetime, comment: str = ""
+) -> About:
+    """Return what is said of a file that was observed at no one time, by no one instrument."""
     return About(
-        f"{terrain.id}-{name}",
+        name,
         mission.id,
-        f"Heights of {terrain.name}, {name}",
+        title,
         mission.name,
         mission.rover_profile,
         "",
         body,
         None,
         None,
-        _aware(terrain.created_utc),
-        f"heights over the site's zero, row 0 in the north; {place}; {terrain.credits}",
-    )
-
-
-def _list_about(mission: MissionRow, body: str | None) -> About:
-    made = _aware(mission.created_utc)
-    return About(
-        "products",
-        mission.id,
-        "Data products",
-        mission.name,
-        mission.rover_profile,
-        "",
-        body,
-        None,
-        None,
-        made,
+        aware(made),
+        comment,
     )
 
 
 def _cells(row: ProductRow) -> list[str]:
     words = (row.id, row.file_name, row.kind, row.instrument, row.target_id, row.request_id, row.run_id)
-    texts = (
-        (word or "").replace('"', "'") for word in (*words, row.task_id, row.sha256)
-    )  # PDS4 has no quotes
-    return [*texts, repr(row.t_s), str(row.size_bytes)]
+    texts = (_FORBIDDEN.sub("'", word or "") for word in (*words, row.task_id, row.sha256))
+    return [*map(inert, texts), repr(row.t_s), str(row.size_bytes)]

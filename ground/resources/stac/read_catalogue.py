@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from importlib.metadata import version
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import NotFoundError
+from ground.gdr.base import Columns
 from ground.gdr.repository import Repository
 from ground.gdr.terrain_folders import load_cached
 from ground.geo.place import Place
@@ -24,11 +25,11 @@ from ground.records.actor import Action, Actor
 from ground.records.get_resource import require_mission
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import terrain_row
-from ground.resources.plans.row import PlanRow
 from ground.resources.products.row import ProductRow
 from ground.resources.runs.row import RunRow
 from ground.resources.sols.row import SolRow
 from ground.resources.sols.sol_sky import sol_sky
+from ground.resources.stac.planned_sols import aware, planned_sols
 from ground.resources.targets.row import TargetRow
 from ground.resources.terrains.row import TerrainRow
 from ground.resources.terrains.terrain import layer_names, layer_of, ortho_file
@@ -46,13 +47,17 @@ BY_ROW = "when it came into the repository: its sol has no start_utc"
 
 @dataclass(frozen=True, slots=True)
 class Catalogue:
-    """A mission's groups of items, and where the files of products lie by item."""
+    """A mission's groups of items, and where the files of products lie by item.
+
+    `placed` are the groups in which an item has a place on a body, also where not all items were read.
+    """
 
     id: str
     title: str
     description: str
     groups: tuple[Group, ...]
     files: dict[str, Path]
+    placed: frozenset[str]
 
     def group(self, name: str) -> Group:
         """Return a group by its name.
@@ -86,9 +91,14 @@ Href = Callable[[str, str], str]
 
 
 def read_catalogue(
-    repo: Repository, actor: Actor, mission_id: str, terrain_href: Href, product_href: Href
+    repo: Repository,
+    actor: Actor,
+    mission_id: str,
+    terrain_href: Href,
+    product_href: Href,
+    only: tuple[str, str] | None = None,
 ) -> Catalogue:
-    """Return the catalogue of a mission.
+    """Return the catalogue of a mission; with `only`, a group and an item, nothing of other items is read.
 
     Raises
     ------
@@ -104,12 +114,21 @@ def read_catalogue(
         frame = None if mission.place is None else site_frame(Place(**mission.place))
         ground = load_cached(repo.terrain_dir(mission.terrain_id))
         row = terrain_row(session, mission_id)
+        group, item = only or (None, None)
         layers = [
-            _layer_item(mission, row, ground, name, frame, terrain_href) for name in layer_names(ground)
+            _layer_item(mission, row, ground, name, frame, terrain_href)
+            for name in layer_names(ground)
+            if group in (None, TERRAIN)
         ]
-        products = _product_items(repo, session, mission, frame, product_href)
-        found = select(ProductRow.id, ProductRow.sha256).where(ProductRow.mission_id == mission_id)
-        files = {identifier: repo.files.path(sha256) for identifier, sha256 in session.execute(found)}
+        rows: list[ProductRow] = []
+        if group in (None, PRODUCTS):
+            query = select(ProductRow).where(ProductRow.mission_id == mission_id).order_by(ProductRow.id)
+            rows += session.scalars(query if item is None else query.where(ProductRow.id == item))
+        products = _product_items(repo, session, mission, rows, frame, product_href)
+        files = {product.id: repo.files.path(product.sha256) for product in rows}
+        placed = {TERRAIN} if any(one.outline for one in layers) else set()
+        if any(one.outline for one in products) or (only and frame and _any_place(session, mission_id)):
+            placed.add(PRODUCTS)
     where = "in metres of the site, with no place on a body" if frame is None else f"in {frame.crs.name}"
     return Catalogue(
         mission.id,
@@ -120,6 +139,7 @@ def read_catalogue(
             Group(PRODUCTS, "Products", "Data products of runs.", tuple(products)),
         ),
         files,
+        frozenset(placed),
     )
 
 
@@ -218,7 +238,7 @@ def _layer_item(
         identifier,
         f"{row.name}, {name}",
         _corners(frame, layer.bounds),
-        _aware(row.created_utc),
+        aware(row.created_utc),
         members,
         assets,
     )
@@ -240,31 +260,40 @@ def _reference(frame: SiteFrame | None) -> dict[str, Any]:
     }
 
 
-def _aware(time: datetime) -> datetime:
-    return time if time.tzinfo else time.replace(tzinfo=UTC)
+def _any_place(session: Session, mission_id: str) -> bool:
+    """Return whether a product of a mission shows a place, as `_point` has it."""
+    here = ProductRow.mission_id == mission_id
+    on = select(ProductRow.id).join(TargetRow, TargetRow.id == ProductRow.target_id).where(here).limit(1)
+    if session.scalar(on) is not None:
+        return True
+    return any(_said(label) for label in session.scalars(select(ProductRow.label).where(here)))
 
 
 def _product_items(
-    repo: Repository, session: Session, mission: MissionRow, frame: SiteFrame | None, href: Href
+    repo: Repository,
+    session: Session,
+    mission: MissionRow,
+    rows: Sequence[ProductRow],
+    frame: SiteFrame | None,
+    href: Href,
 ) -> list[Item]:
-    rows = list(
-        session.scalars(select(ProductRow).where(ProductRow.mission_id == mission.id).order_by(ProductRow.id))
-    )
-    targets = {
-        row.id: row for row in session.scalars(select(TargetRow).where(TargetRow.mission_id == mission.id))
-    }
-    runs = {row.id: row for row in session.scalars(select(RunRow).where(RunRow.mission_id == mission.id))}
-    on = select(PlanRow.id, SolRow).join(SolRow, SolRow.id == PlanRow.sol_id)
-    planned = session.execute(on.where(PlanRow.mission_id == mission.id)).all()
-    sols: dict[str, SolRow] = {row[0]: row[1] for row in planned}
+    """Return the items of products: all of a mission, or one."""
+    targets, runs = select(TargetRow), select(RunRow)
+    plan_id = None
+    if len(rows) == 1:
+        targets = targets.where(TargetRow.id == rows[0].target_id)
+        runs, plan_id = runs.where(RunRow.id == rows[0].run_id), rows[0].plan_id
+    target_of = {row.id: row for row in session.scalars(targets.where(TargetRow.mission_id == mission.id))}
+    run_of = {row.id: row for row in session.scalars(runs.where(RunRow.mission_id == mission.id))}
+    sols = planned_sols(session, mission.id, plan_id) if rows else {}
     clocks = {sol.id: sol_sky(repo, session, sol).clock() for sol in set(sols.values())}
     martian = frame is None or body_of(frame.place) == "MARS" or bool(repo.settings.kernels)
     items = []
     for row in rows:
         sol = sols.get(row.plan_id or "")
-        target = targets.get(row.target_id or "")
+        target = target_of.get(row.target_id or "")
         clock = clocks[sol.id] if sol is not None and martian else None
-        items.append(_product_item(mission, row, runs.get(row.run_id), target, sol, clock, frame, href))
+        items.append(_product_item(mission, row, run_of.get(row.run_id), target, sol, clock, frame, href))
     return items
 
 
@@ -278,9 +307,9 @@ def _product_item(
     frame: SiteFrame | None,
     href: Href,
 ) -> Item:
-    time, how = _aware(row.created_utc), BY_ROW
+    time, how = aware(row.created_utc), BY_ROW
     if sol is not None and sol.start_utc is not None:
-        time, how = _aware(sol.start_utc) + timedelta(seconds=row.t_s), BY_SOL
+        time, how = aware(sol.start_utc) + timedelta(seconds=row.t_s), BY_SOL
     name = PurePosixPath(row.file_name).name
     digest = {"file:size": row.size_bytes, "file:checksum": f"1220{row.sha256}"}
     members: dict[str, Any] = {
@@ -288,7 +317,7 @@ def _product_item(
         "platform": mission.rover_profile,
         **({"instruments": [row.instrument]} if row.instrument else {}),
         **_body(frame),
-        "created": _aware(row.created_utc).isoformat().replace("+00:00", "Z"),
+        "created": aware(row.created_utc).isoformat().replace("+00:00", "Z"),
         "outcrop:datetime_is": how,
         "outcrop:kind": row.kind,
         "outcrop:run": row.run_id,
@@ -310,10 +339,15 @@ def _product_item(
 
 def _point(row: ProductRow, target: TargetRow | None) -> list[Corner]:
     """Return the place that a product shows, east and north, by its label or its target; none if unknown."""
-    said = (row.label or {}).get("point_m")
+    return _said(row.label) or ([] if target is None else [(target.east_m, target.north_m)])
+
+
+def _said(label: Columns | None) -> list[Corner]:
+    """Return the place that a label names, east and north, if it does."""
+    said = (label or {}).get("point_m")
     if isinstance(said, list) and len(said) == 3 and all(_is_near(v) for v in said[:2]):
         return [(float(said[0]), float(said[1]))]
-    return [] if target is None else [(target.east_m, target.north_m)]
+    return []
 
 
 def _is_near(value: object) -> bool:

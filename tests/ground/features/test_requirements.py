@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 import shapely
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
+from sqlalchemy import event
 
+from ground.gdr.base import Row
 from ground.resources.features.documents import CONFORMS_TO
 from ground.resources.features.references import CRS84
 from tests.ground.features.conftest import EARTH, RING, World
@@ -304,7 +306,28 @@ def test_req_core_f_op(world: World) -> None:
     for name in ALL:
         for feature in world.items(name).json()["features"]:
             path = f"{world.root()}/collections/{name}/items/{feature['id']}"
-            assert world.api("GET", path).status_code == 200
+            found = world.api.get(path)
+            assert {**found, "links": None} == {**feature, "links": None}
+
+
+def test_one_feature_is_read_without_the_others_of_its_collection(world: World) -> None:
+    read: list[str] = []
+
+    def note(row: Any, _context: Any) -> None:
+        read.append(row.id)
+
+    event.listen(Row, "load", note, propagate=True)
+    try:
+        for name in ALL:
+            for feature in world.items(name).json()["features"]:
+                read.clear()
+                path = f"{world.root()}/collections/{name}/items/{feature['id']}"
+                assert world.api("GET", path).status_code == 200
+                row = feature["id"].partition(".")[0]  # of a ribbon: its plan
+                kin = {one for one in read if one.partition("-")[0] == row.partition("-")[0]}
+                assert kin == {row}, name
+    finally:
+        event.remove(Row, "load", note)
 
 
 def test_req_core_f_success(world: World) -> None:

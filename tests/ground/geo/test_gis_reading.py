@@ -52,6 +52,12 @@ def test_what_goes_out_comes_in_where_it_was(sqlite_api: Api, terrain_folder: Pa
         ('<!DOCTYPE a [<!ENTITY b "c">]><kml>&b;</kml>', "DTD or entities"),
         ("<kml><Placemark>", "damaged XML"),
         ("<svg/>", "kml and gpx are read"),
+        (
+            "<kml><Placemark><name>a</name><Placemark><name>b</name></Placemark></Placemark></kml>",
+            "a Placemark 'b' within a Placemark",
+        ),
+        ("<kml>" + "<Folder>" * 100 + "</Folder>" * 100 + "</kml>", "nests elements more than 100 deep"),
+        ("<gpx>" + "<x>" * 200_000 + "</x>" * 200_000 + "</gpx>", "nests elements more than 100 deep"),
         (GPX.format(-110.79, 38.41), "swapped"),
         (GPX.format("nan", -110.79), "row 1"),
         (GPX.format("", ""), "row 1"),

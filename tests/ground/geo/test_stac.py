@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import io
 import json
@@ -9,16 +10,20 @@ import math
 import zipfile
 from collections.abc import Iterator
 from datetime import datetime, timedelta
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urljoin, urlsplit
 
 import numpy as np
 import pytest
 import rasterio
 from PIL import Image
+from sqlalchemy import event, select
 
+from ground.gdr.archives import checked_names
 from ground.resources.missions.value import Mission
+from ground.resources.products.row import ProductRow
+from ground.spreadsheet import shown
 from mission import Sky
 from tests.ground.conftest import Api, yard
 from tests.ground.geo.test_places_api import change
@@ -242,3 +247,76 @@ def test_what_is_not_in_the_catalogue_is_not_found(sqlite_api: Api, terrain_fold
     assert api("GET", f"/missions/{mission.id}/stac/plans").status_code == 422
     assert api("GET", "/missions/msn-none/stac").status_code == 404
     assert json.loads(api("GET", f"/missions/{mission.id}/stac/products").text)["type"] == "Catalog"
+
+
+def test_names_of_products_are_of_files_in_archives_and_of_links_in_documents(
+    done: tuple[Api, Mission, dict[str, Any]], tmp_path: Path
+) -> None:
+    """A program may call a file what it likes; every system unpacks it, and every reader finds it."""
+    api, mission, run = done
+    change(api, mission.id, JEZERO)
+    names = ["a\\b #1?.png", "products/50%20 off.png", "x/..", "con.txt", "x/y: z\u00fc.dat", "x/trail. "]
+    with api.repo.database.write() as session:
+        rows = session.scalars(select(ProductRow).where(ProductRow.run_id == run["subject_id"])).all()
+        for row, name in zip(rows, names, strict=False):
+            row.file_name = name
+        changed = {row.id: row.sha256 for row, _ in zip(rows, names, strict=False)}
+    assert changed
+    catalogue = pystac.Catalog.from_file(str(unpacked(api, mission, tmp_path) / "catalog.json"))
+    found = {item.id: item for item in catalogue.get_items(recursive=True)}
+    for identifier, sha256 in changed.items():
+        asset = found[identifier].assets["data"]
+        address = urljoin((tmp_path / "products" / identifier / "item.json").as_uri(), asset.href)
+        content = Path(unquote(urlsplit(address).path)).read_bytes()
+        assert hashlib.sha256(content).hexdigest() == sha256
+    for path in (f"missions/{mission.id}/stac-archive", f"runs/{run['subject_id']}/products"):
+        sent = api("GET", f"/{path}")
+        file = tmp_path / "sent.zip"
+        file.write_bytes(sent.content)
+        with zipfile.ZipFile(file) as archive:
+            for entry in checked_names(archive, 1 << 30):
+                for part in PureWindowsPath(entry.filename).parts:
+                    assert not set(part) & set('<>:"|?*\\')
+                    assert not PureWindowsPath(part).is_reserved()
+                    assert part == part.rstrip(". ")
+
+
+def test_one_item_is_read_without_the_others(done: tuple[Api, Mission, dict[str, Any]]) -> None:
+    api, mission, _ = done
+    change(api, mission.id, JEZERO)
+    items = api.get(f"/missions/{mission.id}/products")["items"]
+    read: list[str] = []
+
+    def note(row: Any, _context: Any) -> None:
+        read.append(row.id)
+
+    event.listen(ProductRow, "load", note)
+    try:
+        for product in items:
+            read.clear()
+            item = api.get(f"/missions/{mission.id}/stac/products/{product['id']}")
+            assert item["collection"] == "products"
+            assert read == [product["id"]]
+    finally:
+        event.remove(ProductRow, "load", note)
+    assert len(items) > 1
+
+
+def test_no_cell_of_the_list_of_products_is_carried_out_by_a_spreadsheet(
+    done: tuple[Api, Mission, dict[str, Any]],
+) -> None:
+    api, mission, run = done
+    with api.repo.database.write() as session:
+        row = session.scalars(select(ProductRow).where(ProductRow.run_id == run["subject_id"])).first()
+        assert row is not None
+        row.kind, row.instrument, row.task_id = "=HYPERLINK(1)", "a\r\n=1+1", '@SUM("x")'
+        identifier = row.id
+    answer = api("GET", f"/missions/{mission.id}/pds4-archive")
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        text = archive.read("products.csv").decode()
+    (cells,) = [row for row in csv.reader(io.StringIO(text, newline="")) if row[0] == identifier]
+    assert "'=HYPERLINK(1)" in cells
+    assert not [
+        cell for line in csv.reader(io.StringIO(text)) for cell in line if cell.startswith(("=", "@"))
+    ]
+    assert [shown(cell) for cell in cells if "SUM" in cell] == ["@SUM('x')"]

@@ -1,0 +1,1 @@
+"""Webhooks: the events of a mission told to a server elsewhere, signed."""
