@@ -43,6 +43,10 @@ class Take(StrEnum):
     THEIRS = "theirs"
 
 
+ConflictKey = tuple[str, str, str]
+"""Kind, id and field of a conflict."""
+
+
 class ConflictKind(StrEnum):
     """What cannot be joined."""
 
@@ -77,6 +81,16 @@ class Conflict:
         said = (("was", self.base), ("ours", self.ours), ("theirs", self.theirs))
         return f"{self.kind}: {where}: " + "; ".join(f"{who}: {text or '(none)'}" for who, text in said)
 
+    @property
+    def key(self) -> ConflictKey:
+        """Return what tells it from the others of a merge."""
+        return (str(self.kind), self.id, self.field)
+
+    @property
+    def choosable(self) -> bool:
+        """Return whether taking a side leaves a whole plan."""
+        return self.kind in _CHOOSABLE
+
 
 @dataclass(frozen=True, slots=True)
 class Merged:
@@ -86,7 +100,13 @@ class Merged:
     conflicts: tuple[Conflict, ...]
 
 
-def merge(base: Plan, ours: Plan, theirs: Plan, take: Take | None = None) -> Merged:
+def merge(
+    base: Plan,
+    ours: Plan,
+    theirs: Plan,
+    take: Take | None = None,
+    choices: Mapping[ConflictKey, Take] | None = None,
+) -> Merged:
     """Join two edits of a plan.
 
     Parameters
@@ -94,19 +114,27 @@ def merge(base: Plan, ours: Plan, theirs: Plan, take: Take | None = None) -> Mer
     take
         Whose value stands where both changed one field or order. Such conflicts are still listed. Without it,
         and for all other kinds, a conflict leaves no plan.
+    choices
+        The same for single conflicts; it goes before `take`.
 
     Raises
     ------
     InvalidInputError
-        If an id stands twice in one of the plans.
+        If an id stands twice in one of the plans, or a choice is of no conflict.
     """
     try:
         sides = _in_one_spread(parts_of(base), parts_of(ours), parts_of(theirs))
     except ValueError as err:
         raise InvalidInputError(f"the plans cannot be merged: {err}") from err
-    work = _Merge(*sides, take or Take.OURS)
+    chosen = choices or {}
+    work = _Merge(*sides, take or Take.OURS, chosen)
     parts = work.run()
-    closed = take is not None and all(c.kind in _CHOOSABLE for c in work.conflicts)
+    for key in chosen:
+        if key not in {c.key for c in work.conflicts if c.choosable}:
+            kind, name, field = key
+            where = (name or "the header") + (f" :{field}" if field else "")
+            raise InvalidInputError(f"there is no conflict {kind} at {where} in which a side can be taken")
+    closed = all(c.choosable and (take is not None or c.key in chosen) for c in work.conflicts)
     if parts is None or (work.conflicts and not closed):
         return Merged(None, tuple(work.conflicts))
     plan = plan_of(parts)
@@ -134,8 +162,11 @@ def _newly_wrong(plan: Plan, before: Sequence[Plan]) -> Iterator[Conflict]:
 class _Merge:
     """One merge: parts of the three plans, and the conflicts found so far."""
 
-    def __init__(self, base: Parts, ours: Parts, theirs: Parts, take: Take) -> None:
+    def __init__(
+        self, base: Parts, ours: Parts, theirs: Parts, take: Take, choices: Mapping[ConflictKey, Take]
+    ) -> None:
         self.base, self.ours, self.theirs, self.take = base, ours, theirs, take
+        self.choices = choices
         self.spread: Spread = spread_of(base)  # that of all three
         self.conflicts: list[Conflict] = []
         self.whole = True
@@ -152,6 +183,9 @@ class _Merge:
         self.conflicts.append(Conflict(kind, name, field, *texts))
         if kind not in _CHOOSABLE:
             self.whole = False
+
+    def _taken(self, kind: ConflictKind, name: str, field: str) -> Take:
+        return self.choices.get((str(kind), name, field), self.take)
 
     # ---- what a part says
 
@@ -242,8 +276,10 @@ class _Merge:
                 part.fields[attribute] = joined
                 return
             texts = [field_text(p, attribute) for p in (was, our, their)]
-            self._conflict(ConflictKind.BOTH_CHANGED, was.id, attribute.replace("_", "-"), *texts)
-            source = our if self.take is Take.OURS else their
+            word = attribute.replace("_", "-")
+            self._conflict(ConflictKind.BOTH_CHANGED, was.id, word, *texts)
+            ours = self._taken(ConflictKind.BOTH_CHANGED, was.id, word) is Take.OURS
+            source = our if ours else their
         part.fields[attribute] = source.fields[attribute]
         if attribute == "end_temporal_conditions" and "duration" in source.fields:
             part.fields["duration"] = source.fields["duration"]
@@ -301,10 +337,12 @@ class _Merge:
         elif orders[0] == common:
             first, second = their, our
         else:
-            first, second = (our, their) if self.take is Take.OURS else (their, our)
+            word = slot.replace("_", "-")
+            ours = self._taken(ConflictKind.BOTH_REORDERED, part.id, word) is Take.OURS
+            first, second = (our, their) if ours else (their, our)
             if part.ordered:
                 texts = [" ".join(ids) for ids in lists]
-                self._conflict(ConflictKind.BOTH_REORDERED, part.id, slot.replace("_", "-"), *texts)
+                self._conflict(ConflictKind.BOTH_REORDERED, part.id, word, *texts)
         return self._interleaved(part, slot, first, second, common)
 
     def _interleaved(

@@ -16,7 +16,7 @@ from ground.records.actor import Actor
 from ground.records.show import value_of
 from ground.resources.missions.row import MissionRow
 from ground.resources.observation_requests.row import ObservationRequestRow
-from ground.resources.plans.read_plan import computed_plan
+from ground.resources.plans.read_plan import computed_plan, tree_of
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.study_value import WhatIfAnswer
 from ground.resources.problems.inputs_digest import inputs_digest
@@ -69,7 +69,7 @@ def answer_what_if(
         key = f"{row.id} {row.crl_sha256}"
         seed, branches = row.seed, row.max_branches
         problem_row = session.get_one(ProblemRow, row.problem_id)
-        document, tree = problem_row.document, row.tree
+        document, tree = problem_row.document, tree_of(row)
     known = _known(key, document, tree)
     try:
         base = known.problem if changes.keep_outs is None else _with_keep_outs(repo, plan_id, known, changes)

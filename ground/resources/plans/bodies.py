@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from ground.records.forms import (
+    PRINTABLE,
     Body,
     Chance,
     Corner,
@@ -72,6 +73,55 @@ class PlanCreate(Body):
 class PlanChange(Body):
     name: LongName = Field(default_factory=unset)
     notes: Text = Field(default_factory=unset)
+
+
+class PlanSide(Body):
+    """A plan of the mission, or the text of one in CRL: exactly one of the two."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [{"required": ["plan_id"]}, {"required": ["crl"]}],
+            "examples": [{"plan_id": "pln-1qep8e5zsqmg5"}],
+        }
+    )
+    plan_id: Id | None = None
+    crl: Annotated[str, StringConstraints(max_length=1_000_000, pattern=PRINTABLE)] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> PlanSide:
+        if (self.plan_id is None) == (self.crl is None):
+            raise ValueError("give plan_id or crl, and not both")
+        return self
+
+
+class PlanBase(Body):
+    """The plan of the mission that both edits began with."""
+
+    plan_id: Id
+
+
+class PlanChoice(Body):
+    """Whose side stands in a conflict, which its kind, id and field name as the answer told them."""
+
+    kind: Annotated[str, Field(max_length=40)]
+    id: Annotated[str, StringConstraints(max_length=200, pattern=PRINTABLE)]
+    field: Annotated[str, StringConstraints(max_length=80, pattern=PRINTABLE)] = ""
+    take: Literal["ours", "theirs"]
+
+
+class PlanMergeCreate(Body):
+    """Join two edits of a plan. `take` decides all conflicts in which a side can be taken, `choices` single
+    ones. With `preview` nothing is made.
+    """
+
+    base: PlanBase
+    ours: PlanSide
+    theirs: PlanSide
+    take: Literal["ours", "theirs"] | None = None
+    choices: Annotated[list[PlanChoice], Field(max_length=2000)] = []
+    name: LongName | None = None
+    notes: Text = ""
+    preview: bool = False
 
 
 class TreeDocument(BaseModel):

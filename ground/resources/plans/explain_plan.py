@@ -9,7 +9,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.show import value_of
 from ground.resources.plans.plan_futures import FUTURES, bin_edges, fly, histogram, rounded, stored
-from ground.resources.plans.read_plan import computed_plan
+from ground.resources.plans.read_plan import computed_plan, tree_of
 from ground.resources.plans.study_value import PairHistogram, PlanComparison, Relaxation, WhyNot
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def compare_plans(repo: Repository, actor: Actor, plan_id: str, other_id: str) -
             raise InvalidInputError(f"plans {a.id} and {b.id} are of different missions", pointer="other_id")
         problem, tree_a = stored(session, a)
         try:
-            tree_b = plan_tree_from_dict(b.tree, problem)
+            tree_b = plan_tree_from_dict(tree_of(b), problem)
         except PlannerError as err:
             raise InvalidInputError(f"plan {b.number} does not fit: {err}", pointer="other_id") from err
     found = compare(problem, tree_a.plan, tree_b.plan, futures=FUTURES, seed=a.seed)

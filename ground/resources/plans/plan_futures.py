@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy.orm import Session
 
+from ground.resources.plans.read_plan import tree_of
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.study_value import Histogram
 from ground.resources.problems.row import ProblemRow
@@ -23,13 +24,13 @@ BINS = 32
 
 
 def stored(session: Session, plan: PlanRow) -> tuple[Problem, PlanTree]:
-    """Return problem and tree of a computed plan."""
+    """Return problem and tree of a computed plan; raises `StateError` if it has no tree."""
     from planner.plan_tree import plan_tree_from_dict
     from planner.problem import problem_from_dict
 
     assert plan.problem_id is not None
     problem = problem_from_dict(session.get_one(ProblemRow, plan.problem_id).document)
-    return problem, plan_tree_from_dict(plan.tree, problem)
+    return problem, plan_tree_from_dict(tree_of(plan), problem)
 
 
 def fly(problem: Problem, plan: Plan, seed: int) -> tuple[Futures, dict[str, float]]:

@@ -32,10 +32,23 @@ def computed_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
     return row
 
 
+def tree_of(row: PlanRow) -> Document:
+    """Return the plan tree of a computed plan.
+
+    Raises
+    ------
+    StateError
+        If no planner made it: it was merged.
+    """
+    if row.tree is None:
+        raise StateError(f"plan {row.number} was merged from others; it has no plan tree and no prediction")
+    return row.tree
+
+
 def read_tree(repo: Repository, actor: Actor, plan_id: str) -> Document:
     """Return the plan tree."""
     with repo.database.read() as session:
-        return computed_plan(session, actor, plan_id).tree or {}
+        return tree_of(computed_plan(session, actor, plan_id))
 
 
 def read_draft(repo: Repository, actor: Actor, plan_id: str) -> Document | None:

@@ -8,17 +8,24 @@ from ground.api.context import Asked, Id, answer
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes, start_route
 from ground.resources.plans.answer_what_if import answer_what_if as answer_what_if_use_case
-from ground.resources.plans.bodies import DraftDocument, SummaryDocument, TreeDocument, WhatIf
+from ground.resources.plans.bodies import (
+    DraftDocument,
+    PlanMergeCreate,
+    SummaryDocument,
+    TreeDocument,
+    WhatIf,
+)
 from ground.resources.plans.explain_plan import compare_plans as compare_plans_use_case
 from ground.resources.plans.explain_plan import differ_plans as differ_plans_use_case
 from ground.resources.plans.explain_plan import explain_request as explain_request_use_case
 from ground.resources.plans.generate_plan import generate_plan
 from ground.resources.plans.kind import PLAN
+from ground.resources.plans.merge_plans import merge_plans as merge_plans_use_case
 from ground.resources.plans.read_plan import read_crl, read_draft, read_findings, read_summary, read_tree
 from ground.resources.plans.sol_path import ask_sol_path, read_sol_path
 from ground.resources.plans.sol_path_bodies import SolPathCreate, SolPathDocument
 from ground.resources.plans.study_value import PlanComparison, WhatIfAnswer, WhyNot
-from ground.resources.plans.value import Finding
+from ground.resources.plans.value import Finding, PlanMerge
 from ground.versions.difference import PlanDifference
 
 router = resource_routes(
@@ -113,6 +120,16 @@ async def compare_plans(ask: Asked, plan_id: Id, other_id: Id) -> Response:
 async def differ_plans(ask: Asked, plan_id: Id, other_id: Id) -> Response:
     """Say what differs between two plans by meaning: steps, branches, conditions, windows."""
     return answer(await ask.do(differ_plans_use_case, plan_id, other_id))
+
+
+@router.post(
+    "/missions/{mission_id}/plan-merges",
+    response_model=PlanMerge,
+    responses=responses(400, 404, 409, 422),
+)
+async def merge_plans(ask: Asked, mission_id: Id, body: PlanMergeCreate) -> Response:
+    """Join two edits of a plan into a new one, or name the conflicts; a side can be taken in each."""
+    return answer(await ask.do(merge_plans_use_case, mission_id, body))
 
 
 @router.post("/plans/{plan_id}/what-if", response_model=WhatIfAnswer, responses=responses(400, 404, 409, 422))

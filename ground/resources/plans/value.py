@@ -66,3 +66,28 @@ class Finding:
     node: str | None
     line: int | None
     column: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanConflict:
+    """One place where two edits of a plan cannot be joined: the part and field, and what each side says.
+
+    With `choosable` a side can be taken; else one of the edits must change.
+    """
+
+    kind: str
+    id: str
+    field: str
+    base: str
+    ours: str
+    theirs: str
+    choosable: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlanMerge:
+    """The merged plan, null where conflicts are open or it was only asked whether it can be `joined`."""
+
+    plan: Plan | None
+    conflicts: list[PlanConflict]
+    joined: bool

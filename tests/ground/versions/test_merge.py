@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from executive.crl.printer import canonical_text
 from executive.crl.reader import parse
 from executive.crl.validate import check
+from ground.errors import InvalidInputError
 from ground.versions.difference import difference, without_words
 from ground.versions.merge import ConflictKind, Take, merge
 from tests.ground.versions.edits import EDITS, random_edits, random_plan
@@ -170,3 +171,27 @@ def test_predictions_keep_their_meaning_where_one_side_states_the_spread_otherwi
     assert found.plan is not None
     wanted = text % ("stddev", 6, "(task :id n :action wait :expectations ((time 1 4)))", 9)
     assert canonical_text(found.plan) == canonical_text(parse(wanted))
+
+
+def test_a_side_is_taken_in_single_conflicts_and_every_choice_is_of_one() -> None:
+    ours = changed("(0 900)", "(0 800)", changed("speed = 2", "speed = 3"))
+    theirs = changed("(0 900)", "(0 700)", changed("speed = 2", "speed = 4"))
+    open_ = joined(ours, theirs).conflicts
+    assert [c.choosable for c in open_] == [True, True]
+    three = parse(BASE), parse(ours), parse(theirs)
+    for one, other in ((Take.OURS, Take.THEIRS), (Take.THEIRS, Take.OURS)):
+        found = merge(*three, choices={open_[0].key: one, open_[1].key: other})
+        assert found.plan is not None
+        said = {c.line() for c in difference(parse(BASE), found.plan).changes}
+        sides = {Take.OURS: ours, Take.THEIRS: theirs}
+        expected = set()
+        for conflict, take in zip(open_, (one, other), strict=True):
+            expected |= {
+                c.line()
+                for c in difference(parse(BASE), parse(sides[take])).changes
+                if c.field == conflict.field
+            }
+        assert said == expected
+    assert merge(*three, choices={open_[0].key: Take.OURS}).plan is None
+    with pytest.raises(InvalidInputError, match="there is no conflict both-changed at look :retries"):
+        merge(*three, choices={("both-changed", "look", "retries"): Take.OURS})

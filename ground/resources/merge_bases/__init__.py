@@ -1,0 +1,1 @@
+"""Merge bases: the state of another mission that a mission holds, by a copy or a merge."""

@@ -1,0 +1,54 @@
+"""Random edits of a mission and its copy, merged: a part of the study, of a fresh seed, on both databases."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.gdr.repository import Repository
+from ground.resources.mission_merges import compared
+from ground.resources.mission_setup.create_mission import FolderTerrain
+from ground.versions.merge import Take
+from studies.mission_merges import BAD, study
+
+
+def test_no_edit_is_lost_without_a_named_conflict(repo: Repository, terrain_folder: Path) -> None:
+    seed = secrets.randbelow(2**31)
+    pairs = 30 if repo.database.is_sqlite else 6
+    found, faults = study(repo, pairs, seed, FolderTerrain(terrain_folder))
+    print(f"seed {seed}: {dict(sorted(found.items()))}")
+    assert faults == [], seed
+    assert not any(found[name] for name in BAD), seed
+    assert found["merged"] > pairs / 2, seed
+    assert found["edits"] > pairs, seed
+
+
+def _take_ours(self: Any, kind: Any, key: Any, *_: Any) -> Any:
+    """Forget to name what both changed."""
+    return Take.OURS
+
+
+def _drop_orders(kind: str, document: Any, rename: Any) -> Any:
+    """Forget one member of requests."""
+    return {name: found for name, found in _FIELDS(kind, document, rename).items() if name != "window_s"}
+
+
+_FIELDS: Callable[..., Any] = compared.fields_of
+
+
+@pytest.mark.parametrize("broken", ["conflicts", "member", "removal"])
+def test_the_study_finds_a_merge_that_loses_edits(
+    sqlite_repo: Repository, terrain_folder: Path, monkeypatch: pytest.MonkeyPatch, broken: str
+) -> None:
+    if broken == "conflicts":
+        monkeypatch.setattr("ground.versions.rows._Merge._decide", _take_ours)
+    elif broken == "member":
+        monkeypatch.setattr("ground.resources.mission_merges.read_sides.fields_of", _drop_orders)
+    else:
+        monkeypatch.setattr("ground.resources.mission_merges.apply_merge.REMOVED", ())
+    ground = FolderTerrain(terrain_folder)
+    assert study(sqlite_repo, 20, secrets.randbelow(2**31), ground)[1] != []
