@@ -8,6 +8,7 @@ same file.
 from __future__ import annotations
 
 import _imp
+import argparse
 import ast
 import importlib._bootstrap_external
 import sys
@@ -89,4 +90,6 @@ def main(target: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(prog="build-onboard", description=__doc__)
+    parser.add_argument("file", type=Path, nargs="?", default=Path("outcrop-onboard.pyz"))
+    main(parser.parse_args().file)

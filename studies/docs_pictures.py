@@ -16,6 +16,7 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import grimp
 import matplotlib as mpl
 
 mpl.use("svg")
@@ -57,6 +58,7 @@ def main() -> None:
     results = [solve(problem, max_branches=count, time_limit_s=20) for count in range(MOST + 1)]
     images = docs / "img"
     architecture(images / "architecture.svg")
+    rooms(images / "rooms.svg")
     day(images / "day-in-the-life.svg")
     growing(problem, [results[k] for k in (0, 2, MOST)], images / "plan-growing.svg")
     closing(results, images / "certificate-closing.svg")
@@ -122,7 +124,7 @@ def box(axes: Axes, at: tuple[float, float], size: tuple[float, float], text: st
 
 def arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str = "") -> None:
     """Draw an arrow with a small text at its middle."""
-    axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 0.9})
+    axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 0.9}, zorder=0)
     if text:
         middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
         axes.text(
@@ -157,6 +159,45 @@ def architecture(path: Path) -> None:
     arrow(axes, (79, 18.5), (63, 27.5), "data products")
     remark = "The planner and the rover share no code: a dry run is a second opinion on the plan."
     axes.text(52, 3, remark, ha="center", fontsize=8, color=INK, style="italic")
+    save(path)
+
+
+ROOMS = {
+    "ground": ((30, 34), (50, 9), "repository, use cases, jobs, REST, command", "ground"),
+    "neighbours": ((2, 20), (24, 9), "forms of other tools", "plain"),
+    "rover_iface": ((30, 20), (24, 9), "the rover, here simulated", "rover"),
+    "planner": ((58, 20), (22, 9), "problem in,\ncontingent plan out", "planner"),
+    "web": ((84, 34), (18, 9), "the page", "plain"),
+    "executive": ((16, 4), (30, 9), "CRL, engine, runtime, journal", "executive"),
+    "mission": ((56, 4), (30, 9), "frozen values of a day", "plain"),
+}
+
+
+def rooms(path: Path) -> None:
+    """Draw the rooms and which of them imports which, as the code has it."""
+    graph = grimp.build_graph(*ROOMS)
+    axes = canvas(104, 46)
+    for room, (at, size, text, tint) in ROOMS.items():
+        box(axes, at, size, f"{room}\n{text}", tint)
+        others = [
+            o
+            for o in ROOMS
+            if o != room and graph.direct_import_exists(importer=room, imported=o, as_packages=True)
+        ]
+        for number, other in enumerate(sorted(others, key=lambda o: ROOMS[o][0][0])):
+            (x, y), (w, _) = at, size
+            (to_x, to_y), (to_w, to_h) = ROOMS[other][:2]
+            share = (number + 1) / (len(others) + 1)
+            if to_y == y:  # beside it
+                right = to_x > x
+                arrow(
+                    axes,
+                    (x + w + 0.4 if right else x - 0.4, y + 4.5),
+                    (to_x - 0.4 if right else to_x + to_w + 0.4, y + 4.5),
+                )
+            else:
+                there = to_x + to_w * min(0.9, max(0.1, (x + w * share - to_x) / to_w))
+                arrow(axes, (x + w * share, y - 0.4), (there, to_y + to_h + 0.4))
     save(path)
 
 

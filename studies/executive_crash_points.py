@@ -1,6 +1,6 @@
 """Crash points of the live executive: it dies at any instant, its disk loses what was not synchronised.
 
-    .venv/bin/python -m studies.executive_crash_points --points 100000 --minutes 10
+    .venv/bin/python -m studies.executive_crash_points --points 100000 --minutes 10 [--out docs]
 
 Each run drives a day beside a rover that lives on, numbers what it says and forgets what was acknowledged. It
 dies up to five times, before or in the middle of a write, a synchronisation, a command or a receipt; what the
@@ -45,14 +45,28 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=100_000)
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--seed", type=int, help="first seed; fresh if none is given")
+    parser.add_argument("--out", type=Path, help="docs folder: the result goes into results/live.md")
     options = parser.parse_args()
     first = options.seed if options.seed is not None else secrets.randbelow(2**31)
     points, runs, failures = study(options.points, options.minutes, first)
     print(
         f"seeds {first} to {first + runs - 1}: {points} crash points in {runs} runs, {len(failures)} failures"
     )
+    lines = [
+        f"| crash points, runs | {points}, {runs} (seeds {first} to {first + runs - 1}) |",
+        f"| runs unfinished, or with a command lost or carried out twice | {len(failures)} |",
+    ]
     for seed, reason in failures[:20]:
         print(f"  seed {seed}: {reason}")
+    if options.out is not None:
+        from studies.live_kills import put
+
+        put(
+            options.out / "results" / "live.md",
+            "crash_points",
+            f"python -m studies.executive_crash_points --points {options.points} --seed {first}",
+            lines,
+        )
     raise SystemExit(1 if failures else 0)
 
 

@@ -1,6 +1,7 @@
 """Kills of a live executive at random instants, stops while it hangs, and a link that is away for a minute.
 
     .venv/bin/python -m studies.live_kills --part kills [--runs 100] [--jobs 2] [--seed N] [--page FILE]
+    .venv/bin/python -m studies.live_kills --part quiet [--runs 40] [--seed N] [--page FILE]
     .venv/bin/python -m studies.live_kills --part stops [--stops 20] [--seed N] [--page FILE]
     .venv/bin/python -m studies.live_kills --part links [--away 60] [--page FILE]
 
@@ -310,7 +311,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--part", choices=["kills", "stops", "links"], default="kills")
+    parser.add_argument("--part", choices=["kills", "quiet", "stops", "links"], default="kills")
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--stops", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=2, help="runs at the same time")
@@ -324,6 +325,9 @@ def main() -> None:
         case "kills":
             lines = [*kills_section(seed, given.runs, given.jobs), load]
             command = f"--part kills --runs {given.runs} --seed {seed}"
+        case "quiet":
+            lines = [*kills_section(seed, given.runs, given.jobs), load]
+            command = f"--part quiet --runs {given.runs} --seed {seed}"
         case "stops":
             lines = [*stops_section(seed, given.stops), load]
             command = f"--part stops --stops {given.stops} --seed {seed}"
@@ -342,6 +346,17 @@ The executive is a process that runs a signed package over [the wire](../referen
 reference rover, a process of its own that lives on. Kills fall at random instants from the first byte on,
 up to three a run. What was carried out is counted by the rover, and when a command was there is read
 from its log. A start that fell into an absence is due when the executive is back.""",
+    "quiet": """Killed on a quiet machine
+
+The same with nothing else at work on the machine: for the times alone.""",
+    "crash_points": """Crash points
+
+On a simulated disk and clock the executive dies before or in the middle of a write, a synchronisation, a
+command or a receipt, up to five times a run; what its disk keeps of unsynchronised bytes is random.""",
+    "replacements": """Replacements
+
+Random plans are replaced at random moments, up to four times a run, and compared with an interpreter written
+from the language's description alone.""",
     "stops": """Stopped
 
 From `outcrop stop` to the rover's word that its wheels stand. A planner at work (`outcrop plan`) and a
@@ -359,6 +374,14 @@ passes, on the wall clock.""",
 
 The robot is the server of `examples/ros2_turtle`, the bridge another process; ROS 2 is that of
 `scripts/ros-venv` (rclpy 9.1.2, Fast DDS). Each goal drives and is aborted after a tenth of a second.""",
+    "ros2-days": """Days over ROS 2 on the rover in MuJoCo
+
+A day is a signed package on the bridge and `rover_iface.mujoco.nav2_front`, the rover in MuJoCo behind
+Nav2's interface, at 8 times real time. Nav2 itself is not there. The seed draws plan, faults of goals
+(rejected, given up, accepted and never answered), a gap of the link of 5 s, two kills of the executive and
+one of the bridge. The judge reads the robot's own log of goals: carried out at most once, nothing told as
+done that was not, an end for every command, nothing that goes on after the run. Goals that a dead bridge
+left are cancelled by the next one, and their commands fail.""",
 }
 
 

@@ -1,6 +1,6 @@
 """Random replacements at random moments of random plans, beside an interpreter written from CRL.md alone.
 
-    .venv/bin/python -m studies.replacements --replacements 100000 --minutes 10
+    .venv/bin/python -m studies.replacements --replacements 100000 --minutes 10 [--out docs]
 
 Each case is a random plan in a random world that is replaced up to four times, half of the cases by edits
 that move nodes under other options. After every macro step the invariants of CRL.md 7.4 are looked at (one
@@ -14,6 +14,7 @@ import argparse
 import secrets
 import time
 from collections import Counter
+from pathlib import Path
 
 from tests.executive.replaced_runs import check_seed
 from tests.executive.replacements import EDITS, OPTION_EDITS
@@ -45,6 +46,7 @@ def main() -> None:
     parser.add_argument("--replacements", type=int, default=100_000)
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--seed", type=int, help="first seed; fresh if none is given")
+    parser.add_argument("--out", type=Path, help="docs folder: the result goes into results/live.md")
     options = parser.parse_args()
     first = options.seed if options.seed is not None else secrets.randbelow(2**31)
     counts, failures, after = study(options.replacements, options.minutes, first)
@@ -53,8 +55,22 @@ def main() -> None:
         f"({counts['cases'] - counts['valid'] - len(failures)} drawn plans are no valid ones), "
         f"{len(failures)} failures"
     )
+    lines = [
+        f"| replacements, runs | {counts['replacements']}, {counts['valid']} "
+        f"(seeds {first} to {after - 1}) |",
+        f"| runs that broke a rule or differed from the model | {len(failures)} |",
+    ]
     for seed, reason in failures[:20]:
         print(f"  seed {seed}: {reason}")
+    if options.out is not None:
+        from studies.live_kills import put
+
+        put(
+            options.out / "results" / "live.md",
+            "replacements",
+            f"python -m studies.replacements --replacements {options.replacements} --seed {first}",
+            lines,
+        )
     raise SystemExit(1 if failures else 0)
 
 

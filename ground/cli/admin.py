@@ -1,4 +1,4 @@
-"""`outcrop audit`, `backup`, `restore`, `check`, `person`."""
+"""`outcrop audit`, `backup`, `restore`, `check`, `doctor`, `prune`, `person`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import typer
 
+from ground.cli.admin_group.upkeep import doctor, prune_command
 from ground.cli.connection import PERSON, SERVER, connected
 from ground.cli.failure import fail
 from ground.cli.resources import group_of
@@ -22,6 +23,8 @@ def register(app: typer.Typer) -> None:
     _audit(app)
     _backups(app)
     _people(app)
+    app.command("doctor")(doctor)
+    app.command("prune")(prune_command)
 
 
 def refused(work: Callable[[], T]) -> T:
@@ -51,6 +54,7 @@ def _audit(app: typer.Typer) -> None:
         from ground.cli.repository import open_or_fail
         from ground.gdr.history import verify_against, verify_chains
         from ground.resources.history.verify_rows import verify_rows
+        from ground.resources.upkeep.noted import note
         from ground.uplink.audit_head import read_head
 
         if key is not None and against is None:
@@ -68,6 +72,7 @@ def _audit(app: typer.Typer) -> None:
         untold = f", {rows.untold} rows of before stand in no event" if rows.untold else ""
         kept = "" if heads is None else f", {len(heads)} histories held against {against}"
         odd = len(faults) + len(rows.faults)
+        note(repo, "audit", odd)
         typer.echo(f"{count} events and {rows.checked} rows checked, {odd} faults{untold}{kept}")
         if faults or rows.faults:
             raise typer.Exit(1)
@@ -107,6 +112,7 @@ def _backups(app: typer.Typer) -> None:
         """
         from ground.cli.repository import open_or_fail
         from ground.resources.backups.backup import backup
+        from ground.resources.upkeep.noted import note
 
         phrase = typer.prompt(PHRASE, hide_input=True, confirmation_prompt=True) if secrets else None
         repo = open_or_fail()
@@ -114,6 +120,7 @@ def _backups(app: typer.Typer) -> None:
             saved = refused(lambda: backup(repo, target, passphrase=phrase))
         except OSError as err:
             fail(f"{target} cannot be written: {err.strerror or err}")
+        note(repo, "backup", len(saved.damaged))
         typer.echo(f"{target}: {sum(saved.rows.values())} rows, {target.stat().st_size} bytes")
         for name in saved.damaged:
             typer.echo(f"{name} is damaged or missing, and so in the backup", err=True)
@@ -169,6 +176,7 @@ def _backups(app: typer.Typer) -> None:
         """Look for records without their file and files that no record names. Needs no server."""
         from ground.cli.repository import open_or_fail
         from ground.resources.backups.check_files import check_files, damaged_files, sweep_files
+        from ground.resources.upkeep.noted import note
 
         repo = open_or_fail()
         gone = sweep_files(repo) if sweep else []
@@ -181,6 +189,8 @@ def _backups(app: typer.Typer) -> None:
             + (f", {len(gone)} removed" if sweep else "")
         )
         damaged = damaged_files(repo) if contents else []
+        if contents:
+            note(repo, "contents", len(damaged))
         for name in damaged:
             typer.echo(f"{name} is damaged: its content is not what its hash says", err=True)
         if report.without_file or damaged:

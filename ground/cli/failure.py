@@ -27,6 +27,7 @@ def refusals() -> Iterator[None]:
     from mission.errors import MissionError
     from neighbours.flight.errors import FlightError
     from neighbours.geodata.errors import GeodataError
+    from neighbours.planning.errors import PlanningFormatError
     from neighbours.robots.errors import RobotFormatError
     from planner.errors import PlannerError
     from rover_iface.errors import RoverError
@@ -42,6 +43,7 @@ def refusals() -> Iterator[None]:
         MissionError,
         FlightError,
         GeodataError,
+        PlanningFormatError,
         RobotFormatError,
     ) as err:
         fail(str(err))

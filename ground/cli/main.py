@@ -5,9 +5,18 @@ from __future__ import annotations
 import importlib
 import os
 import pkgutil
+import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
+
+from ground.cli.failure import BAD_INPUT
+from ground.extras import missing_extra
+
+if TYPE_CHECKING:
+    from typer.models import TyperInfo
 
 app = typer.Typer(
     name="outcrop",
@@ -52,7 +61,24 @@ def register_all() -> None:
             register(app)
 
 
+def only_asked(groups: Sequence[TyperInfo], words: Sequence[str]) -> None:
+    """Empty the groups of commands that the words do not name: making options of all takes 0.2 s."""
+    for group in groups:
+        inside = group.typer_instance
+        if inside is not None and not {group.name, inside.info.name} & set(words):
+            inside.registered_commands = []
+            inside.registered_groups = []
+
+
 def main() -> None:
     """Run the command line."""
     register_all()
-    app()
+    only_asked(app.registered_groups, sys.argv[1:])
+    try:
+        app()
+    except ModuleNotFoundError as err:
+        told = missing_extra(err)
+        if told is None:
+            raise
+        typer.echo(f"outcrop: {told}", err=True)
+        sys.exit(BAD_INPUT)

@@ -7,11 +7,13 @@ from pathlib import Path
 import typer
 
 from ground.cli.failure import refusals
+from ground.cli.mission_group.versions import register_versions
 from ground.cli.resources import group_of
 
 
 def register(app: typer.Typer) -> None:
     group = group_of(app, "mission")
+    register_versions(group)
 
     @group.command("load-demo")
     def load_demo_command(

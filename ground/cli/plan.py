@@ -36,6 +36,8 @@ def register(app: typer.Typer) -> None:
     """Add the group; what is no command of it is a problem that is to be planned."""
     from ground.cli.flight_group.sequence import plandev, sequence
     from ground.cli.plan_group.ci import ci
+    from ground.cli.plan_group.contest import register_contest
+    from ground.cli.plan_group.export_problem import export_problem, read_plan
     from ground.cli.plan_group.versions import register_versions
 
     group = typer.Typer(
@@ -43,10 +45,13 @@ def register(app: typer.Typer) -> None:
     )
     group.command(SOLVE)(plan)
     group.command("ci")(ci)
+    group.command("export-problem")(export_problem)
+    group.command("read-plan")(read_plan)
     group.command("sequence")(sequence)
     group.command("plandev")(plandev)
     register_versions(group)
     app.add_typer(group)
+    register_contest(app)
 
 
 def plan(

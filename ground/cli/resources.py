@@ -52,6 +52,7 @@ ABOUT = {
     "exchange": "Files in and out.",
     "feature": "OGC API Features: what a GIS reads.",
     "api-key": "Keys for programs.",
+    "webhook": "Servers elsewhere that are told of a mission's events.",
     "session": "Who one is, and where one is logged in.",
 }
 """Groups in which there are commands by hand or a word about them; others come as the interface has them."""
@@ -129,6 +130,8 @@ LINES = {
     "get_plan_findings": "{severity} {code} line {line}: {message}",
     "import_geometry": "{targets:n} targets, {keep_outs:n} keep-outs",
     "list_traverses": "{id}  {name}",
+    "list_webhooks": "{id}  {active}  {name}  {url}",
+    "list_webhook_deliveries": "{event:6}  {at_utc}  {state}  {type}  {attempts} tries  {detail}",
 }
 """What is printed of an answer, or of each of its items; else ids of a list, JSON of one thing."""
 DEFAULTS: Mapping[str, Mapping[str, Any]] = {"list_history": {"newest_first": True, "limit": 50}}
@@ -145,6 +148,8 @@ BY_HAND = {
     "create_signing_key": "keys register",
     "choose_solution": "frame use",
     "create_solution": "solution add",
+    "differ_missions": "mission diff",
+    "merge_missions": "mission merge",
     "create_traverse": "traverse adjust",
     "create_upload": "exchange import-geometry",
     "list_rovers": "rover list",

@@ -65,6 +65,7 @@ def register(app: typer.Typer) -> None:
         """Do jobs for a server elsewhere on the same database. Needs no server."""
         import signal
 
+        from ground.app.courier import Courier
         from ground.app.job_kinds import job_kinds
         from ground.app.logs import set_up_logging
         from ground.cli.repository import open_or_fail
@@ -77,6 +78,8 @@ def register(app: typer.Typer) -> None:
             count = hands.run_until_idle()
             typer.echo(f"{count} job{'' if count == 1 else 's'} done")
             return
+        courier = Courier(repo)
+        courier.start()
         signal.signal(signal.SIGTERM, lambda *_: hands.stop())
         typer.echo(
             f"worker {hands.name} looks for jobs in {repo.database.url.render_as_string(hide_password=True)}"
@@ -85,6 +88,8 @@ def register(app: typer.Typer) -> None:
             hands.run()
         except KeyboardInterrupt:
             hands.stop()
+        finally:
+            courier.stop()
 
     @app.command("migrate")
     def migrate_command() -> None:

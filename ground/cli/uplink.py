@@ -178,12 +178,20 @@ def _live(app: typer.Typer) -> None:
     def export(
         run: Path = typer.Argument(..., help="folder of a run, over or not"),
         mcap: Path = typer.Option(..., help="the MCAP file to write (extra `mcap`)"),
+        ros2: bool = typer.Option(False, "--ros2", help="standard messages of ROS 2 in CDR, as bags hold"),
+        capacity_j: float = typer.Option(
+            0.0, min=0.0, help="with --ros2: energy of the full battery, to tell its share of charge"
+        ),
     ) -> None:
-        """Write a run as MCAP for Foxglove: pose, telemetry, plan, notes, pictures. Needs no server."""
+        """Write a run as MCAP: pose, telemetry, plan, notes, pictures. Needs no server.
+
+        Foxglove opens both kinds of file; the bag tools of ROS open the one with `--ros2`.
+        """
         from ground.uplink.mcap_export import export_mcap
 
         with refusals():
-            for topic, count in sorted(export_mcap(run, mcap).items()):
+            counts = export_mcap(run, mcap, ros2=ros2, capacity_j=capacity_j)
+            for topic, count in sorted(counts.items()):
                 typer.echo(f"{count:7d}  {topic}")
 
     runs.command("watch")(watch)

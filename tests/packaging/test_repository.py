@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -203,8 +204,20 @@ def test_every_study_and_benchmark_can_be_imported(folder: str) -> None:
         importlib.import_module(name)
 
 
-def test_docs_build_without_a_warning(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    assert (tmp_path / "concepts" / "architecture" / "index.html").exists()
+def built(site: Path) -> subprocess.CompletedProcess[str]:
+    """Build a copy of the documentation in `site`."""
+    command = [str(Path(sys.executable).parent / "zensical"), "build", "--strict"]
+    return subprocess.run(command, cwd=site, capture_output=True, text=True, check=False, timeout=300)
+
+
+def test_docs_build_without_a_warning_and_a_dead_link_fails(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "docs", tmp_path / "docs")
+    shutil.copy(ROOT / "mkdocs.yml", tmp_path)
+    done = built(tmp_path)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
+    page = (tmp_path / "site" / "concepts" / "architecture" / "index.html").read_text()
+    assert 'src="../../img/rooms.svg"' in page
+    assert (tmp_path / "site" / "search.json").stat().st_size > 100_000
+    with (tmp_path / "docs" / "index.md").open("a") as file:
+        file.write("\n[dead](concepts/odds.md#nothing-of-this-name)\n")
+    assert built(tmp_path).returncode != 0

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ground.cli.failure import fail, refusals
-from ground.geo.place import Heights, Place
+from ground.geo.place import Place, heights_named
 
 if TYPE_CHECKING:
     from ground.geo.fixes import Fixes, Poses
@@ -39,12 +39,10 @@ def align(
     from ground.geo.fixes import read_fixes, read_poses
     from rover_iface.localization.fix_alignment import FixAlignmentOptions, align_fixes
 
-    if heights not in get_args(Heights):
-        fail(f"heights is {heights!r}; use one of {', '.join(get_args(Heights))}")
     with refusals():
         told = None if place is None else _place(place)
         found, site = read_fixes(
-            fixes.read_text("utf-8"), told, crs=crs, heights=_heights(heights), geoid=geoid
+            fixes.read_text("utf-8"), told, crs=crs, heights=heights_named(heights), geoid=geoid
         )
         seen, way = _joined(found, read_poses(poses.read_text("utf-8")))
         answer = align_fixes(
@@ -70,10 +68,6 @@ def _place(text: str) -> Place:
         return Place(**members)
     except (ValueError, TypeError) as err:
         fail(f"--place is no place such as {{'crs': 'EPSG:32612', 'x': 518334, 'y': 4251500}}: {err}")
-
-
-def _heights(word: str) -> Heights:
-    return word  # type: ignore[return-value]
 
 
 def _scale(site: Place | None) -> float:
