@@ -17,6 +17,7 @@ GroundError
 ├── PreconditionRequiredError a change without If-Match
 ├── IdempotencyError         the same key with another request
 ├── ForbiddenError           not allowed for this role
+│   └── NarrowedKeyError     a narrowed API key asks for what is its owner's matter
 ├── AuthenticationError      nobody, or not who they say
 ├── TooManyAttemptsError     the door is closed for a while
 ├── TooLargeError            a body over the limit
@@ -103,6 +104,10 @@ class IdempotencyError(GroundError):
 
 class ForbiddenError(GroundError):
     """Not allowed for this role."""
+
+
+class NarrowedKeyError(ForbiddenError):
+    """A narrowed API key asks for what is its owner's matter: keys, sessions and passwords."""
 
 
 class AuthenticationError(GroundError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from enum import StrEnum
 from importlib.util import find_spec
 from ipaddress import ip_network
@@ -90,6 +91,8 @@ class Settings(BaseSettings):
     oidc_client_secret: SecretStr = SecretStr("")
     oidc_role: Literal["none", "viewer", "scientist", "planner", "flight_director", "operator"] = "none"
     """What somebody may who comes by the provider for the first time."""
+    webhook_hosts: str = ""
+    """Comma-separated hosts (`hooks.example`, `hooks.example:8443`) that webhooks may lead to."""
     log_level: str = "info"
     log_format: str = "text"
     """`text` or `json`."""
@@ -137,6 +140,16 @@ class Settings(BaseSettings):
                 raise ValueError(f"{part!r} is everybody; name the addresses or networks of your proxies")
         return given
 
+    @field_validator("webhook_hosts")
+    @classmethod
+    def _hosts(cls, given: str) -> str:
+        for part in filter(None, (p.strip() for p in given.split(","))):
+            if not re.fullmatch(r"[A-Za-z0-9.-]+(:[0-9]{1,5})?", part):
+                raise ValueError(
+                    f"{part!r} is no host: give its name, as hooks.example or hooks.example:8443"
+                )
+        return given.lower()
+
     @field_validator("log_level")
     @classmethod
     def _known_level(cls, level: str) -> str:
@@ -160,6 +173,11 @@ class Settings(BaseSettings):
     def kernels(self) -> tuple[Path, ...]:
         """Return the SPICE kernels in the order in which they are loaded."""
         return tuple(Path(part.strip()) for part in self.spice_kernels.split(",") if part.strip())
+
+    @property
+    def hook_hosts(self) -> frozenset[str]:
+        """Return the hosts that webhooks may lead to, with a port where it is not that of https."""
+        return frozenset(part.strip().removesuffix(":443") for part in self.webhook_hosts.split(",")) - {""}
 
     @property
     def is_loopback(self) -> bool:

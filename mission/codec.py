@@ -8,6 +8,7 @@ are brought up to date first.
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -109,7 +110,7 @@ class Codec(Generic[T]):
             return self._adapter.validate_json(json.dumps(members), strict=True)
         except ValidationError as err:
             raise self._told(err, members, where) from err
-        except (TypeError, RecursionError) as err:
+        except (TypeError, ValueError, RecursionError) as err:
             raise self._wrong(f"cannot be read: {err}", where) from err
 
     def document(self, value: T) -> dict[str, Any]:
@@ -188,6 +189,31 @@ def read_object(path: Path, error: type[Exception] = FormatError, what: str = ""
         raise error(f"{where} is not JSON: {err}") from err
     if not isinstance(document, dict):
         raise error(f"{where} must be an object, found {shown(document)}")
+    return document
+
+
+def read_toml(raw: bytes, where: str, error: type[Exception] = FormatError) -> dict[str, Any]:
+    """Return the members of a TOML text; `where` it is from stands before each message.
+
+    Raises
+    ------
+    FormatError
+        Or the class given for it: if it is no TOML, is nested too deeply, or has a whole number beyond the 64
+        bits of TOML 1.0, which nothing could turn into a number or print.
+    """
+    try:
+        document = tomllib.loads(raw.decode("utf-8"))
+    except (ValueError, RecursionError) as err:
+        raise error(f"{where}: not TOML: {err}") from err
+    waiting: list[tuple[str, object]] = list(document.items())
+    while waiting:
+        name, value = waiting.pop()
+        if isinstance(value, dict):
+            waiting += [(f"{name}.{inner}", held) for inner, held in value.items()]
+        elif isinstance(value, list):
+            waiting += [(name, held) for held in value]
+        elif isinstance(value, int) and not -(1 << 63) <= value < 1 << 63:
+            raise error(f"{where}: not TOML: {name} is a whole number of {value.bit_length()} bits, over 64")
     return document
 
 

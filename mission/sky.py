@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import pairwise
 from typing import Annotated
 
-from annotated_types import Gt, MaxLen, MinLen
+from annotated_types import Ge, Le, MaxLen, MinLen
 
 from mission.errors import MissionError
 from mission.soltime import SunClock
 from mission.values import value
+
+LARGEST_STEP_S = 10_800.0
+"""An eighth of a day of the Earth, the shortest of the days: the sun turns by 45 degrees in it."""
+LARGEST_TURN_RAD = math.radians(46.0)
+"""Between two samples: what the sun turns in the largest step, and a degree for refraction and rounding.
+
+The cubic through directions that are no further apart keeps at least 0.9 of their length.
+"""
 
 
 @value
@@ -19,12 +29,12 @@ class SunCourse:
     """The sun's direction in even steps, as an ephemeris gives it.
 
     `directions` are unit vectors, east-north-up, at `first_s`, `first_s + step_s` ... seconds after
-    `start_utc`, the start of the plan.
+    `start_utc`, the start of the plan; two that follow each other are at most 46 degrees apart.
     """
 
     start_utc: str
     first_s: float
-    step_s: Annotated[float, Gt(0)]
+    step_s: Annotated[float, Ge(0.001), Le(LARGEST_STEP_S)]
     directions: Annotated[tuple[tuple[float, float, float], ...], MinLen(4), MaxLen(2000)]
 
     def __post_init__(self) -> None:
@@ -37,6 +47,13 @@ class SunCourse:
         for way in self.directions:
             if not abs(math.hypot(*way) - 1.0) <= 1e-6:  # NaN too
                 raise MissionError(f"a direction of the sun has length {math.hypot(*way):g}; it must be 1")
+        for number, (one, other) in enumerate(pairwise(self.directions), 1):
+            turn = math.atan2(math.hypot(*_cross(one, other)), sum(map(operator.mul, one, other)))
+            if turn > LARGEST_TURN_RAD:
+                raise MissionError(
+                    f"the sun turns by {math.degrees(turn):.1f} degrees between directions {number} and "
+                    f"{number + 1}; at most {math.degrees(LARGEST_TURN_RAD):g} may be"
+                )
 
     def reaches(self, t_s: float) -> bool:
         """Return whether a moment lies between the second sample and the last but one."""
@@ -58,6 +75,10 @@ class SunCourse:
         east, north, up = (sum(w * way[i] for w, way in zip(weights, four, strict=True)) for i in range(3))
         length = math.hypot(east, north, up)
         return east / length, north / length, up / length
+
+
+def _cross(a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, float, float]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -19,6 +21,16 @@ def shared(relative: str) -> Path:
     if not path.exists():
         pytest.skip(f"reference material not present: shared/{relative}")
     return path
+
+
+def script(name: str) -> ModuleType:
+    """Return a module of the folder `scripts`, which is no package."""
+    folder = str(ROOT / "scripts")
+    sys.path.insert(0, folder)
+    try:
+        return import_module(name)
+    finally:
+        sys.path.remove(folder)
 
 
 def needed(package: str) -> Any:

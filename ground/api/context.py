@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import shutil
 import tempfile
-import time
 from collections.abc import AsyncIterable, AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar, copy_context
@@ -18,7 +18,8 @@ import orjson
 from fastapi import APIRouter, Depends, Header, Path, Query, Request
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
-from sqlalchemy import select
+from pydantic.fields import FieldInfo
+from sqlalchemy import Connection, select
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, Response, StreamingResponse
@@ -26,7 +27,7 @@ from starlette.responses import FileResponse, Response, StreamingResponse
 from ground.api.etags import etag_of, revision_wanted
 from ground.api.hub import Hub
 from ground.api.problems import Answers, responses
-from ground.api.shared_reads import SharedReads
+from ground.api.shared_reads import RowReads
 from ground.errors import GroundError, InvalidInputError
 from ground.gdr.database import in_act
 from ground.gdr.history import SYSTEM
@@ -44,7 +45,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 PREFIX = "/api/v1"
 
-Id = Annotated[str, Path(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+ID = r"^[A-Za-z0-9_-]{1,40}$"
+Id = Annotated[str, Path(pattern=ID)]
 Limit = Annotated[int, Query(ge=1, le=1000, description="how many at most")]
 Cursor = Annotated[
     str | None,
@@ -57,7 +59,7 @@ Crs = Annotated[
 ]
 IfMatch = Annotated[str | None, Header(description="ETag of what was seen, or `*`; its revision counts")]
 SiteNumber = Annotated[int | None, Query(ge=0, le=2**31 - 1, description="frames of this site alone")]
-FilterId = Annotated[str | None, Query(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+FilterId = Annotated[str | None, Query(pattern=ID)]
 
 
 async def call(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -109,7 +111,7 @@ class Ask:
     again: Callable[[], Awaitable[Actor]]
     """Find anew who asks: for answers that go on after a role was changed or a session ended."""
     hub: Hub
-    reads: SharedReads
+    reads: RowReads
 
     async def do(
         self,
@@ -213,8 +215,22 @@ ABSENT = "~"
 """Put before an id makes one that nothing has: ids are letters, digits, `_` and `-`."""
 OTHER_NAMES = {"other_id": "plan", "request_id": "observation_request"}
 """Parameters that name a resource by another word than its kind."""
-LOOKED_AGAIN_S = 2.0
-"""How often it is asked whether who listens to a stream may still see it."""
+
+
+def _missions_of(reader: Connection, ask: Ask, given: Mapping[str, object]) -> dict[str, tuple[str, str]]:
+    """Return the parameters that name what belongs to a mission, each with its value and the mission."""
+    found = {}
+    for name, value in given.items():
+        kind = ask.kinds.get(OTHER_NAMES.get(name) or name.removesuffix("_id"))
+        if kind is None or not isinstance(value, str) or not name.endswith("_id"):
+            continue
+        column = kind.row.__table__.c
+        if kind.row.mission_key not in column:
+            continue
+        mission = reader.scalar(select(column[kind.row.mission_key]).where(column.id == value))
+        if mission is not None:
+            found[name] = (value, mission)
+    return found
 
 
 def _hidden(ask: Ask, given: Mapping[str, object], who: Actor) -> dict[str, str]:
@@ -222,25 +238,25 @@ def _hidden(ask: Ask, given: Mapping[str, object], who: Actor) -> dict[str, str]
 
     A copy that is not whole yet is there for nobody, nor is what belongs to it.
     """
-    found = {}
     with ask.repo.database.connection() as reader:
-        for name, value in given.items():
-            kind = ask.kinds.get(OTHER_NAMES.get(name) or name.removesuffix("_id"))
-            if kind is None or not isinstance(value, str) or not name.endswith("_id"):
-                continue
-            column = kind.row.__table__.c
-            if kind.row.mission_key not in column:
-                continue
-            mission = reader.scalar(select(column[kind.row.mission_key]).where(column.id == value))
-            if mission is not None and (not who.sees(mission) or in_making(reader, mission)):
-                found[name] = value
-    return found
+        named = _missions_of(reader, ask, given)
+        return {
+            name: value
+            for name, (value, mission) in named.items()
+            if not who.sees(mission) or in_making(reader, mission)
+        }
+
+
+def _missions(ask: Ask, given: Mapping[str, object]) -> list[str]:
+    """Return the missions that what is named belongs to."""
+    with ask.repo.database.connection() as reader:
+        return [mission for _, mission in _missions_of(reader, ask, given).values()]
 
 
 async def _hidden_from(ask: Ask, given: Mapping[str, object]) -> dict[str, str]:
     """Return what `_hidden` does, at no cost to reads by key of those from whom no mission is hidden.
 
-    They come to the parts of a copy that is not whole by its id alone: nobody was told those of the parts.
+    What reads a row by its key looks itself whether that belongs to a copy that is not whole.
     """
     if ask.who.sees_all:
         given = {name: value for name, value in given.items() if name == "mission_id"}
@@ -272,19 +288,24 @@ async def _as_if_absent(endpoint: Callable[..., Any], given: dict[str, Any]) -> 
 
 
 async def _while_seen(parts: AsyncIterable[Any], ask: Ask, given: Mapping[str, object]) -> AsyncIterator[Any]:
-    """Give the parts of a stream until who listens may not see it any more, or is nobody any more."""
-    asked = time.monotonic()
+    """Give the parts of a stream until who listens may not see it any more, or is nobody any more.
+
+    That is asked before each part. A thing stays in its mission, so only the person is asked for anew; those
+    of all who listen are read together.
+    """
+    missions: list[str] | None = None
     async for part in parts:
-        if time.monotonic() - asked > LOOKED_AGAIN_S:
-            asked = time.monotonic()
-            try:
-                who = await ask.again()
-            except GroundError:
+        try:
+            who = await ask.again()
+        except GroundError:
+            return
+        if not who.sees_all:
+            if missions is None:
+                missions = await look(_missions, ask, given)
+            if not all(who.sees(mission) for mission in missions):
                 return
-            lost = given.get("mission_id") == SYSTEM and not who.may(Action.ADMINISTER)
-            hidden = {} if who.sees_all else await look(_hidden, ask, given, who)
-            if lost or hidden:
-                return
+        if given.get("mission_id") == SYSTEM and not who.may(Action.ADMINISTER):
+            return
         yield part
 
 
@@ -315,9 +336,15 @@ class Route(APIRoute):
         """
         handle = super().get_route_handler()
         known = set(_query_of(self.dependant))
+        defaults, endpoint = _defaults_of_read(self), self.endpoint
 
         async def careful(request: Request) -> Response:
-            if request.scope["query_string"]:
+            if not request.scope["query_string"]:
+                place = request.path_params
+                if defaults is not None and all(_is_id(value) for value in place.values()):
+                    found: Response = await endpoint(ask=await ask(request), **place, **defaults)
+                    return found
+            else:
                 strange = next((name for name in request.query_params if name not in known), None)
                 if strange is not None:
                     there = f"there are {', '.join(sorted(known))}" if known else "it takes none"
@@ -325,6 +352,34 @@ class Route(APIRoute):
             return await handle(request)
 
         return careful
+
+
+_is_id = re.compile(ID, re.ASCII).fullmatch
+
+
+def _defaults_of_read(route: APIRoute) -> dict[str, object] | None:
+    """Return what a GET takes beside the ids in its path where nothing is asked for; None if it takes more.
+
+    Such a request needs no more of the framework than that its ids are ids: the general way through its
+    dependencies and parameters costs a third of a read by key.
+    """
+    takes = route.dependant
+    more = (takes.header_params, takes.cookie_params, takes.body_params)
+    if route.methods != {"GET"} or any(more) or [part.call for part in takes.dependencies] != [ask]:
+        return None
+    if takes.dependencies[0].name != "ask" or takes.request_param_name or takes.response_param_name:
+        return None
+    if any(_pattern_of(field.field_info) != ID for field in takes.path_params):
+        return None
+    if any(field.field_info.is_required() for field in takes.query_params):
+        return None
+    return {field.name: field.get_default() for field in takes.query_params}
+
+
+def _pattern_of(field: FieldInfo) -> str | None:
+    """Return the pattern of a parameter that has no other rule."""
+    rules = field.metadata
+    return getattr(rules[0], "pattern", None) if len(rules) == 1 and field.annotation is str else None
 
 
 def _query_of(dependant: Dependant) -> Iterator[str]:

@@ -7,6 +7,7 @@ import logging
 import threading
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from ground.errors import GroundError
 from ground.gdr.notices import Watch
@@ -14,12 +15,23 @@ from ground.gdr.repository import Repository
 
 logger = logging.getLogger(__name__)
 
-Part = tuple[int, bytes]
-"""One event: its number, and what is sent of it."""
+
+class Part(NamedTuple):
+    """One event: its number, what is sent of it, and whether nothing comes after it."""
+
+    number: int
+    text: bytes
+    last: bool = False
+
+
 Read = Callable[[int], Sequence[Part]]
-"""Read what came behind a number; called in the thread that hears of changes."""
+"""Read some of what came behind a number; called in the thread that hears of changes."""
+Probe = Callable[[], object]
+"""Return something that is another when there is more to read, where no database tells it: a file's size."""
 BACKLOG = 1000
 """Batches that a listener may be behind; one that takes nothing for so long is let go, and comes again."""
+BACKLOG_BYTES = 2**22
+"""The same in bytes. The batches are the same objects for all who follow, so this counts once for a topic."""
 
 
 @dataclass(eq=False, slots=True)
@@ -29,21 +41,34 @@ class Listener:
     since: int
     loop: asyncio.AbstractEventLoop
     queue: asyncio.Queue[Sequence[Part] | None] = field(default_factory=lambda: asyncio.Queue(BACKLOG))
+    behind_bytes: int = 0
 
     def take(self, parts: Sequence[Part] | None) -> None:
-        """Take what is new; None ends the stream."""
-        try:
-            self.queue.put_nowait(parts)
-        except asyncio.QueueFull:
+        """Take what is new; None ends the stream, and so does a backlog that is too large."""
+        self.behind_bytes += _size(parts)
+        if self.queue.full() or self.behind_bytes > BACKLOG_BYTES:
             while not self.queue.empty():
                 self.queue.get_nowait()
-            self.queue.put_nowait(None)
+            parts, self.behind_bytes = None, 0
+        self.queue.put_nowait(parts)
+
+    async def next(self) -> Sequence[Part] | None:
+        """Return what came next."""
+        parts = await self.queue.get()
+        self.behind_bytes -= _size(parts)
+        return parts
+
+
+def _size(parts: Sequence[Part] | None) -> int:
+    return sum(len(part.text) for part in parts or ())
 
 
 @dataclass(slots=True)
 class _Topic:
     read: Read
     seen: int
+    probe: Probe | None
+    probed: object = None
     listeners: set[Listener] = field(default_factory=set)
 
 
@@ -54,12 +79,21 @@ class Hub:
         self._topics: dict[str, _Topic] = {}
         self._lock = threading.Lock()
         self._every_s = repo.settings.stream_seconds
-        self._watch = Watch(repo.database.url, self._look, lambda: bool(self._topics))
+        self._watch = Watch(repo.database.url, self._look, lambda: bool(self._topics), self._moved)
 
-    def join(self, topic: str, seen: int, read: Read) -> Listener:
-        """Return a new listener to a topic whose newest event has (or had just now) the number `seen`."""
+    def seen(self, topic: str) -> int | None:
+        """Return the number of the newest event of a topic, None if nobody follows it."""
         with self._lock:
-            followed = self._topics.setdefault(topic, _Topic(read, seen))
+            followed = self._topics.get(topic)
+            return None if followed is None else followed.seen
+
+    def join(self, topic: str, seen: int, read: Read, probe: Probe | None = None) -> Listener:
+        """Return a new listener to a topic whose newest event has (or had just now) the number `seen`.
+
+        `probe` is asked again and again, once for all who follow, so it has to be quick.
+        """
+        with self._lock:
+            followed = self._topics.setdefault(topic, _Topic(read, seen, probe))
             listener = Listener(followed.seen, asyncio.get_running_loop())
             followed.listeners.add(listener)
             is_new = len(followed.listeners) == 1
@@ -94,12 +128,23 @@ class Hub:
             self._topics.clear()
         self._watch.stop()
 
+    def _moved(self) -> Set[str] | None:
+        """Return the topics whose probe gives something new; None where there is none to ask."""
+        with self._lock:
+            probed = [(name, topic) for name, topic in self._topics.items() if topic.probe is not None]
+        moved = set()
+        for name, topic in probed:
+            found = None if topic.probe is None else topic.probe()
+            if found != topic.probed:
+                topic.probed = found
+                moved.add(name)
+        return moved if probed else None
+
     def _look(self, changed: Set[str] | None) -> None:
         with self._lock:
             wanted = [(n, t) for n, t in self._topics.items() if changed is None or n in changed]
-        for name, topic in wanted:
-            while self._bring(name, topic):
-                pass  # a change of many rows is more than one read gives
+        while wanted:  # a change of many rows is more than one read gives; none waits for another's
+            wanted = [(name, topic) for name, topic in wanted if self._bring(name, topic)]
 
     def _bring(self, name: str, topic: _Topic) -> bool:
         """Hand out what has come to a topic since; return whether there may be more."""
@@ -113,11 +158,11 @@ class Hub:
         if parts is not None and not parts:
             return False
         with self._lock:
-            topic.seen = topic.seen if parts is None else parts[-1][0]
+            topic.seen = topic.seen if parts is None else parts[-1].number
             listeners = list(topic.listeners)
         if listeners:
             listeners[0].loop.call_soon_threadsafe(_hand_out, listeners, parts)
-        return parts is not None and bool(listeners)
+        return parts is not None and not parts[-1].last and bool(listeners)
 
 
 def _hand_out(listeners: Sequence[Listener], parts: Sequence[Part] | None) -> None:

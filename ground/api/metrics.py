@@ -23,6 +23,18 @@ DURATION = Histogram(
     registry=REGISTRY,
 )
 JOBS = Gauge("outcrop_jobs", "Jobs by kind and state", ["kind", "state"], registry=REGISTRY)
+JOB_WAIT = Gauge("outcrop_job_oldest_waiting_seconds", "Age of the job that waits longest", registry=REGISTRY)
+DISK_FREE = Gauge("outcrop_disk_free_bytes", "Room on the disk of the data folder", registry=REGISTRY)
+DATABASE_SIZE = Gauge("outcrop_database_bytes", "Size of the database", registry=REGISTRY)
+PRODUCTS_SIZE = Gauge("outcrop_product_bytes", "Size of all data products", registry=REGISTRY)
+EVENTS = Gauge("outcrop_history_events", "Events in the histories", registry=REGISTRY)
+SINCE = Gauge(
+    "outcrop_upkeep_age_seconds",
+    "Since the last backup, audit or check of contents",
+    ["act"],
+    registry=REGISTRY,
+)
+FAULTS = Gauge("outcrop_upkeep_faults", "Faults that the last of it found", ["act"], registry=REGISTRY)
 MISSIONS = Gauge("outcrop_missions", "Missions in the repository", registry=REGISTRY)
 ENGINE_UP = Gauge("outcrop_engine_up", "1 while this worker's engine takes work", registry=REGISTRY)
 ENGINE_FAILURES = Gauge("outcrop_engine_failures", "Failures of this worker's engine", registry=REGISTRY)

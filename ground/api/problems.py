@@ -18,6 +18,7 @@ from starlette.responses import Response
 from ground import errors
 from ground.api.etags import etag_of
 from ground.api.request_id import REQUEST_ID
+from ground.extras import missing_extra
 from ground.records.forms import MEMBER_FAULT
 
 logger = logging.getLogger(__name__)
@@ -46,6 +47,7 @@ STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
     errors.StaleRevisionError: (412, "stale-revision", "Somebody else changed it in between"),
     errors.PreconditionRequiredError: (428, "precondition-required", "If-Match is needed"),
     errors.IdempotencyError: (422, "idempotency-key-reused", "The key was used for another request"),
+    errors.NarrowedKeyError: (403, "narrowed-key", "A narrowed API key may not do that"),
     errors.ForbiddenError: (403, "forbidden", "This role may not do that"),
     errors.AuthenticationError: (401, "not-authenticated", "Say who you are"),
     errors.TooManyAttemptsError: (429, "too-many-attempts", "Too many attempts"),
@@ -176,6 +178,8 @@ def _from_http(request: Request, error: Exception) -> Response:
 
 def from_anything(path: str, error: Exception) -> Response:
     """Return the answer to a request that broke something here; what it was stands in the log only."""
+    if isinstance(error, ModuleNotFoundError) and (told := missing_extra(error)):
+        return problem(503, "unavailable", "A part that is needed is not there", told, instance=path)
     logger.error("request failed", exc_info=error, extra={"path": path})
     if any(_is_full(cause) for cause in _causes(error)):
         return problem(

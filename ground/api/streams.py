@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import AsyncGenerator, AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator, Sequence
 from contextlib import aclosing
 from typing import Annotated, Any
 
@@ -13,7 +12,7 @@ from starlette.responses import StreamingResponse
 
 from ground.api import metrics
 from ground.api.context import call, look
-from ground.api.hub import Hub, Listener, Part
+from ground.api.hub import Hub, Part, Probe, Read
 from ground.api.problems import Answers
 from ground.gdr.repository import Repository
 from ground.jobs.kind import JOB
@@ -28,7 +27,6 @@ LastEventId = Annotated[
 
 
 EVENT_STREAM: Answers = {200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}}
-LOOK_S = 0.2
 PAGE = 200
 FINISHED = {JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED}
 
@@ -55,37 +53,47 @@ def stream(source: AsyncIterator[bytes]) -> StreamingResponse:
     return StreamingResponse(counted(), media_type="text/event-stream", headers=headers)
 
 
-class Pulse:
-    """Says when a silent stream needs a comment to stay open."""
-
-    def __init__(self, every_s: float) -> None:
-        self._every, self._last = every_s, time.monotonic()
-
-    def due(self) -> bool:
-        if time.monotonic() - self._last < self._every:
-            return False
-        self._last = time.monotonic()
-        return True
+ALIVE = b": still here\n\n"
 
 
-async def _follow(hub: Hub, topic: str, listener: Listener, after: int) -> AsyncGenerator[Part | None, None]:
-    """Yield what comes to a listener behind a number; None where a sign of life is due."""
+async def follow(
+    hub: Hub,
+    topic: str,
+    seen: int,
+    after: int,
+    read: Read,
+    *,
+    shared: Read | None = None,
+    probe: Probe | None = None,
+) -> AsyncGenerator[bytes, None]:
+    """Yield what comes to a topic behind a number, and a sign of life where one is due, until its last part.
+
+    What is missing up to where the others are is read for this listener alone, with `read`, some at a time;
+    from there on all who follow the topic share one reader (`shared`, else `read`).
+    """
+    listener = hub.join(topic, seen, shared or read, probe)
     try:
-        while True:
-            parts = await listener.queue.get()
-            if parts is None:
+        while after < listener.since and (missed := await call(read, after)):
+            after = missed[-1].number
+            yield _text(missed)
+            if missed[-1].last:
                 return
-            if not parts:
-                yield None
-            for number, part in parts:
-                if number > after:
-                    after = number
-                    yield number, part
+        after = max(after, listener.since)
+        while (parts := await listener.next()) is not None:
+            new = [part for part in parts if part.number > after]
+            if new:
+                after = new[-1].number
+                yield _text(new)
+                if new[-1].last:
+                    return
+            elif not parts:
+                yield ALIVE
     finally:
         hub.leave(topic, listener)
 
 
-ALIVE = b": still here\n\n"
+def _text(parts: Sequence[Part]) -> bytes:
+    return parts[0].text if len(parts) == 1 else b"".join(part.text for part in parts)
 
 
 async def job_stream(
@@ -94,33 +102,26 @@ async def job_stream(
     """Stream a job until it is over; all who follow it share one reader."""
     job: Job = await look(get_resource, repo, who, JOB, job_id)
 
+    def told(found: Job) -> Part:
+        return Part(found.revision, sse("job", found, found.revision), found.state in FINISHED)
+
     def read(after: int) -> list[Part]:
-        found: Job = get_resource(repo, who, JOB, job_id)
-        return [(found.revision, sse("job", found, found.revision))] if found.revision > after else []
+        found: Job = get_resource(repo, SYSTEM_ACTOR, JOB, job_id)
+        return [told(found)] if found.revision > after else []
 
     async def events() -> AsyncIterator[bytes]:
         sent = int(last_event_id or 0)
-        over = job.state in FINISHED
-        if job.revision > sent or over:
+        now = told(job)
+        if job.revision > sent or now.last:
             sent = job.revision
-            yield sse("job", job, job.revision)
-        if over:
+            yield now.text
+        if now.last:
             return
-        listener = hub.join(job_id, job.revision, read)
-        follow = _follow(hub, job_id, listener, sent)
-        async with aclosing(follow):
-            async for part in follow:
-                yield ALIVE if part is None else part[1]
-                if part is not None and _over(part[1]):
-                    return
+        async with aclosing(follow(hub, job_id, job.revision, sent, read)) as parts:
+            async for part in parts:
+                yield part
 
     return stream(events())
-
-
-def _over(part: bytes) -> bool:
-    """Return whether an event shows a job that is over."""
-    shown = orjson.loads(part.partition(b"data: ")[2])
-    return shown["state"] in FINISHED
 
 
 async def mission_stream(
@@ -131,21 +132,7 @@ async def mission_stream(
 
     def read(after: int) -> list[Part]:
         found = list_history(repo, SYSTEM_ACTOR, mission_id, after=after, limit=PAGE, newest_first=False)
-        return [(item.seq, sse("change", item, item.seq)) for item in found.items]
+        return [Part(item.seq, sse("change", item, item.seq)) for item in found.items]
 
-    async def events() -> AsyncIterator[bytes]:
-        after = newest if last_event_id is None else int(last_event_id)
-        listener = hub.join(mission_id, newest, read)
-        try:
-            while after < listener.since and (missed := await call(read, after)):
-                for _, part in missed:
-                    yield part
-                after = missed[-1][0]
-            follow = _follow(hub, mission_id, listener, max(after, listener.since))
-            async with aclosing(follow):
-                async for found in follow:
-                    yield ALIVE if found is None else found[1]
-        finally:  # also of who leaves while what was missed is sent
-            hub.leave(mission_id, listener)
-
-    return stream(events())
+    after = newest if last_event_id is None else int(last_event_id)
+    return stream(follow(hub, mission_id, newest, after, read))

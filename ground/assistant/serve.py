@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import wraps
 from typing import TYPE_CHECKING
 
-from ground.assistant.marking import NOTICE
+from ground.assistant.marking import NOTICE, handed
 from ground.assistant.tools import READING, Tools
-from ground.client import ApiError, Client, ServerUnreachableError
+from ground.client import ApiError, Client
 from ground.errors import ForbiddenError, UnavailableError
 from mission.codec import Document
 
@@ -20,20 +21,24 @@ LOOPBACK = "127.0.0.1"
 """The one address it listens on: its callers are not asked who they are."""
 MAX_BODY = 1 << 20
 """Bytes of one message; the largest draft, a keep-out of 500 corners, has a fiftieth of it."""
+NARROWED = "narrowed-key"
+"""The problem by which a server refuses a narrowed key what is its owner's matter."""
 
 
 def require_narrowed(client: Client) -> None:
-    """Raise unless the key is a narrowed one.
+    """Raise unless the server says that the key is a narrowed one: another refusal is no proof of it.
 
     Raises
     ------
     ForbiddenError
         If whoever has it may do all that its owner may.
+    ApiError
+        If the server, or something between, refuses for another reason.
     """
     try:
         client.list_api_keys()
     except ApiError as err:
-        if err.status == 403:
+        if err.status == 403 and err.kind == NARROWED:
             return
         raise
     raise ForbiddenError(
@@ -62,8 +67,10 @@ def make_server(client: Client) -> MCPServer[object]:
         def told(*args: object, **kwargs: object) -> Document:
             try:
                 return tool(*args, **kwargs)
-            except (ApiError, ServerUnreachableError) as err:
-                raise ToolError(f"refused: {err}") from err
+            except ApiError as err:
+                raise ToolError(_refusal(err, status=err.status, kind=err.kind)) from err
+            except Exception as err:  # what a library says of a plan's text is text of others too
+                raise ToolError(_refusal(err)) from err
 
         return told
 
@@ -74,6 +81,11 @@ def make_server(client: Client) -> MCPServer[object]:
         hints = ToolAnnotations(read_only_hint=name in READING, destructive_hint=False)
         server.add_tool(telling(tool), name=name, annotations=hints)
     return server
+
+
+def _refusal(err: Exception, **more: object) -> str:
+    """Return why a tool gave no answer, in the form of its answers: messages quote texts of others."""
+    return json.dumps(handed({"refused": str(err), **more}))
 
 
 def serve(client: Client, http_port: int | None) -> None:

@@ -40,7 +40,8 @@ class Facts:
     Attributes
     ----------
     problem, planned
-        The planning problem, and the ids of the observations that the plan makes.
+        The planning problem, None where it came with an archive, so that nothing here vouches for it; and the
+        ids of the observations that the plan makes.
     open_uses
         Tasks of which it cannot be told which observation they make; rules on observations that hold of the
         others are undecided then.
@@ -56,7 +57,7 @@ class Facts:
         What the largest campaign of the plan says, and how many runs are asked for.
     """
 
-    problem: Document
+    problem: Document | None
     planned: frozenset[str]
     errors: tuple[str, ...]
     instruments: frozenset[str]
@@ -69,9 +70,21 @@ class Facts:
     least_runs: int
     open_uses: tuple[OpenUse, ...] = ()
 
+    def day(self) -> Document:
+        """Return the problem, which every rule reads that holds of the day or of runs in its world.
+
+        Raises
+        ------
+        UndecidedError
+            If nothing here vouches for it.
+        """
+        if self.problem is None:
+            raise UndecidedError("the problem came with an archive and counts for no rule; plan anew here")
+        return self.problem
+
     def observations(self) -> Iterator[tuple[Document, Document]]:
         """Yield each planned observation with its target."""
-        for target in self.problem.get("targets", ()):
+        for target in self.day().get("targets", ()):
             for observation in target.get("observations", (target,)):
                 if observation["id"] in self.planned:
                     yield target, observation
@@ -120,13 +133,13 @@ def _energy_floor(facts: Facts, limit: float) -> Verdict:
     if facts.battery_j is None or facts.energy_floor_j is None:
         missing = "the battery's charge" if facts.battery_j is None else "the battery's floor"
         raise UndecidedError(f"{missing} is not given")
-    left = facts.battery_j - facts.problem["budget"]["energy_j"] - facts.energy_floor_j
+    left = facts.battery_j - facts.day()["budget"]["energy_j"] - facts.energy_floor_j
     return left >= limit, left, f"left above the floor of {facts.energy_floor_j / 3600.0:.3g} Wh"
 
 
 def _overrun(facts: Facts, limit: float) -> Verdict:
     if facts.overrun is None:
-        return _flown_overrun(facts, limit, 1, "made elsewhere; a campaign flown here would tell")
+        return _flown_overrun(facts, limit, 1, "the plan was merged; a campaign flown here would tell")
     return facts.overrun <= limit, facts.overrun, "share of the futures that end over a budget"
 
 
@@ -155,7 +168,7 @@ def _instrument(facts: Facts, limit: float) -> Verdict:
 def _time_of_day(facts: Facts, limit: float) -> Verdict:
     if facts.start_lmst_h is None:
         raise UndecidedError("no time of day is given")
-    end_h = facts.start_lmst_h + facts.problem["budget"]["time_s"] / MARS_HOUR_S
+    end_h = facts.start_lmst_h + facts.day()["budget"]["time_s"] / MARS_HOUR_S
     return end_h <= limit, end_h, f"latest end; the plan begins at {_lmst(facts.start_lmst_h)}"
 
 
@@ -176,6 +189,7 @@ def _campaign(facts: Facts, limit: float) -> Verdict:
 
 def _flown_overrun(facts: Facts, limit: float, least_runs: int, missing: str) -> Verdict:
     """Hold a limit against the share of runs over a budget; `missing` is said where no campaign was flown."""
+    facts.day()  # in whose world the campaign was flown
     flown = facts.campaign
     over = None if flown is None else next((f for f in flown.frequencies if f.what == OVER), None)
     if flown is None or over is None:

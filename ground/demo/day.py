@@ -15,7 +15,7 @@ from ground.day.plan_summary import summary_of
 from ground.day.prepare import PreparedDay, prepare_day
 from ground.demo.mission import demo_mission
 from ground.errors import InvalidInputError
-from ground.reports.figures import draw_day
+from ground.reports.figures import draw_day, undrawn
 from ground.reports.plan_drawing import describe_when
 from ground.uplink.admission import commission
 from ground.uplink.flight import Flight, fly
@@ -154,21 +154,22 @@ def run_day(
     with clock.stage("data products to their requests"):
         products, orphans = tie_products(out, asked)
     day = DayRecord(out, asked, prepared, plan, tree, flight, fault, products, orphans, clock.seconds)
-    with clock.stage("map"):
-        draw_day(
-            out / "map.png",
-            terrain,
-            document,
-            tree,
-            driven_m=[(s.east_m, s.north_m) for s in flight.samples],
-            observed=day.observed,
-            lost=flight.lost_targets(),
-            keep_outs=[k.polygon_m for k in asked.keep_outs],
-            title=(
-                f"{asked.refs['terrain']}: plan of {plan.expected_utility:.1f}, "
-                f"run of {flight.outcome.utility:.1f}"
-            ),
-        )
+    if not undrawn():
+        with clock.stage("map"):
+            draw_day(
+                out / "map.png",
+                terrain,
+                document,
+                tree,
+                driven_m=[(s.east_m, s.north_m) for s in flight.samples],
+                observed=day.observed,
+                lost=flight.lost_targets(),
+                keep_outs=[k.polygon_m for k in asked.keep_outs],
+                title=(
+                    f"{asked.refs['terrain']}: plan of {plan.expected_utility:.1f}, "
+                    f"run of {flight.outcome.utility:.1f}"
+                ),
+            )
     (out / "summary.txt").write_text("\n".join(summary_lines(day)) + "\n", encoding="utf-8")
     return day
 
@@ -327,6 +328,7 @@ def summary_lines(day: DayRecord) -> list[str]:
         "",
         f"  {spent}",
         f"  artefacts in {day.folder}",
+        *([f"  {undrawn()}"] if undrawn() else []),
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import stat
 import zipfile
 import zlib
@@ -15,6 +16,18 @@ MAX_NAME, MAX_PART = 1000, 200
 """Characters of a name in an archive, and bytes of one part of it; Linux allows 4,095 and 255 with the folder
 that it is unpacked in."""
 _RATIO_FROM = 1 << 20
+
+_UNSAFE = re.compile(r'[\x00-\x1f\x7f<>:"|?*]')
+"""What Windows allows in no name of a file; separators are none of a name's characters at all."""
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$)", re.IGNORECASE)
+"""Names that are devices on Windows, whatever their ending."""
+
+
+def name_in_archive(name: str) -> str:
+    """Return the last part of a file's name as it can be unpacked on every system and taken in here again."""
+    last = _UNSAFE.sub("_", re.split(r"[/\\]", name)[-1]).rstrip(". ")
+    last = last.encode("utf-8", "replace")[-MAX_PART + 1 :].decode("utf-8", "ignore")  # endings stay
+    return f"_{last}" if not last or _DEVICE.match(last) else last
 
 
 def is_zip(path: Path) -> bool:

@@ -7,7 +7,7 @@ together with an event in the same transaction. Composite values (poses, polygon
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Annotated, Any, ClassVar, get_args
+from typing import Annotated, Any, ClassVar, cast, get_args
 
 from sqlalchemy import (
     JSON,
@@ -19,6 +19,7 @@ from sqlalchemy import (
     Integer,
     MetaData,
     String,
+    Table,
     Text,
 )
 from sqlalchemy.engine import Dialect
@@ -115,6 +116,11 @@ class Base(DeclarativeBase):
         float: Float(),
         bool: Boolean(),
     }
+
+
+def table_of(row: Base | type[Base]) -> Table:
+    """Return the table of a row or of a class of rows."""
+    return cast("Table", row.__table__)  # ours are tables all; SQLAlchemy knows views and joins too
 
 
 class Row(Base):

@@ -267,6 +267,13 @@ class Database:
         with self.engine.connect() as connection:
             connection.execute(text("SELECT 1"))
 
+    def size_bytes(self) -> int:
+        """Return the size of the database on disk."""
+        pages = "page_count * page_size FROM pragma_page_count(), pragma_page_size()"
+        what = pages if self.is_sqlite else "pg_database_size(current_database())"
+        with self.engine.connect() as connection:
+            return int(connection.execute(text(f"SELECT {what}")).scalar_one())
+
     def dispose(self) -> None:
         self.engine.dispose()
         self._plain_engine.dispose()

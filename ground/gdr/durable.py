@@ -10,6 +10,8 @@ import contextlib
 import hashlib
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 FILE_MODE, FOLDER_MODE = 0o600, 0o700
@@ -75,6 +77,20 @@ def copy_folder(source: Path, target: Path) -> None:
         put_in_place(draft, target)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
+
+
+@contextmanager
+def removed_on_failure(folder: Path) -> Iterator[None]:
+    """Remove a folder if what is done inside fails: put it within the transaction that writes what names it.
+
+    When the commit itself fails, nobody knows whether the rows were written; then the folder stays, and the
+    sweep looks whether anything names it.
+    """
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 SUMS = ".sha256sums"

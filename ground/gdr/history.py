@@ -25,7 +25,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from ground.gdr.as_stored import stored_rows
-from ground.gdr.base import Base, Columns, utc_now
+from ground.gdr.base import Base, Columns, table_of, utc_now
 from ground.gdr.ids import new_id
 from ground.gdr.seals import SYSTEM as SYSTEM
 from ground.gdr.seals import drain, pending_of
@@ -129,7 +129,7 @@ def record(session: Session, chain_id: str, change: Change) -> EventRow:
         action=change.action,
         kind=change.kind,
         subject_id=change.subject_id,
-        reason=change.reason,
+        reason=change.reason or session.info.get("reason", ""),
         undoes=change.undoes,
         group=session.info.setdefault("act", new_id("act")),
         before=change.before,
@@ -156,19 +156,20 @@ def _set_head(session: Session, chain_id: str, seq: int, sha256: str) -> None:
 
 
 @contextmanager
-def batched(session: Session) -> Iterator[None]:
+def batched(session: Session, reason: str = "") -> Iterator[None]:
     """Keep the heads of chains in memory while much is written in one transaction, and write them once.
 
     The first event of a chain still locks its head. Rows that are made need not be written one by one.
+    `reason` is said by all events that have none of their own.
     """
     heads: Heads = {}
-    session.info["heads"], session.info["batch"] = heads, {}
+    session.info["heads"], session.info["batch"], session.info["reason"] = heads, {}, reason
     try:
         yield
         for chain_id, (seq, sha256) in heads.items():
             _set_head(session, chain_id, seq, sha256)
     finally:
-        del session.info["heads"], session.info["batch"]
+        del session.info["heads"], session.info["batch"], session.info["reason"]
 
 
 def batch_of(session: Session) -> dict[str, set[str]] | None:
@@ -219,13 +220,13 @@ def verify_chains(session: Session) -> tuple[int, list[ChainFault]]:
     """Return how many events were checked, and every place where a chain is broken."""
     faults: list[ChainFault] = []
     heads: dict[str, tuple[int, str]] = {}
-    for head in stored_rows(session, ChainRow.__table__):  # type: ignore[arg-type]
+    for head in stored_rows(session, table_of(ChainRow)):
         chain_id, seq = str(head.values["id"]), head.values["seq"]
         heads[chain_id] = (seq, str(head.values["sha256"]))
         faults += [ChainFault(chain_id, seq, f"the head's {name} cannot be read") for name in head.damaged]
     ends = dict.fromkeys(heads, (0, GENESIS))
     count = 0
-    for found in stored_rows(session, EventRow.__table__):  # type: ignore[arg-type]
+    for found in stored_rows(session, table_of(EventRow)):
         count += 1
         stored = event_of(found.values)
         chain_id, seq = stored.chain_id, stored.seq

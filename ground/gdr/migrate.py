@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -34,6 +35,7 @@ def config() -> Config:
     return made
 
 
+@cache
 def newest_revision() -> str:
     """Return the revision this version of the program needs."""
     head = ScriptDirectory.from_config(config()).get_current_head()

@@ -25,6 +25,8 @@ TICK_S = 0.05
 AGAIN_S = 10.0
 """Everything is looked at so often even in silence: a proxy between us and the server may lose a word."""
 
+Moved = Callable[[], Set[str] | None]
+"""Gives the topics that changed without the database's telling it; None where there can be none."""
 Heard = Callable[[Set[str] | None], None]
 """Takes the topics that changed; None where it may be any."""
 
@@ -43,8 +45,10 @@ def _tell(session: Session, _context: Any) -> None:
 class Watch:
     """One thread of a process that hears of changes, while somebody listens."""
 
-    def __init__(self, address: URL, heard: Heard, wanted: Callable[[], bool]) -> None:
-        self._address, self._heard, self._wanted = address, heard, wanted
+    def __init__(
+        self, address: URL, heard: Heard, wanted: Callable[[], bool], moved: Moved = lambda: None
+    ) -> None:
+        self._address, self._heard, self._wanted, self._moved = address, heard, wanted, moved
         self._poked = threading.Event()
         self._stopped = False
         self._thread: threading.Thread | None = None
@@ -91,6 +95,8 @@ class Watch:
                     self._poked.clear()
                     seen, looked = version, now
                     self._heard(None)
+                elif moved := self._moved():
+                    self._heard(moved)
                 time.sleep(TICK_S)
         finally:
             connection.close()
@@ -104,9 +110,12 @@ class Watch:
             self._heard(None)  # what was told before somebody listened
             looked = time.monotonic()
             while self._going():
-                topics = {told.payload for told in connection.notifies(timeout=4 * TICK_S, stop_after=1)}
+                moved = self._moved()
+                wait_s = 4 * TICK_S if moved is None else TICK_S
+                topics = {told.payload for told in connection.notifies(timeout=wait_s, stop_after=1)}
                 if topics:
                     topics |= {told.payload for told in connection.notifies(timeout=TICK_S / 2)}
+                topics |= moved or set()
                 now = time.monotonic()
                 if self._poked.is_set() or now - looked > AGAIN_S:
                     self._poked.clear()

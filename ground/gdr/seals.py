@@ -18,10 +18,20 @@ from sqlalchemy import JSON, Boolean, Column, Float, Integer, Table, event, sele
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.schema import ScalarElementColumnDefault
 
-from ground.gdr.base import Base, Columns, Utc
+from ground.gdr.base import Base, Columns, Utc, table_of
 
 UNSEALED = frozenset(
-    {"jobs", "credentials", "login_failures", "invitations", "idempotency_keys", "events", "event_chains"}
+    {
+        "jobs",
+        "credentials",
+        "login_failures",
+        "invitations",
+        "idempotency_keys",
+        "events",
+        "event_chains",
+        "webhook_states",
+        "webhook_deliveries",
+    }
 )
 """Tables of what comes and goes, and of the history, which holds itself together."""
 SECRET = frozenset({"password_hash"})
@@ -129,13 +139,9 @@ def drain(session: Session, chain_id: str) -> Seals | None:
     """Return the seals of what was written of a chain since the last time; None without any."""
     rows = pending_of(session).pop(chain_id, {})
     return {
-        key: row if row is None or isinstance(row, str) else row_digest(_table_of(row), values_of(row))
+        key: row if row is None or isinstance(row, str) else row_digest(table_of(row), values_of(row))
         for key, row in rows.items()
     } or None
-
-
-def _table_of(row: Base) -> Table:
-    return row.__table__  # type: ignore[return-value]
 
 
 def seal_values(session: Session, chain_id: str, table: Table, rows: list[Columns]) -> None:
@@ -147,7 +153,7 @@ def seal_values(session: Session, chain_id: str, table: Table, rows: list[Column
 
 def seal(session: Session, row: Base) -> None:
     """Have a row sealed by the next event of its chain, or at the end of the transaction."""
-    table = _table_of(row)
+    table = table_of(row)
     if table.name not in UNSEALED:
         pending_of(session).setdefault(chain_of(row), {})[key_of(table, values_of(row))] = row
 

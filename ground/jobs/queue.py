@@ -25,6 +25,7 @@ from sqlalchemy import ColumnElement, and_, case, event, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from ground.errors import GroundError, JobFailedError
+from ground.extras import missing_extra
 from ground.gdr.base import utc_now
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
@@ -308,6 +309,8 @@ def problem_of(error: BaseException) -> Document:
     """Return the problem document of work that failed."""
     if isinstance(error, GroundError):
         kind, detail = str(error.extra.get("type", "job-failed")), error.message
+    elif isinstance(error, ModuleNotFoundError) and (told := missing_extra(error)):
+        kind, detail = "job-failed", told
     else:
         kind, detail = "internal-error", f"{type(error).__name__}: {error}"
     return {

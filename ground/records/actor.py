@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from ground.errors import ForbiddenError, InvalidInputError, NotFoundError
+from ground.errors import ForbiddenError, InvalidInputError, NarrowedKeyError, NotFoundError
 
 
 class Role(StrEnum):
@@ -171,9 +171,9 @@ class Actor:
         return (named - hidden if self.role is Role.NONE else None), hidden
 
     def require_person(self) -> None:
-        """Raise `ForbiddenError` for a narrowed key: keys, sessions and passwords are its owner's matter."""
+        """Raise `NarrowedKeyError` for a narrowed key: keys and sessions are its owner's matter."""
         if self.scope is not None:
-            raise ForbiddenError(
+            raise NarrowedKeyError(
                 f"a narrowed API key of {self.name} may not touch keys, sessions or passwords"
             )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, TypeVar
 
-from sqlalchemy import Boolean, Connection, Select, bindparam, column, select, table
+from sqlalchemy import Boolean, Connection, Select, bindparam, column, exists, select, table
 from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError, NotFoundError
@@ -31,7 +31,15 @@ def chain_of(row: Row) -> str:
 
 @lru_cache(maxsize=64)
 def _one_of(kind: Kind[Any]) -> Select[Any]:
-    return kind.shown().where(kind.row.__table__.c.id == bindparam("wanted"))
+    return shown_whole(kind).where(kind.row.__table__.c.id == bindparam("wanted"))
+
+
+def shown_whole(kind: Kind[Any]) -> Select[Any]:
+    """Return the query for what `show` needs, but for what belongs to a copy that is not whole yet."""
+    mission = kind.row.__table__.c.get(kind.row.mission_key)
+    if mission is None or kind.absent is not None:
+        return kind.shown()
+    return kind.shown().where(~exists().where(_MISSIONS.c.id == mission, _MISSIONS.c.in_making))
 
 
 def require_mission(session: Session | Connection, mission_id: str) -> None:
@@ -71,9 +79,17 @@ def find_row(
             hold_chain(session, chain_of(row))
         # what was read before the lock may be old by now
         row = session.get(kind.row, resource_id, with_for_update=True, populate_existing=True)
-    if row is None or (kind.absent is not None and getattr(row, kind.absent)):
+    if row is None or _absent(session, kind, row):
         raise NotFoundError(f"there is no {kind.title} {resource_id}", pointer=pointer)
     return row
+
+
+def _absent(session: Session, kind: Kind[Any], row: Row) -> bool:
+    """Return whether a row is there for nobody yet, by itself or as a part of a copy."""
+    if kind.absent is not None:
+        return bool(getattr(row, kind.absent))
+    mission_id = mission_of(row)
+    return mission_id is not None and in_making(session.connection(), mission_id)  # which flushes nothing
 
 
 def read_row(repo: Repository, actor: Actor, kind: Kind[Any], resource_id: str) -> Any:

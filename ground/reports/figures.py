@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ground.extras import how_to_get
 from mission.codec import Document
 
 if TYPE_CHECKING:
@@ -52,6 +54,11 @@ def ribbons(problem: Document, tree: Document) -> Iterator[Ribbon]:
                     place = to
 
     yield from follow(tree["plan"], "start", False)
+
+
+def undrawn() -> str:
+    """Return why no map can be drawn here; empty if one can."""
+    return "" if find_spec("matplotlib") else f"The map needs {how_to_get('matplotlib')}"
 
 
 def draw_day(

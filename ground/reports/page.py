@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ground.reports.failure_modes import failure_modes
-from ground.reports.figures import draw_day
+from ground.reports.figures import draw_day, undrawn
 from ground.reports.plan_drawing import boxes, target_names, to_svg
 from mission.codec import Document
 
@@ -65,7 +65,9 @@ def number(value: float | None, unit: str = "") -> str:
 
 
 def map_picture(terrain: Terrain, problem: Document, tree: Document, alt: str, **shown: Any) -> str:
-    """Return the map as an image inside the page; `shown` goes to `draw_day`."""
+    """Return the map as an image inside the page, or why there is none; `shown` goes to `draw_day`."""
+    if reason := undrawn():
+        return f"<p>{safe(reason)}</p>"
     with tempfile.TemporaryDirectory(prefix="outcrop-report-") as work:
         picture = Path(work) / "map.png"
         draw_day(picture, terrain, problem, tree, **shown)

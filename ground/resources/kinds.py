@@ -15,6 +15,7 @@ from ground.resources.drafts.kind import DRAFT
 from ground.resources.frames.kind import FRAME
 from ground.resources.keep_outs.change_keep_out import change_keep_out
 from ground.resources.keep_outs.kind import KEEP_OUT
+from ground.resources.merge_bases.kind import MERGE_BASE
 from ground.resources.mission_setup.change_mission import change_mission
 from ground.resources.missions.kind import MISSION
 from ground.resources.observation_requests.change_request import (
@@ -42,6 +43,7 @@ from ground.resources.targets.forget_drives import forget_drives
 from ground.resources.targets.kind import TARGET
 from ground.resources.traverses.kind import TRAVERSE
 from ground.resources.uploads.kind import UPLOAD
+from ground.resources.webhooks.kind import WEBHOOK
 
 _ALL = (
     replace(MISSION, apply=change_mission),
@@ -76,7 +78,9 @@ _ALL = (
     DRAFT,
     JOB,
     APPROVAL,
+    MERGE_BASE,
     PERSON,
     UPLOAD,
+    WEBHOOK,
 )
 KINDS: Mapping[str, Kind[Any]] = {kind.name: kind for kind in _ALL}

@@ -354,6 +354,8 @@ class Script:
                 said = json.loads(manifest)
             except (TypeError, ValueError):
                 return
+            if not isinstance(said, dict):  # junk of a move before
+                return
             more = {"counter": 10**6, "expires_utc": "2999-01-01T00:00:00+00:00", "author": "Flight Director"}
             said |= dict(self.rng.sample(sorted(more.items()), self.rng.randint(0, 2)))
             kept = {k: v for k, v in said.items() if k not in {"files", "format", "crl_sha256"}}

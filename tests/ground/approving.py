@@ -29,17 +29,19 @@ def hand_in(
     made = api("POST", f"/plans/{plan}/statement", who=who)
     if made.status_code != 201:
         return made
-    statement = made.json()
     registered(api, who, key)
-    body = {
+    body = {**signature_body(made.json(), role, key), "note": note, **other}
+    return api("POST", f"/plans/{plan}/signatures", body, who=who)
+
+
+def signature_body(statement: dict[str, Any], role: str, key: Ed25519PrivateKey) -> dict[str, Any]:
+    """Sign a statement and return what is handed in."""
+    return {
         "role": role,
         "sha256": statement["sha256"],
         "key": id_of(public_text(key)),
         "signature": sign(key, "package/2", role, statement["manifest"].encode()),
-        "note": note,
-        **other,
     }
-    return api("POST", f"/plans/{plan}/signatures", body, who=who)
 
 
 def waived(api: Api, plan: str) -> None:

@@ -245,6 +245,62 @@ def test_an_archive_in_which_somebody_approved_a_plan_approves_nothing(
     assert elsewhere["document"]["states"] == {plan["id"]: "approved"}
 
 
+def _generous(rows: dict[str, Any]) -> None:
+    """Let the problem of an archive say what every rule likes; its text and digests stay as they are."""
+    for row in rows["problems"]:
+        document = row["document"]
+        document["budget"] |= {"energy_j": 1.0, "time_s": 1.0}
+        for target in document["targets"]:
+            target["observation_point"] |= {"east_m": target["point_m"][0], "north_m": target["point_m"][1]}
+
+
+def test_the_problem_of_an_archive_decides_no_rule(
+    verified: tuple[Api, dict[str, Any]], tmp_path: Path
+) -> None:
+    """Whoever writes an archive writes its problem too, with the digests that fit."""
+    api, plan = verified
+    mission = plan["mission_id"]
+    assert brought_in(api, mission, archive_of(api, mission, _generous)).status_code == 201
+    order = {"plan_id": plan["id"], "runs": 150, "seed": 5}
+    api.post(f"/missions/{mission}/campaigns", order, status=202)
+    api.jobs()
+    side = {"plan_id": plan["id"]}
+    body = {"base": side, "ours": side, "theirs": side}
+    merged = api.post(f"/missions/{mission}/plan-merges", body, status=200)["plan"]
+    for held in (plan["id"], merged["id"]):  # a merged plan has the problem of the one it began with
+        found = {r["rule"]: r for r in api.get(f"/plans/{held}/flight-rules")}
+        crl = found.pop("FR-CRL")
+        assert crl["holds"], crl
+        for rule in found.values():
+            assert (rule["holds"], rule["value"]) == (False, None), rule
+            assert "came with an archive" in rule["detail"], rule
+    order = {"plan_id": plan["id"], "seed": 4}
+    finished(api, api.post(f"/missions/{mission}/runs", order, status=202))
+    signed_by_all(api, plan["id"], team_of(tmp_path / "keys"))  # each rule waived, with a reason
+
+
+def test_the_charge_of_an_imported_plan_is_that_of_its_sol(verified: tuple[Api, dict[str, Any]]) -> None:
+    """A problem of an archive that grants a million joules hid that the plan falls below its floor."""
+    api, plan = verified
+    mission = plan["mission_id"]
+    text = canonical_text(
+        parse(
+            "(plan :id p :resources ((energy :consumable :key :battery-energy :floor 20000))"
+            " :node (task :id a :action safemode :expectations ((energy -1000 0))))"
+        )
+    )
+
+    def harm(rows: dict[str, Any]) -> None:
+        rows["problems"][0]["document"]["budget"]["energy_j"] = 1e9
+        rows["sols"][0]["energy_budget_j"] = 1.0
+        rows["plans"][0] |= {"crl_text": text, "crl_sha256": digest(parse(text))}
+        rows["runs"][0]["crl_sha256"] = digest(parse(text))
+        without_history(rows)
+
+    assert brought_in(api, mission, archive_of(api, mission, harm)).status_code == 201
+    assert "W064" in {f["code"] for f in api.get(f"/plans/{plan['id']}/findings")}
+
+
 def test_a_dry_run_of_elsewhere_verifies_nothing_here(
     verified: tuple[Api, dict[str, Any]], tmp_path: Path
 ) -> None:

@@ -41,6 +41,7 @@ def test_a_copy_that_is_not_whole_is_there_for_nobody_and_goes_with_a_later_one(
     with api.repo.database.read() as session:
         half = session.scalars(select(MissionRow).where(MissionRow.in_making)).one()
         assert session.scalar(select(func.count()).where(TargetRow.mission_id == half.id)) == 7
+        part = session.scalars(select(TargetRow.id).where(TargetRow.mission_id == half.id).limit(1)).one()
     listed = api.get("/missions?count=true")
     assert [m["id"] for m in listed["items"]] == [mission.id]
     assert listed["total"] == 1
@@ -60,6 +61,13 @@ def test_a_copy_that_is_not_whole_is_there_for_nobody_and_goes_with_a_later_one(
         404,
         "not-found",
     )
+    any_revision = {"If-Match": "*"}
+    for method, body in (("GET", None), ("PATCH", {"name": "mine"}), ("DELETE", None)):
+        for who in ("Planner", "Administrator"):  # from whom no mission is hidden
+            told = problem(
+                api(method, f"/targets/{part}", body, headers=any_revision, who=who), 404, "not-found"
+            )
+            assert told["detail"] == f"there is no target {part}"
     require_sound(api)
 
     young = api.post(f"/missions/{mission.id}/copy", {"name": "Whole"})
@@ -67,7 +75,7 @@ def test_a_copy_that_is_not_whole_is_there_for_nobody_and_goes_with_a_later_one(
     with api.repo.database.write() as session:
         row = session.get(MissionRow, half.id)
         assert row is not None, "it may be another server's, at work"
-        row.created_utc -= timedelta(hours=2)
+        row.modified_utc -= timedelta(hours=2)
     api.post(f"/missions/{mission.id}/copy", {"name": "Again"})
     with api.repo.database.read() as session:
         assert session.get(MissionRow, half.id) is None
@@ -85,7 +93,7 @@ def test_a_copy_is_written_in_small_transactions_and_seen_as_of_its_event(
         query = select(EventRow).where(EventRow.chain_id == copy["id"]).order_by(EventRow.seq)
         events = list(session.scalars(query))
     assert len({e.group for e in events}) == len(events), "each stands in a transaction of its own"
-    assert max(len(e.rows or {}) for e in events) <= 10
+    assert max(len(e.rows or {}) for e in events) <= 10 + 1, "its rows, and the mission's sign of life"
     assert (events[-1].action, events[-1].actor) == ("copy", "Planner")
     target = api.get(f"/missions/{copy['id']}/targets?limit=1")["items"][0]
     headers = {"If-Match": "*"}
@@ -114,7 +122,7 @@ def test_what_is_left_of_a_copy_goes_when_a_server_starts(
     with api.repo.database.write() as session:
         for copy, hours in zip(left, (2, 0), strict=True):
             row = session.get_one(MissionRow, copy)
-            row.in_making, row.created_utc = True, row.created_utc - timedelta(hours=hours)
+            row.in_making, row.modified_utc = True, row.modified_utc - timedelta(hours=hours)
     monkeypatch.setattr(service, "open_repository", lambda _settings: api.repo)
     monkeypatch.setattr(service, "load_settings", lambda: api.repo.settings)
     monkeypatch.setattr(service, "set_up_logging", lambda _settings: None)
@@ -122,3 +130,49 @@ def test_what_is_left_of_a_copy_goes_when_a_server_starts(
     with api.repo.database.read() as session:
         there = [copy for copy in left if session.get(MissionRow, copy) is not None]
     assert there == left[1:], "a young one may be at work"
+
+
+def test_a_copy_that_takes_long_is_not_swept_while_it_goes_on(
+    api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its row is two hours old, as of a large mission on a slow disk, whenever another server sweeps."""
+    api.post(f"/missions/{mission.id}/targets/bulk", {"create": places(7)}, status=200)
+    monkeypatch.setattr(copying, "ROWS_AT_ONCE", 3)
+    real = copying._copies
+
+    def between(source: Any, actor: Any, copy_id: str, new_ids: Any) -> Any:
+        for step in real(source, actor, copy_id, new_ids):
+            with api.repo.database.write() as session:
+                session.get_one(MissionRow, copy_id).created_utc -= timedelta(hours=2)
+            copying.sweep_copies(api.repo)
+            yield step
+
+    monkeypatch.setattr(copying, "_copies", between)
+    copy = api.post(f"/missions/{mission.id}/copy", {"name": "Long"})
+    assert copy["counts"]["targets"] == 7
+    require_sound(api)
+
+
+def test_a_copy_that_was_swept_while_it_stood_still_says_so_and_leaves_nothing(
+    api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A computer that slept an hour: another server sweeps between two transactions."""
+    api.post(f"/missions/{mission.id}/targets/bulk", {"create": places(7)}, status=200)
+    monkeypatch.setattr(copying, "ROWS_AT_ONCE", 3)
+    real = copying._copies
+
+    def asleep(*given: Any) -> Any:
+        for number, step in enumerate(real(*given)):
+            if number == 2:
+                with monkeypatch.context() as later:
+                    later.setattr(copying, "LEFT_BEHIND", timedelta(seconds=-1))
+                    copying.sweep_copies(api.repo)
+            yield step
+
+    monkeypatch.setattr(copying, "_copies", asleep)
+    told = problem(api("POST", f"/missions/{mission.id}/copy", {"name": "Slept"}), 409, "wrong-state")
+    assert "stood still" in told["detail"]
+    with api.repo.database.read() as session:
+        assert not session.scalars(select(MissionRow).where(MissionRow.in_making)).all()
+        assert session.scalar(select(func.count()).select_from(TargetRow)) == 7
+    require_sound(api)

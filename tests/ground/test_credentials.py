@@ -169,7 +169,7 @@ def test_a_narrowed_key_does_no_more_than_it_is_for(team: Api, terrain_folder: P
 )
 def test_a_narrowed_key_makes_no_other_way_in(team: Api, method: str, path: str, body: object) -> None:
     key = key_of(team, log_in(team, "Ada"), role="admin")
-    problem(team(method, path, body, headers=key), 403, "forbidden")
+    problem(team(method, path, body, headers=key), 403, "narrowed-key")
 
 
 def test_a_narrowed_key_leaves_its_owners_signing_keys_alone(team: Api) -> None:
@@ -177,8 +177,8 @@ def test_a_narrowed_key_leaves_its_owners_signing_keys_alone(team: Api) -> None:
     known = registered(team, "Cy", mine, headers=cy)
     narrow = key_of(team, cy, role="viewer")
     taken = {"public": public_text(other), "proof": sign(other, FORM, "owner", b"Cy")}
-    problem(team("POST", "/signing-keys", taken, headers=narrow), 403, "forbidden")
-    problem(team("DELETE", f"/signing-keys/{known}", headers=narrow), 403, "forbidden")
+    problem(team("POST", "/signing-keys", taken, headers=narrow), 403, "narrowed-key")
+    problem(team("DELETE", f"/signing-keys/{known}", headers=narrow), 403, "narrowed-key")
     (listed,) = team.get("/signing-keys", headers=cy)
     assert (listed["id"], listed["revoked_utc"]) == (known, None)
 

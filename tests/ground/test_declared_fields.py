@@ -183,4 +183,5 @@ def rows(repo: Repository) -> dict[str, list[Any]]:
 
 def test_every_table_with_a_mission_is_in_its_archive(tmp_path: Path) -> None:
     of_missions = {t.name for t in METADATA.sorted_tables if "mission_id" in t.c}
-    assert of_missions - {"jobs", "counters"} == {*TABLES, *RIGHTS}
+    stays = {"jobs", "counters", "webhooks"}  # webhooks hold secrets of this server
+    assert of_missions - stays == {*TABLES, *RIGHTS}

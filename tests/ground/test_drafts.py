@@ -174,6 +174,10 @@ def test_a_sentence_is_previewed_and_drafted(site: Site) -> None:
     [
         ("image Rock7 with the mast camera", "Rock7"),
         ("image the rock at 4, 1 with the microscope, at most 1 minute", "504 s"),
+        # 504 s on average with a deviation of 120 s: 10 minutes are often too short, and bind nothing
+        ("image the rock at 4, 1 with the microscope, at most 10 minutes", "once in 1000 times"),
+        # 5 minutes beside the camera's own three
+        ("image the rock at 4, 1 with the mast camera for 5 minutes, at most 5 minutes", "480 s on average"),
         ("image the rock at 4, 1 with the mast camera before 6:00", "outside sol"),
         ("only observe Rock1 in the morning", "Rock1"),
     ],

@@ -9,6 +9,7 @@ import io
 import json
 import xml.etree.ElementTree as ET
 import zipfile
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -18,10 +19,13 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from hypothesis import given
 from hypothesis import strategies as st
+from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError
+from ground.gdr.database import Database
 from ground.reports.plan_drawing import Box, boxes, lay_out, lay_out_as_outline, to_dot, to_svg
 from ground.resources.geometry_files.site_geometry import read_shapes
+from ground.resources.targets import create_target
 from ground.resources.targets.bodies import TargetCreate
 from tests.ground.approving import hand_in
 from tests.ground.conftest import Api, yard
@@ -331,3 +335,40 @@ def test_the_table_is_plain_csv(world: tuple[Api, str]) -> None:
     rows = list(csv.reader(io.StringIO(api("GET", f"/missions/{mission}/geometry?form=csv").text)))
     assert len({len(row) for row in rows}) == 1
     assert [row[0] for row in rows] == ["kind", "target", "target", "keep_out"]
+
+
+def test_the_terrain_is_asked_before_the_database_is_held(
+    world: tuple[Api, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a file and of many rows at once, of rows that are wrong too: others write meanwhile."""
+    api, mission = world
+    held: list[int] = []
+    asked: list[bool] = []
+    write, ground_at = Database.write, create_target.ground_at
+
+    @contextlib.contextmanager
+    def watched(database: Database) -> Iterator[Session]:
+        with write(database) as session:
+            held.append(1)
+            try:
+                yield session
+            finally:
+                held.pop()
+
+    def seen(*given: Any) -> Any:
+        asked.append(bool(held))
+        return ground_at(*given)
+
+    monkeypatch.setattr(Database, "write", watched)
+    monkeypatch.setattr(create_target, "ground_at", seen)
+    table = "kind,name,east_m,north_m\n" + "".join(f"target,F{n},{n},1\n" for n in range(5))
+    upload_id = upload(api, "good.csv", table.encode())
+    assert len(api.post(f"/missions/{mission}/geometry", {"upload_id": upload_id})["targets"]) == 5
+    wrong = upload(api, "bad.csv", b"kind,name,east_m,north_m\ntarget,Off,900,0\ntarget,F1,2,2\n")
+    told = problem(api("POST", f"/missions/{mission}/geometry", {"upload_id": wrong}), 422, "invalid-input")
+    assert "2 of 2 rows cannot be used" in told["detail"]
+    rows = [{"name": "B1", "east_m": 1.0, "north_m": 2.0}, {"name": "B2", "east_m": 900.0, "north_m": 2.0}]
+    told = problem(api("POST", f"/missions/{mission}/targets/bulk", {"create": rows}), 422, "invalid-input")
+    assert [one["pointer"].rpartition("/")[0] for one in told["errors"]] == ["/create/1"]
+    assert len(asked) == 5 + 2 + 2
+    assert not any(asked)

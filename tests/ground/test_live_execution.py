@@ -240,6 +240,19 @@ def test_a_simulated_rover_in_a_process_of_its_own_takes_faults_while_it_runs(tm
 # ---- the on-board file
 
 
+def test_an_option_that_the_packer_does_not_know_is_no_file_name() -> None:
+    done = subprocess.run(
+        [ROOT / "scripts" / "build-onboard", "--nothing"],
+        env={**os.environ, "PYTHON": sys.executable},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "unrecognized arguments: --nothing" in done.stderr
+    assert not (ROOT / "--nothing").exists()
+
+
 @pytest.fixture(scope="module")
 def onboard(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
     """Give the on-board file and the command of a Python that has `cryptography` and nothing else."""

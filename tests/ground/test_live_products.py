@@ -13,6 +13,7 @@ from tests.ground.conftest import Api, yard
 from tests.ground.test_control_run import _over, _until
 from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem
+from tests.ground.test_packed_runs import lines_of
 
 
 def _announced(api: Api, run_id: str) -> list[dict[str, Any]]:
@@ -29,7 +30,6 @@ def test_products_can_be_fetched_while_the_run_goes_on_and_keep_their_ids(
 ) -> None:
     from ground.records.actor import SYSTEM_ACTOR
     from ground.records.get_resource import get_resource
-    from ground.resources.runs.read_run import live_lines
 
     api = sqlite_api
     mission = yard(api.repo, terrain_folder)
@@ -41,7 +41,7 @@ def test_products_can_be_fetched_while_the_run_goes_on_and_keep_their_ids(
     run = get_resource(api.repo, SYSTEM_ACTOR, RUN, run_id)
 
     def made() -> list[Any]:
-        return [data for kind, data in live_lines(api.repo, run, 0) if kind == "product"]
+        return [data for kind, data in lines_of(api.repo, run) if kind == "product"]
 
     worker = threading.Thread(target=api.jobs)
     worker.start()

@@ -33,7 +33,7 @@ from ground.uplink.trust import allow, change_trust, new_trust, write_trust
 from tests.ground.conftest import Api, open_api, settings_for
 
 OLD = Path(__file__).parent / "fixtures" / "v0.1.0"
-SINCE = {"execution", "fly_campaign", "live"}
+SINCE = {"execution", "fly_campaign", "import_recording", "live"}
 """Kinds of jobs that the old version did not have."""
 EXPECTED: dict[str, Any] = json.loads((OLD / "expected.json").read_text(encoding="utf-8"))
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from ground.gdr.packed import is_kept, packed_path, read_kept, unpack, write_packed
-from ground.gdr.repository import open_repository
+from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR
 from ground.records.get_resource import get_resource
 from ground.resources.backups.backup import backup
@@ -19,7 +19,8 @@ from ground.resources.backups.check_files import check_files, damaged_files, swe
 from ground.resources.backups.restore import restore
 from ground.resources.missions.value import Mission
 from ground.resources.runs.kind import RUN
-from ground.resources.runs.read_run import live_lines
+from ground.resources.runs.read_run import LiveLines
+from ground.resources.runs.value import Run
 from tests.ground.conftest import Api, settings_for
 from tests.ground.test_approvals import brought_in
 from tests.ground.test_day_over_rest import file_requests, finished, planned
@@ -35,12 +36,21 @@ def flown(api: Api, mission: Mission) -> tuple[Api, str]:
     return api, job["subject_id"]
 
 
+def lines_of(repo: Repository, run: Run, after: int = 0) -> list[tuple[str, Any]]:
+    """Return all lines of a run behind one of them, without their numbers, which count from one."""
+    lines, found = LiveLines(repo, run), list[tuple[int, str, Any]]()
+    while some := lines.behind(found[-1][0] if found else after):
+        found += some
+    assert [number for number, _, _ in found] == list(range(after + 1, after + 1 + len(found)))
+    return [(kind, data) for _, kind, data in found]
+
+
 def answers(api: Api, run: str) -> dict[str, Any]:
     """Return everything that the API tells of a run."""
     shown = {part: api.get(f"/runs/{run}/{part}") for part in ("trace", "telemetry", "snapshot")}
     found = get_resource(api.repo, SYSTEM_ACTOR, RUN, run)
-    lines = [(kind, str(data)) for kind, data in live_lines(api.repo, found, 0)]
-    return {**shown, "lines": lines, "behind": live_lines(api.repo, found, len(lines) - 2)}
+    lines = [(kind, str(data)) for kind, data in lines_of(api.repo, found)]
+    return {**shown, "lines": lines, "behind": lines_of(api.repo, found, len(lines) - 2)}
 
 
 def texts(api: Api, run: str) -> list[Path]:

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from ground.gdr.files import FileStore
-from ground.resources.runs.work import MAX_LABEL_BYTES, store_product
+from ground.resources.runs.work import store_product
+from ground.uplink.product_labels import MAX_LABEL_BYTES
 
 CAMERA = {"kind": "CAHV", "width": 4, "height": 3, "C": [0.0, 0.0, 1.0]}
 

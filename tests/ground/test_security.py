@@ -45,6 +45,7 @@ from ground.resources.site_maps.row import SiteMapRow
 from ground.resources.sols.row import SolRow
 from ground.resources.targets.row import TargetRow
 from ground.resources.traverses.row import TraverseRow
+from ground.resources.webhooks.row import WebhookRow
 from ground.settings import SettingsError, load_settings
 from tests.ground.conftest import Api, open_api, settings_for, yard
 from tests.ground.test_missions_api import problem, upload
@@ -369,9 +370,11 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("(POST|PATCH|DELETE)", r"/(sols|keep-outs|site-maps)(/\{[a-z_]+\}|/bulk)?$", Action.EDIT_MISSION),
     ("(POST|PATCH|DELETE)", r"/comments(/\{[a-z_]+\})?$", Action.COMMENT),
     ("POST", r"/(drafts|sentences/draft)$", Action.DRAFT),
+    ("POST", r"/mission-merges$", Action.EDIT_SCIENCE),  # and of what it changes, as by hand
     ("POST", r"/sentences$", Action.READ),
+    ("(POST|PATCH|DELETE)", r"/webhooks(/\{[a-z_]+\}(/secret|/redeliver)?)?$", Action.EDIT_MISSION),
     ("POST", r"/drafts/\{[a-z_]+\}/(accept|reject)$", Action.EDIT_SCIENCE),  # of a target, as here
-    ("POST", r"/(path-networks|plans|sol-paths|runs|campaigns)$", Action.PLAN),
+    ("POST", r"/(path-networks|plans|plan-merges|sol-paths|runs|campaigns)$", Action.PLAN),
     ("(PATCH|DELETE)", r"/(plans|runs)/\{[a-z_]+\}$", Action.PLAN),
     ("POST", r"/runs/\{[a-z_]+\}/(control|faults)$", Action.PLAN),
     ("POST", r"/plans/\{[a-z_]+\}/what-if$", Action.READ),
@@ -412,6 +415,8 @@ def needed(method: str, path: str) -> Action:
 
 
 BODIES: dict[str, Any] = {
+    "merge_missions": {"from_id": "M", "event": 1, "from_event": 1},
+    "merge_plans": {name: {"plan_id": "plan_id"} for name in ("base", "ours", "theirs")},
     "create_mission": {"name": "M", "terrain": {"source": "uploaded", "upload_id": "none"}},
     "copy_mission": {"name": "M"},
     "import_geometry": {"upload_id": "none"},
@@ -420,6 +425,8 @@ BODIES: dict[str, Any] = {
     "create_observation_request": {"target_id": "T", "instrument": "science_camera", "value": 1.0},
     "create_keep_out": {"polygon_m": [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]},
     "create_comment": {"subject_kind": "mission", "subject_id": "M", "text": "x"},
+    "create_webhook": {"name": "W", "url": "https://hooks.example/in"},
+    "redeliver_webhook": {"event": 1},
     "create_draft": {"target": {"east_m": 1.0, "north_m": 1.0}},
     "reject_draft": {},
     "read_sentence": {"text": "image T with the mast camera"},
@@ -554,6 +561,11 @@ def test_every_role_may_do_at_every_endpoint_what_its_rights_say_and_no_more(
                 made_kind="",
                 made_id="",
                 **common,
+            )
+        )
+        session.add(
+            WebhookRow(
+                id="webhook_id", name="W", url="https://hooks.example/", kinds=[], active=False, **common
             )
         )
         session.add(CommentRow(id="comment_id", subject_kind="mission", subject_id="", text="", **common))

@@ -6,41 +6,34 @@ import asyncio
 from typing import Any
 
 import pytest
+from starlette.concurrency import run_in_threadpool
 
-from ground.api import shared_reads
-from ground.gdr.repository import Repository
-from ground.resources.kinds import KINDS
-
-SOL = KINDS["sol"]
+from ground.api.shared_reads import SharedReads
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_what_is_asked_for_meanwhile_is_read_next_and_together(
-    repo: Repository, monkeypatch: pytest.MonkeyPatch, fails: bool
-) -> None:
+def test_what_is_asked_for_meanwhile_is_read_next_and_together(fails: bool) -> None:
     asked: list[list[str]] = []
     state = {"a": 1, "b": 1}
 
-    def read(_repo: object, _kind: object, identifiers: Any) -> dict[str, int]:
+    def read(identifiers: Any) -> dict[str, int]:
         asked.append(sorted(identifiers))
         if fails and len(asked) == 2:
             raise ConnectionError("gone")
         return {name: state[name] for name in identifiers if name in state}
 
-    monkeypatch.setattr(shared_reads, "read_rows", read)
-
     async def ask() -> list[Any]:
-        reads = shared_reads.SharedReads(repo)
-        first = asyncio.create_task(reads.row(SOL, "a"))
+        reads = SharedReads(run_in_threadpool, read)
+        first = asyncio.create_task(reads.get("a"))
         while not asked:
             await asyncio.sleep(0)
         state["a"] = 2
-        left = asyncio.create_task(reads.row(SOL, "b"))
-        more = [asyncio.create_task(reads.row(SOL, name)) for name in ("a", "b", "c")]
+        left = asyncio.create_task(reads.get("b"))
+        more = [asyncio.create_task(reads.get(name)) for name in ("a", "b", "c")]
         await asyncio.sleep(0)
         left.cancel()
         found = await asyncio.gather(first, *more, return_exceptions=True)
-        return [*found, await reads.row(SOL, "b")]
+        return [*found, await reads.get("b")]
 
     found = asyncio.run(ask())
     assert asked == [["a"], ["a", "b", "c"], ["b"]]
@@ -50,3 +43,19 @@ def test_what_is_asked_for_meanwhile_is_read_next_and_together(
         assert [type(one) for one in found[1:4]] == [ConnectionError] * 3
     else:
         assert found[1:4] == [2, 1, None]
+
+
+def test_more_than_one_turn_can_hold_are_read_in_turns() -> None:
+    turns: list[int] = []
+
+    def read(keys: Any) -> dict[str, int]:
+        turns.append(len(keys))
+        return {key: int(key) for key in keys}
+
+    async def ask() -> list[Any]:
+        reads = SharedReads(run_in_threadpool, read)
+        reads.AT_ONCE = 4
+        return await asyncio.gather(*(reads.get(str(n)) for n in range(11)))
+
+    assert asyncio.run(ask()) == list(range(11))
+    assert max(turns) == 4

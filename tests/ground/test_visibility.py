@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from ground.api import context
 from ground.api.context import OTHER_NAMES, Ask
 from ground.api.hub import Hub
-from ground.api.shared_reads import SharedReads
+from ground.api.shared_reads import RowReads
 from ground.app.api import build_api
 from ground.errors import AuthenticationError
 from ground.gdr.base import Utc, utc_now
@@ -257,9 +257,8 @@ def test_the_history_of_the_system_and_of_deleted_missions_is_administrators_alo
 
 @pytest.mark.parametrize("now", [Actor("Bo", Role.NONE), None])
 def test_a_stream_ends_when_its_listener_may_not_see_it_any_more(
-    sqlite_repo: Repository, hidden: Mission, now: Actor | None, monkeypatch: pytest.MonkeyPatch
+    sqlite_repo: Repository, hidden: Mission, now: Actor | None
 ) -> None:
-    monkeypatch.setattr(context, "LOOKED_AGAIN_S", -1.0)
     whoever = [Actor("Bo", Role.VIEWER), Actor("Bo", Role.VIEWER), now]
 
     async def again() -> Actor:
@@ -273,9 +272,8 @@ def test_a_stream_ends_when_its_listener_may_not_see_it_any_more(
             yield number
 
     async def heard() -> list[int]:
-        ask = Ask(
-            sqlite_repo, Actor("Bo", Role.VIEWER), KINDS, again, Hub(sqlite_repo), SharedReads(sqlite_repo)
-        )
+        reads = RowReads(sqlite_repo, context.look)
+        ask = Ask(sqlite_repo, Actor("Bo", Role.VIEWER), KINDS, again, Hub(sqlite_repo), reads)
         return [n async for n in context._while_seen(parts(), ask, {"mission_id": hidden.id})]
 
     assert asyncio.run(heard()) == [0, 1]

@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 import gzip
-import importlib.util
 import json
 import re
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
 from executive.crl.nodes import language_words
+from tests.shared import script
 from tests.web.conftest import ROOT
 
 FIRST_LOAD_LIMIT = 350_000
 WEB = ROOT / "web"
 
 
-def _build_web() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("build_web", ROOT / "scripts" / "build_web.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-build_web = _build_web()
+build_web = script("build_web")
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from ground.resources.missions.terrain import mission_terrain
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.read_plan import computed_plan
 from ground.resources.plans.row import PlanRow
-from ground.resources.problems.row import ProblemRow
+from ground.resources.problems.row import ProblemRow, came_with_an_archive
 from ground.resources.sols.row import SolRow
 from ground.settings import Settings
 from mission.codec import Document
@@ -64,11 +64,24 @@ def _used(plan: PlanRow, problem: Document) -> UsedObservations:
     return used_observations(parse(plan.crl_text), problem, profile_of(plan.rover_profile))
 
 
+def _problem(session: Session, plan: PlanRow) -> Document | None:
+    """Return the problem of a plan; None where whoever wrote an archive wrote it."""
+    row = session.get_one(ProblemRow, plan.problem_id)
+    return None if plan.elsewhere or came_with_an_archive(row) else row.document
+
+
+def _predicted_overrun(plan: PlanRow) -> float | None:
+    """Return the chance of an overrun that the planner predicted; a merged plan has none."""
+    if plan.tree is None:
+        return None
+    return float((plan.summary or {}).get("overrun_probability", 0.0))
+
+
 def hold_rules(repo: Repository, session: Session, plan: PlanRow) -> list[FlightRuleResult]:
     """Return how each rule stands for a computed plan; one that is undecided does not hold."""
-    assert plan.problem_id is not None
-    problem = session.get_one(ProblemRow, plan.problem_id).document
-    used = _used(plan, problem)
+    problem = _problem(session, plan)
+    used = UsedObservations(frozenset(), ()) if problem is None else _used(plan, problem)
+    predicted = None if problem is None else _predicted_overrun(plan)
     sol, terrain = session.get_one(SolRow, plan.sol_id), mission_terrain(repo, session, plan.mission_id)
     asked = repo.settings.approval_runs
     facts = Facts(
@@ -81,9 +94,8 @@ def hold_rules(repo: Repository, session: Session, plan: PlanRow) -> list[Flight
         battery_j=sol.battery_j,
         energy_floor_j=sol.energy_floor_j,
         start_lmst_h=sol.start_lmst_h,
-        # of a plan made elsewhere, whoever wrote the archive wrote the prediction
-        overrun=None if plan.elsewhere else float((plan.summary or {}).get("overrun_probability", 0.0)),
-        campaign=_largest_campaign(session, plan) if asked or plan.elsewhere else None,
+        overrun=predicted,
+        campaign=_largest_campaign(session, plan) if asked or predicted is None else None,
         least_runs=asked,
     )
     waived = {

@@ -48,7 +48,7 @@ def backup(repo: Repository, target: Path, *, passphrase: str | None = None) -> 
     over the journals and the folders go with it. What is damaged goes with it too; that and
     what is missing is named.
 
-    Hashes of passwords and of API keys are left out, or sealed with `passphrase`.
+    Hashes of passwords and of API keys and secrets of webhooks are left out, or sealed with `passphrase`.
 
     Raises
     ------
@@ -102,8 +102,10 @@ def _forms(path: Path) -> tuple[Path, Path]:
 
 def _secrets(session: Session) -> dict[str, Any]:
     people, credentials = METADATA.tables["people"], METADATA.tables["credentials"]
+    hooks = METADATA.tables["webhook_states"]
     keys = select(credentials).where(credentials.c.kind == "api_key")
     return {
         "passwords": dict(session.execute(select(people.c.id, people.c.password_hash)).all()),
         "credentials": [plain(row) for row in session.execute(keys).mappings()],
+        "webhook_states": [plain(row) for row in session.execute(select(hooks)).mappings()],
     }

@@ -24,7 +24,16 @@ from ground.resources.backups.backup import FOLDERS, ROWS, SECRETS
 from ground.resources.backups.check_files import check_files, damaged_files
 from ground.resources.backups.container import FORMAT, LIST, Listing, read_list
 from ground.resources.backups.rewind import rewind
-from ground.resources.backups.rows import LEFT_OUT, Record, brought_up, fill, parse_rows, read_rows, shrunken
+from ground.resources.backups.rows import (
+    KEPT_APART,
+    LEFT_OUT,
+    Record,
+    brought_up,
+    fill,
+    parse_rows,
+    read_rows,
+    shrunken,
+)
 from ground.resources.backups.secrets import unseal
 from ground.resources.history.verify_rows import verify_rows
 from ground.resources.tables import METADATA
@@ -160,7 +169,7 @@ def drill(
                 found += map(str, verify_rows(session).faults)
                 if until is None:
                     wanted, revision = _rows_of(source, passphrase)
-                    there = list(read_rows(session, LEFT_OUT - {"credentials"}))
+                    there = list(read_rows(session, LEFT_OUT - set(KEPT_APART)))
                     found += shrunken(wanted, there)
                     found += _differences(brought_up(wanted, revision), there)
         finally:

@@ -22,8 +22,10 @@ from ground.gdr.migrate import migrate, newest_revision
 from ground.resources.tables import METADATA
 from mission.codec import Document
 
-LEFT_OUT = frozenset({"credentials", "login_failures", "invitations", "idempotency_keys"})
-"""Tables of sessions, keys and the day's answers; keys of API clients go with the secrets."""
+KEPT_APART = ("credentials", "webhook_states")
+"""Tables of secrets: keys of API clients, and what webhooks are signed with."""
+LEFT_OUT = frozenset({*KEPT_APART, "login_failures", "invitations", "idempotency_keys", "webhook_deliveries"})
+"""Tables of sessions, keys and the day's answers."""
 
 Record = tuple[str, Columns]
 """A table's name, and a row of it as JSON values."""
@@ -49,7 +51,7 @@ def parse_rows(content: bytes, secrets: Document) -> list[Record]:
     for name, row in records:
         if name == "people" and row["id"] in hashes:
             row["password_hash"] = hashes[row["id"]]
-    return records + [("credentials", row) for row in secrets.get("credentials", ())]
+    return records + [(name, row) for name in KEPT_APART for row in secrets.get(name, ())]
 
 
 def fill(session: Session, metadata: MetaData, records: Iterable[Record]) -> None:

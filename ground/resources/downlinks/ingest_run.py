@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.errors import AlreadyExecutedError, ArchiveError, GroundError
+from ground.errors import AlreadyExecutedError, ArchiveError
 from ground.gdr.archives import extract_zip, is_zip
-from ground.gdr.durable import copy_folder
+from ground.gdr.durable import copy_folder, removed_on_failure
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
@@ -75,14 +74,10 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
     run_id = new_id("run")
     kept = repo.run_dir(run_id)
     copy_folder(folder, kept)
-    try:
-        with repo.database.write() as session:
-            plan = _executed_plan(session, actor, document, folder.name)
-            actor.require(Action.UPLINK, plan.mission_id)
-            return record_execution(session, actor, plan, result, run_id)
-    except GroundError:  # after anything else the rows may have been written: the sweep knows
-        shutil.rmtree(kept, ignore_errors=True)
-        raise
+    with repo.database.write() as session, removed_on_failure(kept):
+        plan = _executed_plan(session, actor, document, folder.name)
+        actor.require(Action.UPLINK, plan.mission_id)
+        return record_execution(session, actor, plan, result, run_id)
 
 
 def _executed_plan(session: Session, actor: Actor, document: Mapping[str, Any], name: str) -> PlanRow:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from ground.resources.keep_outs.kind import KEEP_OUT
 from ground.resources.keep_outs.row import KeepOutRow
 from ground.resources.missions.where import site_of
 from ground.resources.targets.bodies import TargetCreate
-from ground.resources.targets.create_target import target_columns, target_row
+from ground.resources.targets.create_target import Foreseen, foresee_targets, target_row
 from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
 from ground.resources.uploads.store_upload import uploaded_file
@@ -63,13 +63,15 @@ def import_geometry(
     shapes = read_shapes(path.read_bytes(), crs=crs, site=site)
     if any(shape.kind == "keep_out" for shape in shapes):
         actor.require(Action.EDIT_MISSION, mission_id)
+    points = [shape.given for shape in shapes if isinstance(shape.given, TargetCreate)]
+    foreseen = iter(foresee_targets(repo, mission_id, points))
     with repo.database.write() as session:
         require_mission(session, mission_id)
         made: dict[str, list[Any]] = {"target": [], "keep_out": []}
         wrong = []
         for shape in shapes:
             try:
-                row = _row(repo, session, actor, mission_id, shape.given)
+                row = _row(session, actor, mission_id, shape.given, foreseen)
             except GroundError as err:
                 wrong.append((shape.row, err.message))
                 continue
@@ -83,13 +85,16 @@ def import_geometry(
 
 
 def _row(
-    repo: Repository, session: Session, actor: Actor, mission_id: str, given: Given
+    session: Session, actor: Actor, mission_id: str, given: Given, foreseen: Iterator[Foreseen | GroundError]
 ) -> TargetRow | KeepOutRow:
+    """Return the row of a shape; the terrain was asked of each target before, in their order."""
     given = _without_strangers(session, mission_id, given)
     if isinstance(given, KeepOutCreate):
         return keep_out_row(session, actor, mission_id, given)
-    columns = target_columns(repo, session, mission_id, given.east_m, given.north_m)
-    return target_row(session, actor, mission_id, given, columns)
+    known = next(foreseen)
+    if isinstance(known, GroundError):
+        raise known
+    return target_row(session, actor, mission_id, given, known[1])
 
 
 def _without_strangers(session: Session, mission_id: str, given: Given) -> Given:
@@ -142,7 +147,8 @@ def export_geometry(
             found[name] = kind.show(session, list(session.scalars(rows)))
         site = site_of(session, mission_id)
         drawn = {
-            name: list(collection_of(name)[1](repo, session, mission_id)) for name in (LINES if lines else ())
+            name: list(collection_of(name)[1](repo, session, mission_id, None))
+            for name in (LINES if lines else ())
         }
     if form == "gpx":
         return to_gpx(found, site, drawn)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 MAX_ROWS = 5000
 MAX_CELL = 16 << 20
 """Bytes of one value: those of a whole file that is taken."""
+MOST_NESTED = 100
+"""Elements within each other; folders of maps lie some ten deep."""
 SQLITE = b"SQLite format 3\x00"
 NOT_TAKEN = frozenset({"outcrop_id", "fid", "ogc_fid"})
 """Columns that our own files and GDAL write, and that say nothing that a person gives."""
@@ -72,7 +74,22 @@ def _xml(content: bytes) -> Iterator[Found]:
     name = _local(root)
     if name not in {"kml", "gpx"}:
         raise InvalidInputError(f"the file is XML of {name[:40]!r}; kml and gpx are read")
+    _require_flat(root)
     return _placemarks(root) if name == "kml" else _waypoints(root)
+
+
+def _require_flat(root: Element) -> None:
+    """Refuse what is nested deeply, and placemarks within placemarks: each is read with all that it holds."""
+    waiting = [(root, 0, False)]
+    while waiting:
+        element, depth, within = waiting.pop()
+        if depth >= MOST_NESTED:
+            raise InvalidInputError(f"the file nests elements more than {MOST_NESTED} deep")
+        marks = _local(element) == "Placemark"
+        if marks and within:
+            name = _text(element, "name")[:40]
+            raise InvalidInputError(f"the file has a Placemark {name!r} within a Placemark, as KML never has")
+        waiting += [(part, depth + 1, within or marks) for part in element]
 
 
 def _local(element: Element) -> str:

@@ -55,7 +55,7 @@ def mission_as_of(repo: Repository, actor: Actor, mission_id: str, event: int) -
         documents = state_at(session, mission_id, event)
     parts: dict[str, list[dict[str, Any]]] = {}
     for (kind, _), document in sorted(documents.items()):
-        if kind not in {"mission", "job"}:
+        if kind not in {"mission", "job", "merge_base"}:
             parts.setdefault(KINDS[kind].collection.replace("-", "_"), []).append(document)
     return MissionAsOf(event, found.at_utc, documents.get(("mission", mission_id)), parts)
 

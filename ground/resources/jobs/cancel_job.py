@@ -15,11 +15,12 @@ from ground.records.actor import SYSTEM_ACTOR, Action, Actor
 from ground.records.edit import update
 from ground.records.get_resource import find_row
 from ground.resources.calibrations import calibrate_mission
+from ground.resources.downlinks import import_recording
 from ground.resources.executions import execute_plan
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
 
-ACTIONS = {module.KIND: module.ACTION for module in (calibrate_mission, execute_plan)}
+ACTIONS = {module.KIND: module.ACTION for module in (calibrate_mission, execute_plan, import_recording)}
 """What a kind of job asks for where it is not planning: the same to ask, to cancel and to ask again."""
 
 

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from sqlalchemy import Table, delete, insert, select
+from sqlalchemy.orm import Session
 
-from ground.gdr.base import Columns, utc_now
-from ground.gdr.history import Change, hold_chain, open_chain, record
+from ground.errors import StateError
+from ground.gdr.base import Columns, table_of, utc_now
+from ground.gdr.history import ChainRow, Change, hold_chain, open_chain, record
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.gdr.seals import seal_values
@@ -23,6 +25,8 @@ from ground.records.actor import Action, Actor
 from ground.records.edit import public
 from ground.records.get_resource import find_row
 from ground.resources.kinds import KINDS
+from ground.resources.merge_bases.kind import MERGE_BASE
+from ground.resources.merge_bases.row import MergeBaseRow
 from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
@@ -32,8 +36,14 @@ COPIED = ("frame", "solution", "frame_file", "site_map", "sol", "target", "obser
 """Kinds that a copy has, in the order in which they refer to each other."""
 ROWS_AT_ONCE = 250
 """Rows of one transaction: about 10 ms, so that one may wait for two of them within 50 ms."""
-LEFT_BEHIND = timedelta(hours=1)
-"""A copy that is so old and not whole goes on no more: its server was stopped."""
+LEFT_BEHIND = timedelta(minutes=10)
+"""A copy that has written nothing for so long goes on no more: its server was stopped.
+
+A transaction of one takes about 10 ms and waits for others at most as long as the database lets it.
+"""
+
+CLAIMED = datetime(1970, 1, 1, tzinfo=UTC)
+"""When a copy was modified that is being deleted: whoever wrote it finds that it is not theirs any more."""
 
 _NAMES = ("frame_id", "reference_id", "solution_id", "file_id", "target_id")
 """Columns that refer to something of the same mission."""
@@ -46,6 +56,8 @@ class _Source:
 
     mission: Columns
     parts: Mapping[str, list[Columns]]
+    event: int
+    """Number of its newest event at that moment."""
 
 
 def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, notes: str = "") -> Mission:
@@ -60,19 +72,22 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
         sweep_copies(repo)
         source = _read(repo, mission_id)
         new_ids = _new_ids(source)
-        _begin(repo, actor, source.mission, copy_id, name, notes)
+        beat = _begin(repo, actor, source.mission, copy_id, name, notes)
         for table, rows in _copies(source, actor, copy_id, new_ids):
             with repo.database.write() as session:
+                beat = _alive(session, copy_id, beat)
                 session.execute(insert(table), rows)
                 seal_values(session, copy_id, table, rows)
     with repo.database.write() as session:
         find_row(session, MISSION, mission_id)
         inherit_roles(session, actor, mission_id, copy_id)
         hold_chain(session, copy_id)
+        _alive(session, copy_id, beat)
         copy = session.get_one(MissionRow, copy_id)
         copy.in_making = False
         copy.anchor_frame_id = new_ids.get(source.mission["anchor_frame_id"])
         copy.drive_rules = _rules(source.mission["drive_rules"], new_ids)
+        session.add(_base(source, actor, copy_id, new_ids))
         session.flush()
         record(session, copy_id, Change(actor.name, "copy", MISSION.name, copy_id, None, public(copy)))
         return MISSION.show_one(session, copy)
@@ -86,16 +101,17 @@ def _read(repo: Repository, mission_id: str) -> _Source:
         find_row(session, MISSION, mission_id)
         missions = _table("mission")
         mission = reader.execute(select(missions).where(missions.c.id == mission_id)).mappings().one()
+        event = reader.execute(select(ChainRow.seq).where(ChainRow.id == mission_id)).scalar_one()
         parts = {}
         for kind_name in COPIED:
             table = _table(kind_name)
             query = select(table).where(table.c.mission_id == mission_id).order_by(table.c.id)
             parts[table.name] = [dict(row) for row in reader.execute(query).mappings()]
-        return _Source(dict(mission), parts)
+        return _Source(dict(mission), parts, event)
 
 
 def _table(kind_name: str) -> Table:
-    return KINDS[kind_name].row.__table__  # type: ignore[return-value]
+    return table_of(KINDS[kind_name].row)
 
 
 def _new_ids(source: _Source) -> dict[str, str]:
@@ -104,14 +120,31 @@ def _new_ids(source: _Source) -> dict[str, str]:
     return {row["id"]: new_id(prefixes[table]) for table, rows in source.parts.items() for row in rows}
 
 
-def _begin(repo: Repository, actor: Actor, source: Columns, copy_id: str, name: str, notes: str) -> None:
-    """Write the copy of the mission itself, which nobody sees yet."""
-    mine = _made(source, actor, utc_now())
+def _begin(repo: Repository, actor: Actor, source: Columns, copy_id: str, name: str, notes: str) -> datetime:
+    """Write the copy of the mission itself, which nobody sees yet; return its first sign of life."""
+    beat = utc_now()
+    mine = _made(source, actor, beat)
     mine |= {"id": copy_id, "name": name, "notes": notes, "copied_from": source["id"], "in_making": True}
     with repo.database.write() as session:
         session.add(MissionRow(**{**mine, "anchor_frame_id": None, "drive_rules": None}))
         session.flush()
         open_chain(session, copy_id)
+    return beat
+
+
+def _alive(session: Session, copy_id: str, beat: datetime) -> datetime:
+    """Note that a copy goes on, and return when: until it is whole, its row was modified when it last wrote.
+
+    Raises
+    ------
+    StateError
+        If somebody else has it for left behind, and deletes it.
+    """
+    row = session.get(MissionRow, copy_id, with_for_update=True, populate_existing=True)
+    if row is None or row.modified_utc != beat:
+        raise StateError(f"the copy stood still for more than {LEFT_BEHIND} and was deleted; copy again")
+    row.modified_utc = max(utc_now(), beat + timedelta(microseconds=1))
+    return row.modified_utc
 
 
 def _made(row: Columns, actor: Actor, now: datetime) -> Columns:
@@ -140,6 +173,13 @@ def _copies(
             yield table, some
 
 
+def _base(source: _Source, actor: Actor, copy_id: str, new_ids: Mapping[str, str]) -> MergeBaseRow:
+    """Return what a copy is compared by with what it was made of, and merged."""
+    head = {"id": new_id(MERGE_BASE.prefix), "author": actor.name, "mission_id": copy_id}
+    pairs = [list(pair) for pair in new_ids.items()]
+    return MergeBaseRow(**head, from_id=source.mission["id"], event=source.event, pairs=pairs)
+
+
 def _rules(
     rules: Sequence[Mapping[str, Any]] | None, new_ids: Mapping[str, str]
 ) -> list[dict[str, Any]] | None:
@@ -149,11 +189,20 @@ def _rules(
 
 
 def sweep_copies(repo: Repository) -> None:
-    """Delete what is left of copies whose server was stopped, in small transactions too."""
-    old = (MissionRow.in_making, MissionRow.created_utc < utc_now() - LEFT_BEHIND)
+    """Delete what is left of copies whose server was stopped, in small transactions too.
+
+    How long one has taken says nothing: it is left behind when it has written nothing for long.
+    """
+    old = (MissionRow.in_making, MissionRow.modified_utc < utc_now() - LEFT_BEHIND)
     with repo.database.read() as session:
         left = list(session.scalars(select(MissionRow.id).where(*old)))
     for mission_id in left:
+        with repo.database.write() as session:
+            here = select(MissionRow).where(MissionRow.id == mission_id, *old)
+            claimed = session.scalars(here.with_for_update()).first()
+            if claimed is None:
+                continue  # it goes on after all, or another server was faster
+            claimed.modified_utc = CLAIMED
         for kind_name in reversed(COPIED):
             while _shrink(repo, _table(kind_name), mission_id):
                 pass

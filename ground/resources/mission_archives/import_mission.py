@@ -40,6 +40,7 @@ from ground.resources.packages.row import CounterRow
 from ground.resources.plans.value import PlanState
 from ground.resources.plans.work import findings_of
 from ground.resources.runs.read_snapshot import JOURNAL
+from ground.resources.sols.row import usable_energy_j
 from ground.resources.tables import METADATA
 from ground.resources.terrains.row import TerrainRow
 
@@ -112,8 +113,8 @@ def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows
         session.execute(
             insert(tables["terrains"]).values(**typed("terrains", quarantined("terrains", terrain)))
         )
-    problems = {problem["id"]: problem for problem in rows["problems"]}
-    rows = {**rows, "plans": [_with_findings(plan, problems) for plan in rows["plans"]]}
+    sols = {sol["id"]: sol for sol in rows["sols"]}
+    rows = {**rows, "plans": [_with_findings(plan, sols) for plan in rows["plans"]]}
     for table in ("missions", *TABLES):
         for record in rows[table]:
             row = quarantined(table, record, actor.name)
@@ -183,8 +184,11 @@ def _ended(record: Record) -> str:
     return JobState.CANCELLED.value if state in {JobState.QUEUED.value, JobState.RUNNING.value} else state
 
 
-def _with_findings(plan: Record, problems: Mapping[str, Record]) -> Record:
-    """Return a plan with what the validator here has against it; what was found elsewhere counts not."""
+def _with_findings(plan: Record, sols: Mapping[str, Record]) -> Record:
+    """Return a plan with what the validator here has against it; what was found elsewhere counts not.
+
+    The charge is that of its sol, which people here see and change, not what the problem beside it says.
+    """
     from rover_iface.errors import ProfileError
     from rover_iface.profile import load_profile
 
@@ -195,5 +199,7 @@ def _with_findings(plan: Record, problems: Mapping[str, Record]) -> Record:
     except ProfileError as err:
         unknown = {"code": "E000", "severity": "error", "message": f"the plan cannot be checked: {err}"}
         return {**plan, "findings": [{**unknown, "node": None, "line": None, "column": None}]}
-    battery_j = float(problems[plan["problem_id"]]["document"]["budget"]["energy_j"])
+    sol = sols[plan["sol_id"]]
+    charge = (float(sol[name]) for name in ("battery_j", "energy_floor_j", "energy_budget_j"))
+    battery_j = usable_energy_j(*charge)
     return {**plan, "findings": findings_of(plan["crl_text"], language, battery_j=battery_j)}

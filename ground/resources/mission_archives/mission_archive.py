@@ -34,9 +34,9 @@ Rows = dict[str, list[Record]]
 RIGHTS = ("approvals", "waivers", "packages", "statements", "signatures", "elsewhere")
 """Tables that say who allowed what: of an archive they are history, never rows."""
 
-_LEFT_OUT = {"jobs", "counters", *RIGHTS}
+_LEFT_OUT = {"jobs", "counters", "webhooks", *RIGHTS}
 TABLES = tuple(t.name for t in METADATA.sorted_tables if "mission_id" in t.c and t.name not in _LEFT_OUT)
-"""Tables with a mission's rows, in the order in which they refer to each other; jobs are not kept."""
+"""Tables with a mission's rows, in the order in which they refer to each other; jobs and webhooks are not."""
 
 
 def _record(row: Any) -> dict[str, Any]:

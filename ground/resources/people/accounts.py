@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
@@ -96,16 +98,16 @@ def actor_of(person: PersonRow, scope: KeyScope | None = None) -> Actor:
     return Actor(person.name, Role(person.role), dict(person.mission_roles), scope)
 
 
-def default_actor(repo: Repository, name: str | None) -> Actor | None:
-    """Return a local profile by name, or the first one; None if there is none or profiles are not used."""
+def profiles(repo: Repository, names: Collection[str]) -> dict[str, Actor]:
+    """Return local profiles by name, the first one for no name; none where profiles are not used."""
     if repo.settings.auth is not Authentication.PROFILES:
-        return None
+        return {}
+    query = select(PersonRow).where(PersonRow.active)
     with repo.database.read() as session:
-        query = select(PersonRow).where(PersonRow.active).order_by(PersonRow.id)
-        if name is not None:
-            query = query.where(PersonRow.name == name)
-        person = session.scalars(query.limit(1)).first()
-        return None if person is None else actor_of(person)
+        named = {p.name: p for p in session.scalars(query.where(PersonRow.name.in_(names)))}
+        if "" in names and (first := session.scalars(query.order_by(PersonRow.id).limit(1)).first()):
+            named[""] = first
+        return {name: actor_of(person) for name, person in named.items()}
 
 
 def person_value(repo: Repository, actor: Actor) -> Person | None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any
 
 from starlette.datastructures import Headers
 from starlette.requests import Request, cookie_parser
 from starlette.responses import RedirectResponse, Response
 
-from ground.api.context import Ask, P, R, answer, call, created, no_content
+from ground.api.context import Ask, P, R, answer, call, created, look, no_content
+from ground.api.shared_reads import SharedReads
 from ground.errors import AuthenticationError, ForbiddenError
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
@@ -37,12 +37,39 @@ SAFE = {"GET", "HEAD", "OPTIONS"}
 _KEPT_S = 1.0
 
 
+class _Known:
+    """Who stands behind words of one kind, remembered for a second; those not known are read together."""
+
+    MOST = 10_000
+    """Of some hundred bytes each; then all are forgotten."""
+
+    def __init__(self, read: Callable[[Collection[str]], Mapping[str, Actor]]) -> None:
+        self._reads = SharedReads(look, read)
+        self._known: dict[str, tuple[float, Actor]] = {}
+
+    async def actor(self, word: str) -> Actor | None:
+        now, known = time.monotonic(), self._known
+        found = known.get(word)
+        if found is not None and now - found[0] < _KEPT_S:
+            return found[1]
+        actor = await self._reads.get(word)
+        if actor is not None:
+            if len(known) >= self.MOST:
+                known.clear()
+            known[word] = (now, actor)  # nobody looks there if it was forgotten meanwhile
+        return actor
+
+    def forget(self) -> None:
+        self._known = {}
+
+
 class Identities:
     """Remembers for a second who a secret belongs to, so that a page of requests asks the database once."""
 
     def __init__(self, repo: Repository) -> None:
         self._repo = repo
-        self._known: dict[tuple[str, str], tuple[float, Actor | None]] = {}
+        self._secrets = _Known(partial(credentials.identify, repo))
+        self._profiles = _Known(partial(accounts.profiles, repo))
 
     async def actor_of(self, method: str, headers: Headers) -> Actor:
         """Return who makes the request.
@@ -78,31 +105,20 @@ class Identities:
         if not with_profiles:  # said without a thread: whoever knocks has to cost nothing
             raise AuthenticationError("log in, or send an API key")
         name = headers.get(PROFILE_HEADER)
-        actor_or_none = await self._lookup("profile", name or "", accounts.default_actor, self._repo, name)
-        if actor_or_none is None:
+        profile = await self._profiles.actor(name or "")
+        if profile is None:
             raise AuthenticationError(f"there is no profile {name!r}")
-        return actor_or_none
+        return profile
 
     def forget(self) -> None:
         """Ask the database again from now on."""
-        self._known.clear()
+        self._secrets.forget()
+        self._profiles.forget()
 
     async def _known_secret(self, secret: str) -> Actor:
-        actor = await self._lookup("secret", secret, credentials.identify, self._repo, secret)
+        actor = await self._secrets.actor(secret)
         if actor is None:
             raise AuthenticationError("the session or API key is unknown, outdated or taken back")
-        return actor
-
-    async def _lookup(self, kind: str, key: str, function: Any, *args: Any) -> Actor | None:
-        now = time.monotonic()
-        known = self._known.get((kind, key))
-        if known is not None and now - known[0] < _KEPT_S:
-            return known[1]
-        actor: Actor | None = await call(function, *args)
-        if len(self._known) > 1000:
-            self._known.clear()
-        if actor is not None:
-            self._known[(kind, key)] = (now, actor)
         return actor
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from datetime import timedelta
 
 from sqlalchemy import delete, select
-from sqlalchemy.orm import Session
 
 from ground.errors import NotFoundError
 from ground.gdr.base import utc_now
@@ -160,28 +159,27 @@ def _take_back(repo: Repository, actor: Actor, kind: str, identifier: str) -> No
         record(session, SYSTEM, Change(actor.name, "delete", kind, identifier, before, None))
 
 
-def identify(repo: Repository, secret: str) -> Actor | None:
-    """Return who a session or API key belongs to; None if it is unknown, outdated or its owner shut out."""
-    with repo.database.read() as session:
-        found = _owner(session, secret)
-        if found is None:
-            return None
-        credential, person = found
-        if credential.expires_utc < utc_now() or not person.active:
-            return None
-        missions = None if credential.mission_ids is None else frozenset(credential.mission_ids)
-        scoped = credential.role is not None or missions is not None
-        return actor_of(person, KeyScope(_role(credential), missions, credential.name) if scoped else None)
+def identify(repo: Repository, secrets_given: Collection[str]) -> dict[str, Actor]:
+    """Return who sessions or API keys belong to, by their secrets.
 
-
-def _owner(session: Session, secret: str) -> tuple[CredentialRow, PersonRow] | None:
+    One that is unknown or outdated, or whose owner is shut out, is not among them.
+    """
+    digests = {digest(secret): secret for secret in secrets_given}
     query = (
         select(CredentialRow, PersonRow)
         .join(PersonRow, PersonRow.id == CredentialRow.person_id)
-        .where(CredentialRow.secret_sha256 == digest(secret))
+        .where(CredentialRow.secret_sha256.in_(digests))
     )
-    found = session.execute(query).first()
-    return None if found is None else (found[0], found[1])
+    now, found = utc_now(), {}
+    with repo.database.read() as session:
+        for credential, person in session.execute(query):
+            if credential.expires_utc < now or not person.active:
+                continue
+            missions = None if credential.mission_ids is None else frozenset(credential.mission_ids)
+            scoped = credential.role is not None or missions is not None
+            scope = KeyScope(_role(credential), missions, credential.name) if scoped else None
+            found[digests[credential.secret_sha256]] = actor_of(person, scope)
+    return found
 
 
 def _role(row: CredentialRow) -> Role | None:

@@ -17,7 +17,7 @@ from ground.resources.missions.terrain import terrain_row
 from ground.resources.observation_requests.change_rover import require_instruments
 from ground.resources.observation_requests.row import ObservationRequestRow, day_request
 from ground.resources.sols.kind import SOL
-from ground.resources.sols.row import SolRow
+from ground.resources.sols.row import SolRow, usable_energy_j
 from ground.resources.sols.sol_sky import sol_sky
 from ground.resources.targets.row import TargetRow, day_target
 from mission import Day, DriveRule, Limits, Pose
@@ -88,7 +88,7 @@ def mission_day(
         start=Pose(**sol.start_pose),
         limits=Limits(
             time_s=sol.time_budget_s,
-            energy_j=max(0.0, min(sol.energy_budget_j, sol.battery_j - sol.energy_floor_j)),
+            energy_j=usable_energy_j(sol.battery_j, sol.energy_floor_j, sol.energy_budget_j),
             overrun_penalty=sol.overrun_penalty,
             data_mbit=sum(p["data_mbit"] for p in sol.passes) or None,
         ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.reports.plan_drawing import boxes, target_names, to_dot, to_svg
-from ground.resources.plans.read_plan import computed_plan
+from ground.resources.plans.read_plan import computed_plan, tree_of
 from ground.resources.problems.row import ProblemRow
 
 
@@ -14,5 +14,5 @@ def draw_plan(repo: Repository, actor: Actor, plan_id: str, *, form: str) -> str
     with repo.database.read() as session:
         plan = computed_plan(session, actor, plan_id)
         problem = session.get_one(ProblemRow, plan.problem_id).document if plan.problem_id else {}
-        root = boxes(plan.tree or {"plan": []}, target_names(problem))
+        root = boxes(tree_of(plan), target_names(problem))
     return to_dot(root) if form == "dot" else to_svg(root)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import zipfile
 from dataclasses import asdict
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from sqlalchemy import select
 
+from ground.gdr.archives import name_in_archive
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row
@@ -31,7 +32,7 @@ def export_products(repo: Repository, actor: Actor, run_id: str, target: Path) -
         run = RUN.show_one(session, row)
         query = select(ProductRow).where(ProductRow.run_id == run_id).order_by(ProductRow.id)
         products = PRODUCT.show(session, list(session.scalars(query)))
-    names = {p.id: f"{p.id}/{PurePosixPath(p.file_name).name}" for p in products}
+    names = {p.id: f"{p.id}/{name_in_archive(p.file_name)}" for p in products}
     files = [
         {
             "path": names[p.id],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -63,25 +64,92 @@ def read_telemetry(repo: Repository, actor: Actor, run_id: str) -> Telemetry:
 _TAKEN_IN = {RunKind.EXECUTION, RunKind.TRAINING}
 
 
-def live_lines(repo: Repository, run: Run, after: int) -> list[tuple[str, Any]]:
-    """Return the lines of a run behind line `after`: telemetry, trace records, and products as they came.
+class LiveLines:
+    """The lines of a run: telemetry, trace records, and products as they came; each byte is read once.
 
     An execution that was taken in has no such lines; those of its folder stand in for them, by time.
     """
-    path = repo.run_dir(run.id) / LIVE
-    if not is_kept(path):
-        return _lines_of_folder(path.parent)[after:] if run.kind in _TAKEN_IN else []
-    lines = read_kept(path).split(b"\n")[:-1]
-    found = []
-    for line in lines[after:]:
+
+    AT_ONCE_BYTES = 2**18
+    """A page of about a thousand samples: who follows many runs has this much of each in memory."""
+
+    def __init__(self, repo: Repository, run: Run) -> None:
+        self._repo, self._run_id = repo, run.id
+        self._path = repo.run_dir(run.id) / LIVE
+        self._taken_in = run.kind in _TAKEN_IN
+        self._line, self._at = 0, 0
+        self._inode: int | None = None
+        self._unpacked: bytes | None = None
+
+    def grown(self) -> object:
+        """Return something that is another when there are more lines."""
         try:
-            kind, data = json.loads(line)
-        except ValueError:
-            break
-        found.append((str(kind), data))
-    made = [data for kind, data in found if kind == "product"]
-    products = iter(_live_products(repo, run.id, made))
-    return [(kind, next(products) if kind == "product" else data) for kind, data in found]
+            return self._path.stat().st_size
+        except OSError:
+            return None
+
+    def to_the_end(self) -> int:
+        """Go behind the last line there is, and return how many there are."""
+        while self._next(parsed=False):
+            pass
+        return self._line
+
+    def behind(self, after: int) -> list[tuple[int, str, Any]]:
+        """Return some lines behind line `after`, each with its number and what it is; none at the end."""
+        if after < self._line:
+            self._line, self._at = 0, 0
+        while raw := self._next():
+            first = self._line - len(raw)
+            found = [(first + n, *line) for n, line in enumerate(raw, 1) if first + n > after]
+            if found:
+                made = [data for _, kind, data in found if kind == "product"]
+                products = iter(_live_products(self._repo, self._run_id, made))
+                return [(n, k, next(products) if k == "product" else data) for n, k, data in found]
+        return []
+
+    def _next(self, *, parsed: bool = True) -> list[tuple[str, Any]]:
+        """Return the next lines and stand behind them; those that are not wanted are only counted."""
+        if self._taken_in and not is_kept(self._path):
+            lines = _lines_of_folder(self._path.parent)[self._line :]
+            self._line += len(lines)
+            return lines
+        whole = self._some()
+        raw = whole.split(b"\n")[:-1]
+        self._line += len(raw)
+        self._at += len(whole)
+        return [_line_of(line) if parsed else ("", None) for line in raw]
+
+    def _some(self) -> bytes:
+        """Return whole lines from where it stands."""
+        wanted = self.AT_ONCE_BYTES
+        while True:
+            found = self._bytes(wanted)
+            end = found.rfind(b"\n") + 1
+            if end or len(found) < wanted:
+                return found[:end]
+            wanted *= 2  # a line longer than that
+
+    def _bytes(self, wanted: int) -> bytes:
+        try:
+            with self._path.open("rb") as file:
+                there = os.fstat(file.fileno())
+                if there.st_size < self._at or self._inode not in {None, there.st_ino}:
+                    self._line, self._at = 0, 0  # its job was begun anew
+                self._inode = there.st_ino
+                file.seek(self._at)
+                return file.read(wanted)
+        except FileNotFoundError:
+            if self._unpacked is None and is_kept(self._path):
+                self._unpacked = read_kept(self._path)
+            return (self._unpacked or b"")[self._at : self._at + wanted]
+
+
+def _line_of(line: bytes) -> tuple[str, Any]:
+    try:
+        kind, data = json.loads(line)
+    except ValueError:  # a disk that was full: the lines behind it are whole
+        return "note", {"t_s": None, "kind": "damage", "text": "a line of the run cannot be read"}
+    return str(kind), data
 
 
 def _live_products(repo: Repository, run_id: str, items: Sequence[Document]) -> list[Product]:

@@ -92,7 +92,7 @@ async def stream_run(ask: Asked, run_id: Id, last_event_id: LastEventId = None) 
     rover made it), `control` (how it goes: at the start, and when an operator asks), and at last `end`; of a
     live run also `link` (the line, age of the last word, open commands) and `note` (of the executive).
     """
-    return await run_stream(ask.repo, ask.who, run_id, last_event_id)
+    return await run_stream(ask.repo, ask.hub, ask.who, run_id, last_event_id)
 
 
 @router.get(

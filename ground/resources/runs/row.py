@@ -34,3 +34,8 @@ class RunRow(Row):
     notes: Mapped[Notes]
     elsewhere: Mapped[bool] = mapped_column(default=False, server_default=false())
     """Came in with an archive: it is shown, and verifies nothing here."""
+
+    @property
+    def topic(self) -> str:
+        """Return what those follow to whom a change is told."""
+        return self.id

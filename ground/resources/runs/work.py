@@ -35,6 +35,7 @@ from ground.resources.runs.run_form import (
 )
 from ground.uplink.flight import Sample, fly, product_line
 from ground.uplink.link import Link
+from ground.uplink.product_labels import whole_label
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
 from mission.codec import Document
 from rover_iface.registry import find_rover
@@ -53,7 +54,6 @@ the abstract rover reports where its even motion changes: readers draw the strai
 """
 OVER = ("trace.jsonl", "telemetry.jsonl")
 """Files of a run's folder that are in the store too when it is over."""
-MAX_LABEL_BYTES = 64 * 1024
 
 
 def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> Document:
@@ -304,7 +304,7 @@ def store_product(folder: Path, store: FileStore, row: Document) -> Json:
             f"{folder.name}: the product {relative} is not what its record says (SHA-256 differs)"
         )
     stored = store.put_file(file)
-    label = {**_whole_label(file, row["sha256"]), **row["label"]}
+    label = {**whole_label(file, row["sha256"]), **row["label"]}
     return {
         "label": {**label, "kind": row["kind"], "task": row["task"], "t_s": row["t_s"]},
         "file_name": relative.name,
@@ -312,20 +312,6 @@ def store_product(folder: Path, store: FileStore, row: Document) -> Json:
         "size_bytes": stored.size_bytes,
         "media": mimetypes.guess_type(relative.name)[0] or "application/octet-stream",
     }
-
-
-def _whole_label(file: Path, sha256: str) -> dict[str, Any]:
-    """Return the label a rover left beside a product: with the camera model and the pose, which the journal's
-    flat label has no room for. A file of another form, or of another product, counts for nothing.
-    """
-    beside = file.with_name(f"{file.name}.json")
-    if beside.is_symlink() or not beside.is_file() or beside.stat().st_size > MAX_LABEL_BYTES:
-        return {}
-    try:
-        label = json.loads(beside.read_bytes())
-    except (ValueError, RecursionError):
-        return {}
-    return label if isinstance(label, dict) and label.get("sha256") == sha256 else {}
 
 
 def live_lines_of(path: Path, wanted: str) -> list[Document]:

@@ -155,8 +155,8 @@ def point_in_panorama(
     index = min(place.count - 1, int(offset / (math.tau / place.count)))
     level = math.cos(elevation_rad)
     ray = (level * math.sin(azimuth_rad), level * math.cos(azimuth_rad), math.sin(elevation_rad))
-    hit = place.terrain.intersect_ray(place.model(index).C, ray, SIGHT_M)
-    if hit is None:
+    hit = place.terrain.intersect_rays(place.model(index).C, ray, SIGHT_M)
+    if math.isnan(hit[0]):
         raise OutsideTerrainError(
             f"the line of sight at azimuth {math.degrees(azimuth_rad) % 360:.1f}, elevation "
             f"{math.degrees(elevation_rad):.1f} degrees meets no ground within {SIGHT_M:g} m",

@@ -28,3 +28,8 @@ class SolRow(Row):
     overrun_penalty: Mapped[float]
     passes: Mapped[list[Any]]
     uplink_deadline_utc: Mapped[datetime | None]
+
+
+def usable_energy_j(battery_j: float, energy_floor_j: float, energy_budget_j: float) -> float:
+    """Return what a sol's plan may draw, joules: its budget, as far as the charge is above the floor."""
+    return max(0.0, min(energy_budget_j, battery_j - energy_floor_j))

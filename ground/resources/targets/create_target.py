@@ -35,12 +35,16 @@ Foreseen = tuple[TargetCreate, Columns]
 
 
 def create_target(
-    repo: Repository, actor: Actor, mission_id: str, given: TargetCreate, foreseen: Foreseen | None = None
+    repo: Repository,
+    actor: Actor,
+    mission_id: str,
+    given: TargetCreate,
+    foreseen: Foreseen | GroundError | None = None,
 ) -> Target:
     """Return a new target; height, normal and covariance come from the full-resolution terrain.
 
     With `frame_id` it is tied to the frame it was seen from, and moves with it. `foreseen` is what the
-    terrain says, if it was asked before.
+    terrain says, or why nothing can be made there, if it was asked before.
 
     Raises
     ------
@@ -56,6 +60,8 @@ def create_target(
         with repo.database.read() as session:
             given = target_in_site(session, mission_id, given)
             foreseen = given, target_columns(repo, session, mission_id, given.east_m, given.north_m)
+    if isinstance(foreseen, GroundError):
+        raise foreseen
     given, columns = foreseen
     with repo.database.write() as session:
         row = target_row(session, actor, mission_id, given, columns)
@@ -96,17 +102,17 @@ def _free_name(session: Session, mission_id: str, wanted: str | None) -> str:
 
 def foresee_targets(
     repo: Repository, mission_id: str, given: Sequence[TargetCreate]
-) -> list[Foreseen | None]:
-    """Return what making many targets takes long for; None where the terrain says nothing of a point."""
+) -> list[Foreseen | GroundError]:
+    """Return what making many targets takes long for; the error where the terrain says nothing of a point."""
     with repo.database.read() as session:
         terrain, start = _ground(repo, session, mission_id)
-        found: list[Foreseen | None] = []
+        found: list[Foreseen | GroundError] = []
         for one in given:
             try:
                 settled = target_in_site(session, mission_id, one)
                 found.append((settled, _columns_at(terrain, start, settled.east_m, settled.north_m)))
-            except GroundError:
-                found.append(None)
+            except GroundError as err:
+                found.append(err)
         return found
 
 

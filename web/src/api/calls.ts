@@ -476,7 +476,9 @@ export const jobEventsUrl = (id: string): string => `${V1}/jobs/${id}/events`;
 
 const JOB_TITLES: Record<string, string> = { plan: "Planning", path_network: "Path network", run: "Dry run" };
 
-const OTHER_TITLES: Record<string, string> = { [CALIBRATE]: "Learning from runs", [EXECUTE]: "Executing" };
+const OTHER_TITLES: Record<string, string> = {
+  [CALIBRATE]: "Learning from runs", [EXECUTE]: "Executing", import_recording: "Taking in a recording",
+};
 
 export const jobTitle = (value: Job): string =>
   OTHER_TITLES[value.kind] ?? JOB_TITLES[value.subject_kind] ?? value.kind.replaceAll("_", " ");
