@@ -143,9 +143,9 @@ class WireRover:
     def since(self, number: int) -> Sequence[Event]:
         """Return what was said after a number, as far as it comes in time; the rest comes as events."""
         with self._told:
+            self._outbox.begun_at = number
             if not self._line.begun:
                 self._stream.go_on_from(number)
-                self._outbox.begun_at = number
                 self._line.begin()
             self._told.wait_for(self._caught_up, self.options.patience_s)
             events = [self._in_plan_time(event) for event in self._talk.events]
@@ -199,7 +199,7 @@ class WireRover:
     # --- for whoever makes the run ------------------------------------------------------
 
     def wait_ready(self, timeout_s: float = 30.0) -> Welcome:
-        """Return what the rover says of itself once its first state is here.
+        """Return what the rover says of itself once all that it had said before is here, its first state.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class WireRover:
         talk = self._talk
         with self._told:
             ready = self._told.wait_for(
-                lambda: self._line.closing or talk.refused or (talk.greeted and self._stream.heard > 0),
+                lambda: talk.refused or self._caught_up(),
                 timeout_s,
             )
             if talk.refused:

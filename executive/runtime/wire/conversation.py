@@ -204,7 +204,8 @@ class Conversation:
         greeted, self.greeted = self.greeted, True
         heard = self.stream.heard
         self.stream.last = max(last, heard)
-        if 0 < heard <= welcome.boot and (before is None or before.boot != welcome.boot):
+        another_life = before.boot != welcome.boot if before is not None else heard > 0
+        if another_life and heard <= welcome.boot:
             self._complain("link", f"the rover has restarted (its word goes on behind {welcome.boot})")
             self.outbox.ask_about_all()
         elif heard and first > heard + 1:

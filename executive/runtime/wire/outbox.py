@@ -11,6 +11,7 @@ from executive.runtime.wire.frames import frame
 from executive.runtime.wire.messages import about, send_message
 
 RESTARTED = "the rover restarted and knows nothing of it"
+UNHEARD = "the rover does not know it, and may have restarted: the journal holds no word of it"
 LONG_AGO = -1e9
 """Before any instant of the monotonic clock: what was said then is due."""
 STOP_AGAIN_S = 0.25
@@ -37,8 +38,8 @@ class Outbox:
 
     def __init__(self) -> None:
         self.boot = 0
-        self.begun_at = 0
-        """Up to which number the run had heard before this process; 0 for a new run."""
+        self.begun_at: int | None = None
+        """Up to which number the run had heard before this process, 0 if nothing; None for a new run."""
         self.stopping = False
         self._stop_said = LONG_AGO
         self._open: dict[CommandId, _Open] = {}
@@ -93,8 +94,8 @@ class Outbox:
             self._open.setdefault(command, _Open({}, state="running", boot=0))
         if status.state is CommandState.UNKNOWN:
             entry = self._open.get(command)
-            if self._is_forgotten(entry):
-                return CommandStatus(CommandState.DONE, Result(0, command, False, RESTARTED))
+            if why := self._why_forgotten(entry):
+                return CommandStatus(CommandState.DONE, Result(0, command, False, why))
             if entry is not None and entry.state == "sent":
                 return CommandStatus(CommandState.RUNNING)  # on its way, and said until it is heard
         return status
@@ -102,15 +103,19 @@ class Outbox:
     def forgotten(self, command: CommandId) -> Result | None:
         """Return how a command ended that a rover which restarted does not know: it may have begun it."""
         entry = self._open.get(command)
-        if entry is None or not self._is_forgotten(entry):
-            return None
-        return Result(0, command, False, RESTARTED)
+        why = self._why_forgotten(entry) if entry is not None else ""
+        return Result(0, command, False, why) if why else None
 
-    def _is_forgotten(self, entry: _Open | None) -> bool:
-        """Tell whether a command belongs to an earlier life of the rover, which may have begun it."""
-        if entry is None or not entry.message:
-            return 0 < self.begun_at <= self.boot
-        return entry.boot is not None and entry.boot < self.boot
+    def _why_forgotten(self, entry: _Open | None) -> str:
+        """Return why a rover that does not know a command may have begun it all the same, or nothing.
+
+        In an earlier life it may; a run that comes back and had heard nothing cannot know of one.
+        """
+        if entry is not None and entry.message:
+            return RESTARTED if entry.boot is not None and entry.boot < self.boot else ""
+        if self.begun_at is None or self.begun_at > self.boot:
+            return ""
+        return RESTARTED if self.begun_at else UNHEARD
 
     def ask_about_all(self) -> None:
         """Let the rover be asked what it knows of each open command; it has restarted."""
@@ -146,7 +151,7 @@ class Outbox:
             elif (
                 entry.state == "sent"
                 and (entry.said == 0.0 or now - entry.said >= retry_s)
-                and not self._is_forgotten(entry)
+                and not self._why_forgotten(entry)
             ):
                 entry.said = now
                 entry.boot = self.boot if entry.boot is None else entry.boot
