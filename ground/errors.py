@@ -24,6 +24,7 @@ GroundError
 ├── UnavailableError         a part that is needed is not there
 │   ├── BusyError            the database is taken up by other writes
 │   └── DamagedDataError     a row holds what the server never writes
+│       └── DamagedFileError a stored file is not what was stored
 └── JobFailedError           the work of a job ended with an expected failure
 """
 
@@ -131,7 +132,11 @@ class BusyError(UnavailableError):
 
 
 class DamagedDataError(UnavailableError):
-    """A row holds what the server never writes there: the disk, or somebody behind its back."""
+    """A row or file holds what the server never writes there: the disk, or somebody behind its back."""
+
+
+class DamagedFileError(DamagedDataError, OSError):
+    """A stored file is not what was stored; an error of the disk for who only asks whether it is sound."""
 
 
 class JobFailedError(GroundError):

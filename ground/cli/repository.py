@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ground.cli.failure import fail
+from ground.cli.failure import fail, refusals
 
 if TYPE_CHECKING:
     from ground.gdr.repository import Repository
@@ -64,5 +64,6 @@ def actor_or_fail(repo: Repository, name: str) -> Actor:
         people = list(session.scalars(select(PersonRow).where(PersonRow.active).order_by(PersonRow.id)))
     for person in people:
         if person.name == name:
-            return actor_of(person)
+            with refusals():
+                return actor_of(person)
     return fail(f"there is nobody called {name!r}; there are {', '.join(p.name for p in people) or 'none'}")

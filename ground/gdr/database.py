@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import DisconnectionError
+from sqlalchemy.exc import DisconnectionError, NoResultFound
 from sqlalchemy.orm import Session
 
-from ground.errors import BusyError
+from ground.errors import BusyError, DamagedDataError
 from ground.gdr.decoding import keep_odd_times, loads, name_damage
 from ground.gdr.durable import FILE_MODE, make_folder
 from ground.gdr.notices import tell_of
@@ -29,6 +29,24 @@ if TYPE_CHECKING:
 
 _WRITE = "outcrop_write"
 _SQLITE_ARGUMENTS: dict[str, Any] = {"check_same_thread": False, "timeout": 30.0}
+
+
+class ReferredSession(Session):
+    """A session in which a row that another one names, and that is not there, has its own error."""
+
+    def get_one(self, entity: Any, ident: Any, **given: Any) -> Any:
+        """Return the row of an id that another row holds.
+
+        Raises
+        ------
+        DamagedDataError
+            If it is not there; the keys between tables forbid that.
+        """
+        try:
+            return super().get_one(entity, ident, **given)
+        except NoResultFound as err:
+            table = getattr(entity, "__tablename__", entity)
+            raise DamagedDataError(f"the table {table} lacks the row {ident} that another one names") from err
 
 
 class _Queue:
@@ -171,7 +189,7 @@ class Database:
         if act is not None and act.session is not None:  # what the act has written is seen by it alone
             yield act.session
             return
-        with Session(self.engine, autoflush=False, expire_on_commit=False) as session:
+        with ReferredSession(self.engine, autoflush=False, expire_on_commit=False) as session:
             yield session
 
     @contextmanager
@@ -253,12 +271,12 @@ class Database:
         if self.is_sqlite:
             with (
                 self._writer.turn(),
-                Session(self.write_engine, expire_on_commit=False) as session,
+                ReferredSession(self.write_engine, expire_on_commit=False) as session,
                 session.begin(),
             ):
                 yield session
         else:
-            with Session(self.write_engine, expire_on_commit=False) as session, session.begin():
+            with ReferredSession(self.write_engine, expire_on_commit=False) as session, session.begin():
                 tell_of(session)
                 yield session
 

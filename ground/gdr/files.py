@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ground.errors import DamagedFileError
 from ground.gdr.durable import DRAFT, FILE_MODE, make_folder, put_in_place
 from ground.gdr.packed import SUFFIX, is_kept, packed_path, read_kept, write_packed
 
@@ -37,9 +38,15 @@ class FileStore:
         self.folder = folder
 
     def path(self, sha256: str) -> Path:
-        """Return where the file with this hash lies, whether or not it is there."""
+        """Return where the file with this hash lies, whether or not it is there.
+
+        Raises
+        ------
+        DamagedFileError
+            If it is no hash: the row that names it was changed.
+        """
         if len(sha256) != 64 or any(c not in "0123456789abcdef" for c in sha256):
-            raise ValueError(f"not a SHA-256 in lower-case hexadecimal: {sha256!r}")
+            raise DamagedFileError(f"not a SHA-256 in lower-case hexadecimal: {sha256!r}")
         return self.folder / sha256[:2] / sha256[2:4] / sha256
 
     def put(self, chunks: Iterable[bytes]) -> StoredFile:
@@ -73,8 +80,19 @@ class FileStore:
         return StoredFile(sha256, len(content))
 
     def read(self, sha256: str) -> bytes:
-        """Return what a file holds, packed or not."""
-        return read_kept(self.path(sha256))
+        """Return what a file holds, packed or not.
+
+        Raises
+        ------
+        FileNotFoundError
+            If it is not there.
+        DamagedFileError
+            If it is not what was stored.
+        """
+        content = read_kept(self.path(sha256))
+        if hashlib.sha256(content).hexdigest() != sha256:
+            raise DamagedFileError(f"the file {sha256} is damaged: it does not hold what its name says")
+        return content
 
     def holds(self, sha256: str) -> bool:
         """Return whether a file is there, packed or not."""

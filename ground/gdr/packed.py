@@ -12,6 +12,7 @@ from pathlib import Path
 
 import brotli
 
+from ground.errors import DamagedFileError
 from ground.gdr.durable import DRAFT, FILE_MODE, make_folder, put_in_place
 
 SUFFIX = ".br"
@@ -37,13 +38,13 @@ def unpack(content: bytes) -> bytes:
 
     Raises
     ------
-    OSError
+    DamagedFileError
         If it is damaged, as from a disk that gives back something else.
     """
     try:
         found: bytes = brotli.decompress(content)
     except brotli.error as err:
-        raise OSError("what was packed cannot be unpacked: it is damaged") from err
+        raise DamagedFileError("what was packed cannot be unpacked: it is damaged") from err
     return found
 
 
@@ -78,10 +79,16 @@ def read_kept(path: Path) -> bytes:
     ------
     FileNotFoundError
         If it is there in neither.
+    DamagedFileError
+        If it is there packed and damaged; the message names its folder and its name.
     """
     try:
         return path.read_bytes()
     except FileNotFoundError:
         if not packed_path(path).is_file():
             raise
+    try:
         return unpack(packed_path(path).read_bytes())
+    except DamagedFileError as err:
+        place = f"{path.parent.name}/{packed_path(path).name}"
+        raise DamagedFileError(f"the file {place} cannot be unpacked: it is damaged") from err

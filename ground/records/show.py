@@ -8,6 +8,8 @@ from enum import Enum
 from functools import cache
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
+from ground.errors import DamagedDataError
+
 T = TypeVar("T")
 Reader = Callable[[Any], Any]
 
@@ -41,9 +43,20 @@ def value_of(value: Callable[..., T], row: Any, /, **given: Any) -> T:
 
     Documents become the values and enumerations that the member's type names; a list that is null is an empty
     one.
+
+    Raises
+    ------
+    DamagedDataError
+        If a column holds what the member's type does not name.
     """
     found = {}
     for name, read in _members(value).items():
         part = given[name] if name in given else getattr(row, name)
-        found[name] = part if read is None else read(part)
+        try:
+            found[name] = part if read is None else read(part)
+        except ValueError as err:
+            what = f"{getattr(value, '__name__', 'row')} {getattr(row, 'id', '')}".strip()
+            raise DamagedDataError(
+                f"the {what} holds in {name} {str(part)[:80]!r}, which is no such value"
+            ) from err
     return value(**found)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from executive.errors import ExecutiveError
@@ -106,16 +107,15 @@ class Rover:
 
     def _approved(self, head: bytes, files: dict[str, bytes]) -> bool:
         try:
-            given = {s["role"]: s for s in json.loads(files["signatures.json"])["signatures"]}
+            given = [(s["role"], s["signature"]) for s in json.loads(files["signatures.json"])["signatures"]]
         except (KeyError, TypeError, ValueError):
             return False
         keys = {"author": self.team.author, "verifier": self.team.author, "approver": self.team.approver}
         people = set()
         for role, key in keys.items():
             said = f"outcrop package/2 {role}\n".encode() + head
-            try:
-                key.public_key().verify(base64.b64decode(given[role]["signature"]), said)
-            except (InvalidSignature, KeyError, ValueError):
+            # False ones may stand beside the true one: what counts is that it is there.
+            if not any(_true(key, signature, said) for as_, signature in given if as_ == role):
                 return False
             if role not in self.signed.get(head, set()):
                 return False  # true, but nobody gave it
@@ -128,3 +128,11 @@ class Rover:
             self.found[what] += 1
             if what in BAD:
                 self.noted.append(f"{what}: {detail[:400]}")
+
+
+def _true(key: Ed25519PrivateKey, signature: Any, said: bytes) -> bool:
+    try:
+        key.public_key().verify(base64.b64decode(signature), said)
+    except (InvalidSignature, TypeError, ValueError):
+        return False
+    return True

@@ -24,7 +24,7 @@ from ground.resources.approvals.value import FlightRuleResult
 from ground.resources.campaigns.row import CampaignRow
 from ground.resources.missions.terrain import mission_terrain
 from ground.resources.plans.kind import PLAN
-from ground.resources.plans.read_plan import computed_plan
+from ground.resources.plans.read_plan import computed_plan, parsed_plan
 from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow, came_with_an_archive
 from ground.resources.sols.row import SolRow
@@ -58,10 +58,7 @@ def _largest_campaign(session: Session, plan: PlanRow) -> CampaignResult | None:
 
 def _used(plan: PlanRow, problem: Document) -> UsedObservations:
     """Return what the text observes; the list beside it may have come in with an archive."""
-    from executive.crl import parse
-
-    assert plan.crl_text is not None
-    return used_observations(parse(plan.crl_text), problem, profile_of(plan.rover_profile))
+    return used_observations(parsed_plan(plan), problem, profile_of(plan.rover_profile))
 
 
 def _problem(session: Session, plan: PlanRow) -> Document | None:

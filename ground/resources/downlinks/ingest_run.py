@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -22,6 +22,7 @@ from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.packages.row import PackageRow
 from ground.resources.plans.kind import PLAN
+from ground.resources.plans.read_plan import parsed_plan
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
 from ground.resources.runs.dry_run import record_run
@@ -31,6 +32,9 @@ from ground.resources.runs.value import Run, RunKind
 from ground.resources.runs.work import read_run_folder
 from ground.resources.uploads.store_upload import find_upload
 from mission.codec import Document
+
+if TYPE_CHECKING:
+    from executive.crl.nodes import Plan
 
 
 def ingest_upload(repo: Repository, actor: Actor, upload_id: str) -> Run:
@@ -163,7 +167,7 @@ def _settle_requests(
 ) -> None:
     """Write what became of each request: satisfied by a product, failed with its task, or not come to."""
     outcomes: Mapping[str, Any] = document.get("outcomes") or {}
-    tasks = request_tasks(plan.crl_text or "")
+    tasks = request_tasks(parsed_plan(plan))
     where = " on the training rover" if document.get("training") is True else ""
     rows = ObservationRequestRow
     for request in session.scalars(select(rows).where(rows.mission_id == plan.mission_id)):
@@ -183,9 +187,9 @@ def _settle_requests(
         update(session, SYSTEM_ACTOR, OBSERVATION_REQUEST, request, changes, action="execute")
 
 
-def request_tasks(crl_text: str) -> dict[str, list[str]]:
+def request_tasks(plan: Plan) -> dict[str, list[str]]:
     """Return the ids of the CRL tasks of each request, from the metadata of the plan."""
-    from executive.crl import parse, to_json
+    from executive.crl import to_json
 
     found: dict[str, list[str]] = {}
 
@@ -200,5 +204,5 @@ def request_tasks(crl_text: str) -> dict[str, list[str]]:
             for item in value:
                 walk(item)
 
-    walk(to_json(parse(crl_text)))
+    walk(to_json(plan))
     return found

@@ -20,6 +20,7 @@ from ground.resources.executions.bodies import ExecutionCreate
 from ground.resources.executions.order import ORDERS, ExecutionWork, Signer
 from ground.resources.missions.terrain import terrain_row
 from ground.resources.packages.row import PackageRow
+from ground.resources.people.accounts import actor_of
 from ground.resources.people.row import PersonRow, SigningKeyRow
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
@@ -114,7 +115,7 @@ def _signers(session: Session, mission_id: str) -> tuple[Signer, ...]:
     )
     found = []
     for public, person in session.execute(query):
-        may = ALLOWED[Actor(person.name, Role(person.role), person.mission_roles).role_in(mission_id)]
+        may = ALLOWED[actor_of(person).role_in(mission_id)]
         roles = ["author", "verifier"] * (Action.PLAN in may) + ["approver"] * (Action.APPROVE in may)
         if roles:
             found.append(Signer(person.name, public, tuple(roles)))

@@ -17,6 +17,7 @@ from ground.records.get_resource import find_row
 from ground.resources.packages.row import PackageRow, SignatureRow, StatementRow
 from ground.resources.packages.statement import current_statement, plan_text
 from ground.resources.people.row import SigningKeyRow
+from ground.resources.people.signing_keys import stored_key
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
@@ -26,7 +27,6 @@ from ground.uplink.verify import (
     SIGNERS,
     RefusedError,
     message,
-    public_key,
     read_package,
     signed_by,
 )
@@ -117,7 +117,9 @@ def _signatures(session: Session, plan: PlanRow, statement: StatementRow) -> lis
         Signature(row.role, row.key_id, row.signature)
         for row, public in session.execute(query)
         if signed_by(
-            public_key(public), row.signature, message(PACKAGE, row.role, statement.manifest.encode())
+            stored_key(row.key_id, public),
+            row.signature,
+            message(PACKAGE, row.role, statement.manifest.encode()),
         )
     ]
     lacking = [role for role in SIGNERS if all(s.role != role for s in found)]

@@ -27,11 +27,12 @@ from ground.resources.packages.statement import (
 )
 from ground.resources.packages.value import Statement
 from ground.resources.people.row import PersonRow, SigningKeyRow
+from ground.resources.people.signing_keys import stored_key
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.read_plan import computed_plan
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import PlanState
-from ground.uplink.verify import PACKAGE, message, public_key, signed_by
+from ground.uplink.verify import PACKAGE, message, signed_by
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +107,7 @@ def _check_signature(session: Session, actor: Actor, statement: StatementRow, gi
             pointer="/key",
         )
     content = message(PACKAGE, given.role, statement.manifest.encode())
-    if not signed_by(public_key(key.public), given.signature, content):
+    if not signed_by(stored_key(key.id, key.public), given.signature, content):
         raise InvalidInputError(
             f"the signature is not that of the key {given.key} over this manifest as {given.role}",
             pointer="/signature",

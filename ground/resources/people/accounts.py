@@ -8,6 +8,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from ground.errors import (
+    DamagedDataError,
     InvalidInputError,
     NameTakenError,
     NotFoundError,
@@ -19,7 +20,7 @@ from ground.records.actor import SYSTEM_ACTOR, Action, Actor, KeyScope, Role, re
 from ground.records.edit import insert
 from ground.resources.people.kind import PERSON, conceal_missions
 from ground.resources.people.password_hash import hash_of
-from ground.resources.people.row import PersonRow
+from ground.resources.people.row import CredentialRow, PersonRow
 from ground.resources.people.value import Person
 from ground.settings import Authentication
 
@@ -95,7 +96,28 @@ def person_named(session: Session, name: str) -> PersonRow:
 
 
 def actor_of(person: PersonRow, scope: KeyScope | None = None) -> Actor:
-    return Actor(person.name, Role(person.role), dict(person.mission_roles), scope)
+    """Return a person as one who acts.
+
+    Raises
+    ------
+    DamagedDataError
+        If their row holds a role that there is not.
+    """
+    return Actor(person.name, role_of(person, person.role), dict(person.mission_roles), scope)
+
+
+def role_of(row: PersonRow | CredentialRow, name: str) -> Role:
+    """Return the role of a person or an API key.
+
+    Raises
+    ------
+    DamagedDataError
+        If there is none of that name.
+    """
+    try:
+        return Role(name)
+    except ValueError as err:
+        raise DamagedDataError(f"the row {row.id} of {row.__tablename__} holds the role {name!r}") from err
 
 
 def profiles(repo: Repository, names: Collection[str]) -> dict[str, Actor]:

@@ -16,7 +16,7 @@ from ground.gdr.history import SYSTEM, Change, record
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor, KeyScope, Role
-from ground.resources.people.accounts import actor_of, person_named
+from ground.resources.people.accounts import actor_of, person_named, role_of
 from ground.resources.people.row import CredentialRow, PersonRow
 from ground.resources.people.value import ApiKey, NewApiKey, OpenSession, Person
 
@@ -183,4 +183,4 @@ def identify(repo: Repository, secrets_given: Collection[str]) -> dict[str, Acto
 
 
 def _role(row: CredentialRow) -> Role | None:
-    return None if row.role is None else Role(row.role)
+    return None if row.role is None else role_of(row, row.role)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from sqlalchemy import select
 
-from ground.errors import ConflictError, InvalidInputError, NotFoundError
+from ground.errors import ConflictError, DamagedDataError, InvalidInputError, NotFoundError
 from ground.gdr.base import utc_now
 from ground.gdr.history import SYSTEM, Change, record
 from ground.gdr.repository import Repository
@@ -62,6 +63,22 @@ def register_signing_key(
         if row.person_id != person.id or row.revoked_utc is not None:
             raise ConflictError(f"the key {identifier} is somebody else's or was revoked")
         return SigningKey(row.id, actor.name, row.name, row.public, row.created_utc, row.revoked_utc)
+
+
+def stored_key(identifier: str, public: str) -> Ed25519PublicKey:
+    """Return a registered key; its name is its digest, so that no other can stand in its place.
+
+    Raises
+    ------
+    DamagedDataError
+        If the text is another key's than that of this name, or none.
+    """
+    try:
+        if id_of(public) == identifier:
+            return public_key(public)
+    except InvalidInputError:
+        pass
+    raise DamagedDataError(f"the signing key {identifier} is not the one that was registered")
 
 
 def revoke_signing_key(repo: Repository, actor: Actor, key_id: str) -> None:

@@ -9,7 +9,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.records.show import value_of
 from ground.resources.plans.plan_futures import FUTURES, bin_edges, fly, histogram, rounded, stored
-from ground.resources.plans.read_plan import computed_plan, tree_of
+from ground.resources.plans.read_plan import computed_plan, parsed_plan, tree_of
 from ground.resources.plans.study_value import PairHistogram, PlanComparison, Relaxation, WhyNot
 
 if TYPE_CHECKING:
@@ -99,15 +99,13 @@ def differ_plans(repo: Repository, actor: Actor, plan_id: str, other_id: str) ->
     InvalidInputError
         If they are of different missions.
     """
-    from executive.crl.reader import parse
     from ground.versions.difference import difference
 
     with repo.database.read() as session:
         a, b = computed_plan(session, actor, plan_id), computed_plan(session, actor, other_id)
         if a.mission_id != b.mission_id:
             raise InvalidInputError(f"plans {a.id} and {b.id} are of different missions", pointer="other_id")
-        texts = a.crl_text or "", b.crl_text or ""
-    return difference(*map(parse, texts))
+        return difference(parsed_plan(a), parsed_plan(b))
 
 
 def _pair_histogram(a: Floats, b: Floats) -> PairHistogram:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 from sqlalchemy.orm import Session
 
-from ground.errors import StateError
+from ground.errors import DamagedDataError, StateError
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.records.get_resource import find_row, read_row
@@ -15,6 +16,9 @@ from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
 from ground.resources.plans.value import Finding
 from mission.codec import Document
+
+if TYPE_CHECKING:
+    from executive.crl.nodes import Plan
 
 
 def computed_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
@@ -45,6 +49,22 @@ def tree_of(row: PlanRow) -> Document:
     return row.tree
 
 
+def parsed_plan(row: PlanRow) -> Plan:
+    """Return what the text of a computed plan says.
+
+    Raises
+    ------
+    DamagedDataError
+        If it is no CRL: it was when it was stored.
+    """
+    from executive.crl import CrlError, parse
+
+    try:
+        return parse(row.crl_text or "")
+    except (CrlError, RecursionError) as err:
+        raise DamagedDataError(f"the text of plan {row.number} is no CRL any more") from err
+
+
 def read_tree(repo: Repository, actor: Actor, plan_id: str) -> Document:
     """Return the plan tree."""
     with repo.database.read() as session:
@@ -72,12 +92,13 @@ def read_summary(repo: Repository, actor: Actor, plan_id: str) -> Document:
 def read_crl(repo: Repository, actor: Actor, plan_id: str, *, canonical: bool = False) -> str:
     """Return the CRL, readable or canonical."""
     with repo.database.read() as session:
-        text = computed_plan(session, actor, plan_id).crl_text or ""
-    if not canonical:
-        return text
-    from executive.crl import canonical_text, parse
+        row = computed_plan(session, actor, plan_id)
+        if not canonical:
+            return row.crl_text or ""
+        parsed = parsed_plan(row)
+    from executive.crl import canonical_text
 
-    return canonical_text(parse(text))
+    return canonical_text(parsed)
 
 
 def read_findings(repo: Repository, actor: Actor, plan_id: str) -> list[Finding]:
