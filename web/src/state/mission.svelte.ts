@@ -29,6 +29,7 @@ import { type CrlNode, nodesOf } from "../lib/crl";
 import { withRule } from "../lib/drives";
 import { inUnits, words } from "../lib/format";
 import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
+import type { Marks, Names } from "../lib/plan-versions";
 import { reasonsOf } from "../lib/planning";
 import type { Selection } from "../lib/route";
 import { app } from "./app.svelte";
@@ -50,6 +51,15 @@ export interface Focus {
   task: string | null;
 }
 
+/** The open plan as it differs from another one. */
+export interface Against {
+  plan: string;
+  other: Plan;
+  marks: Marks;
+  /** What only the other plan has, in words. */
+  gone: readonly string[];
+}
+
 /** A better plan that was found while the search goes on. */
 export interface Found {
   at_s: number;
@@ -66,6 +76,9 @@ const NO_FOCUS: Focus = {
   keepOut: null,
   task: null,
 };
+
+/** Whether a plan was joined from two others: it has a text, and no tree and no prediction. */
+export const isMerged = (plan: Plan): boolean => plan.strategy === "merged";
 
 export class MissionState {
   mission = $state.raw<Mission | null>(null);
@@ -113,7 +126,9 @@ export class MissionState {
   reasons = $state.raw<readonly string[]>([]);
   planError = $state<string | null>(null);
   /** What is open on the plan sheet beside the plan. */
-  asked = $state<"what-if" | "compare" | "campaign" | null>(null);
+  asked = $state<"what-if" | "compare" | "merge" | "campaign" | null>(null);
+  /** What differs from another plan, marked on outline and timeline; null where nothing is marked. */
+  against = $state.raw<Against | null>(null);
   /** The what-if that is being tried; what is dragged on the map then is tried and not saved. */
   tried = $state.raw<WhatIfState | null>(null);
 
@@ -351,9 +366,10 @@ export class MissionState {
     if (this.planLoaded === plan.id) return;
     this.planLoaded = plan.id;
     this.planError = null;
+    if (this.against?.plan !== plan.id) this.against = null;
     try {
       const [tree, crl, findings, summary] = await Promise.all([
-        calls.planTree(plan.id),
+        isMerged(plan) ? null : calls.planTree(plan.id),
         calls.planCrl(plan.id),
         calls.planFindings(plan.id),
         calls.planSummary(plan.id),
@@ -536,6 +552,12 @@ export class MissionState {
     const text = inUnits(this.named(detail.replace(/^no plan: /, "")));
     return text.slice(0, 1).toUpperCase() + text.slice(1);
   }
+
+  /** Names for texts about plans; what is gone has none. */
+  readonly names: Names = {
+    target: (id) => this.targetOf(id)?.name ?? "a deleted target",
+    request: (id) => (this.requestById.has(id) ? this.requestName(id) : "a deleted request"),
+  };
 
   /** A text of the server with names in the place of ids of targets and requests. */
   named(text: string): string {
