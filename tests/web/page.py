@@ -38,10 +38,11 @@ def open_page(
     query: str = "?quality=test",
     scheme: str = "dark",
     refused: str = "",
+    status: int = 422,
 ) -> Iterator[Page]:
     """Open the list of missions; an error in the page's console fails the test.
 
-    `refused` is the end of an address whose refusal (422), which browsers log, is none.
+    `refused` is the end of an address whose refusal with `status`, which browsers log, is none.
     """
     context = browser.new_context(viewport={"width": 1440, "height": 900}, color_scheme=scheme)  # type: ignore[arg-type]
     page = context.new_page()
@@ -65,7 +66,7 @@ def open_page(
                 print("console:", errors)
             raise
         if refused:
-            errors = [e for e in errors if not ("status of 422" in e and f"{refused}'" in e)]
+            errors = [e for e in errors if not (f"status of {status}" in e and f"{refused}'" in e)]
         assert errors == [], errors
     finally:
         context.close()
