@@ -20,6 +20,25 @@ def _base32(number: int, digits: int) -> str:
     return out
 
 
+_PAIRS = [first + second for first in _ALPHABET for second in _ALPHABET]
+"""Two digits of every number below 1024."""
+
+
+def new_ids(prefix: str, count: int) -> list[str]:
+    """Return as many ids as `new_id` would, in ascending order, at a fraction of the cost."""
+    global _last_ms
+    with _lock:
+        first = max(_last_ms + 1, time.time_ns() // 1_000_000 - _EPOCH_MS)
+        _last_ms = first + count - 1
+    chance = memoryview(secrets.token_bytes(4 * count)).cast("I")
+    two = _PAIRS
+    return [
+        f"{prefix}-{two[ms >> 30 & 1023]}{two[ms >> 20 & 1023]}{two[ms >> 10 & 1023]}{two[ms & 1023]}"
+        f"{two[c >> 15 & 1023]}{two[c >> 5 & 1023]}{_ALPHABET[c & 31]}"
+        for ms, c in zip(range(first, first + count), chance, strict=True)
+    ]
+
+
 def new_id(prefix: str) -> str:
     """Return `prefix-` and 13 characters: 8 of milliseconds since 2025, 5 of chance.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC
 from functools import cache
 from typing import Any
@@ -57,12 +57,17 @@ def row_digest(table: Table, values: Values) -> str:
     What is null or the column's default does not count: a column of a later version changes no digest.
     """
     content = {}
-    for name, plain, usual in _sealed_columns(table):
+    for name, plain, usual in sealed_columns(table):
         value = values[name]
         if value is not None and plain is not None:
             value = plain(value)
         if value is not None and value != usual:
             content[name] = value
+    return content_digest(content)
+
+
+def content_digest(content: Columns) -> str:
+    """Return the SHA-256 of what a seal covers of a row, by the names of its columns."""
     options = orjson.OPT_SORT_KEYS | orjson.OPT_NON_STR_KEYS
     try:
         text = orjson.dumps(content, default=_number, option=options)
@@ -75,9 +80,9 @@ Plain = Callable[[Any], Any]
 
 
 @cache
-def _sealed_columns(table: Table) -> tuple[tuple[str, Plain | None, object], ...]:
+def sealed_columns(table: Table) -> tuple[tuple[str, Plain | None, object], ...]:
     """Return the name, the plain form and the usual value of each column that a seal covers."""
-    return tuple((c.name, _plain(c.type), _usual(c)) for c in table.columns if c.name not in SECRET)
+    return tuple((c.name, plain_of(c.type), _usual(c)) for c in table.columns if c.name not in SECRET)
 
 
 def _usual(column: Column[Any]) -> object:
@@ -88,7 +93,7 @@ def _usual(column: Column[Any]) -> object:
     return kind() if kind in {str, bool, int, float} else None
 
 
-def _plain(kind: object) -> Plain | None:
+def plain_of(kind: object) -> Plain | None:
     """Return what makes of a value what it is after a way through the database; None where it is the same."""
     if isinstance(kind, JSON):
         return None
@@ -142,6 +147,12 @@ def drain(session: Session, chain_id: str) -> Seals | None:
         key: row if row is None or isinstance(row, str) else row_digest(table_of(row), values_of(row))
         for key, row in rows.items()
     } or None
+
+
+def seal_digests(session: Session, chain_id: str, table: Table, digests: Iterable[tuple[str, str]]) -> None:
+    """Seal rows of a chain by their ids and digests."""
+    pending = pending_of(session).setdefault(chain_id, {})
+    pending |= {f"{table.name}/{row}": found for row, found in digests}
 
 
 def seal_values(session: Session, chain_id: str, table: Table, rows: list[Columns]) -> None:

@@ -6,10 +6,11 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from sqlalchemy import func, select
+from sqlalchemy import func, select, text
 
 from ground.app import service
 from ground.gdr.history import EventRow, verify_chains
+from ground.gdr.ids import new_id, new_ids
 from ground.resources.history.verify_rows import verify_rows
 from ground.resources.mission_archives import copy_mission as copying
 from ground.resources.missions.row import MissionRow
@@ -176,3 +177,22 @@ def test_a_copy_that_was_swept_while_it_stood_still_says_so_and_leaves_nothing(
         assert not session.scalars(select(MissionRow).where(MissionRow.in_making)).all()
         assert session.scalar(select(func.count()).select_from(TargetRow)) == 7
     require_sound(api)
+
+
+def test_a_row_that_was_damaged_is_named_by_a_copy_which_leaves_nothing(api: Api, mission: Mission) -> None:
+    api.post(f"/missions/{mission.id}/targets/bulk", {"create": places(3)}, status=200)
+    for junk in ('{"a": 1}', "null", "7"):
+        with api.repo.database.engine.begin() as connection:
+            connection.execute(text("UPDATE targets SET normal = :junk"), {"junk": junk})
+        answer = problem(
+            api("POST", f"/missions/{mission.id}/copy", {"name": "Damaged"}), 503, "data-damaged"
+        )
+        assert "the table targets holds in normal" in answer["detail"]
+    assert [m["id"] for m in api.get("/missions")["items"]] == [mission.id]
+
+
+def test_ids_made_together_are_ids_like_others_and_ascend() -> None:
+    before, many, after = new_id("tgt"), new_ids("tgt", 5000), new_id("tgt")
+    assert sorted({before, *many, after}) == [before, *many, after]
+    assert {len(name) for name in many} == {len(before)}
+    assert new_ids("tgt", 0) == []

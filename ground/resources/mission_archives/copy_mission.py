@@ -7,20 +7,22 @@ for, nor can its parts; what a crash leaves of one goes with a later copy or whe
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import Table, delete, insert, select
+from sqlalchemy import Table, delete, select
 from sqlalchemy.orm import Session
 
 from ground.errors import StateError
 from ground.gdr.base import Columns, table_of, utc_now
 from ground.gdr.history import ChainRow, Change, hold_chain, open_chain, record
-from ground.gdr.ids import new_id
+from ground.gdr.ids import new_id, new_ids
+from ground.gdr.raw_rows import RawRow, RawRows
 from ground.gdr.repository import Repository
-from ground.gdr.seals import seal_values
+from ground.gdr.seals import seal_digests
 from ground.records.actor import Action, Actor
 from ground.records.edit import public
 from ground.records.get_resource import find_row
@@ -34,7 +36,7 @@ from ground.resources.people.mission_roles import inherit_roles
 
 COPIED = ("frame", "solution", "frame_file", "site_map", "sol", "target", "observation_request", "keep_out")
 """Kinds that a copy has, in the order in which they refer to each other."""
-ROWS_AT_ONCE = 250
+ROWS_AT_ONCE = 750
 """Rows of one transaction: about 10 ms, so that one may wait for two of them within 50 ms."""
 LEFT_BEHIND = timedelta(minutes=10)
 """A copy that has written nothing for so long goes on no more: its server was stopped.
@@ -47,15 +49,24 @@ CLAIMED = datetime(1970, 1, 1, tzinfo=UTC)
 
 _NAMES = ("frame_id", "reference_id", "solution_id", "file_id", "target_id")
 """Columns that refer to something of the same mission."""
-_REQUESTS = "observation_requests"
+_REQUEST = "observation_request"
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Rows of one kind."""
+
+    kind: str
+    raw: RawRows
+    rows: Sequence[RawRow]
 
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """What is copied: the columns of the mission, and of its parts by table, as they were at one moment."""
+    """What is copied: the columns of the mission, and its parts in the order of `COPIED`, at one moment."""
 
     mission: Columns
-    parts: Mapping[str, list[Columns]]
+    parts: Sequence[_Part]
     event: int
     """Number of its newest event at that moment."""
 
@@ -71,13 +82,14 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
     with repo.database.apart():
         sweep_copies(repo)
         source = _read(repo, mission_id)
-        new_ids = _new_ids(source)
+        ids = _new_ids(source)
         beat = _begin(repo, actor, source.mission, copy_id, name, notes)
-        for table, rows in _copies(source, actor, copy_id, new_ids):
+        for raw, rows in _copies(source, actor, copy_id, ids):
+            digests = [(row[raw.place["id"]], raw.digest(row)) for row in rows]
             with repo.database.write() as session:
                 beat = _alive(session, copy_id, beat)
-                session.execute(insert(table), rows)
-                seal_values(session, copy_id, table, rows)
+                raw.write(session.connection(), rows)
+                seal_digests(session, copy_id, raw.table, digests)
     with repo.database.write() as session:
         find_row(session, MISSION, mission_id)
         inherit_roles(session, actor, mission_id, copy_id)
@@ -85,9 +97,9 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
         _alive(session, copy_id, beat)
         copy = session.get_one(MissionRow, copy_id)
         copy.in_making = False
-        copy.anchor_frame_id = new_ids.get(source.mission["anchor_frame_id"])
-        copy.drive_rules = _rules(source.mission["drive_rules"], new_ids)
-        session.add(_base(source, actor, copy_id, new_ids))
+        copy.anchor_frame_id = ids.get(source.mission["anchor_frame_id"])
+        copy.drive_rules = _rules(source.mission["drive_rules"], ids)
+        session.add(_base(source, actor, copy_id, ids))
         session.flush()
         record(session, copy_id, Change(actor.name, "copy", MISSION.name, copy_id, None, public(copy)))
         return MISSION.show_one(session, copy)
@@ -102,11 +114,10 @@ def _read(repo: Repository, mission_id: str) -> _Source:
         missions = _table("mission")
         mission = reader.execute(select(missions).where(missions.c.id == mission_id)).mappings().one()
         event = reader.execute(select(ChainRow.seq).where(ChainRow.id == mission_id)).scalar_one()
-        parts = {}
+        parts = []
         for kind_name in COPIED:
-            table = _table(kind_name)
-            query = select(table).where(table.c.mission_id == mission_id).order_by(table.c.id)
-            parts[table.name] = [dict(row) for row in reader.execute(query).mappings()]
+            raw = RawRows(_table(kind_name), reader.dialect)
+            parts.append(_Part(kind_name, raw, raw.read(reader, mission_id)))
         return _Source(dict(mission), parts, event)
 
 
@@ -116,14 +127,18 @@ def _table(kind_name: str) -> Table:
 
 def _new_ids(source: _Source) -> dict[str, str]:
     """Return the ids of the copies by those of what is copied."""
-    prefixes = {_table(kind_name).name: KINDS[kind_name].prefix for kind_name in COPIED}
-    return {row["id"]: new_id(prefixes[table]) for table, rows in source.parts.items() for row in rows}
+    found: dict[str, str] = {}
+    for part in source.parts:
+        place = part.raw.place["id"]
+        mine = new_ids(KINDS[part.kind].prefix, len(part.rows))
+        found |= zip((row[place] for row in part.rows), mine, strict=True)
+    return found
 
 
 def _begin(repo: Repository, actor: Actor, source: Columns, copy_id: str, name: str, notes: str) -> datetime:
     """Write the copy of the mission itself, which nobody sees yet; return its first sign of life."""
     beat = utc_now()
-    mine = _made(source, actor, beat)
+    mine = {**source, "author": actor.name, "revision": 1, "created_utc": beat, "modified_utc": beat}
     mine |= {"id": copy_id, "name": name, "notes": notes, "copied_from": source["id"], "in_making": True}
     with repo.database.write() as session:
         session.add(MissionRow(**{**mine, "anchor_frame_id": None, "drive_rules": None}))
@@ -147,45 +162,45 @@ def _alive(session: Session, copy_id: str, beat: datetime) -> datetime:
     return row.modified_utc
 
 
-def _made(row: Columns, actor: Actor, now: datetime) -> Columns:
-    return {**row, "author": actor.name, "revision": 1, "created_utc": now, "modified_utc": now}
-
-
 def _copies(
-    source: _Source, actor: Actor, copy_id: str, new_ids: Mapping[str, str]
-) -> Iterator[tuple[Table, list[Columns]]]:
+    source: _Source, actor: Actor, copy_id: str, ids: Mapping[str, str]
+) -> Iterator[tuple[RawRows, list[tuple[Any, ...]]]]:
     """Yield the rows of a copy, as many as one transaction writes, in the order in which they refer."""
     now = utc_now()
-    for kind_name in COPIED:
-        table = _table(kind_name)
-        names = [name for name in _NAMES if name in table.c]
-        rows = source.parts[table.name]
-        for first in range(0, len(rows), ROWS_AT_ONCE):
+    for part in source.parts:
+        place = part.raw.place
+        fixed = {"author": actor.name, "revision": 1, "mission_id": copy_id}
+        fixed |= dict.fromkeys(("created_utc", "modified_utc"), part.raw.time(now))
+        fixed |= {"state": "open", "state_reason": ""} if part.kind == _REQUEST else {}
+        set_here = [(place[name], value) for name, value in fixed.items()]
+        named = [place[name] for name in ("id", *_NAMES) if name in place]
+        after = place.get("after") if part.kind == _REQUEST else None
+        for first in range(0, len(part.rows), ROWS_AT_ONCE):
             some = []
-            for row in rows[first : first + ROWS_AT_ONCE]:
-                mine = _made(row, actor, now)
-                mine |= {"id": new_ids[row["id"]], "mission_id": copy_id}
-                mine |= {name: new_ids[row[name]] for name in names if row[name] is not None}
-                if table.name == _REQUESTS:
-                    after = [new_ids[i] for i in row["after"] if i in new_ids]
-                    mine |= {"after": after, "state": "open", "state_reason": ""}
-                some.append(mine)
-            yield table, some
+            for row in part.rows[first : first + ROWS_AT_ONCE]:
+                mine = list(row)
+                for at, value in set_here:
+                    mine[at] = value
+                for at in named:
+                    if mine[at] is not None:
+                        mine[at] = ids[mine[at]]
+                if after is not None:
+                    mine[after] = json.dumps([ids[i] for i in json.loads(mine[after]) if i in ids])
+                some.append(tuple(mine))
+            yield part.raw, some
 
 
-def _base(source: _Source, actor: Actor, copy_id: str, new_ids: Mapping[str, str]) -> MergeBaseRow:
+def _base(source: _Source, actor: Actor, copy_id: str, ids: Mapping[str, str]) -> MergeBaseRow:
     """Return what a copy is compared by with what it was made of, and merged."""
     head = {"id": new_id(MERGE_BASE.prefix), "author": actor.name, "mission_id": copy_id}
-    pairs = [list(pair) for pair in new_ids.items()]
+    pairs = [list(pair) for pair in ids.items()]
     return MergeBaseRow(**head, from_id=source.mission["id"], event=source.event, pairs=pairs)
 
 
-def _rules(
-    rules: Sequence[Mapping[str, Any]] | None, new_ids: Mapping[str, str]
-) -> list[dict[str, Any]] | None:
+def _rules(rules: Sequence[Mapping[str, Any]] | None, ids: Mapping[str, str]) -> list[dict[str, Any]] | None:
     """Return drive rules between the targets of the copy."""
     ends = ("from_target_id", "to_target_id")
-    return [{**rule, **{end: new_ids.get(rule[end]) for end in ends}} for rule in rules] if rules else None
+    return [{**rule, **{end: ids.get(rule[end]) for end in ends}} for rule in rules] if rules else None
 
 
 def sweep_copies(repo: Repository) -> None:
