@@ -1,6 +1,10 @@
 """Scripts of attackers against the ground and the uplink, and what came of them.
 
-.venv/bin/python -m studies.adversary --scripts 3000
+    .venv/bin/python -m studies.adversary --scripts 3000
+    .venv/bin/python -m studies.adversary --scripts 100 --processes
+
+With `--processes` all scripts are against the ground, and server, commands and executions are processes of
+their own, the executions killed at times.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from studies.common.attack_processes import ProcessScript
 from tests.adversary.ground import make_ground
 from tests.adversary.model import Script as RoverScript
 from tests.adversary.oracle import BAD
@@ -27,6 +32,7 @@ def main() -> None:
     parser.add_argument(
         "--scripts", type=int, default=3000, help="half against ground and rover, half the rover"
     )
+    parser.add_argument("--processes", action="store_true", help="real processes, killed at times")
     parser.add_argument("--seed", type=int, default=secrets.randbelow(2**31))
     asked = parser.parse_args()
     logging.disable(logging.CRITICAL)
@@ -38,7 +44,9 @@ def main() -> None:
         for number in range(asked.scripts):
             seed = asked.seed + number
             with tempfile.TemporaryDirectory(dir=place) as folder:
-                if number % 2:
+                if asked.processes:
+                    rover = ProcessScript(Path(folder), seed, ground).play()
+                elif number % 2:
                     script = RoverScript(Path(folder), seed)
                     script.play()
                     rover = script.rover
@@ -50,7 +58,8 @@ def main() -> None:
     bad = {name: total[name] for name in BAD}
     print(
         f"seeds from {asked.seed}: {total['scripts']} scripts, {total['packages made']} packages made by the "
-        f"ground, {total['packages']} sent, {total['runs']} ran; {time.process_time() - begun:.0f} s of CPU"
+        f"ground, {total['packages']} sent, {total['runs']} ran, "
+        f"{total['executions killed']} killed; {time.process_time() - begun:.0f} s of CPU"
     )
     print(bad)
     raise SystemExit(1 if any(bad.values()) else 0)

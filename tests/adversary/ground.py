@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
+
+import httpx
 
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository, open_repository
@@ -67,6 +70,16 @@ def make_ground(folder: Path) -> Ground:
         statement = signed_by_all(api, plan["id"], team)
     manifest = statement["manifest"].encode()
     return Ground(data, approved, world, team, mission.id, plan["id"], plan["crl_sha256"], manifest)
+
+
+class Ask(Protocol):
+    """A ground that takes requests; the attackers reach its repository, too."""
+
+    repo: Repository
+
+    def __call__(
+        self, method: str, path: str, json: Any = None, *, who: str | None = None, **options: Any
+    ) -> httpx.Response: ...
 
 
 @contextmanager

@@ -64,7 +64,12 @@ class Rover:
         package, out = self.folder / f"package{number}.zip", self.folder / f"run{number}"
         package.write_bytes(content)
         self.count("packages")
-        place = Place("abstract", self.world, trust or self.team.trust, 1)
+        self.carry_out(package, trust or self.team.trust, out, resume=resume)
+        self.judge(content, out)
+
+    def carry_out(self, package: Path, trust: Path, out: Path, *, resume: bool) -> None:
+        """Let the rover's program have a package, under a trust file; count what it should not say."""
+        place = Place("abstract", self.world, trust, 1)
         try:
             execute_package(package, place, out, resume=resume, clock=lambda: self.clock)
         except (GroundError, RoverError, ExecutiveError) as refusal:
@@ -72,7 +77,6 @@ class Rover:
                 self.count("refusals of more than a line", str(refusal))
         except Exception as err:  # noqa: BLE001 - whatever else would be a traceback is counted
             self.count("tracebacks", f"execute: {type(err).__name__}: {err}")
-        self.judge(content, out)
 
     def start_together(self, content: bytes, times: int) -> None:
         """Let several executions of one package begin at once."""

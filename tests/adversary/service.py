@@ -16,7 +16,8 @@ import random
 import shutil
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
 from typing import Any
@@ -35,9 +36,8 @@ from ground.resources.people.signing_keys import FORM
 from ground.uplink.keys import id_of, public_text, sign
 from ground.uplink.package import json_text, manifest_text
 from ground.uplink.training import make_team
-from tests.adversary.ground import Ground, service
+from tests.adversary.ground import Ask, Ground, service
 from tests.adversary.oracle import ROLES, Rover
-from tests.ground.conftest import Api
 from tests.ground.signed import unzipped, zipped
 
 PEOPLE = ("Planner", "Scientist", "Flight Director", "Operator", "Viewer", "Administrator")
@@ -67,7 +67,7 @@ class Script:
         shutil.copytree(ground.approved if self.signed else ground.verified, folder / "data")
         world = folder / "world"
         shutil.copytree(ground.world, world)
-        self.rover = Rover(folder, ground.team, world)
+        self.rover = self.make_rover(world)
         if self.signed:
             self.rover.honest(ground.manifest, *ROLES)
         self.own = Ed25519PrivateKey.generate()
@@ -76,13 +76,13 @@ class Script:
         self.beyond_accounts = self.signed
         """Whether the database was touched, or an approval is right: the server's word is not judged then."""
         self.moves: list[str] = []
-        self.api: Api
+        self.api: Ask
 
     def play(self) -> Rover:
         """Return the rover with what was found."""
-        with service(self.folder / "data") as self.api, contextlib.ExitStack() as self.spells:
+        with self.serve() as self.api, contextlib.ExitStack() as self.spells:
             for _ in range(self.rng.randint(2, 6)):
-                move = self.rng.choice(MOVES)
+                move = self.rng.choice(self.moves_to_draw)
                 self.moves.append(move.__name__)
                 move(self)
             if self.rng.random() < 0.5:
@@ -93,6 +93,17 @@ class Script:
         return self.rover
 
     # ---- how it reaches the ground and the rover
+
+    @property
+    def moves_to_draw(self) -> Sequence[Callable[[Script], None]]:
+        return MOVES
+
+    def make_rover(self, world: Path) -> Rover:
+        return Rover(self.folder, self.ground.team, world)
+
+    def serve(self) -> AbstractContextManager[Ask]:
+        """Open the ground over the script's data folder."""
+        return service(self.folder / "data")
 
     def ask(self, method: str, path: str, body: Any = None, *, who: str, **options: Any) -> httpx.Response:
         """Send a request; a 5xx is a traceback that a proxy hid, unless it names the damage that was done."""
