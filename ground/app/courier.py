@@ -10,15 +10,16 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import get_args
+from typing import TypeVar, get_args
 
 from sqlalchemy import ColumnElement, delete, or_, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from ground.errors import BusyError, GroundError
+from ground.errors import GroundError
 from ground.gdr.base import utc_now
 from ground.gdr.history import ChainRow, EventRow
 from ground.gdr.ids import new_id
@@ -39,6 +40,7 @@ READ_AT: Mapping[str, str] = {
     name: KINDS[name].collection for name in get_args(EventKind) if name != "approval"
 }
 """Where the API gives what an event is about; an approval stands in its plan."""
+T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 WAITS_S = (5, 30, 120, 600, 1800, 7200, 18000)
@@ -47,6 +49,8 @@ schedule, of some hours or days; a control room that hears of an event a sol lat
 """
 LEASE_S = 120.0
 """Longer than a message can take; then another courier may go on."""
+AT_ONCE = 8
+"""Webhooks that are served at the same time: one message takes at most 15 s, mostly of waiting."""
 KEPT = 200
 """Deliveries of a webhook that are remembered."""
 
@@ -93,33 +97,49 @@ class Courier:
             self._thread.join(timeout=self.sender.time_limit_s + 5.0)
 
     def _run(self) -> None:
-        while not self._stop.is_set():
-            try:
-                sent = self.step()
-            except (SQLAlchemyError, BusyError, OSError):
-                logger.exception("webhooks cannot be sent now")
-                sent = 0
-            if not sent:
+        """Serve each webhook in one thread at a time: who answers slowly holds up nobody else."""
+        under_way: dict[str, Future[int]] = {}
+        with ThreadPoolExecutor(AT_ONCE, "courier") as threads:
+            while not self._stop.is_set():
+                under_way = {hook: served for hook, served in under_way.items() if not served.done()}
+                for hook in self._guarded(self._due) or ():
+                    if hook not in under_way and len(under_way) < AT_ONCE:
+                        under_way[hook] = threads.submit(self._serve_all, hook)
                 self._stop.wait(self.LOOK_S)
+
+    def _serve_all(self, webhook_id: str) -> int:
+        """Send what a webhook has to send, as long as it is taken; return how much was tried."""
+        tried = 0
+        while not self._stop.is_set() and self._guarded(lambda: self._serve(webhook_id)):
+            tried += 1
+        return tried
+
+    def _guarded(self, act: Callable[[], T]) -> T | None:
+        """Return what an act returns; None after an error, which ends that act alone."""
+        try:
+            return act()
+        except (SQLAlchemyError, GroundError, OSError):
+            logger.exception("webhooks cannot be sent now")
+        return None
 
     def step(self) -> int:
         """Send at most one event of each webhook; return how many were tried."""
+        return sum(self._serve(hook) for hook in self._due())
+
+    def _due(self) -> list[str]:
+        """Return the webhooks that may have something to send."""
         with self.repo.database.read() as session:
             query = select(WebhookRow.id).join(WebhookStateRow, WebhookStateRow.webhook_id == WebhookRow.id)
-            hooks = list(
-                session.scalars(query.where(WebhookRow.active, self._free()).order_by(WebhookRow.id))
-            )
-        tried = 0
-        for hook in hooks:
-            if self._stop.is_set():
-                break
-            if not self._has_something(hook):
-                continue
-            errand = self.take(hook)
-            if errand is not None:
-                self.settle(errand, self.send(errand))
-                tried += 1
-        return tried
+            hooks = session.scalars(query.where(WebhookRow.active, self._free()).order_by(WebhookRow.id))
+            return [hook for hook in hooks.all() if self._has_something(hook)]
+
+    def _serve(self, webhook_id: str) -> bool:
+        """Send the next event of a webhook; return whether there was one."""
+        errand = self.take(webhook_id)
+        if errand is None:
+            return False
+        self.settle(errand, self.send(errand))
+        return True
 
     def _free(self) -> ColumnElement[bool]:
         return or_(WebhookStateRow.leased_until_utc.is_(None), WebhookStateRow.leased_until_utc < self.now())

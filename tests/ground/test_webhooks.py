@@ -25,7 +25,7 @@ from sqlalchemy import select
 
 from ground.app.api import build_api
 from ground.app.courier import KEPT, LEASE_S, READ_AT, WAITS_S, Courier
-from ground.errors import InvalidInputError
+from ground.errors import DamagedDataError, InvalidInputError
 from ground.gdr.history import EventRow
 from ground.gdr.repository import Repository, open_repository
 from ground.records.actor import SYSTEM_ACTOR, Actor, Role
@@ -359,6 +359,23 @@ def test_a_name_that_is_not_known_and_a_closed_port_are_said() -> None:
     assert "Connection refused" in Sender(lambda _h, _p: [PUBLIC], closed).post(place, {}, b"").detail
 
 
+def test_an_address_that_does_not_answer_is_followed_by_the_next(receiver: Receiver) -> None:
+    """A name has an address of either version, and many machines reach one of them."""
+    receiver.answers.append(says("HTTP/1.1 200 OK\r\n\r\n"))
+    whole, asked = receiver.sender(), []
+
+    def connect(address: tuple[str, int], limit_s: float) -> socket.socket:
+        asked.append(address[0])
+        if ":" in address[0]:
+            raise OSError(101, "Network is unreachable")
+        return whole.connect(address, limit_s)
+
+    both = ["2606:2800:21f:cb07:6820:80da:af6b:8b2c", PUBLIC]
+    sender = replace(whole, resolve=lambda _h, _p: both, connect=connect)
+    assert sender.post(Place(HOST, 443, "/"), {}, b"{}") == Answer(200, "answered 200")
+    assert asked == both
+
+
 # ---- deliveries
 
 
@@ -512,6 +529,38 @@ def test_two_couriers_do_not_send_by_one_webhook_at_once(site: Site) -> None:
     site.target("A")
     assert site.courier.take(hook["id"]) is not None
     assert site.another().take(hook["id"]) is None
+
+
+def test_a_slow_receiver_and_a_damaged_row_hold_up_no_other_webhook(site: Site) -> None:
+    slow, fast = site.hook(name="slow"), site.hook(name="fast")
+    damaged = site.hook(name="damaged")
+    held, sent = threading.Event(), threading.Event()
+    take, post = site.courier.take, site.post.post
+
+    def taken(webhook_id: str) -> Any:
+        if webhook_id == damaged["id"]:
+            raise DamagedDataError("the row psn-1 of people holds the role 'king'")
+        return take(webhook_id)
+
+    def posted(place: Place, headers: Any, body: bytes) -> Answer:
+        if headers["webhook-id"].startswith(slow["id"]):
+            held.wait(30.0)
+        else:
+            sent.set()
+        return post(place, headers, body)
+
+    site.courier.take, site.post.post = taken, posted  # type: ignore[method-assign]
+    site.courier.start()
+    try:
+        for name in "AB":
+            sent.clear()
+            site.target(name)
+            assert sent.wait(20.0), "the fast one waits for the slow one"
+        assert [d["event"] for d in site.deliveries(slow)["items"]] == []
+    finally:
+        held.set()
+        site.courier.stop()
+    assert site.deliveries(fast)["items"][0]["state"] == "delivered"
 
 
 def test_an_event_is_sent_again_by_hand(site: Site) -> None:

@@ -72,19 +72,28 @@ class Sender:
                 return Answer(None, f"{place.host} leads to {address}, which is refused: {why}"[:200])
         if not addresses:
             return Answer(None, f"the name {place.host} has no address"[:200])
-        try:
-            plain = self.connect((addresses[0], place.port), self.time_limit_s)
-        except OSError as err:
-            return Answer(None, f"no connection: {_words(err)}"[:200])
-        with plain:
-            return self._over(plain, place, headers, body)
-
-    def _over(self, plain: socket.socket, place: Place, headers: Mapping[str, str], body: bytes) -> Answer:
         until = time.monotonic() + self.time_limit_s
+        failed = ""
+        for address in addresses:  # of either version of IP; many machines reach one of them only
+            left = until - time.monotonic()
+            if left <= 0.0:
+                break
+            try:
+                plain = self.connect((address, place.port), left)
+            except OSError as err:
+                failed = failed or _words(err)
+                continue
+            with plain:
+                return self._over(plain, until, place, headers, body)
+        return Answer(None, f"no connection: {failed}"[:200])
+
+    def _over(
+        self, plain: socket.socket, until: float, place: Place, headers: Mapping[str, str], body: bytes
+    ) -> Answer:
         sent = {**headers, "Host": place.authority, "Content-Length": str(len(body))}
         lines = [f"POST {place.path} HTTP/1.1", *(f"{name}: {value}" for name, value in sent.items())]
         try:
-            plain.settimeout(self.time_limit_s)
+            plain.settimeout(max(until - time.monotonic(), 0.001))
             with self.context.wrap_socket(plain, server_hostname=place.host) as secure:
                 secure.sendall("\r\n".join([*lines, "", ""]).encode("ascii") + body)
                 status = _status(secure, until)
