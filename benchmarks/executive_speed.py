@@ -121,9 +121,9 @@ def run_shape(shape: str, count: int, *, journal: str) -> Callable[[], None]:
 
     def work() -> None:
         rover = ScriptedRover(actions={"*": (Behaviour(1_000),)})
-        if journal == "file":
+        if journal in ("file", "written"):
             with tempfile.TemporaryDirectory() as folder:
-                outcome = run_plan(plan, rover, journal=Path(folder) / "run.journal")
+                outcome = run_plan(plan, rover, journal=Path(folder) / "run.journal", sync=journal == "file")
         else:
             outcome = run_plan(plan, rover, journal=MemoryJournal() if journal == "memory" else None)
         assert outcome.outcome == "SUCCEEDED"
@@ -161,6 +161,37 @@ def throughput(repeat: int, quick: bool) -> Rows:
                 peer["outcrop_with_journal_to_it"] = ours_s / peer["best_cpu_s"]
                 name = f"py_trees {version('py_trees')}, {'root only' if bare else 'BehaviourTree'}"
                 rows.append({"what": name, "shape": shape, "tasks": count, **peer})
+    return rows
+
+
+def peers(repeat: int, quick: bool) -> Rows:
+    """Each shape with each journal and py_trees' bare root in turn; the best processor time of each.
+
+    The journal in a file is not synchronised: what a disk takes for that is the disk's.
+    """
+    import py_trees
+
+    py_trees.logging.level = py_trees.logging.Level.ERROR
+    rows: Rows = []
+    for shape in ("sequence", "parallel", "nested"):
+        small: dict[str, float] = {}
+        for count in (1_000,) if quick else (1_000, 10_000):
+            works: dict[str, Callable[[], Any]] = {
+                journal: run_shape(shape, count, journal=journal) for journal in ("none", "memory", "written")
+            }
+            works["py_trees"] = lambda shape=shape, count=count: tick_to_the_end(  # type: ignore[misc]
+                py_tree(shape, count), bare=True
+            )
+            best = dict.fromkeys(works, float("inf"))
+            for _ in range(repeat):
+                for name, work in works.items():
+                    best[name] = min(best[name], measure(work, 1)["cpu_s"])
+            for name in ("none", "memory", "written"):
+                row = {"what": f"outcrop, journal {name}", "shape": shape, "tasks": count}
+                row |= {"best_cpu_s": best[name], "to_py_trees": best[name] / best["py_trees"]}
+                row |= {"to_1000_tasks": best[name] / small[name]} if small else {}
+                rows.append(row)
+            small = best
     return rows
 
 
@@ -388,6 +419,7 @@ def many(repeat: int, quick: bool) -> Rows:
 
 STUDIES: dict[str, Callable[[int, bool], Rows]] = {
     "throughput": throughput,
+    "peers": peers,
     "loading": loading,
     "latency": latency,
     "replay": replaying,

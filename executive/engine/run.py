@@ -20,6 +20,10 @@ Loader = Callable[[str], PlanSpec | str]
 """Reads the text of a replacing plan: what the engine runs, or why it is rejected."""
 
 
+_quickly = tuple.__new__
+"""Makes a named tuple in a third of the time that its own class takes."""
+
+
 class Run:
     """One run of one plan.
 
@@ -163,7 +167,7 @@ class Run:
 
     def record(self, event: str, *arguments: str) -> None:
         """Add an event to the trace."""
-        self.out.append(TraceRecord(self.agenda.now, event, arguments))
+        self.out.append(_quickly(TraceRecord, (self.agenda.now, event, arguments)))
 
     def note(self, kind: str, text: str, node: str = "") -> None:
         """Add something for the journal that is not of the trace."""
@@ -174,7 +178,7 @@ class Run:
         node.attempts += 1
         number = self.issued.get(node.id, 0) + 1
         self.issued[node.id] = number
-        command = CommandId(self.run_id, node.id, number)
+        command = _quickly(CommandId, (self.run_id, node.id, number))
         node.command = command
         node.abort_asked = False
         node.result = None

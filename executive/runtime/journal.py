@@ -29,6 +29,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import threading
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -36,17 +37,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from executive.errors import JournalError
-from executive.runtime.codec import Entry, Json, entry_to_json
+from executive.runtime.codec import Entry, Json
+from executive.runtime.lines import documents_of, lines_of
 
 FORMAT = "journal/1"
-
-_encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
-
-
-def line_of(number: int, entry: Entry) -> str:
-    """Return the line of a record, checksum included, without the line break."""
-    body = _encode({"n": number, **entry_to_json(entry)})[:-1]
-    return f'{body},"crc":"{zlib.crc32(body.encode()):08x}"}}'
 
 
 def record_of(line: str) -> Json | None:
@@ -81,19 +75,27 @@ class MemoryJournal:
 
     def __init__(self, records: Sequence[Json] = ()) -> None:
         self._records: list[Json] = list(records)
-        self.durable = len(self._records)
-        """How many records were said to be safe."""
+        self._unread: list[str] = []
+        """What nobody has asked for yet, as a file holds it: text costs less than objects."""
+        self._number = self.durable = len(self._records)
+        """How many records there are; `durable`: how many were said to be safe."""
+        self._reading = threading.Lock()
 
     @property
     def records(self) -> list[Json]:
         """All records, as a file would hold them."""
-        return self._records
+        with self._reading:  # held by readers alone: nobody who reads keeps a run waiting
+            fresh = self._unread[:]
+            if fresh:
+                self._records += json.loads(f"[{','.join(fresh)}]")
+                del self._unread[: len(fresh)]
+            return self._records
 
     def append(self, records: Sequence[Entry], *, durable: bool) -> None:
-        start = len(self._records)
-        self._records += [{"n": start + i, **entry_to_json(entry)} for i, entry in enumerate(records)]
+        self._unread += documents_of(self._number, records)
+        self._number += len(records)
         if durable:
-            self.durable = len(self._records)
+            self.durable = self._number
 
     def close(self) -> None:
         pass
@@ -139,10 +141,10 @@ class FileJournal:
     def append(self, records: Sequence[Entry], *, durable: bool) -> None:
         if self.broken:
             raise JournalError(self.broken)
-        text = "".join(line_of(self.number + i, r) + "\n" for i, r in enumerate(records))
+        data = lines_of(self.number, records)
         try:
-            if text:
-                self._write(text.encode())
+            if data:
+                self._write(data)
                 self.number += len(records)
                 self._unsynced = True
             if durable and self.sync and self._unsynced:

@@ -26,7 +26,8 @@ from executive.ports import (
     TraceRecord,
     Update,
 )
-from executive.runtime.journal import FileJournal, Sink, line_of, record_of
+from executive.runtime.journal import FileJournal, Sink, record_of
+from executive.runtime.lines import line_of
 from executive.runtime.session import RunOutcome, Session
 from ground.errors import StateError
 

@@ -6,15 +6,30 @@ import errno
 import json
 import os
 import threading
+import zlib
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from executive.engine.instance import Abort, Note, UtilityUsed
 from executive.errors import JournalError
-from executive.ports import Command, CommandId, Update
+from executive.ports import (
+    Acknowledgement,
+    Command,
+    CommandId,
+    Operation,
+    Operator,
+    Product,
+    Result,
+    TraceRecord,
+    Update,
+)
 from executive.runtime import run_plan
-from executive.runtime.codec import Input, Json, trace_line
-from executive.runtime.journal import FileJournal, JournalFile, MemoryJournal, line_of, record_of
+from executive.runtime.codec import Entry, Input, Json, entry_to_json, trace_line
+from executive.runtime.journal import FileJournal, JournalFile, MemoryJournal, record_of
+from executive.runtime.lines import documents_of, line_of, lines_of
 from executive.runtime.loading import load_plan
 from executive.runtime.recovery import recorded_trace, recover_run, replay, state_at
 from executive.runtime.scripted_rover import Behaviour, ScriptedRover
@@ -271,3 +286,41 @@ def test_a_journal_in_memory_loses_nothing_to_whoever_reads_it() -> None:
         reader.join()
     assert [r["n"] for r in journal.records] == list(range(6_000))
     assert [r["t"] for r in journal.records] == [n // 2 for n in range(6_000)]
+
+
+words = st.text(max_size=6)
+held = st.dictionaries(
+    words, st.one_of(st.floats(allow_nan=False, allow_infinity=False), words, st.booleans()), max_size=3
+)
+whole = st.integers(0, 2**53)
+ids = st.builds(CommandId, words, words, whole)
+events = st.one_of(
+    st.builds(Update, whole, held, whole),
+    st.builds(Result, st.one_of(whole, st.floats(0, 9)), ids, st.booleans(), words, held, held, whole),
+    st.builds(Acknowledgement, whole, ids, held, whole),
+    st.builds(Product, whole, ids, words, words, words, held, whole),
+    st.builds(Operator, whole, st.sampled_from(Operation), st.one_of(st.none(), words)),
+)
+entries = st.one_of(
+    st.builds(TraceRecord, st.one_of(whole, st.floats(0, 9)), words, st.lists(words, max_size=3).map(tuple)),
+    st.builds(Command, ids, words, held, held, whole),
+    st.builds(Input, st.sampled_from(["step", "deadline", "restart"]), whole, st.lists(events, max_size=3)),
+    st.builds(Abort, ids),
+    st.builds(Note, whole, words, words, words),
+    st.builds(UtilityUsed, whole, words, st.floats(0, 9)),
+    st.fixed_dictionaries({"k": st.just("end"), "t": whole, "utility": st.floats(0, 9)}),
+)
+
+
+@given(number=st.integers(0, 10**6), records=st.lists(entries, min_size=1, max_size=4))
+def test_the_text_of_a_record_is_what_json_makes_of_it(number: int, records: list[Entry]) -> None:
+    """Lines are put together by hand for speed; their bytes are those of format journal/1."""
+    expected = b""
+    for n, entry in enumerate(records, number):
+        text = json.dumps({"n": n, **entry_to_json(entry)}, separators=(",", ":"), ensure_ascii=False)
+        body = text[:-1].encode("utf-8", "surrogatepass")
+        expected += body + f',"crc":"{zlib.crc32(body):08x}"}}\n'.encode()
+    assert lines_of(number, records) == expected
+    assert [json.loads(d) for d in documents_of(number, records)] == [
+        json.loads(line[: line.rindex(b',"crc"')] + b"}") for line in expected.splitlines()
+    ]
