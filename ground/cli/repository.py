@@ -60,10 +60,10 @@ def actor_or_fail(repo: Repository, name: str) -> Actor:
     from ground.resources.people.accounts import actor_of
     from ground.resources.people.row import PersonRow
 
-    with repo.database.read() as session:
-        people = list(session.scalars(select(PersonRow).where(PersonRow.active).order_by(PersonRow.id)))
-    for person in people:
-        if person.name == name:
-            with refusals():
+    with refusals():
+        with repo.database.read() as session:
+            people = list(session.scalars(select(PersonRow).where(PersonRow.active).order_by(PersonRow.id)))
+        for person in people:
+            if person.name == name:
                 return actor_of(person)
     return fail(f"there is nobody called {name!r}; there are {', '.join(p.name for p in people) or 'none'}")

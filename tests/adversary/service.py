@@ -75,6 +75,8 @@ class Script:
         self.got: list[bytes] = []
         self.beyond_accounts = self.signed
         """Whether the database was touched, or an approval is right: the server's word is not judged then."""
+        self.harmed = False
+        """Whether rows or files were changed behind the server: it may then say that they are damaged."""
         self.moves: list[str] = []
         self.api: Ask
 
@@ -109,7 +111,7 @@ class Script:
         """Send a request; a 5xx is a traceback that a proxy hid, unless it names the damage that was done."""
         self.sent.append((method, path, body, who, dict(options.get("headers", {}))))
         answer = self.api(method, path, body, who=who, **options)
-        named = answer.status_code == 503 and answer.json()["type"] == DAMAGED and self.beyond_accounts
+        named = answer.status_code == 503 and answer.json()["type"] == DAMAGED and self.harmed
         if answer.status_code >= 500 and not named:
             self.rover.count("tracebacks", f"{method} {path} as {who} after {self.moves}: {answer.text}")
         return answer
@@ -142,7 +144,7 @@ class Script:
             self.beyond_accounts = True
 
     def sql(self, statement: str, **values: Any) -> None:
-        self.beyond_accounts = True
+        self.beyond_accounts = self.harmed = True
         with contextlib.suppress(IntegrityError), self.api.repo.database.engine.begin() as connection:
             connection.execute(text(statement), values)
 
@@ -420,6 +422,7 @@ class Script:
 
     def files(self) -> None:
         """A stored file is deleted, cut or changed; the fresh ones first, as a package is."""
+        self.harmed = True
         stored = [p for p in (self.folder / "data" / "files").rglob("*") if p.is_file()]
         for path in self.rng.sample(stored, min(len(stored), self.rng.choice([1, 99]))):
             whole = path.read_bytes()
@@ -507,7 +510,7 @@ class Script:
     def run(self, arguments: list[str]) -> None:
         """Run a command in this process; anything but an end with a status is a traceback."""
         with patch.dict(os.environ, OUTCROP_DATA_DIR=str(self.folder / "data"), OUTCROP_EXECUTOR="inline"):
-            ended = _RUNNER.invoke(_program(), arguments)
+            ended = _RUNNER.invoke(program(), arguments)
         if ended.exception is not None and not isinstance(ended.exception, SystemExit):
             lines = traceback.format_exception(ended.exception)
             self.rover.count("tracebacks", f"{arguments[:2]} after {self.moves}: {''.join(lines[-3:])}")
@@ -516,7 +519,7 @@ class Script:
 _RUNNER = CliRunner()
 
 
-def _program() -> Any:
+def program() -> Any:
     if not app.registered_commands:
         register_all()
     return app

@@ -10,11 +10,13 @@ from typing import Any
 
 import pytest
 from sqlalchemy import text
+from typer.testing import CliRunner
 
 from ground.errors import DamagedFileError
 from ground.gdr.files import FileStore
 from ground.gdr.packed import packed_path, read_kept, write_packed
 from tests.adversary.ground import Ground, make_ground, service
+from tests.adversary.service import program
 from tests.ground.approving import hand_in
 from tests.ground.conftest import Api
 from tests.ground.test_day_over_rest import finished
@@ -126,3 +128,14 @@ def test_damage_of_stored_files_is_named(tmp_path: Path) -> None:
     packed_path(packed).write_bytes(packed_path(packed).read_bytes()[:-3])
     with pytest.raises(DamagedFileError, match=r"run1/journal\.jsonl\.br"):
         read_kept(packed)
+
+
+def test_a_command_names_the_damage_in_a_line(
+    flown: Api, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("OUTCROP_DATA_DIR", str(flown.repo.data_dir))
+    with changed(flown, "people", "mission_roles", "[]"):
+        ended = CliRunner().invoke(program(), ["ingest", str(tmp_path), "--as", "Planner"])
+    assert ended.exit_code == 2
+    assert ended.stderr.splitlines() == [ended.stderr.strip()]
+    assert "the table people holds in mission_roles" in ended.stderr
