@@ -154,7 +154,7 @@ def pyvrp(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
         for j in range(p.sites):
             road = int(p.travel_time[i, j]) if i != j else 0
             model.add_edge(places[i], places[j], road, road)
-    # Its clock starts here: building the model road by road in Python is not held against it.
+    # Its clock starts here: building the model road by road in Python does not count.
     found = model.solve(MaxRuntime(limit_s), seed=seed, display=False, collect_stats=False)
     names = [int(c.name) for c in model.clients]
     route: list[int] = []

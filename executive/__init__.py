@@ -1,1 +1,1 @@
-"""The CRL language and the event-driven executive that runs it; knows no rover, planner or database."""
+"""The CRL language and the event-driven executive that runs it; depends on no rover, planner or database."""

@@ -133,8 +133,8 @@ class Settings(BaseSettings):
                 network = ip_network(part)
             except ValueError:
                 raise ValueError(
-                    f"{part!r} is no address and no network; with * anybody could write the address they "
-                    "come from and so guess passwords without limit: name your proxies"
+                    f"{part!r} is neither an address nor a network; with * anybody could write the address "
+                    "they come from and so guess passwords without limit: name your proxies"
                 ) from None
             if network.prefixlen == 0:
                 raise ValueError(f"{part!r} is everybody; name the addresses or networks of your proxies")
@@ -146,7 +146,7 @@ class Settings(BaseSettings):
         for part in filter(None, (p.strip() for p in given.split(","))):
             if not re.fullmatch(r"[A-Za-z0-9.-]+(:[0-9]{1,5})?", part):
                 raise ValueError(
-                    f"{part!r} is no host: give its name, as hooks.example or hooks.example:8443"
+                    f"{part!r} is not a host: give its name, as hooks.example or hooks.example:8443"
                 )
         return given.lower()
 

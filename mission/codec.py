@@ -118,7 +118,7 @@ class Codec(Generic[T]):
         return {"format": self.format, **self._adapter.dump_python(value, mode="json")}
 
     def write(self, value: T, *, indent: int | None = None) -> str:
-        """Return the value as JSON text; `read` gives it back equal."""
+        """Return the value as JSON text; `read` returns an equal one."""
         return json.dumps(self.document(value), indent=indent, allow_nan=False)
 
     def schema(self) -> dict[str, Any]:
@@ -153,7 +153,7 @@ class Codec(Generic[T]):
         )
 
     def _not_finite(self, name: str) -> float:
-        raise ValueError(f"{name} is no number of JSON")
+        raise ValueError(f"{name} is not a number of JSON")
 
     def _wrong(self, message: str, where: str, members: tuple[str | int, ...] = ()) -> Exception:
         text = f"{where}: {message}" if where else f"{self.what} {message}"
@@ -178,7 +178,7 @@ def read_object(path: Path, error: type[Exception] = FormatError, what: str = ""
     Raises
     ------
     FormatError
-        Or the class given for it: if the file cannot be read, is no JSON, or holds something else.
+        Or the class given for it: if the file cannot be read, is not JSON, or holds something else.
     """
     where = f"{what} {path}".strip()
     try:
@@ -198,8 +198,8 @@ def read_toml(raw: bytes, where: str, error: type[Exception] = FormatError) -> d
     Raises
     ------
     FormatError
-        Or the class given for it: if it is no TOML, is nested too deeply, or has a whole number beyond the 64
-        bits of TOML 1.0, which nothing could turn into a number or print.
+        Or the class given for it: if it is not TOML, is nested too deeply, or has a whole number beyond the
+        64 bits of TOML 1.0, which nothing could turn into a number or print.
     """
     try:
         document = tomllib.loads(raw.decode("utf-8"))
@@ -309,7 +309,7 @@ def _sentence(error: ErrorDetails) -> str:
         case "missing" | "missing_argument":
             return "is missing"
         case "unexpected_keyword_argument" | "extra_forbidden":
-            return "is no member that is known"
+            return "is not a known member"
         case "finite_number":
             return f"is {value}; it must be finite"
         case "enum" | "literal_error":

@@ -75,7 +75,7 @@ class Tracked(Constraint):
 
 @value
 class MustDo(Constraint):
-    """A plan without the observation is no plan."""
+    """Every plan must contain the observation."""
 
     kind: Literal["must_do"] = "must_do"
 

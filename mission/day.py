@@ -62,7 +62,7 @@ class Request:
 
     @property
     def must_do(self) -> bool:
-        """Whether a plan without it is no plan."""
+        """Whether every plan must contain it."""
         return any(isinstance(c, MustDo) for c in self.constraints)
 
     @property

@@ -41,7 +41,7 @@ class SunCourse:
         try:
             start = datetime.fromisoformat(self.start_utc)
         except ValueError as err:
-            raise MissionError(f"start_utc {self.start_utc!r} is no time in ISO 8601") from err
+            raise MissionError(f"start_utc {self.start_utc!r} is not a time in ISO 8601") from err
         if start.tzinfo is None:
             raise MissionError(f"start_utc {self.start_utc} has no zone")
         for way in self.directions:

@@ -129,7 +129,7 @@ def why_unbranched(order: Order, found: Found, tree: PlanTree) -> tuple[str, ...
 
 
 def when_stopped(order: Order) -> PlanResult:
-    """Return the best plan told of before somebody stopped the work, checked in a part of a second."""
+    """Return the best plan that was told until somebody stopped the work, checked in a part of a second."""
     problem, plan = order.problem, order.watch.best_plan
     tree = PlanTree(problem.name, with_ids(plan), order.strategy)
     result = PlanResult(

@@ -5,7 +5,7 @@ conditions are
   mutually exclusive: each option also asks that no earlier one holds. Utilities inform and decide nothing.
 - `:continue-on-failure` on a drive or on the frame of an observation is `on_fail: skip`. The observation
 task itself
-  always carries it, because a lost success coin is no failed step; what the evaluators treat as failure
+  always carries it, because a lost success coin is not a failed step; what the evaluators treat as failure
   (track lost, not there, done already, a predecessor missing, window closed) is tested by the frame around
   it.
 - A `trackstart` always carries it: in the model none fails, and what needs the track asks for it anyway.

@@ -216,7 +216,7 @@ def _obstacle(problem: Problem, what: Observation) -> Obstacle | None:
     if what.utility <= 0.0:
         return Obstacle("value", f"{what.id} is worth nothing")
     if what.target not in reachable_targets(problem):
-        return Obstacle("network", f"no way leads from the start to target {what.target}")
+        return Obstacle("network", f"no path leads from the start to target {what.target}")
     # Those of packages first: they know more of their matter than the windows that they come to.
     rules, columns = columns_of(problem)
     found = (rule.explain(problem, what) for rule in reversed(rules))

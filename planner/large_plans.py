@@ -42,8 +42,9 @@ def plan_large(
 ) -> Checked | None:
     """Return the best plan found with at most `most` branches; None if there is none.
 
-    Under a chance constraint an overrun is given a price, as in `chance.plans_within`: routes are thinned
-    out, and branches grown, for the least price at which a plan keeps to it. Quick searches try routes alone.
+    Under a chance constraint an overrun is given a multiplier, as in `chance.plans_within`: routes are
+    thinned out, and branches grown, for the least multiplier at which a plan keeps to it. Quick searches try
+    routes alone.
     """
     chance = OverrunChance.of(problem)
     models: dict[Plan, Model] = {}

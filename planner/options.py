@@ -78,8 +78,8 @@ class PlannerOptions:
     """The same for a quick search, on its coarser grid. By hand."""
 
     first_price: Positive = 0.1
-    """First price of an overrun under a chance constraint, as a share of all utility. By hand: the price is
-    then raised fourfold or halved as needed (`chance.plans_within`)."""
+    """First multiplier of an overrun under a chance constraint, as a share of all utility. By hand: the
+    multiplier is then raised fourfold or halved as needed (`chance.plans_within`)."""
 
     check_futures: Count = 200_000
     """Futures of the Monte Carlo check: an error of the mean of 1/447 of the standard deviation of a day."""

@@ -199,7 +199,7 @@ def count_branches(plan: Plan) -> int:
 
 
 def ways(plan: Plan, before: frozenset[ObservationId] = frozenset()) -> Iterator[frozenset[ObservationId]]:
-    """Yield, for every way through the plan, the observations on it: what is made there if nothing fails."""
+    """Yield, for every path through the plan, the observations on it: what is made there if nothing fails."""
     for step in plan:
         match step:
             case Observe(observation=observation) | Visit(observation=observation):

@@ -68,7 +68,7 @@ class Observation:
     """One observation request as the planner sees it.
 
     `utility` is earned with `p_success` when the observation ends within the budgets; it may start only at
-    times in `window_s` (inclusive). Where `must_do`, a plan without it is no plan. `data_mbit` counts
+    times in `window_s` (inclusive). Where `must_do`, every plan must contain it. `data_mbit` counts
     against the budget of downlink volume. An image with `tracked` needs its target tracked like a placement.
     `action` is the rover's that makes it, empty for the usual one of its kind. `refs` travels untouched into
     the plan's metadata (request id and the like).

@@ -23,8 +23,8 @@ def why_impossible(model: Model, demanded: Set[str]) -> tuple[str, ...]:
     unknown = sorted(demanded - set(model.observation_ids))
     if unknown:
         return (
-            f"observation {', '.join(unknown)} must be done, but no way leads there, or to what must be made "
-            "before",
+            f"observation {', '.join(unknown)} must be done, but no path leads there, or to what must "
+            "come before it",
         )
     must = sum(1 << m for m in range(model.m) if model.must_do[m])
     lifted = dataclasses.replace(model, utility=np.where(model.must_do, model.utility + 1.0, model.utility))

@@ -124,7 +124,8 @@ def _planned(order: Order) -> PlanResult:
     if long is not None and chance is None and len(planned_observations(long.plan)) > held:
         return with_long_plan(order, part, long)
 
-    # 3. Plans with 0, 1, 2, ... branches; under a chance constraint an overrun has a price (Everett 1963).
+    # 3. Plans with 0, 1, 2, ... branches; under a chance constraint an overrun has a multiplier (Everett
+    # 1963).
     model, prices = pressed(small.within_reach()), [0.0]
     if chance is None:
         found = searched_with_part(order, model, part)

@@ -170,7 +170,7 @@ def better_of(model: Model, one: Curve, other: Curve) -> Curve:
 def searched_within(
     order: Order, model: Model, small: Model, part: Reduction, chance: OverrunChance
 ) -> tuple[Found, list[float]]:
-    """Return the plans that keep to the chance of an overrun, and the prices next to the right one.
+    """Return the plans that keep to the chance of an overrun, and the multipliers next to the right one.
 
     `model` is `small` with what must be done pressed for.
     """
@@ -263,7 +263,7 @@ def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
 def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
     """Return what no policy earns more than; under a chance constraint, no policy that keeps to it.
 
-    Any price gives a bound (`OverrunChance.bound`); the least is taken.
+    Any multiplier gives a bound (`OverrunChance.bound`); the least is taken.
     """
     watch, options = order.watch, order.options
     more = options.bound_s_per_target * max(0, model.n - MANY_TARGETS)

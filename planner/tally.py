@@ -43,7 +43,7 @@ class Step(StrEnum):
     SURVEY = "survey"
     """One step of the survey engine for each node that it looks at."""
     PRICED = "priced"
-    """One move of one state of a priced relaxation to one node."""
+    """One move of one state of a Lagrangean relaxation to one node."""
     PIVOT = "pivot"
     """One row in one iteration of a linear program."""
 

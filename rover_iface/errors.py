@@ -36,7 +36,7 @@ class ProfileError(RoverError):
 
 
 class FrameError(RoverError):
-    """Frames do not chain, or a matrix is no rotation."""
+    """Frames do not chain, or a matrix is not a rotation."""
 
 
 class TerrainError(RoverError):

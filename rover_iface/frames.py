@@ -49,7 +49,9 @@ class Transform:
             raise FrameError(f"a transform takes 3x3 and 3, found {rotation.shape} and {translation.shape}")
         error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
         if not error < 1e-6 or np.linalg.det(rotation) < 0:
-            raise FrameError(f"matrix is no rotation: R R^T differs from 1 by {error:.3g}; the limit is 1e-6")
+            raise FrameError(
+                f"matrix is not a rotation: R R^T differs from 1 by {error:.3g}; the limit is 1e-6"
+            )
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(self, "translation", translation)
 

@@ -1,4 +1,4 @@
-"""Two things at once on two cores: work that lets go of the interpreter's lock (rays, kernels, OpenCV)."""
+"""Two things at once on two cores: work that releases the interpreter's lock (rays, kernels, OpenCV)."""
 
 from __future__ import annotations
 

@@ -10,9 +10,9 @@ before a block changes that:
     <!-- slow -->            runs with --slow only, that is in scripts/docs
     <!-- ros -->             runs with --ros only, in the ROS 2 that scripts/ros-venv made in DIR
     <!-- file: NAME -->      the block is written to this file of the folder
-    <!-- form: REASON -->    not run; commands and options are held against the program
+    <!-- form: REASON -->    not run; commands and options are checked against the program
 
-Blocks without a language are not run, their commands are held against the program. Blocks in Python are
+Blocks without a language are not run, their commands are checked against the program. Blocks in Python are
 compiled and what they import is looked up; TOML and JSON are parsed.
 """
 

@@ -117,7 +117,7 @@ class House:
                 continue
             yield Finding("complexity", file, f"line {found['location']['row']}: {found['message']}")
         for function in sorted(kernels - met):
-            yield Finding("complexity", HOUSE, f"{function} is no compiled function over the limit")
+            yield Finding("complexity", HOUSE, f"{function} is not a compiled function over the limit")
 
     def _is_compiled(self, file: str, row: int) -> bool:
         """Return whether the function whose name stands in a row is compiled by numba."""
@@ -137,7 +137,7 @@ class House:
     def _untyped_signatures(self) -> Iterator[Finding]:
         codecs = set(self.options["codecs"])
         for codec in sorted(codecs - self.files.keys()):
-            yield Finding("untyped-signature", HOUSE, f"{codec} is no module")
+            yield Finding("untyped-signature", HOUSE, f"{codec} is not a module")
         for file, tree in self.files.items():
             if file in codecs:
                 continue

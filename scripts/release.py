@@ -22,7 +22,7 @@ def key(version: str) -> tuple[int, int, int, str, int]:
     """Return what versions are ordered by: a candidate comes before what it is a candidate of."""
     match = VERSION.fullmatch(version)
     if match is None:
-        raise ValueError(f"{version!r} is no version; one is 1.2.3, 1.2.3a1, 1.2.3b1 or 1.2.3rc1")
+        raise ValueError(f"{version!r} is not a version; one is 1.2.3, 1.2.3a1, 1.2.3b1 or 1.2.3rc1")
     major, minor, patch, stage, number = match.groups()
     return int(major), int(minor), int(patch), stage or "z", int(number or 0)
 

@@ -340,7 +340,7 @@ def run(repo: Repository, terrain: Path, calls: int, seed: int) -> Found:
 
 
 APART = {"create_session", "delete_session", "create_first_administrator"}
-"""A log-in as somebody else is no act of the key, and logging out has no session to end here."""
+"""A log-in as somebody else is not an act of the key, and logging out has no session to end here."""
 
 
 def main() -> None:

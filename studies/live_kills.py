@@ -149,7 +149,7 @@ def one_run(seed: int, limit_s: float = 300.0) -> Outcome:
 
 
 def judge(site: Site, log: Path, outcome: Outcome) -> None:
-    """Hold a run against what the rover did and what the journal says."""
+    """Check a run against what the rover did and what the journal says."""
     if not (site.run / "run.json").exists():
         outcome.problems.append("unfinished")
         return

@@ -198,7 +198,7 @@ def goal_of(command: CommandId) -> str:
 
 
 def judge(site: Site, log: Path, day: Day) -> None:
-    """Hold a day against the robot's log and the journal."""
+    """Check a day against the robot's log and the journal."""
     goals = [json.loads(line) for line in log.read_text("utf-8").splitlines()] if log.exists() else []
     records: Sequence[Json] = []
     if (site.run / "run.json").exists():

@@ -429,7 +429,7 @@ def _kilometre(f: dict[str, Any]) -> str:
     ]
     return "\n\n".join(
         [
-            _table(["error at the end, share of the way", "mean", "95 % of runs", "worst"], rows),
+            _table(["error at the end, share of the distance", "mean", "95 % of runs", "worst"], rows),
             f"{f['runs']} runs of 1 km over {f['legs']} legs of 20 to 30 m in random order, "
             f"{f['accepted']} of them accepted, {f['ties']:.0f} rocks a run. "
             f"NEES of the last pose {f['nees']:.1f} (6 expected), "

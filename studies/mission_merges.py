@@ -74,7 +74,7 @@ class Editor(Hand):
     """Somebody who edits a mission or its copy."""
 
     def act(self) -> None:
-        """Do one thing; one that the rules refuse is no act."""
+        """Do one thing; one that the rules refuse is not an act."""
         deeds: list[Callable[[Actor], object]] = [
             *[self.target] * 2, *[self.move] * 2, *[self.name] * 3, self.drop_target,
             *[self.request] * 3, *[self.change] * 4, *[self.order] * 2, self.drop_request,
@@ -211,7 +211,7 @@ class Pair:
 
 
 def judge(pair: Pair, states: tuple[State, State, State, State], named: dict[Any, str | None]) -> None:
-    """Hold each edit against what the merge made of it.
+    """Check each edit against what the merge made of it.
 
     `named` has the side that was taken in each conflict, by kind, id and field.
     """

@@ -52,7 +52,7 @@ def main() -> None:
     counts, failures, after = study(options.replacements, options.minutes, first)
     print(
         f"seeds {first} to {after - 1}: {counts['replacements']} replacements in {counts['valid']} runs "
-        f"({counts['cases'] - counts['valid'] - len(failures)} drawn plans are no valid ones), "
+        f"({counts['cases'] - counts['valid'] - len(failures)} drawn plans are not valid ones), "
         f"{len(failures)} failures"
     )
     lines = [

@@ -84,7 +84,7 @@ class Hand:
     done: Counter[str] = field(default_factory=Counter)
 
     def act(self) -> None:
-        """Do one thing; one that the rules refuse is no act."""
+        """Do one thing; one that the rules refuse is not an act."""
         deeds: list[Callable[[Actor], object]] = [
             *[self.target] * 3,
             *[self.move] * 3,

@@ -24,7 +24,7 @@ def shared(relative: str) -> Path:
 
 
 def script(name: str) -> ModuleType:
-    """Return a module of the folder `scripts`, which is no package."""
+    """Return a module of the folder `scripts`, which is not a package."""
     folder = str(ROOT / "scripts")
     sys.path.insert(0, folder)
     try:

@@ -18,7 +18,7 @@ def answer(source: str, world: str) -> str:
     try:
         document = json.loads(world or "{}")
     except ValueError as error:
-        return json.dumps({**found, "world": f"the world is no JSON: {error}"})
+        return json.dumps({**found, "world": f"the world is not JSON: {error}"})
     try:
         run = run_scenario(parse_scenario({"plan": canonical_text(report.plan), "world": document}, "live"))
     except ScenarioError as error:

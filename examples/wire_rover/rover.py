@@ -32,7 +32,7 @@ class Rover:
         numbers = [given.get(name, 0.0) for name in ("duration_s", "x", "y")]
         sound = all(type(n) in (int, float) and math.isfinite(n) for n in numbers)
         if action not in ("wait", "navigate", "image", "safemode") or not sound:
-            return f"unknown action {action}, or a parameter is no number"
+            return f"unknown action {action}, or a parameter is not a number"
         if action == "image":
             path, data = f"products/{clock()}.pgm", f"P2 2 1 255 {int(self.x)} {int(self.y)}\n".encode()
             self.files[path], digest = data, hashlib.sha256(data).hexdigest()

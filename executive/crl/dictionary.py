@@ -1,6 +1,6 @@
 """Command and telemetry dictionaries: their types, and the reader of `dictionary/1` files (TOML or JSON).
 
-What an action is called, which parameters it takes and what prices it is content, and belongs to a rover.
+The names, parameters and costs of actions are content, and belong to a rover.
 The reader stands on the standard library alone, so that an executive on board reads the same file. `SCHEMA`
 is both what is published and what the reader holds a file to.
 """
@@ -312,9 +312,7 @@ def _hold(rule: Mapping[str, Any], value: Any, way: str) -> None:
                 raise _WrongError(f"{_below(way, name)} is missing")
         for name, item in value.items():
             if name not in known and more is False:
-                raise _WrongError(
-                    f"{_below(way, name)} is no member that is known; known are {', '.join(known)}"
-                )
+                raise _WrongError(f"{_below(way, name)} is not a known member; known are {', '.join(known)}")
             _hold(known.get(name, more), item, _below(way, name))
 
 

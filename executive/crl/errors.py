@@ -3,9 +3,9 @@
 ::
 
     CrlError
-    ├── CrlSyntaxError     the text is no plan: code, line, column
+    ├── CrlSyntaxError     the text is not a plan: code, line, column
     ├── CrlFormError       a JSON document is not the JSON form of a plan
-    ├── DictionaryError    a file is no dictionary of a rover, or contradicts itself
+    ├── DictionaryError    a file is not a dictionary of a rover, or contradicts itself
     └── CrlValidationError a plan was required to be valid and is not: holds the findings
 
 What a validator says about a plan is a value, `Finding`; only a caller who *needs* a plan gets an exception.
@@ -101,7 +101,7 @@ class CrlFormError(CrlError):
 
 
 class DictionaryError(CrlError):
-    """A file is no dictionary of a rover, or contradicts itself."""
+    """A file is not a dictionary of a rover, or contradicts itself."""
 
 
 class CrlValidationError(CrlError):

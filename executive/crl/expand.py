@@ -170,7 +170,9 @@ class _Expander:
         name = self.name(item[0], f'macro "{macro}": the name of a parameter')
         kind = self.name(item[1], f'macro "{macro}": the type of "{name}"')
         if kind not in TYPES:
-            self.fail("E200", f'macro "{macro}": "{kind}" is no type', item[1], f"types: {', '.join(TYPES)}")
+            self.fail(
+                "E200", f'macro "{macro}": "{kind}" is not a type', item[1], f"types: {', '.join(TYPES)}"
+            )
         default = None
         if len(item) == 3:
             default = self.one(item[2], self.constants, f'the default of "{name}"')
@@ -232,7 +234,7 @@ class _Expander:
             text = "-".join(self.part(part) for part in parts)
             self.charge(item, len(text) // LETTERS)
             if not is_symbol(text):
-                self.fail("E200", f'"{text}" is no symbol', item)
+                self.fail("E200", f'"{text}" is not a symbol', item)
             yield Atom(Kind.SYMBOL, text, item.offset, item.length)
         elif head in ARITHMETIC:
             value = self.number(item, names)

@@ -114,7 +114,7 @@ def _form_tree(form: Json, done: Mapping[int, list[Tree]]) -> list[Tree]:
         if name == "kind":
             continue
         if not is_keyword_name(name):
-            raise CrlFormError(f"{shown(name)} is no field of {kind}")
+            raise CrlFormError(f"{shown(name)} is not a field of {kind}")
         out.append(f":{name}")
         if name == "node":
             out.append(done[id(value)])

@@ -20,7 +20,7 @@ class Kind(IntEnum):
 
 
 class Atom:
-    """One token that is no parenthesis. `value` is a number, or the characters that it denotes."""
+    """One token that is not a parenthesis. `value` is a number, or the characters that it denotes."""
 
     __slots__ = ("kind", "length", "offset", "value")
 

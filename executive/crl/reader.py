@@ -97,13 +97,17 @@ def parse(text: str) -> Plan:
 
 def _single(forms: list[Item], lines: LineTable) -> Form:
     if not forms:
-        raise CrlSyntaxError("no plan: the text is empty", code="E004", line=1, column=1)
+        raise CrlSyntaxError("not a plan: the text is empty", code="E004", line=1, column=1)
     first = forms[0]
     line, column = lines.position(first.offset)
     if not isinstance(first, Form) or not first:
         hint = "a plan is (plan ... :node ...) or a single node such as (task :id a :action image)"
         raise CrlSyntaxError(
-            "no plan: the text does not begin with a form", code="E004", line=line, column=column, hint=hint
+            "not a plan: the text does not begin with a form",
+            code="E004",
+            line=line,
+            column=column,
+            hint=hint,
         )
     if len(forms) > 1:
         line, column = lines.position(forms[1].offset)
@@ -264,7 +268,7 @@ class _Reader:
         return node
 
     def _unknown(self, form: Form, head: str | None) -> None:
-        """Report a node form whose head is no kind of node."""
+        """Report a node form whose head is not a kind of node."""
         self._label("node", _raw(form, "id"))
         if head == "floating-contingency" and self.holder == head:
             self.report.add("E102", "a contingency stands inside a contingency", form[0])

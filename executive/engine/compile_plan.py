@@ -227,7 +227,7 @@ def compile_guard(conditions: values.Conditions) -> Guard | None:
 
 
 def _add_limit(limits: dict[str, tuple[float, ...] | None], key: str, value: values.Value) -> None:
-    """Add what a key is compared with; what is no number makes every change of the key matter."""
+    """Add what a key is compared with; what is not a number makes every change of the key matter."""
     before = limits.get(key, ())
     if key == TIME_KEY and not is_number(value):
         return

@@ -357,7 +357,7 @@ def release(run: Run, node: Instance) -> None:
 
 
 def finish(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
-    """Let the node become FINISHED, with its `end` event (which a node SKIPPED before its start has not)."""
+    """Let the node become FINISHED, with its `end` event (a node SKIPPED before its start has none)."""
     if node.start is not None:
         node.end = run.agenda.now
     else:

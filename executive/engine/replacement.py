@@ -78,11 +78,11 @@ def out_of_order(plan: PlanSpec, keeping: Mapping[str, Instance]) -> str:
         if spec.kind is Kind.BLOCK and is_kept:
             waits = ""
             for child in spec.children:
-                stack.append((child, waits and f"but would follow {waits}, which has not"))
+                stack.append((child, waits and f"but would follow {waits}, which has not started"))
                 if not waits and child.id not in keeping:
                     waits = child.id
             continue
-        below = "" if is_kept else f"but lies below {spec.id}, which has not"
+        below = "" if is_kept else f"but lies below {spec.id}, which has not started"
         stack.extend((child, barrier or below) for child in spec.children)
     return ""
 

@@ -23,7 +23,7 @@ Json = dict[str, Any]
 
 
 def event_to_json(event: Event) -> Json:
-    """Return an event as a JSON object; `event_from_json` gives it back."""
+    """Return an event as a JSON object; `event_from_json` returns it."""
     number = 0 if isinstance(event, Operator) else event.number
     return _members(event) | ({"number": number} if number else {})
 

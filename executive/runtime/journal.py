@@ -248,7 +248,7 @@ class JournalFile:
                     f"journal {self.path}: line {place + 1} is damaged and is not the last one; "
                     "the records after it cannot be trusted"
                     if place
-                    else f"{self.path} is not a journal: line 1 is no record of format {FORMAT}"
+                    else f"{self.path} is not a journal: line 1 is not a record of format {FORMAT}"
                 )
             if record.get("n") != place:
                 raise JournalError(
@@ -321,7 +321,7 @@ class PlanTime:
 
 
 def plan_time(header: Json) -> PlanTime:
-    """Return what a header says of the plan clock; journals of before said nothing."""
+    """Return what a header says of the plan clock; earlier journals said nothing."""
     instant = header.get("instant")
     return PlanTime(
         str(header.get("clock", "virtual")),

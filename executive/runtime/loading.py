@@ -22,7 +22,7 @@ def load_plan(plan: str | Plan, *, trusted: bool = False, dictionary: Dictionary
     Raises
     ------
     CrlValidationError
-        With all findings, if the text is no valid plan.
+        With all findings, if the text is not a valid plan.
     """
     if isinstance(plan, str):
         if trusted:

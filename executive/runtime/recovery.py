@@ -59,7 +59,7 @@ def apply_input(engine: Engine, record: Json) -> list[Effect]:
         case "restart":
             return engine.restart(t_ms)
         case other:
-            raise JournalError(f"record {record.get('n')} of kind {other!r} is no input")
+            raise JournalError(f"record {record.get('n')} of kind {other!r} is not an input")
 
 
 def rebuild(
@@ -194,7 +194,7 @@ def recover_run(
     Raises
     ------
     JournalError
-        If the file is no journal, is damaged before its last line, or belongs to another run or plan.
+        If the file is not a journal, is damaged before its last line, or belongs to another run or plan.
     """
     file = JournalFile(journal)
     file.check_identity(run_id=run_id, plan_digest=plan_digest)

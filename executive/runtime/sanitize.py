@@ -14,8 +14,8 @@ from executive.ports import Acknowledgement, CommandId, Event, Operator, Product
 def sanitized(events: Sequence[Event], t_ms: int) -> tuple[list[Event], list[Note]]:
     """Return the events that make sense, and notes on what does not.
 
-    A value that is no finite number, string or truth value is left out; a result whose `success` is no truth
-    value counts as a failure; anything that is no event at all is dropped.
+    A value that is not a finite number, string or truth value is left out; a result whose `success` is
+    not a truth value counts as a failure; anything that is not an event at all is dropped.
     """
     notes: list[Note] = []
     clean: list[Event] = []
@@ -41,7 +41,7 @@ def _event(event: Any, t_ms: int, notes: list[Note]) -> Event | None:
     if isinstance(event, (Operator, Product)):
         return event
     if not isinstance(event, (Update, Result, Acknowledgement)):
-        notes.append(Note(t_ms, "garbage", f"{event!r} is no event"))
+        notes.append(Note(t_ms, "garbage", f"{event!r} is not an event"))
         return None
     if isinstance(event, Update):
         values = _values(event.values, t_ms, notes)
@@ -76,7 +76,7 @@ def _values(values: Any, t_ms: int, notes: list[Note]) -> Mapping[str, Value]:
             return values
         for key, value in values.items():
             if not isinstance(key, str) or not _is_value(value):
-                notes.append(Note(t_ms, "garbage", f"state key {key!r}: {value!r} is no value"))
+                notes.append(Note(t_ms, "garbage", f"state key {key!r}: {value!r} is not a value"))
         return {k: v for k, v in values.items() if isinstance(k, str) and _is_value(v)}
     notes.append(Note(t_ms, "garbage", f"state values are {values!r}"))
     return {}

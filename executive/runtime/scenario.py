@@ -108,7 +108,7 @@ def load_scenario(path: Path) -> Scenario:
     try:
         document = json.loads(text)
     except ValueError as error:
-        raise ScenarioError(f"scenario {path} is no JSON: {error}") from error
+        raise ScenarioError(f"scenario {path} is not JSON: {error}") from error
     try:
         return parse_scenario(document, path.name)
     except ScenarioError as error:

@@ -39,7 +39,7 @@ def wait_wanted(prefer: str | None) -> float:
     Raises
     ------
     InvalidInputError
-        If N is no number.
+        If N is not a number.
     """
     if prefer is None:
         return 0.0

@@ -157,8 +157,8 @@ def _from_validation(request: Request, error: Exception) -> Response:
         return problem(
             400,
             "malformed-json",
-            "The body is no JSON",
-            f"the body is no JSON: {text}",
+            "The body is not JSON",
+            f"the body is not JSON: {text}",
             instance=request.url.path,
             wrong=wrong,
         )
@@ -177,7 +177,7 @@ def _from_http(request: Request, error: Exception) -> Response:
 
 
 def from_anything(path: str, error: Exception) -> Response:
-    """Return the answer to a request that broke something here; what it was stands in the log only."""
+    """Return the answer to a request that broke something here; only the log holds what it was."""
     if isinstance(error, ModuleNotFoundError) and (told := missing_extra(error)):
         return problem(503, "unavailable", "A part that is needed is not there", told, instance=path)
     logger.error("request failed", exc_info=error, extra={"path": path})

@@ -91,7 +91,7 @@ ROUTERS = (
     product_files,
     webhooks,
 )
-"""Those asked most come first: a request is held against one route after the other."""
+"""Those asked most come first: a request is checked against one route after the other."""
 
 DESCRIPTION = """Plan a rover's day on the ground and carry it out.
 

@@ -21,7 +21,7 @@ _NO_UI = (
 
 
 def install_pages(app: FastAPI, dist: Path = DIST) -> None:
-    """Serve the UI: its files where they are, its start page for every other address that is no API."""
+    """Serve the UI: its files where they are, its start page for every other address that is not an API."""
 
     @app.get("/api/v1/docs", include_in_schema=False)
     async def docs() -> Response:

@@ -26,7 +26,7 @@ NARROWED = "narrowed-key"
 
 
 def require_narrowed(client: Client) -> None:
-    """Raise unless the server says that the key is a narrowed one: another refusal is no proof of it.
+    """Raise unless the server says that the key is a narrowed one: another refusal is not proof of it.
 
     Raises
     ------

@@ -15,7 +15,7 @@ DEATHS = 5
 
 
 class Engine(Protocol):
-    """Flies units and gives them back in any order, each once.
+    """Flies units and returns them in any order, each once.
 
     A process or worker that dies costs the units it had; they are flown again. Ends when `should_stop` says
     so; what is done by then was given.

@@ -95,7 +95,7 @@ def _amount(name: str, operator: str, limit_text: str) -> Term:
     try:
         limit = float(limit_text)
     except ValueError as err:
-        raise InvalidInputError(f'event: "{limit_text}" is no number') from err
+        raise InvalidInputError(f'event: "{limit_text}" is not a number') from err
     if not math.isfinite(limit):
         raise InvalidInputError(f"event: the limit {limit_text} is not finite")
     read, scale = _READ[name], max(1.0, abs(limit))

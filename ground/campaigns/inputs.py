@@ -1,4 +1,4 @@
-"""Plan, world and prediction of a campaign, read from files and held against each other."""
+"""Plan, world and prediction of a campaign, read from files and checked against each other."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ class Row:
         """
         parts = json.loads(line)
         if not isinstance(parts, list) or not _is_row(*parts):
-            raise ValueError(f"{line[:60]!r} is no row")
+            raise ValueError(f"{line[:60]!r} is not a row")
         seed, utility, outcome, end_ms, energy, exceeded, options, nodes, reasons, lost, trace = parts
         return Row(
             seed,

@@ -167,7 +167,7 @@ def read_plan(path: Path) -> Plan:
     Raises
     ------
     InvalidInputError
-        If it cannot be read or is no valid plan; the message has the first finding.
+        If it cannot be read or is not a valid plan; the message has the first finding.
     """
     from executive.crl.validate import check
 

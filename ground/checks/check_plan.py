@@ -1,4 +1,4 @@
-"""Hold everything against a plan that can be held against it from files: one report, for a pipeline.
+"""Check all of a plan that files can tell: one report, for a pipeline.
 
 Validator, a campaign on the abstract rover, flight rules, runs of a second rover, and the difference to the
 plan that was approved. A plan with an error of the validator is not flown.

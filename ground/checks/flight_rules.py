@@ -188,7 +188,7 @@ def _campaign(facts: Facts, limit: float) -> Verdict:
 
 
 def _flown_overrun(facts: Facts, limit: float, least_runs: int, missing: str) -> Verdict:
-    """Hold a limit against the share of runs over a budget; `missing` is said where no campaign was flown."""
+    """Check a limit against the share of runs over a budget; `missing` is said if no campaign was flown."""
     facts.day()  # in whose world the campaign was flown
     flown = facts.campaign
     over = None if flown is None else next((f for f in flown.frequencies if f.what == OVER), None)

@@ -21,7 +21,7 @@ class Mark(StrEnum):
 
 @value
 class Item:
-    """One thing that was held against the plan: stage, name, how it stands, and what to say."""
+    """One thing that was checked against the plan: stage, name, how it stands, and what to say."""
 
     stage: str
     name: str
@@ -31,7 +31,7 @@ class Item:
 
 @value
 class PlanCheck:
-    """A plan, what was held against it, and the processor seconds of each stage.
+    """A plan, what was checked against it, and the processor seconds of each stage.
 
     `passed` holds if no item failed. An undecided item is one whose facts were not given.
     """

@@ -69,8 +69,8 @@ def _audit(app: typer.Typer) -> None:
             typer.echo(f"{fault.chain_id} event {fault.seq}: {fault.reason}", err=True)
         for row_fault in rows.faults:
             typer.echo(str(row_fault), err=True)
-        untold = f", {rows.untold} rows of before stand in no event" if rows.untold else ""
-        kept = "" if heads is None else f", {len(heads)} histories held against {against}"
+        untold = f", {rows.untold} earlier rows are in no event" if rows.untold else ""
+        kept = "" if heads is None else f", {len(heads)} histories checked against {against}"
         odd = len(faults) + len(rows.faults)
         note(repo, "audit", odd)
         typer.echo(f"{count} events and {rows.checked} rows checked, {odd} faults{untold}{kept}")
@@ -108,7 +108,7 @@ def _backups(app: typer.Typer) -> None:
     ) -> None:
         """Write database and files into one tar file, also while a server runs. Needs no server.
 
-        Every stored file is held against its hash; exit status 1 if one is damaged.
+        Every stored file is checked against its hash; exit status 1 if one is damaged.
         """
         from ground.cli.repository import open_or_fail
         from ground.resources.backups.backup import backup
@@ -171,7 +171,7 @@ def _backups(app: typer.Typer) -> None:
         sweep: bool = typer.Option(
             False, "--sweep", help="remove what no record names and is older than an hour"
         ),
-        contents: bool = typer.Option(False, "--contents", help="hold every file against its hash"),
+        contents: bool = typer.Option(False, "--contents", help="check every file against its hash"),
     ) -> None:
         """Look for records without their file and files that no record names. Needs no server."""
         from ground.cli.repository import open_or_fail

@@ -51,7 +51,7 @@ def follow(client: Client, job: Record) -> Record:
 def uploaded(client: Client, path: Path) -> str:
     """Return the id under which the server has a file now."""
     if not path.is_file():
-        fail(f"{path} is no file")
+        fail(f"{path} is not a file")
     return str(client.upload(path).id)
 
 

@@ -133,7 +133,7 @@ def export(
     from neighbours.robots.behavior_tree import behavior_tree
 
     if to != "bt":
-        fail(f"--to {to!r} is no known form; bt is")
+        fail(f"--to {to!r} is not a known form; bt is")
     try:
         plan = load(plan_text(file))
     except CrlValidationError as error:

@@ -34,7 +34,7 @@ def _sources(app: typer.Typer) -> None:
     ) -> None:
         """Open a mission on a terrain. Needs a server."""
         if terrain is not None and not terrain.is_file():
-            fail(f"{terrain} is no file; zip a terrain folder first")
+            fail(f"{terrain} is not a file; zip a terrain folder first")
         with connected(server, person) as client:
             source: dict[str, Any] = {"source": "generated", "seed": seed}
             if terrain is not None:
@@ -122,7 +122,7 @@ def _plan(app: typer.Typer) -> None:
 
     @group_of(app, "review").command("rules")
     def rules(plan: str = typer.Argument(...), server: str = SERVER, person: str | None = PERSON) -> None:
-        """Hold the flight rules against a plan; exit status 1 if one does not hold. Needs a server."""
+        """Check the flight rules against a plan; exit status 1 if one does not hold. Needs a server."""
         with connected(server, person) as client:
             found = client.get_flight_rules(plan)
         for rule in found:
@@ -202,7 +202,7 @@ def _api(app: typer.Typer) -> None:
         try:
             document = None if body is None else json.loads(body)
         except ValueError as err:
-            fail(f"--json is no JSON: {err}")
+            fail(f"--json is not JSON: {err}")
         with connected(server, person) as client:
             url = "/" + path.removeprefix("/api/v1").lstrip("/")
             answer = client.request(method.upper(), url, json=document, headers=headers)

@@ -32,7 +32,7 @@ def localize(
         typer.Argument(help="run folders, panorama folders or point files (.npz with eye), as driven"),
     ],
     out: Annotated[Path | None, typer.Option(help="folder for localization.json and traverse.png")] = None,
-    odometry: Annotated[float, typer.Option(help="error of odometry, share of the way")] = 0.05,
+    odometry: Annotated[float, typer.Option(help="error of odometry, share of the distance")] = 0.05,
     heading: Annotated[float, typer.Option(help="error of heading between stops, degrees")] = 3.0,
     sun: Annotated[float | None, typer.Option(help="error of each stop's own heading, degrees")] = None,
     longest: Annotated[float, typer.Option(help="longest leg, metres")] = 30.0,
@@ -83,7 +83,7 @@ def _stops(runs: list[Path]) -> list[tuple[str, Path]]:
         elif run.suffix.lower() in ENDINGS:
             found.append(run)
         else:
-            fail(f"{run} is no run folder, panorama folder or point file ({', '.join(ENDINGS)})")
+            fail(f"{run} is not a run folder, panorama folder or point file ({', '.join(ENDINGS)})")
     names: list[str] = []
     for path in found:
         name = path.stem
@@ -187,5 +187,5 @@ def _numbers(text: str) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != 3:
-        fail(f'target "{text}" is no north,east,nadir in metres')
+        fail(f'target "{text}" is not NORTH,EAST,NADIR in metres')
     return numbers

@@ -33,7 +33,7 @@ class _PlanGroup(TyperGroup):
 
 
 def register(app: typer.Typer) -> None:
-    """Add the group; what is no command of it is a problem that is to be planned."""
+    """Add the group; what is not a command of it is a problem that is to be planned."""
     from ground.cli.flight_group.sequence import plandev, sequence
     from ground.cli.plan_group.ci import ci
     from ground.cli.plan_group.contest import register_contest

@@ -195,7 +195,7 @@ def track(
     ] = "",
     start: Annotated[float, typer.Option(help="range to start from, metres")] = 10.0,
     step: Annotated[float, typer.Option(help="step, share of the range")] = 0.10,
-    odometry: Annotated[float, typer.Option(help="odometry error, share of the way")] = 0.05,
+    odometry: Annotated[float, typer.Option(help="odometry error, share of the distance")] = 0.05,
     sun_azimuth: AzimuthOption = None,
     sun_elevation: ElevationOption = None,
     lmst: LmstOption = 10.5,
@@ -224,7 +224,7 @@ def track(
             raise TerrainFormatError(f'terrain "{ground.name}" has no {what}')
         rock = rocks[0]
         renderer = _renderer(ground, seed, 0.0, 0.0)
-        # come from the sun's side: shadowed faces are no targets
+        # come from the sun's side: shadowed faces are not targets
         bearing = float(np.arctan2(light.direction[1], light.direction[0]))
         x, y = rock.x + start * np.cos(bearing), rock.y + start * np.sin(bearing)
         pose = Pose(float(x), float(y), ground.height_at(float(x), float(y), "rover"), bearing + np.pi)

@@ -25,7 +25,7 @@ def drive(
     rover: Annotated[str, typer.Option(help="rover profile")] = "k9",
     rock_cover: Annotated[float, typer.Option(help="share of the generated terrain under rocks")] = 0.07,
     softer: Annotated[float, typer.Option(help="factor on the slip of the soil")] = 1.0,
-    out: Annotated[Path | None, typer.Option(help="PNG: hazard map beside the way over the ground")] = None,
+    out: Annotated[Path | None, typer.Option(help="PNG: hazard map beside the path over the ground")] = None,
 ) -> None:
     """Drive from the origin to a goal by stereo ranges, with slip and drift."""
     import math

@@ -97,7 +97,7 @@ def _traverses(app: typer.Typer) -> None:
             help="FRAME=SOURCE in the order driven; SOURCE is a run (RUN or RUN:PANORAMA), a zipped panorama "
             "folder or a point file",
         ),
-        odometry: float = typer.Option(0.05, help="error of odometry, share of the way"),
+        odometry: float = typer.Option(0.05, help="error of odometry, share of the distance"),
         heading: float = typer.Option(3.0, help="error of heading between stops, degrees"),
         sun: float | None = typer.Option(None, help="error of each stop's own heading, degrees"),
         longest: float = typer.Option(30.0, help="longest leg, metres"),

@@ -32,7 +32,7 @@ class Interrupt:
 
 
 class ProgressLine:
-    """One line of progress on stderr, rewritten in place; nothing where stderr is no terminal."""
+    """One line of progress on stderr, rewritten in place; nothing where stderr is not a terminal."""
 
     def __init__(self) -> None:
         import sys

@@ -83,7 +83,7 @@ def run_day(
     Raises
     ------
     InvalidInputError
-        If `out` holds an earlier day or is no folder, or the terrain has no room for ten targets.
+        If `out` holds an earlier day or is not a folder, or the terrain has no room for ten targets.
     RoverError, PlannerError, ExecutiveError
         If a room refuses its part.
     """

@@ -1,7 +1,7 @@
 """Rows as they are stored, read so that no damage stops the reading and none goes unseen.
 
-A driver raises on a text that is no UTF-8, and a reader of times or JSON passes over a damaged digit or
-letter that leaves the meaning as it was. Here each column is held against what this program would have
+A driver raises on a text that is not UTF-8, and a reader of times or JSON passes over a damaged digit or
+letter that leaves the meaning as it was. Here each column is checked against what this program would have
 written for the value that was read.
 """
 

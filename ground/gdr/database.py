@@ -57,7 +57,7 @@ class _Queue:
     """
 
     PATIENCE_S = 30.0
-    """As long as SQLite waits for another process; who waits longer is told so, and is no thread less."""
+    """As long as SQLite waits for another process; who waits longer is told so, and counts no thread less."""
 
     def __init__(self) -> None:
         self._state = threading.Lock()

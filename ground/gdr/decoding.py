@@ -1,8 +1,8 @@
 """Values as the database gives them, held to the type of their column: what does not fit has a name.
 
 Who owns the database can write anything into it. SQLite keeps any value in any column, and of a text that is
-no JSON or no time a decoder says neither table nor column. Here both are said, once for all tables; a value
-that fits costs one comparison, and what reads rows on purpose as they are stored is `gdr/as_stored.py`.
+neither JSON nor a time a decoder says neither table nor column. Here both are said, once for all tables; a
+value that fits costs one comparison, and what reads rows on purpose as they are stored is `gdr/as_stored.py`.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _checked(kind: TypeEngine[Any], decode: Decode | None, place: str, dialect: 
         return decode
     if python not in _NAMES or (dialect != "sqlite" and python not in {dict, list, datetime}):
         return decode  # PostgreSQL keeps these itself
-    refusal = f"{place} something that is no {_NAMES[python]}"
+    refusal = f"{place} a value of another kind than {_NAMES[python]}"
     if python is bool:
 
         def process(value: Any) -> Any:
@@ -125,7 +125,7 @@ _NO_TEXT = re.compile(r"Could not decode to UTF-8 column '(\w+)'")
 def _on_error(context: ExceptionContext) -> None:
     found = _NO_TEXT.search(str(context.original_exception))
     if found:
-        raise DamagedDataError(f"{_place(found[1], context.statement or '')} bytes that are no text")
+        raise DamagedDataError(f"{_place(found[1], context.statement or '')} bytes that are not text")
 
 
 def keep_odd_times(connection: psycopg.Connection[Any]) -> None:

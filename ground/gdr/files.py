@@ -43,7 +43,7 @@ class FileStore:
         Raises
         ------
         DamagedFileError
-            If it is no hash: the row that names it was changed.
+            If it is not a hash: the row that names it was changed.
         """
         if len(sha256) != 64 or any(c not in "0123456789abcdef" for c in sha256):
             raise DamagedFileError(f"not a SHA-256 in lower-case hexadecimal: {sha256!r}")
@@ -74,7 +74,7 @@ class FileStore:
             return self.put(iter(lambda: file.read(1 << 20), b""))
 
     def put_packed(self, content: bytes) -> StoredFile:
-        """Store text packed and return its hash and size as it was; `read` alone gives it back."""
+        """Store text packed and return its hash and size as it was; `read` alone returns it."""
         sha256 = hashlib.sha256(content).hexdigest()
         write_packed(self.path(sha256), content)
         return StoredFile(sha256, len(content))

@@ -1,7 +1,7 @@
 """Text that is over and only read from then on, kept packed: `NAME.br` beside or instead of `NAME`.
 
 Brotli (RFC 7932) is a dependency already, for the answers of the API. Readers take either form, so folders
-and stores of before stay as they are; what leaves the repository (a mission's archive) is unpacked.
+and earlier stores stay as they are; what leaves the repository (a mission's archive) is unpacked.
 """
 
 from __future__ import annotations

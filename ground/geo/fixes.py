@@ -68,7 +68,7 @@ def read_fixes(
     Raises
     ------
     InvalidInputError
-        If a cell is no number, a fix is far away, or a height counts from what cannot be converted.
+        If a cell is not a number, a fix is far away, or a height counts from what cannot be converted.
     """
     rows = _rows(text, "fixes")
     across, up = _columns(rows)
@@ -127,7 +127,7 @@ def _number(row: Row, column: str, default: float | None = None) -> float:
     try:
         value = float(cell)
     except ValueError:
-        raise InvalidInputError(f"{row[0]}: {column} is no number: {cell[:40]!r}") from None
+        raise InvalidInputError(f"{row[0]}: {column} is not a number: {cell[:40]!r}") from None
     if not math.isfinite(value):
         raise InvalidInputError(f"{row[0]}: {column} is {cell[:40]}; it must be finite")
     return value

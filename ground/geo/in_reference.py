@@ -54,6 +54,6 @@ def placed(site: Place | None, name: str) -> SiteFrame:
 
 def _near(corner: Corner) -> Corner:
     east, north = corner
-    if not (abs(east) <= FAR_M and abs(north) <= FAR_M):  # also for what is no number
+    if not (abs(east) <= FAR_M and abs(north) <= FAR_M):  # also for what is not a number
         raise InvalidInputError(f"({east:g}, {north:g}) is not within {FAR_M:g} m of the site")
     return east, north

@@ -57,11 +57,11 @@ def _reference(text: str) -> CRS:
         found = CRS.from_user_input(text)
     except UnicodeError as err:
         raise InvalidInputError(
-            f"{told!r} is no coordinate reference: half a character of Unicode is in it"
+            f"{told!r} is not a coordinate reference: half a character of Unicode is in it"
         ) from err
     except errors.CRSError as err:
         raise InvalidInputError(
-            f"{told!r} is no coordinate reference that is known: {str(err)[:200]}"
+            f"{told!r} is not a coordinate reference that is known: {str(err)[:200]}"
         ) from err
     _require_usable(found, told)
     return found

@@ -32,7 +32,7 @@ class SiteFrame:
         self.place = place
         self.crs = reference(place.crs, "/place/crs")
         if not (math.isfinite(place.x) and math.isfinite(place.y)):
-            raise InvalidInputError(f"({place.x}, {place.y}) is no place", pointer="/place/x")
+            raise InvalidInputError(f"({place.x}, {place.y}) is not a place", pointer="/place/x")
         if self.crs.is_geographic:
             _require_degrees(np.array([[place.x, place.y]]), "the site's origin")
 
@@ -123,8 +123,8 @@ class SiteFrame:
         Raises
         ------
         InvalidInputError
-            If one is no number, lies far from the site (then it says whether x and y look swapped), or there
-            is no transformation.
+            If one is not a number, lies far from the site (then it says whether x and y look swapped), or
+            there is no transformation.
         """
         given = _points(points)
         crs = self.named(name)

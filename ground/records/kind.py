@@ -140,7 +140,7 @@ class Kind(Generic[V]):
     locate: Locate | None = None
     """Where things lie can be told in other references."""
     hold: Callable[[Session, Any], None] | None = None
-    """Raise unless a row fits with the others; asked after an undo, whose changes are no form's."""
+    """Raise unless a row fits with the others; asked after an undo, whose changes are not a form's."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "title", self.title or self.name.replace("_", " "))

@@ -68,7 +68,7 @@ def admitted(
     ArchiveError
         If the package is damaged, foreign, expired, signed by too few, or does not fit.
     AlreadyExecutedError
-        If the rover has begun this package and this is no resumption, or one with a later counter, or is
+        If the rover has begun this package and this is not a resumption, or one with a later counter, or is
         busy.
     """
     content = read_file(package, "the package")
@@ -115,7 +115,7 @@ def check_plan(package: Package, dictionary: tuple[str, str, str]) -> None:
     try:
         same = digest(parse(package.crl_text)) == package.manifest["crl_sha256"]
     except (CrlError, RecursionError) as err:
-        raise ArchiveError(f"the plan of the package is no CRL: {err}") from err
+        raise ArchiveError(f"the plan of the package is not CRL: {err}") from err
     if not same:
         raise ArchiveError("the plan of the package is not the one that was approved (SHA-256 differs)")
 

@@ -1,7 +1,7 @@
 """The heads of all histories, signed by a person, to be kept where the owner of the database cannot write.
 
 A chain of hashes shows that nothing in it was altered by itself; whoever can write the database can rewrite
-the whole chain. Held against a head that was signed and kept elsewhere, that shows too.
+the whole chain. Checked against a head that was signed and kept elsewhere, that shows too.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def read_head(source: Path, key: str | None = None) -> dict[str, tuple[int, str]
         content = json.loads(said)
         heads = {str(k): (int(seq), str(sha256)) for k, (seq, sha256) in content["heads"].items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as err:
-        raise InvalidInputError(f"{source} is no file of `outcrop audit head`: {err}") from err
+        raise InvalidInputError(f"{source} is not a file of `outcrop audit head`: {err}") from err
     if content.get("format") != FORM or not signed:
         raise InvalidInputError(f"{source} is damaged: its signature does not fit what it says")
     if key is not None and load_public(key) != public:

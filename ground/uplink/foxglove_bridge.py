@@ -36,7 +36,7 @@ def follow(path: Path, over: Callable[[], bool]) -> Iterator[Json]:
     Raises
     ------
     JournalError
-        If a line that is complete is no record.
+        If a line that is complete is not a record.
     """
     rest, number = b"", 0
     with path.open("rb") as file:

@@ -33,13 +33,13 @@ def id_of(public: str) -> str:
     Raises
     ------
     InvalidInputError
-        If the text is no public key.
+        If the text is not a public key.
     """
     try:
         public_key(public)
     except ValueError as err:
         raise InvalidInputError(
-            "that is no Ed25519 public key, 32 bytes in base64", pointer="/public"
+            "that is not an Ed25519 public key, 32 bytes in base64", pointer="/public"
         ) from err
     return key_id(base64.b64decode(public))
 
@@ -76,7 +76,7 @@ def load_key(path: Path) -> Ed25519PrivateKey:
     Raises
     ------
     UnavailableError
-        If there is none, others may read it, or it is no Ed25519 key.
+        If there is none, others may read it, or it is not an Ed25519 key.
     """
     try:
         mode = stat.S_IMODE(path.stat().st_mode)
@@ -88,7 +88,7 @@ def load_key(path: Path) -> Ed25519PrivateKey:
     except (OSError, ValueError, TypeError) as err:
         raise UnavailableError(f"the key {path} cannot be read") from err
     if not isinstance(key, Ed25519PrivateKey):
-        raise UnavailableError(f"{path} is no Ed25519 key")
+        raise UnavailableError(f"{path} is not an Ed25519 key")
     return key
 
 

@@ -42,7 +42,7 @@ class Link:
     Raises
     ------
     InvalidInputError
-        If the light time is no time from 0 to `LONGEST_LIGHT_TIME_S`, or passes overlap or are empty.
+        If the light time is not a time from 0 to `LONGEST_LIGHT_TIME_S`, or passes overlap or are empty.
     """
 
     light_time_s: float = 0.0

@@ -32,7 +32,7 @@ class Sent:
         Raises
         ------
         InvalidInputError
-            If the operation is not known or the time is no number from 0 on.
+            If the operation is not known or the time is not a number from 0 on.
         """
         word, _, time = text.partition("@")
         try:
@@ -41,7 +41,7 @@ class Sent:
             operation, sent_s = Operation.REPLACE, -1.0
         if operation not in SENDABLE or not 0.0 <= sent_s < math.inf:
             known = ", ".join(f"{o.value}@SECONDS" for o in SENDABLE)
-            raise InvalidInputError(f"{text!r} is no command; known are {known}")
+            raise InvalidInputError(f"{text!r} is not a command; known are {known}")
         return cls(operation, sent_s)
 
 

@@ -183,7 +183,7 @@ def _sample(sample: Sample, zero_ns: int, t_ms: int) -> Iterator[Message]:
     told = sample.as_dict()
     yield Message("/telemetry", "outcrop.Telemetry", t_ms, _finite(told))
     if not _is_pose(sample):
-        log = {"level": WARNING, "message": "the rover told a pose that is no number", "name": "telemetry"}
+        log = {"level": WARNING, "message": "the rover told a pose that is not a number", "name": "telemetry"}
         yield Message("/log", "foxglove.Log", t_ms, {**_stamp(zero_ns, t_ms), **log})
         return
     half = sample.heading_rad / 2  # about z, east-north-up

@@ -98,7 +98,7 @@ class Signer:
         try:
             plain = base64.b64decode(str(content), validate=True)
         except binascii.Error:
-            raise ValueError("the content is no base64") from None
+            raise ValueError("the content is not base64") from None
         logger.info("signed", extra={"form": form, "role": role, "size_bytes": len(plain)})
         return {"signature": sign(self._key, str(form), str(role), plain)}
 

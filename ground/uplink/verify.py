@@ -247,7 +247,7 @@ def _open(content: bytes) -> tuple[Package, dict[str, bytes]]:
     try:
         text = files[CRL].decode()
     except UnicodeDecodeError as err:
-        raise RefusedError("the package is damaged: plan.crl is no text") from err
+        raise RefusedError("the package is damaged: plan.crl is not text") from err
     sha256 = hashlib.sha256(content).hexdigest()
     return Package(form, manifest, text, landmarks, sha256, manifest["mission"], int(counter or 0), {}), files
 
@@ -280,8 +280,8 @@ def _object(content: bytes, what: str) -> dict[str, Any]:
     try:
         document = json.loads(content)
     except (ValueError, RecursionError) as err:
-        raise RefusedError(f"{what} is no readable JSON") from err
-    _hold(isinstance(document, dict), f"{what} is no object")
+        raise RefusedError(f"{what} is not readable JSON") from err
+    _hold(isinstance(document, dict), f"{what} is not an object")
     return dict(document)
 
 

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A number between two limits, both inclusive and in `unit`; None is no limit."""
+    """A number between two limits, both inclusive and in `unit`; None is not a limit."""
 
     minimum: float | None = None
     maximum: float | None = None
@@ -18,7 +18,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A string of at most `longest` bytes; None is no limit that is told."""
+    """A string of at most `longest` bytes; None: no limit was told."""
 
     longest: int | None = None
 

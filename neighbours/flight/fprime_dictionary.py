@@ -55,7 +55,7 @@ def read_fprime(path: Path) -> ForeignDictionary:
     except OSError as err:
         raise ForeignDictionaryError(str(path), (err.strerror or str(err),)) from err
     except (ValueError, RecursionError) as err:
-        raise ForeignDictionaryError(str(path), (f"is no JSON: {err}",)) from err
+        raise ForeignDictionaryError(str(path), (f"is not JSON: {err}",)) from err
     return _Reader(document, str(path)).dictionary()
 
 
@@ -69,7 +69,10 @@ class _Reader:
         if not {"commands", "typeDefinitions"} <= set(self.document):
             raise ForeignDictionaryError(
                 where,
-                ('is no dictionary of F Prime: it must have the members "commands" and "typeDefinitions"',),
+                (
+                    "is not a dictionary of F Prime: it must have the members "
+                    '"commands" and "typeDefinitions"',
+                ),
             )
         self.structs: dict[tuple[str, int], ForeignType] = {}
         self.types: dict[str, Mapping[str, Any]] = {}
@@ -177,7 +180,7 @@ class _Reader:
         if kind == "qualifiedIdentifier":
             self.wrong.append(f'{where} has the type "{name}", which is not defined')
         else:
-            self.wrong.append(f"{where} has the type {_shown(found)}, which is no type of F Prime")
+            self.wrong.append(f"{where} has the type {_shown(found)}, which is not a type of F Prime")
         return Unsaid("no type")
 
     def integer(self, table: Mapping[str, Any], where: str) -> ForeignType:

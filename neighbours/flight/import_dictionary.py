@@ -104,7 +104,7 @@ class _Importer:
                 )
         for wanted in self.mapped.sent:
             if wanted not in actions:
-                self.wrong.append(f'sent.{wanted} of the map is no action of "{self.base.name}"')
+                self.wrong.append(f'sent.{wanted} of the map is not an action of "{self.base.name}"')
         for command in self.foreign.commands:
             action = self.action(command)
             if action is None:

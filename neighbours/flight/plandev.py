@@ -1,4 +1,4 @@
-"""Runs of a plan as PlanDev's model-free plans: a plan file, version 3, for each way through the branches.
+"""Runs of a plan as PlanDev's model-free plans: a plan file, version 3, for each path through the branches.
 
 The form is that of NASA-AMMOS/plandev-gateway: `src/types/plan-transfer.ts` and
 `src/schemas/plan-transfer-validation-schema.ts`. A file holds the activities, declares their types and

@@ -33,7 +33,7 @@ def write_rover(
     ProfileError
         If what was made contradicts itself: the message names the action and the value.
     FlightError
-        If `name` is no plain file name.
+        If `name` is not a plain file name.
     """
     if Path(name).name != name or name.startswith(".") or not name:
         raise FlightError(f'the name of the rover is "{name}"; it must be a plain file name')

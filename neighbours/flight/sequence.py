@@ -233,7 +233,7 @@ def _written(name: str, kind: ForeignType, values: Mapping[str, Value]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a string as `.seq` writes it, empty where it cannot: the form knows no escapes."""
+    """Return a string as `.seq` writes it, empty where it cannot: the form has no escapes."""
     if any(c in text for c in "\r\n") or text.endswith("\\"):
         return ""
     for quote in "\"'":

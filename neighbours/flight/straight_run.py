@@ -59,14 +59,14 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class StraightRun:
-    """One way through a plan: `options` are those taken, in their order."""
+    """One path through a plan: `options` are those taken, in their order."""
 
     options: tuple[str, ...]
     steps: tuple[Step, ...]
 
     @property
     def name(self) -> str:
-        """Return the option that makes it: the last one taken that is no last option, else `nominal`."""
+        """Return the option that makes it: the last one taken that is not a last option, else `nominal`."""
         return self.options[-1] if self.options else NOMINAL
 
     @property

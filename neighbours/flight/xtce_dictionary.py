@@ -68,7 +68,7 @@ def _parsed(path: Path) -> Element:
         told = f"is refused as an XML bomb might be: {type(err).__name__} ({err})"
         raise ForeignDictionaryError(where, (told,)) from err
     except (ParseError, ValueError, LookupError) as err:
-        raise ForeignDictionaryError(where, (f"is no XML: {err}",)) from err
+        raise ForeignDictionaryError(where, (f"is not XML: {err}",)) from err
     if _tag(root) != "SpaceSystem":
         raise ForeignDictionaryError(where, (f"begins with <{_tag(root)}>; XTCE begins with <SpaceSystem>",))
     return root
@@ -284,7 +284,7 @@ class _Reader:
         except ValueError:
             value = float("nan")
         if value != value or value in (float("inf"), float("-inf")):
-            self.wrong.append(f'{where} is "{text}", which is no finite number')
+            self.wrong.append(f'{where} is "{text}", which is not a finite number')
             return None
         return value
 

@@ -152,7 +152,7 @@ def _array(
 def _label(about: About, name: str, content: bytes) -> tuple[ET.Element, ET.Element]:
     """Return a label and its file area, which still lacks the object."""
     if not name.rpartition(".")[0] or "/" in name:
-        raise GeodataError(f"{name!r} is no name of a file with an ending")
+        raise GeodataError(f"{name!r} is not a name of a file with an ending")
     root = ET.Element(f"{{{PDS}}}Product_Observational", {f"{{{XSI}}}schemaLocation": f"{PDS} {FILES}.xsd"})
     head = _sub(root, "Identification_Area")
     for tag, text in (

@@ -173,11 +173,11 @@ def _loaded(kernels: Sequence[Path], body: str) -> Iterator[None]:
         try:
             for kernel in kernels:
                 if not kernel.is_file():
-                    raise GeodataError(f"the kernel {kernel} is no file")
+                    raise GeodataError(f"the kernel {kernel} is not a file")
                 try:
                     spiceypy.furnsh(str(kernel))
                 except spiceypy.exceptions.SpiceyError as err:
-                    raise GeodataError(f"{kernel} is no kernel that SPICE takes: {_told(err)}") from err
+                    raise GeodataError(f"{kernel} is not a kernel that SPICE accepts: {_told(err)}") from err
             if body == "MARS" and not spiceypy.bodfnd(499, "PM"):
                 spiceypy.furnsh(str(MARS_PCK))
             yield

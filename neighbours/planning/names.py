@@ -32,7 +32,7 @@ def name_of(text: str) -> str:
         If it is no such word.
     """
     if _WORD.fullmatch(text) is None:
-        raise PlanningFormatError(f'"{text}" is no word of an exported name')
+        raise PlanningFormatError(f'"{text}" is not a word of an exported name')
     return _ESCAPE.sub(lambda m: chr(int(m[1], 16)) if m[1] else m[2].upper(), text)
 
 

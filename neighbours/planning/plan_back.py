@@ -38,7 +38,7 @@ def plan_of_text(text: str, problem: Problem) -> Plan:
             continue
         found = _LINE.fullmatch(said)
         if found is None:
-            raise PlanningFormatError(f"line {number}: {shown(said)} is no line of a plan")
+            raise PlanningFormatError(f"line {number}: {shown(said)} is not a line of a plan")
         if rows and (found["at"] is None) != (rows[0][0] < 0):
             raise PlanningFormatError(f"line {number}: only some lines of the plan have a time")
         rows.append((Decimal(found["at"] or -1), found["name"].lower()))
@@ -66,7 +66,7 @@ def plan_of_names(names: Iterable[str], problem: Problem) -> Plan:
     Raises
     ------
     PlanningFormatError
-        If one is no action of this problem.
+        If one is not an action of this problem.
     """
     known = _steps(problem)
     plan: list[Step] = []

@@ -102,7 +102,7 @@ def _rounding(problem: Problem) -> Iterator[Unsaid]:
     if not all(float(number).is_integer() for number in rest):
         rough.append("problem")
     if rough:
-        what = "amounts that are no whole seconds, joules or watts"
+        what = "amounts that are not whole seconds, joules or watts"
         yield Unsaid(some(rough), what, "rounded so that what fits in the file fits the day")
 
 

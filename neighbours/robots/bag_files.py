@@ -38,7 +38,9 @@ def files_of(path: Path) -> list[Path]:
         return [path]
     found = sorted(p for p in path.glob("*") if p.suffix in (".db3", ".mcap")) if path.is_dir() else []
     if not found:
-        raise RecordingError(f"{path} is no recording: neither a file nor a folder with .db3 or .mcap files")
+        raise RecordingError(
+            f"{path} is not a recording: neither a file nor a folder with .db3 or .mcap files"
+        )
     return found
 
 
@@ -84,7 +86,7 @@ def _require_tables(base: sqlite3.Connection) -> None:
     made = dict(base.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'"))
     for name in ("topics", "messages"):
         if not str(made.get(name)).upper().startswith("CREATE TABLE"):
-            raise sqlite3.DatabaseError(f"{name} is no table")
+            raise sqlite3.DatabaseError(f"{name} is not a table")
 
 
 def _unpacked(chunk: Chunk) -> Chunk:

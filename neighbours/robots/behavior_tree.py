@@ -97,7 +97,7 @@ MODEL: Model = {
     "Using": (
         "Decorator",
         "waits as WaitWindow does, and until all its resources are free at once; takes them, ticks its child "
-        "and gives them back when that is over or halted. Of those that wait, the one with the smallest "
+        "and releases them when that is over or halted. Of those that wait, the one with the smallest "
         "priority goes first, then the one that has waited longest, then the first in the file",
         {
             "resources": ("std::string", "list of NAME AMOUNT CAPACITY, separated by semicolons"),

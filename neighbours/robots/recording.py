@@ -80,7 +80,7 @@ def read_mapping(path: Path) -> Mapping:
     Raises
     ------
     RecordingError
-        If the file is no TOML, or a member is unknown or of the wrong type.
+        If the file is not TOML, or a member is unknown or of the wrong type.
     """
     try:
         raw = path.read_bytes()
@@ -164,7 +164,7 @@ def read_recording(
     ------
     RecordingError
         If there is no such recording, it holds nothing that can be used, or the mapping names a topic that it
-        has not.
+        does not have.
     MissingExtraError
         If a package that is needed is not installed.
     """
@@ -212,7 +212,7 @@ class _Reader:
             if topic and topic not in known:
                 has = ", ".join(sorted(known)) or "none"
                 raise RecordingError(
-                    f"the mapping names topic {topic}, which the recording has not; it has {has}"
+                    f"the mapping names topic {topic}, which the recording does not have; it has {has}"
                 )
         pose = mapping.pose or _best(known, POSE_TYPES)
         own = ENERGY_TOPIC if known.get(ENERGY_TOPIC) == ENERGY_TYPE else ""
@@ -308,7 +308,7 @@ class _Reader:
             raise ValueError(f"{wrong} transforms with a number that is none")
 
     def _in_site(self, t_ns: int, motion: Motion) -> RecordedPose:
-        """Return a pose in the site frame; raise ValueError of one that is no number."""
+        """Return a pose in the site frame; raise ValueError of one that is not a number."""
         mapping = self.mapping
         (x, y, z), (qx, qy, qz, qw) = motion
         if (
@@ -354,7 +354,7 @@ class _Reader:
         if early:
             tell(f"{early} poses are left out: another transform of the chain had not come yet")
         if wrong:
-            tell(f"{wrong} poses are left out: put together they are no number")
+            tell(f"{wrong} poses are left out: put together they are not numbers")
 
     def finish(self) -> Recording:
         recording, tell = self.recording, self.recording.findings.append

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 MOST_LINKS = 1000
-"""Links that are kept. A robot has some tens; frames that each message numbers anew know no end."""
+"""Links that are kept. A robot has some tens; frames that each message numbers anew have no end."""
 
 Point = tuple[float, float, float]
 Turn = tuple[float, float, float, float]
@@ -159,7 +159,7 @@ def composed(first: Motion, second: Motion) -> Motion:
 
 
 def between(before: Motion, after: Motion, share: float) -> Motion:
-    """Return the motion a share of the way from one to another."""
+    """Return the motion a share of the distance from one to another."""
     x, y, z = (a + share * (b - a) for a, b in zip(before[0], after[0], strict=True))
     q, r = before[1], after[1]
     cosine = sum(a * b for a, b in zip(q, r, strict=True))

@@ -240,7 +240,7 @@ def _conditions(
         elif leaf.key == "outcome":
             about = family.nodes.get(str(leaf.arguments[0])) if leaf.arguments else None
             if isinstance(about, Branch) and about.if_none is IfNone.SKIP:
-                why = f"that {about.id} was skipped is no failure and no success, which a tree cannot tell"
+                why = f"that {about.id} was skipped is neither failure nor success, which a tree cannot tell"
                 yield _at(held, "condition on :outcome", word, why)
 
 

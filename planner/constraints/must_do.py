@@ -1,4 +1,4 @@
-"""A plan without the observation is no plan."""
+"""Every plan must contain the observation."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Overrun:
 class OverrunChance:
     """The chance of an overrun is at most `allowed`.
 
-    It is bought out with a price on top of the problem's penalty (Everett 1963, theorem 1).
+    It is bought out with a multiplier on top of the problem's penalty (Everett 1963, theorem 1).
     """
 
     allowed: float
@@ -64,7 +64,7 @@ class OverrunChance:
         )
 
     def bound(self, priced: float, price: float) -> float:
-        """Return a bound on what keeps to it from one on everything, with overruns at a price."""
+        """Return a bound on what keeps to it from one on everything, with overruns at a multiplier."""
         return priced + price * self.allowed
 
 

@@ -29,7 +29,7 @@ def rule_types() -> dict[str, type[Rule]]:
     Raises
     ------
     ProblemError
-        If one that a package announces cannot be imported or is no rule: a plan without it might break it.
+        If one that a package announces cannot be imported or is not a rule: a plan without it might break it.
     """
     found = {kind.name: kind for kind in BUILT_IN}
     for name in _OTHERS:

@@ -182,7 +182,7 @@ class Rule:
         return True
 
     def admits(self, on: Reads, made: int) -> bool:
-        """Return whether one way through a plan may make all these observations (bits)."""
+        """Return whether one path through a plan may make all these observations (bits)."""
         del on, made
         return True
 

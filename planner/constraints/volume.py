@@ -1,4 +1,4 @@
-"""What is observed on one way through a plan is within the downlink volume."""
+"""What is observed on one path through a plan is within the downlink volume."""
 
 from __future__ import annotations
 

@@ -49,7 +49,8 @@ def read_plan(document: Document, instance: Instance, max_branches: int | None =
     Raises
     ------
     PlanTreeError
-        If it is malformed, names what the instance has not, or has too many branches; the place is told.
+        If it is malformed, names what the instance does not have, or has too many branches; the place is
+        told.
     """
     codec = TREES if document.get("format") == TREES.format else TREES_1
     told: Any = codec.from_document(document)

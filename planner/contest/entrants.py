@@ -134,7 +134,7 @@ def ask(entrant: str, document: Document, branches: int, limit_s: float) -> Answ
         raise PlannerError(f"{entrant!r} was ended after {limit_s + GRACE_S:g} s without a plan") from None
     except (OSError, ValueError) as err:
         raise PlannerError(
-            f"{entrant!r} is no planner here ({', '.join(ENTRANTS)}) and cannot run: {err}"
+            f"{entrant!r} is not a planner here ({', '.join(ENTRANTS)}) and cannot run: {err}"
         ) from err
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]

@@ -89,7 +89,7 @@ def read_instance(document: Document) -> Instance:
         unknown = {*ends, *(leg.get("p_lose") or {})} - {*goals, "start"}
         if unknown:
             raise ProblemError(
-                f"problem legs[{ends[0]} -> {ends[1]}] names {min(unknown)!r}, which is no target"
+                f"problem legs[{ends[0]} -> {ends[1]}] names {min(unknown)!r}, which is not a target"
             )
         legs[ends] = Leg(amount(leg["time_s"]), amount(leg["energy_j"]), leg.get("p_lose") or {})
     canonical = json.dumps(document, sort_keys=True, separators=(",", ":")).encode()

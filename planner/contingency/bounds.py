@@ -37,7 +37,7 @@ MANY_OBSERVATIONS = 60
 """With more than so many a quarter of the cells is taken: the program must end in its time. By hand."""
 
 LEAST_PRICED_S = 0.2
-"""Limit from which the bound by prices is tried: less finds none worth having. By hand."""
+"""Limit from which the bound by multipliers is tried: less finds none worth having. By hand."""
 
 MARGIN = 2e-5
 """Relative allowance for single precision in the tables."""
@@ -85,7 +85,7 @@ def upper_bound(
         over_starts = relaxed_bound(model, limit_s=each_s)
         found = [best, over_starts, flow]
         if limit_s >= LEAST_PRICED_S:
-            found.append(Bound(priced_bound(model, limit_s=limit_s), "prices and a small memory"))
+            found.append(Bound(priced_bound(model, limit_s=limit_s), "multipliers and a small memory"))
         return min(found, key=lambda bound: bound.value)
 
     if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:

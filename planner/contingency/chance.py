@@ -1,8 +1,8 @@
-"""Plans under a chance constraint: the price of an overrun at which a plan keeps within it.
+"""Plans under a chance constraint: the multiplier of an overrun at which a plan keeps within it.
 
-The chance of ending over a budget is bought out with a price on top of the problem's own cost (a Lagrange
-multiplier). For any price, the optimal value with it plus price times allowed chance bounds every policy that
-keeps to the constraint.
+The chance of ending over a budget is bought out with a multiplier on top of the problem's own cost (after
+Lagrange). For any multiplier, the optimal value with it plus multiplier times allowed chance bounds every
+policy that keeps to the constraint.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ FUTURES = 200_000
 """For a share of 0.05 a standard error of 0.0005."""
 
 GROWTH = 4.0
-"""Factor from one price to the next while none is high enough. By hand."""
+"""Factor from one multiplier to the next while none is high enough. By hand."""
 
 TRIED = 9
-"""Prices tried after the first, each three or so times the work of a what-if."""
+"""Multipliers tried after the first, each three or so times the work of a what-if."""
 
 
 def keeps_to(model: Model, plan: Plan, chance: OverrunChance, *, seed: int) -> bool:
@@ -39,16 +39,16 @@ def plans_within(
     first_price: float,
     should_stop: Callable[[], bool],
 ) -> tuple[list[Plan], list[float]]:
-    """Return plans that keep to a chance constraint, and the prices next to the least one that does.
+    """Return plans that keep to a chance constraint, and the multipliers next to the least one that does.
 
     Parameters
     ----------
     find
-        Plans for a price, by number of branches; the second argument asks for a quick search.
+        Plans for a multiplier, by number of branches; the second argument asks for a quick search.
     keeps
         Whether a plan keeps to the constraint.
     first_price
-        The first price above nothing that is tried.
+        The first multiplier above nothing that is tried.
     """
     met: dict[Plan, None] = {}
     low, high, price = 0.0, math.inf, first_price

@@ -1,9 +1,10 @@
-"""Upper bounds where no table of all live sets fits: prices, and a small memory for what stays dear.
+"""Upper bounds where no table of all live sets fits: multipliers, and a small memory for what keeps a large
+one.
 
-On a coarse grid of one resource (`Relaxation`) prices are found by subgradient steps (Polyak 1969), and
-what stays dear is remembered, one or two observations at a time: mostly a handful decides the day. The bound
-is then that of the finest grid the limit allows, at these prices. Energy and time are tried, and the better
-is kept.
+On a coarse grid of one resource (`Relaxation`) multipliers are found by subgradient steps (Polyak 1969), and
+what keeps a large one is remembered, one or two observations at a time: mostly a handful decides the day. The
+bound is then that of the finest grid the limit allows, at these multipliers. Energy and time are tried, and
+the better is kept.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from planner.evaluate.model import Floats, Model
 from planner.tally import now_s
 
 COARSE, FINER = 128, (2048, 1024, 512, 256)
-"""Nodes on which prices and memory are found, and those of the bound."""
+"""Nodes on which multipliers and memory are found, and those of the bound."""
 
 LARGEST_MB = 800.0
 """Largest relaxation, MB, with the masses of its drives. By hand, as `bounds.TABLE_MB`."""
@@ -27,7 +28,7 @@ MOST_REMEMBERED = 9
 """Observations remembered: each doubles the sets. By hand."""
 
 PRICE_STEPS, MORE_STEPS = 120, 30
-"""Subgradient steps without memory, and with it. By hand: with memory they begin near the best prices."""
+"""Subgradient steps without memory, and with it. By hand: with memory they begin near the best."""
 
 PATIENCE, SHORTER, SHORTEST = 6, 0.6, 1e-3
 """Steps without a gain after which they are shortened, by what, and the shortest. By hand."""
@@ -39,7 +40,7 @@ LEAST_STEPS = 4
 """Subgradient steps that must be affordable for a larger memory. By hand."""
 
 DEAR = 1e-3
-"""Price from which an observation is worth remembering."""
+"""Multiplier from which an observation is worth remembering."""
 
 PRICED_SHARE = 0.5
 """Share of the limit for the first part. By hand."""
@@ -50,7 +51,7 @@ MARGIN = 2e-5
 
 @dataclass(frozen=True, eq=False)
 class Priced:
-    """A relaxation with its best prices, by observation, and the bound there."""
+    """A relaxation with its best multipliers, by observation, and the bound there."""
 
     relaxation: Relaxation
     prices: Floats  # (m,)
@@ -58,7 +59,7 @@ class Priced:
 
     @property
     def own(self) -> Floats:
-        """The prices of the wanted observations."""
+        """The multipliers of the wanted observations."""
         return np.where(self.relaxation.priced, self.prices[self.relaxation.wanted], 0.0)
 
 
@@ -96,7 +97,7 @@ def _of(model: Model, time_share: float, memory: tuple[int, ...]) -> Relaxation:
 
 
 def _best_prices(relaxation: Relaxation, begin: Floats, until: float) -> Priced:
-    """Return the best prices found from those given."""
+    """Return the best multipliers found from those given."""
     prices = np.where(relaxation.priced, begin[relaxation.wanted], 0.0)
     best, best_prices, share, idle = math.inf, prices, 1.0, 0
     made = np.zeros(len(prices))

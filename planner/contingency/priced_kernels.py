@@ -1,4 +1,4 @@
-"""Compiled sweeps over one resource: the value of the priced relaxation, and what its policy does.
+"""Compiled sweeps over one resource: the value of the Lagrangean relaxation, and what its policy does.
 
 Axes: a leg e, a count of carried tracks c, a vertex v (a place and what is left to do in this stay), a live
 set s (bits), a node i of the resource. Kernels hold the mass that an action moves 0, 1, ... nodes on.
@@ -24,7 +24,7 @@ FAINT = 1e-7
 
 
 class Layout(NamedTuple):
-    """The moves of a priced relaxation on one resource."""
+    """The moves of a Lagrangean relaxation on one resource."""
 
     origin: Ints  # (legs,)
     to: Ints  # (legs,)
@@ -58,8 +58,8 @@ class Tables(NamedTuple):
 def backward(a: Layout, gain: Floats, stay: float, w: Tables) -> None:
     """Fill the tables from the last node to the first.
 
-    `gain` [observations] is the worth of each observation less its price, in utility; `stay` is the largest
-    chance that an action moves no node on.
+    `gain` [observations] is the worth of each observation less its multiplier, in utility; `stay` is the
+    largest chance that an action moves no node on.
     """
     legs, arcs, vertices, places = len(a.origin), len(a.made), len(a.place), len(a.head)
     band, short = a.leg.shape[2], a.observation.shape[1]
@@ -147,7 +147,7 @@ def forward(a: Layout, choice: NDArray[np.int32], mass: Floats) -> Floats:
 
     `choice` and `mass` are [vertices, sets, nodes], as the tables are; `mass` holds the chances that the day
     begins with and is used up. Faint masses are dropped, and what moves no node on is moved one: the result
-    steers prices, and bounds nothing.
+    steers multipliers, and bounds nothing.
     """
     legs, band, short = len(a.origin), a.leg.shape[2], a.observation.shape[1]
     made = np.zeros(len(a.observation))

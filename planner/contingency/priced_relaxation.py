@@ -1,8 +1,8 @@
-"""A problem on one resource, with few observations remembered and a price on every other one.
+"""A problem on one resource, with few observations remembered and a multiplier on every other one.
 
 The remembered ones (`memory`) are live or not, as in the table of the optimal policy; the others may be made
-again on every new stay, at a price (Lagrangean relaxation, Held and Karp 1971; state space enlarged where it
-pays, Christofides, Mingozzi and Toth 1981). For prices p >= 0 and chances c that no policy exceeds
+again on every new stay, at a penalty (Lagrangean relaxation, Held and Karp 1971; state space enlarged where
+it pays, Christofides, Mingozzi and Toth 1981). For multipliers p >= 0 and chances c that no policy exceeds
 (`Model.chances`) every policy earns at most
 
     max over policies of the relaxation of E[sum of (utility - p) over what is made]  +  sum of p c.
@@ -41,7 +41,7 @@ STAYS = 0.5
 """Largest chance that an action moves no node on; beyond it the grid is too coarse for any bound. By hand."""
 
 MOST_HERE = 4
-"""Priced observations of one target up to which a stay is followed: each doubles its states. By hand."""
+"""Observations of one target with a multiplier, up to which a stay is followed: each doubles its states."""
 
 SURE = 1e-9
 """Share of a cell by which an amount may pass a node, as in `grid.weights_from`."""
@@ -96,7 +96,7 @@ def reckoned_mb(model: Model, nodes: int, memory: tuple[int, ...]) -> float:
 
 
 class Relaxation:
-    """The relaxation of a model for one resource, grid and memory; prices come with each question."""
+    """The relaxation of a model for one resource, grid and memory; multipliers come with each question."""
 
     def __init__(self, model: Model, weights: Weights, nodes: int, memory: tuple[int, ...]) -> None:
         self.model, self.weights, self.steps, self.memory = model, weights, nodes, memory
@@ -240,7 +240,7 @@ class Relaxation:
         return tuple((s, i) for s, i in zip(every, nodes, strict=True) if i <= self.steps)
 
     def bound(self, prices: Floats) -> float:
-        """Return what no policy earns more than at these prices [wanted], in utility, one of each wanted
+        """Return what no policy earns more than at these multipliers [wanted], in utility, one of each wanted
         observation.
         """
         if self.stay > STAYS:
@@ -251,7 +251,7 @@ class Relaxation:
         return max(float(w.value[0, s, i]) for s, i in self.starts) - a.penalty + self.owed(prices)
 
     def owed(self, prices: Floats) -> float:
-        """Return the sum of the prices [wanted], in utility, each times the chance that no policy exceeds."""
+        """Return the sum of multipliers [wanted], in utility, times the chances that no policy exceeds."""
         return float((prices * self.chance)[self.priced].sum())
 
     def made(self) -> Floats:

@@ -38,7 +38,7 @@ KEPT_OBSERVATIONS = 10
 """Observations of it."""
 
 TRACKED_IN_MEAN = 2
-"""Targets tracked during a drive, for mean times; the engines know no tracking."""
+"""Targets tracked during a drive, for mean times; the engines leave tracking out."""
 
 ROUTE_LIMIT_S = 10.0
 """Far more than so many labels take: the labels are the limit, so a route does not depend on the machine."""

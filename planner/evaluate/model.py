@@ -223,15 +223,15 @@ class Model:
 
     @cached_property
     def limits(self) -> tuple[Rule, ...]:
-        """The rules that say which observations one way through a plan may hold."""
+        """The rules that say which observations one path through a plan may hold."""
         return tuple(rule for rule in self.rules if type(rule).admits is not Rule.admits)
 
     def admits(self, made: int) -> bool:
-        """Return whether one way through a plan may make all these observations (bits)."""
+        """Return whether one path through a plan may make all these observations (bits)."""
         return all(rule.admits(self, made) for rule in self.limits)
 
     def admits_plan(self, plan: Plan) -> bool:
-        """Return whether every way through a plan is admitted, whatever fails."""
+        """Return whether every path through a plan is admitted, whatever fails."""
         if not self.limits:
             return True
         return all(self.admits(sum(1 << self.number_of[o] for o in way)) for way in ways(plan))

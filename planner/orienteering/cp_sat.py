@@ -128,7 +128,7 @@ class _RouteModel:
         return arc
 
     def _cost(self, i: int, site: int) -> tuple[int, int]:
-        """Return time and energy from a node to a site; a negative time is no road."""
+        """Return time and energy from a node to a site; a negative time means that there is no road."""
         p, origin = self.problem, self.site[i]
         if origin == site:
             return 0, 0

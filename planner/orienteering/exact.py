@@ -27,7 +27,7 @@ from planner.tally import Step, Tally, affordable, now_s, spend, tallied
 
 ENGINE = "exact"
 
-_RECENTRE = (2, 5, 9)  # rounds after which the prices of energy are set round the best of them
+_RECENTRE = (2, 5, 9)  # rounds after which the multipliers of energy are set round the best of them
 _LOOKS = (4, 10)  # rounds after which a narrow pass looks for a better route
 _WIDTHS = (30, 150, 1500, 40_000, 1_500_000)
 _EASY = 1500  # width of the last pass before the midday table is made
@@ -46,7 +46,7 @@ class ExactOptions:
 
     `cells` and `coarse_cells` are limits for (states x time x lanes) of the fine table and of those made
     for the multipliers, `buckets` and `coarse_buckets` the time buckets aimed at; the search tries the coarse
-    table first and makes the fine one when a pass of 1500 labels a level was no proof.
+    table first and makes the fine one when a pass of 1500 labels a level was not proof.
     `labels` is the most that one level may hold.
     """
 

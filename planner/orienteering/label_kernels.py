@@ -1,7 +1,7 @@
 """Compiled loops of the exact engine: the table of optimistic completions and the expansion of labels.
 
 Shapes: G groups of experiments (a site, or part of a crowded one), X experiments sorted by group, S states
-(group, subset of its experiments done), K time buckets, M lanes. A lane is a price on energy: within it,
+(group, subset of its experiments done), K time buckets, M lanes. A lane is a multiplier of energy: within it,
 energy is paid for instead of limited, and the least bound of all lanes counts. Times and energies: int64, in
 the units of the problem (seconds and joules, or finer).
 """

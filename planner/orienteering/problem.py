@@ -37,7 +37,7 @@ class Experiment:
     latest_end
         It must be over by then; `None` leaves the time budget as the only limit.
     must_do
-        A route without it is no answer.
+        A route without it is not an answer.
     """
 
     id: int | str

@@ -2,7 +2,7 @@
 
 The walk of the relaxation remembers time and the experiments done at the site where it is, and forgets those
 done elsewhere (state-space relaxation, Christofides, Mingozzi and Toth 1981). Energy is not a dimension of
-the table but has a price; a table holds 16 prices side by side ("lanes") and the least bound counts. That
+the table but has a multiplier; a table holds 16 of them side by side ("lanes"); the least bound counts. That
 loses nothing to rounding, and the bound at the root is as good as that of a (time x energy) table ten times
 the size. Multipliers on "at most once", on precedence and on side limits make the walk behave.
 """
@@ -23,12 +23,12 @@ from planner.tally import SECONDS, Step, spend
 Floats = npt.NDArray[np.float64]
 
 _AROUND = np.array([0.2, 0.4, 0.55, 0.68, 0.78, 0.86, 0.93, 1, 1.07, 1.16, 1.28, 1.45, 1.75, 2.4, 4.0])
-_EXACT = 2**33  # energies below have exact products with prices of 20 bits
+_EXACT = 2**33  # energies below have exact products with multipliers of 20 bits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Multipliers:
-    """Prices, in prize units: `once` (X,), `order` (links,), `sides` (limits,); none negative."""
+    """Multipliers, in prize units: `once` (X,), `order` (links,), `sides` (limits,); none negative."""
 
     once: Floats
     order: Floats
@@ -123,13 +123,13 @@ class Relaxation:
         return _short(np.concatenate([[0.0], np.geomspace(dearest / 100, dearest, len(_AROUND))]))
 
     def recentre(self, lane: int) -> None:
-        """Put the lanes closer together round the price of one of them; out of date until `fill`."""
+        """Put the lanes closer together round the multiplier of one of them; out of date until `fill`."""
         if lane > 0 and len(self.price) > 1:
             self.price = _short(np.concatenate([[0.0], self.price[lane] * _AROUND]))
             self.step = 0
 
     def twin(self) -> Relaxation:
-        """Return a relaxation with the same multipliers and prices, and a table of its own."""
+        """Return a relaxation with the same multipliers, that of energy too, and a table of its own."""
         twin = Relaxation(self.layout)
         twin.price = self.price
         twin.set(self.multipliers)
@@ -251,7 +251,7 @@ class Relaxation:
 
         When the walk of the lane uses more or less energy than there is, it is mixed with the one of the next
         lane on the other side so that both together use what there is: only then do the counts say in which
-        direction the least bound of all prices falls.
+        direction the least bound of all multipliers falls.
         """
         left = self.layout.e_budget - root.fuel
         counts, used = self._walk(root, lane)
@@ -283,6 +283,6 @@ class Relaxation:
 
 
 def _short(prices: Floats) -> Floats:
-    """Return the prices rounded to 20 significant bits."""
+    """Return the multipliers rounded to 20 significant bits."""
     mantissa, exponent = np.frexp(prices)
     return np.ldexp(np.rint(mantissa * 2**20), exponent - 20)

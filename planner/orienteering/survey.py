@@ -4,7 +4,8 @@ One site for each experiment, symmetric roads, one time budget, fixed ends: the 
 problem with tens to thousands of nodes. Several searches start through different far nodes, so that they
 do not lock into one region; the budget of iterations goes round after round to the better half of them.
 One step takes out a few strings of neighbouring nodes, puts nodes back by prize against detour with a random
-exponent, shortens the tour (2-opt and or-opt) and is accepted by annealing on prize minus a price on length.
+exponent, shortens the tour (2-opt and or-opt) and is accepted by annealing on prize minus a multiplier of
+length.
 """
 
 from __future__ import annotations

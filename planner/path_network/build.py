@@ -38,7 +38,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
     ------
     NetworkError
         If a value of the request is wrong; the message names it, its value and the limit. Observation
-        points that cannot be reached are no error: they are in `PathNetwork.unreachable`.
+        points that cannot be reached are not errors: they are in `PathNetwork.unreachable`.
     """
     keep_outs = check_request(request)
     check_rules(request)
@@ -91,7 +91,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
             a, b = number[origin], number[destination]
             by_hand = drawn.ways.get((origin, destination))
             if by_hand is None and not connected[a, b]:
-                missing.append(MissingRoute(origin, destination, "obstacles close every way between them"))
+                missing.append(MissingRoute(origin, destination, "obstacles close every path between them"))
                 continue
             own = column.get(target_of.get(destination, ""))
             # Walked from the lower end, so that both directions take the same way.
@@ -107,7 +107,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
                     MissingRoute(
                         origin,
                         destination,
-                        f"every way loses the track of {target_of[destination]} with a chance of at least "
+                        f"every path loses the track of {target_of[destination]} with a chance of at least "
                         f"{route[1][own]:.2f} (limit {request.options.maximum_loss:g})",
                     )
                 )

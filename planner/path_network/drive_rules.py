@@ -33,7 +33,7 @@ def check_rules(request: NetworkRequest) -> None:
         if pair in seen:
             raise NetworkError(f"{name}: there is another one for the same drive")
         if not all(math.isfinite(c) for point in rule.via or () for c in point):
-            raise NetworkError(f"{name}: a corner of the way is no finite number")
+            raise NetworkError(f"{name}: a corner of the path is not a finite number")
         seen.add(pair)
 
 
@@ -46,7 +46,7 @@ class DrawnWays:
     xy, edges, length_m
         Of the graph, with the drawn corners and pieces behind its own.
     ways
-        Nodes of a drawn way, from each of its ends to the other.
+        Nodes of a drawn path, from each of its ends to the other.
     refused
         Pairs without a drive, and why.
     """
@@ -67,7 +67,7 @@ def draw_ways(
 ) -> DrawnWays:
     """Return the graph (nodes, edges, lengths) with the drives of the request's rules.
 
-    A drawn way keeps the clearance that every way keeps; one that does not is refused, it is never driven.
+    A drawn path keeps the clearance that every path keeps; one that does not is refused, it is never driven.
     `number` is the node of each place, `target_of` the target of each observation point.
 
     `graph` is nodes [n, 2], site frame, m; edges [m, 2], node numbers; lengths [m], m.
@@ -116,4 +116,4 @@ def _blocked(obstacles: Obstacles, corners: Sequence[Point | FloatArray]) -> str
         return None
     whole = shapely.linestrings(line)
     near = min(zip(obstacles.hard, obstacles.names, strict=True), key=lambda p: shapely.distance(p[0], whole))
-    return f"the way drawn by hand comes too near to {near[1]}"
+    return f"the path drawn by hand comes too near to {near[1]}"

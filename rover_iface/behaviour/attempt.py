@@ -23,7 +23,7 @@ from rover_iface.placement.verdict import PlacementVerdict
 class Attempt:
     """One placement as it was decided and carried out; rover frame where not said otherwise.
 
-    `laid` is the mast's cloud as it was laid on the hazcams' `cloud`, None where that failed.
+    `laid` is the mast's cloud as it was registered to the hazcams' `cloud`, None where that failed.
     """
 
     handed: HandedOff

@@ -152,7 +152,7 @@ class Driving:
             else:
                 way = yield from self._look_and_choose(goal, name)
             if way is None:
-                reason = "no safe way"
+                reason = "no safe path"
                 break
             trouble = yield from self._advance(way, left)
             if trouble:

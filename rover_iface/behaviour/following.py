@@ -188,7 +188,7 @@ class TargetFollower:
         self.tell(followed, self.tracker.update(name, sighting.view), sighting.left.number)
 
     def _unseen(self, followed: Followed, why: str) -> TrackUpdate:
-        """Return the last answer, less sure: the mast cannot look there now, which is no miss of the tracker.
+        """Return the last answer, less sure: a mast that cannot look there now is not a miss of the tracker.
 
         After three such stops in a row the target counts as lost, until it is seen again.
         """

@@ -144,7 +144,7 @@ class TrackReport:
 
 @dataclass(frozen=True, slots=True)
 class ProductFile:
-    """One file of a product that is a folder; `kind` is empty for a file that is no product by itself."""
+    """One file of a product that is a folder; `kind` is empty for a file that is not a product by itself."""
 
     name: str
     data: bytes

@@ -27,7 +27,7 @@ from rover_iface.errors import RenderError, RoverError, TrackerError
 from rover_iface.vision.tracker import TrackUpdate
 
 MOST_OFF_M = 0.02
-"""95 % error across the surface up to which a tool is put on a target: further off it is no placement
+"""95 % error across the surface up to which a tool is put on a target: further off it is not a placement
 (Pedersen and others 2005 place within 1 cm; 2 cm is asked for here)."""
 INSIDE_95 = 5.991
 """95 % of chi square with two degrees of freedom."""

@@ -1,4 +1,4 @@
-"""The clouds that a placement is judged on: the hazcams', and the mast's laid on it."""
+"""The clouds that a placement is judged on: the hazcams', and the mast's registered to it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def hazcam_cloud(view: StereoView, rover_from_site: Transform) -> SurfaceCloud:
 
 
 def mast_cloud(view: StereoView, rover_from_site: Transform, hazcam: SurfaceCloud) -> Alignment | None:
-    """Return what the navcams range, laid on the hazcams' cloud; None where that cannot be believed.
+    """Return what the navcams range, registered to the hazcams' cloud; None where that cannot be believed.
 
     The view is of the same stop, cameras in the site frame as the mast angles say.
     """

@@ -68,7 +68,7 @@ class ScannedSight:
         return self.hardware.scan(around=around)
 
     def ahead(self) -> StereoView | None:
-        """See `Sight`: ranges are no picture."""
+        """See `Sight`: ranges are not a picture."""
         return None
 
 

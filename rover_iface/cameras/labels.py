@@ -71,7 +71,7 @@ def read_product(path: Path | str) -> ImageProduct:
     Raises
     ------
     CameraLabelError
-        If the file is no label that is known here, or holds no usable camera model.
+        If the file is not a label that is known here, or holds no usable camera model.
     """
     path = Path(path)
     data = _content(path)
@@ -373,7 +373,7 @@ def _m2020(path: Path, data: bytes) -> ImageProduct:
     try:
         label = json.loads(data)
     except ValueError as err:
-        raise CameraLabelError(f"{path.name} is no JSON document: {err}") from err
+        raise CameraLabelError(f"{path.name} is not a JSON document: {err}") from err
     if not isinstance(label, dict):
         raise CameraLabelError(f"{path.name} holds {type(label).__name__}, not an object with the metadata")
     text, kind = label.get("camera_model_component_list"), label.get("camera_model_type")

@@ -35,7 +35,7 @@ class Link:
         given = np.asarray(self.covariance, dtype=float)
         if given.shape != (6, 6) or not np.isfinite(given).all() or np.abs(given - given.T).max() > 1e-9:
             raise LocalizationError(
-                f"the covariance of a link to {self.reference} is no symmetric finite matrix [6, 6]"
+                f"the covariance of a link to {self.reference} is not a symmetric finite matrix [6, 6]"
             )
         if np.linalg.eigvalsh(given)[0] < -1e-9:
             raise LocalizationError(f"the covariance of a link to {self.reference} has a negative variance")

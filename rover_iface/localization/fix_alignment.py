@@ -188,7 +188,7 @@ def _checked(
     if n > most:
         raise LocalizationError(f"there are {n} fixes with a pose; at most {most} are taken at once")
     if not (np.isfinite(fixes[:, :2]).all() and np.isfinite(poses).all()):
-        raise LocalizationError("a fix or pose is no number")
+        raise LocalizationError("a fix or pose is not a number")
     known = np.asarray(covariance, dtype=float)
     for k in range(n):
         size = 3 if np.isfinite(fixes[k, 2]) else 2

@@ -195,7 +195,7 @@ def read_points(
                 points = np.asarray(trimesh.load(path, process=False).vertices, dtype=float)
             case other:
                 raise LocalizationError(
-                    f'{path}: "{other}" is no point file; .csv, .txt, .xyz, .npz or .ply are'
+                    f'{path}: "{other}" is not a point file; .csv, .txt, .xyz, .npz or .ply are'
                 )
     except (OSError, ValueError, KeyError, IndexError, AttributeError) as err:
         raise LocalizationError(f"{path}: points cannot be read: {err}") from err

@@ -132,7 +132,7 @@ def _number(element: ElementTree.Element, name: str) -> float:
     try:
         return float(text)
     except ValueError as err:
-        raise LocalizationError(f'<{element.tag}> has {name}="{text}", which is no number') from err
+        raise LocalizationError(f'<{element.tag}> has {name}="{text}", which is not a number') from err
 
 
 def _counter(element: ElementTree.Element) -> tuple[int, ...]:

@@ -42,11 +42,12 @@ class OdometryOptions:
     least
         Features that must agree on a motion.
     wheel_share, wheel_floor_m, wheel_turn_rad
-        Deviation of wheel odometry: share of the way, floor, and heading for each metre (square root law).
+        Deviation of wheel odometry: share of the distance, floor, and heading for each metre (square root
+        law).
     slip_tail
         Slip is reported when wheels and pictures differ by what chance does less often than this.
     least_slip
-        And when the difference is at least this share of the way.
+        And when the difference is at least this share of the distance.
     blind_share
         Deviation of the way of a blind step: slip is possible and not seen.
     inflate
@@ -90,7 +91,7 @@ class Step:
     covariance
         [6, 6] of a small motion (turn, shift) in the axes after the step.
     slip
-        Share of the wheels' way that was not made good, along the way; NaN when blind or standing.
+        Share of the wheels' path that was not made good, along it; NaN when blind or standing.
     features
         How many agree.
     """
@@ -214,7 +215,7 @@ def judged_step(motion: Motion | None, wheels: Transform, options: OdometryOptio
         state = StepState.SLIP
         reason = (
             f"pictures say {np.linalg.norm(old_from_new.translation):.3f} m, wheels {way:.3f} m: "
-            f"{100 * share:.0f} % of the way, limit {100 * options.least_slip:.0f} %"
+            f"{100 * share:.0f} % of the distance, limit {100 * options.least_slip:.0f} %"
         )
     return Step(old_from_new, covariance, state, slip, motion.inliers, reason)
 

@@ -1,4 +1,4 @@
-"""Where the rover is on its own map: fresh heights laid onto what was mapped before.
+"""Where the rover is on its own map: fresh heights registered to what was mapped earlier.
 
 Dead reckoning is off by some per cent of the way; a rock seen eight steps ago lies decimetres from where the
 map has it when the rover comes beside it. So before a new look is merged its heights are shifted, turned,

@@ -184,7 +184,7 @@ class Arm:
         Raises
         ------
         PlacementError
-            If point or normal are no three numbers, or the normal is zero.
+            If point or normal are not three numbers, or the normal is zero.
         """
         at, up = _three(point, "point"), _three(normal, "normal")
         length = float(np.linalg.norm(up))

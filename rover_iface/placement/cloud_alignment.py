@@ -1,4 +1,5 @@
-"""Two clouds of one place laid on each other: what the mast's pair ranges, brought to what the hazcams range.
+"""Two clouds of one place registered to each other: what the mast's pair ranges, brought to what the hazcams
+range.
 
 The mast is never quite where it is believed to be, and its pair comes out of calibration. So the second
 cloud is turned about its eye, shifted and stretched along its lines of sight (that is what an error of all
@@ -67,7 +68,7 @@ class AlignmentOptions:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A second cloud laid on a first.
+    """A second cloud registered to a first.
 
     Attributes
     ----------
@@ -108,7 +109,7 @@ class Alignment:
 def align(
     second: SurfaceCloud, first: SurfaceCloud, options: AlignmentOptions | None = None
 ) -> Alignment | None:
-    """Return the second cloud laid on the first, None where they have too little in common.
+    """Return the second cloud registered to the first, None where they have too little in common.
 
     Raises
     ------

@@ -1,6 +1,7 @@
-"""One place judged by all that look at it: the hazard cameras, and the mast's when their cloud is laid on.
+"""One place judged by all that look at it: the hazard cameras, and the mast's when their cloud is registered
+to it.
 
-Not to know is no contradiction. A place is safe if one cloud alone keeps every limit and no other shows
+Not to know is not a contradiction. A place is safe if one cloud alone keeps every limit and no other shows
 anything that stands up, falls away or belongs to another rock; what one camera does not see behind a rock
 the other may see to be free.
 """
@@ -38,13 +39,13 @@ BEYOND_M = 0.06
 """So far beyond the designated point lines to a place begin."""
 
 BEHIND_M = 0.06
-"""What falls farther than this below a line is no crease: the line passes before an edge of the rock."""
+"""What falls farther than this below a line is not a crease: the line passes before an edge of the rock."""
 
 RELIEF = frozenset({Reason.EDGE, Reason.PROTRUSION, Reason.ROUGHNESS})
 """Reasons that points beside a step may give falsely."""
 
 WAY_HEIGHTS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
-"""Where the tool's way is looked at, shares of its length over the surface."""
+"""Where the tool's path is looked at, shares of its length over the surface."""
 
 
 class JointCheck:
@@ -134,7 +135,7 @@ class JointCheck:
         return max(relief / limits.close_relief, doubt / limits.close_doubt, hole / limits.close_hole_m)
 
     def hidden_share(self, at: Array, normal: Array) -> float:
-        """Return the share of the tool's way that something hides from a camera and none sees to be free.
+        """Return the share of the tool's path that something hides from a camera and none sees to be free.
 
         The way leads to a surface point `at` [3], rover frame, m, along its unit normal [3].
         """

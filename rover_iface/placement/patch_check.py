@@ -27,10 +27,10 @@ counts too."""
 LEAST_POINTS = 8
 
 COVER_CELL_M, COVERED_M = 0.005, 0.03
-"""A point so far below another of the same cell across the tool's way lies behind the surface."""
+"""A point so far below another of the same cell across the tool's path lies behind the surface."""
 
 SINGLE_POINTS = 8
-"""So many points that stand high in the tool's way may be wrong matches; more are a thing."""
+"""So many points that stand high in the tool's path may be wrong matches; more are a thing."""
 
 WAY_BEHIND_M = 0.02
 """So far behind what the camera sees a place is hidden."""

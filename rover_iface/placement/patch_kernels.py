@@ -168,7 +168,7 @@ def relief(across: Floats, height: Floats, reach: float, above: float) -> tuple[
 def obstruction(
     across: Floats, height: Floats, reach: float, margin: float, above: float, single: int
 ) -> float:
-    """Return the height of what stands in the tool's way, lower than `above`.
+    """Return the height of what stands in the tool's path, lower than `above`.
 
     That is the larger of the height of the highest parts (2 in 100 are higher) in the ring of `margin` round
     the tool, and the height that more than `single` points in ring and disc reach: a rock that leans over

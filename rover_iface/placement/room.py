@@ -15,7 +15,7 @@ MARGIN_M = 0.10
 """Beyond the outline; between the navigator's least margin and its usual one."""
 
 OWN_ROCK_M = 0.45
-"""Round the target, within which its own rock is no obstacle to the navigator."""
+"""Round the target, within which its own rock is not an obstacle to the navigator."""
 
 _SPACING_M = 0.10
 

@@ -85,12 +85,12 @@ def plan_placement(
     terrain
         Ground in the rover frame for the base adjustment; made of the cloud when None.
     second
-        What another pair sees of the same place, laid on `cloud` (`cloud_alignment.align`).
+        What another pair sees of the same place, registered to `cloud` (`cloud_alignment.align`).
 
     Raises
     ------
     PlacementError
-        If the point or the axis is no three finite numbers, or a segmentation is of another cloud.
+        If the point or the axis is not three finite numbers, or a segmentation is of another cloud.
     """
     limits = limits or SafetyLimits()
     at = _three(designated_point, "designated point")

@@ -61,7 +61,7 @@ class SafetyLimits:
         Up to this height over the surface, and so much further, nothing may stand beside the tool or over the
         surface.
     most_hidden
-        Share of the tool's way that may lie behind what the camera sees.
+        Share of the tool's path that may lie behind what the camera sees.
     most_crease_m
         How far the surface may fall below straight lines from the designated point, and from beyond it, to
         another: where two rocks touch it falls into a crease.

@@ -65,7 +65,7 @@ _TEXT = {
     Reason.NORMAL: "uncertainty of the surface normal",
     Reason.CLEARANCE: "height beside the tool over the plane",
     Reason.SLOPE: "angle between surface normal and tool, with its uncertainty",
-    Reason.WAY_HIDDEN: "share of the tool's way that lies behind something",
+    Reason.WAY_HIDDEN: "share of the tool's path that lies behind something",
     Reason.CREASE: "depth of the surface between the designated point and the place, below the line there",
     Reason.STEP_NEAR: "share of the surface under the tool beside a step in depth",
     Reason.RESTLESS: "share of its limits that the relief under the tool takes",
@@ -141,7 +141,7 @@ class PatchMeasures:
     rock_share
         Share of the points that belong to the rock.
     beside_m
-        Height over the plane of what stands in the tool's way, beside it or over the surface: all rocks and
+        Height over the plane of what stands in the tool's path, beside it or over the surface: all rocks and
         ground.
     slope_rad
         Between normal and approach axis.

@@ -63,7 +63,7 @@ def _own_folder() -> Path | None:
         return None
     folder = Path(named)
     if not folder.is_dir():
-        raise ProfileError(f"{OWN_FOLDER} is {named}, which is no folder; it holds rover profiles")
+        raise ProfileError(f"{OWN_FOLDER} is {named}, which is not a folder; it holds rover profiles")
     return folder
 
 
@@ -82,7 +82,7 @@ def load_profile(source: str | Path) -> RoverProfile:
     Raises
     ------
     ProfileError
-        If the name is unknown or its package cannot be imported, the file is no TOML, a member is missing,
+        If the name is unknown or its package cannot be imported, the file is not TOML, a member is missing,
         unknown or out of range, or profile and dictionary contradict each other.
     """
     if isinstance(source, str) and not source.endswith(".toml"):

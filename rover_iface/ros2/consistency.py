@@ -72,7 +72,7 @@ def _unknown_key(language: Dictionary, key: str, way: str) -> str:
 
 def _names(name: str, kind: str, via: str, way: str) -> Iterator[str]:
     if not _NAME.fullmatch(name):
-        yield f"{way}: {name!r} is no name of ROS"
+        yield f"{way}: {name!r} is not a name of ROS"
     wanted = {"action": "action", "service": "srv"}.get(via, "msg")
     if not _TYPE.fullmatch(kind) or kind.split("/")[1] != wanted:
         yield f"{way}.type is {kind!r}; it must have the form package/{wanted}/Name"

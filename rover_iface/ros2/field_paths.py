@@ -37,12 +37,12 @@ def steps_of(path: str) -> tuple[Step, ...]:
     while at < len(path):
         found = _STEP.match(path, at)
         if found is None or (not found[0].startswith("[") and (at > 0) != found[0].startswith(".")):
-            raise MappingError(f"{path!r} is no way to a field; write a.b, a[0] or a[name=text].b")
+            raise MappingError(f"{path!r} is not a path to a field; write a.b, a[0] or a[name=text].b")
         member, index, where, text = found.groups()
         steps.append(Step(member or "", int(index) if index else -1, where or "", text or ""))
         at = found.end()
     if not steps or not steps[0].member:
-        raise MappingError(f"{path!r} is no way to a field; write a.b, a[0] or a[name=text].b")
+        raise MappingError(f"{path!r} is not a path to a field; write a.b, a[0] or a[name=text].b")
     return tuple(steps)
 
 

@@ -117,10 +117,10 @@ def _route(text: Value, site: Site, here: tuple[float, float] | None) -> tuple[R
             numbers = [float(word) for word in entry.split()]
         except ValueError as err:
             raise AbsentError(
-                f"{entry.strip()[:40]!r} is no place of a route; write x y or x y heading"
+                f"{entry.strip()[:40]!r} is not a place of a route; write x y or x y heading"
             ) from err
         if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
-            raise AbsentError(f"{entry.strip()[:40]!r} is no place of a route; write x y or x y heading")
+            raise AbsentError(f"{entry.strip()[:40]!r} is not a place of a route; write x y or x y heading")
         place = (numbers[0], numbers[1])
         heading = numbers[2] if len(numbers) == 3 else _towards(before, place, heading)
         places.append(ros_pose(site, *place, heading))

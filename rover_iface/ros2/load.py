@@ -1,4 +1,4 @@
-"""Reading a mapping file: YAML, held against the dictionary that it names."""
+"""Reading a mapping file: YAML, checked against the dictionary that it names."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class Mapped:
 
 
 def load_mapping(path: Path) -> Mapped:
-    """Return the mapping in a YAML file, held against its dictionary.
+    """Return the mapping in a YAML file, checked against its dictionary.
 
     Raises
     ------
     MappingError
-        If PyYAML is missing, the file is no YAML, a member is missing, unknown or out of range, or mapping
+        If PyYAML is missing, the file is not YAML, a member is missing, unknown or out of range, or mapping
         and dictionary contradict each other.
     """
     try:

@@ -15,7 +15,7 @@ from rover_iface.ros2.field_paths import AbsentError
 from rover_iface.ros2.mapping import Site
 
 FARTHEST_M = 1e7
-"""Coordinates beyond are no place: the circumference of Mars is 2.1e7 m."""
+"""Coordinates beyond are not places: the circumference of Mars is 2.1e7 m."""
 LONGEST_CHAIN = 100
 """Frames from one end of a tree to the other; a longer way is a circle."""
 
@@ -56,7 +56,7 @@ def transform_of(message: Any) -> Transform:
     try:
         numbers = [float(v) for v in (place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z)]
     except (AttributeError, TypeError, ValueError) as err:
-        raise AbsentError(f"a {type(message).__name__} is no pose") from err
+        raise AbsentError(f"a {type(message).__name__} is not a pose") from err
     if not all(map(math.isfinite, numbers)):
         raise AbsentError("the pose has a number that is not finite")
     if max(map(abs, numbers)) > FARTHEST_M:

@@ -1,4 +1,4 @@
-"""Values of telemetry keys and results out of ROS messages; what is no value of its kind is left out."""
+"""Values of telemetry keys and results out of ROS messages; what is not a value of its kind is left out."""
 
 from __future__ import annotations
 
@@ -72,14 +72,14 @@ def plain_value(found: object) -> Value:
     item = getattr(found, "item", None)  # numpy, in arrays of numbers
     if callable(item) and getattr(found, "shape", None) == ():
         return plain_value(item())
-    raise AbsentError(f"a {type(found).__name__} is no number, text or truth value")
+    raise AbsentError(f"a {type(found).__name__} is not a number, text or truth value")
 
 
 def _number_in(text: str) -> float:
     try:
         return float(text)
     except ValueError as err:
-        raise AbsentError(f"{text[:40]!r} is no number") from err
+        raise AbsentError(f"{text[:40]!r} is not a number") from err
 
 
 def _frame_of(message: object) -> str:
@@ -96,7 +96,7 @@ def held_to(spec: ValueSpec, found: object) -> Value:
     """
     if spec.type is ValueType.NUMBER:
         if isinstance(found, bool) or not isinstance(found, int | float):
-            raise AbsentError(f"{str(found)[:40]!r} is no number")
+            raise AbsentError(f"{str(found)[:40]!r} is not a number")
         number = float(found)
         if not math.isfinite(number):
             raise AbsentError(f"{number} is not finite")
@@ -106,10 +106,10 @@ def held_to(spec: ValueSpec, found: object) -> Value:
         return number
     if spec.type is ValueType.BOOLEAN:
         if not isinstance(found, bool):
-            raise AbsentError(f"{str(found)[:40]!r} is no truth value")
+            raise AbsentError(f"{str(found)[:40]!r} is not a truth value")
         return found
     if not isinstance(found, str):
-        raise AbsentError(f"{str(found)[:40]!r} is no text")
+        raise AbsentError(f"{str(found)[:40]!r} is not text")
     if spec.choices and found not in spec.choices:
         raise AbsentError(f"{found[:40]!r} is none of {', '.join(spec.choices)}")
     return found

@@ -276,7 +276,7 @@ class AbstractRover(RoutineRover):
         origin = self._from if self.place is None else self.place
         seconds = float(self.future.leg_time_s[origin, to])
         if math.isnan(self.model.leg_time_s[origin, to, 0]):
-            return Outcome(False, "no way there")
+            return Outcome(False, "no path there")
         energy = float(self.future.leg_energy_j[origin, to])
         overhead = milliseconds(self.model.track_overhead_s) * len(self._tracked)
         duration = milliseconds(seconds)

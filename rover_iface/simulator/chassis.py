@@ -73,7 +73,7 @@ class Chassis:
         )
 
     def slip(self, climb_rad: float) -> float:
-        """Return the share of the wheels' way that is lost uphill (negative downhill: it slides ahead)."""
+        """Return the share of the wheels' path that is lost uphill (negative downhill: it slides ahead)."""
         slip = (
             self.softer * (self.soil.slip_flat + self.soil.slip_per_slope * math.sin(climb_rad))
             + self.extra_slip

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 SENSORS = 3
 EARLY_M = 0.03
-"""Contact so far before the expected surface is no placement: something else was touched."""
+"""Contact so far before the expected surface is not a placement: something else was touched."""
 
 
 @dataclass(frozen=True, eq=False)

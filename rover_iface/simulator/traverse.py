@@ -84,7 +84,7 @@ def drive(
         way = navigator.choose(navigator.where(chassis.believed), goal)
         if way is None:
             if navigator.given_up:
-                reason = "no safe way"
+                reason = "no safe path"
                 break
             way = navigator.look_aside()
         driven = chassis.follow(way)

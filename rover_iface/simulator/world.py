@@ -45,7 +45,7 @@ _PROBLEMS = ("problem/1", "contingency/1")
 
 @value
 class Soil:
-    """How the ground gives way: slip = flat + per_slope x sine of the slope uphill, as a share of the way."""
+    """How the ground gives way: slip = flat + per_slope x sine of the slope uphill, a share of the path."""
 
     slip_flat: float = 0.02
     slip_per_slope: float = 0.9

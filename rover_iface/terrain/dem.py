@@ -88,7 +88,7 @@ def read_dem(path: Path, onto: CRS | None = None) -> Dem:
     Raises
     ------
     TerrainFormatError
-        If the file is no raster, has no geotransform, is rotated or has oblong posts without naming a
+        If the file is not a raster, has no geotransform, is rotated or has oblong posts without naming a
         reference, counts in feet, has no known height, or lies on another body than `onto`.
     """
     raw = _read(path)
@@ -118,7 +118,7 @@ def site_projection(crs: CRS, middle: tuple[float, float], what: str) -> CRS:
     Raises
     ------
     TerrainFormatError
-        If the middle is no longitude and latitude.
+        If the middle is not a longitude and latitude.
     """
     from rasterio.crs import CRS
 
@@ -267,7 +267,7 @@ def between(crs: CRS, onto: CRS, what: str) -> Iterator[None]:
     TerrainFormatError
         If there is none between the references.
     """
-    from rasterio._err import CPLE_BaseError  # what the library lets through is no RasterioError
+    from rasterio._err import CPLE_BaseError  # what the library lets through is not a RasterioError
     from rasterio.errors import RasterioError
 
     try:

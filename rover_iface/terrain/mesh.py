@@ -182,7 +182,7 @@ def read_mesh(path: Path, *, skip: Sequence[str] = ()) -> Mesh:
     if triangles.min() < 0 or triangles.max() >= len(vertices):
         raise TerrainFormatError(f"mesh {path} refers to vertex {triangles.max()} of {len(vertices)}")
     if not np.isfinite(vertices).all():
-        raise TerrainFormatError(f"mesh {path} has vertices that are no numbers")
+        raise TerrainFormatError(f"mesh {path} has vertices that are not numbers")
     return Mesh(vertices, triangles, path.stem)
 
 

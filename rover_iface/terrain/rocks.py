@@ -237,7 +237,7 @@ def raise_rocks(
 
 
 def _raster_detail(diameter_m: float, spacing_m: float) -> int:
-    """Return a split that is no coarser than the posts need and no finer than the meshes."""
+    """Return a split that is not coarser than the posts need nor finer than the meshes."""
     posts = diameter_m / spacing_m
     return min(natural_detail(diameter_m), 1 if posts < 3 else 2 if posts < 8 else 3)
 

@@ -98,7 +98,7 @@ def require_range(target: str, view: StereoView, designated: Array, match: Point
     baseline_m = float(np.linalg.norm(view.right_camera.C - view.left_camera.C))
     one_px_m = expected**2 / (view.left_camera.hs * baseline_m)
     sigma_m = math.sqrt(float(np.trace(match.surface_covariance)))
-    # a patch that tells little is no licence: three sigma count up to the error of a pixel
+    # a patch that tells little is not a licence: three sigma count up to the error of a pixel
     limit = DISPARITY_PX * one_px_m + min(3.0 * sigma_m, DISPARITY_PX * one_px_m) + MAP_SHARE * expected
     if abs(measured - expected) > limit:
         raise TrackerError(

@@ -71,8 +71,8 @@ class KltTracker(NccTracker):
     """Follows targets by optical flow (a `Tracker`).
 
     The confidence is the least margin of share of corners left, fit, stereo score and range, through the
-    logistic curve of the correlation tracker: 0.5 is the limit of a loss. It is not calibrated: it is no
-    probability, and no table says how often a target of confidence 0.9 is right.
+    logistic curve of the correlation tracker: 0.5 is the limit of a loss. It is not calibrated: it is not
+    a probability, and no table says how often a target of confidence 0.9 is right.
     """
 
     def __init__(self, options: NccOptions | None = None, flow: FlowOptions | None = None) -> None:

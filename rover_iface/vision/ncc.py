@@ -45,7 +45,7 @@ FOUND_AGAIN = 0.75
 """Most confidence in a target at the stop at which it is found again."""
 ROUGHEST = 3.0
 """Range errors up to which the parts of a match may disagree and still widen its tolerance. By hand: parts on
-one face agree within its slant, and half a template across an edge is no place to trust."""
+one face agree within its slant, and half a template across an edge is not a place to trust."""
 KEYS = 3
 """Earlier views that are tried at a stop, the best first."""
 
@@ -300,7 +300,7 @@ class NccTracker:
         """Return the pixel of the best match and what it has drifted; None when there is no match.
 
         With `by_ranges` the template is what the last view shows from here by its own ranges: what stands out
-        from the target's face, and what shows beside it, is no part of the face's plane.
+        from the target's face, and what shows beside it, is not part of the face's plane.
         """
         options, last, camera = self.options, track.last, view.left_camera
         prediction = camera.project(last.point)

@@ -71,7 +71,7 @@ def deviations(
 ) -> float:
     """Return the mean absolute depth deviation (eq. 12) of moved points from the z-buffer, capped.
 
-    `out` (n,) gets the signed deviations, NaN where the sensor knows no depth. A point without one counts as
+    `out` (n,) gets the signed deviations, NaN where the sensor has no depth. A point without one counts as
     the cap: leaving the overlap must not pay.
 
     `points` (n, 3) and `shift` (3,), m; `rotation` (3, 3); `depth` (rows, columns), m; `focal` in px,

@@ -33,7 +33,7 @@ CLOSER = 1.5
 RECALL_M, ASTRAY_M, LOST_M = 3.4, 0.10, 0.50
 """From how near the first narrow picture is asked; how far off it may have a tracked or a lost target."""
 MOST_OPEN_M = 0.01
-"""What a registration may leave open of the target's place: more is no centimetre."""
+"""What a registration may leave open of the target's place: more is not a centimetre."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,8 +144,8 @@ class SiftTracker:
     """Feature tracker (a `Tracker`); targets started on the same view share the features of each stop.
 
     A stop whose features do not match keeps the last valid ones: the target stays where dead reckoning has
-    it, its covariance grows with the way driven, and the next stop is matched against the last valid one.
-    After `lost_updates` such stops the target has failed.
+    it, its covariance grows with the distance driven, and the next stop is matched against the last valid
+    one. After `lost_updates` such stops the target has failed.
 
     Its confidence, as published, is 1 / (1 + exp(-a (n - N))) of the number n of features that agree on the
     motion: 0.5 at N = 30. As shipped it is the least of that count's (with N at twice the least number of

@@ -208,7 +208,7 @@ class Looks:
             score, spread = matcher.align(view.left, template, at, TEMPLATE_PX // 2)
             found: Found | None = Found(at, score, spread)
             if np.array_equal(at, pixel):
-                # it wandered off: the prediction is no measurement of itself
+                # it wandered off: the prediction is not a measurement of itself
                 found = matcher.search(view.left, template, pixel)
             if found is None:
                 continue

@@ -25,7 +25,7 @@ TRACKERS = Registry(
 
 @dataclass(frozen=True, eq=False)
 class TrackerAids:
-    """What a rover tells its tracker: share of the way that odometry is off, and its narrow pair, if any."""
+    """What a rover tells its tracker: the error of odometry, a share of the distance, and any narrow pair."""
 
     odometry_error: float = 0.05
     narrow: Narrow | None = None
@@ -59,7 +59,7 @@ def correlation(aids: TrackerAids) -> Tracker:
     from rover_iface.vision.ncc import NccTracker
     from rover_iface.vision.template import NccOptions
 
-    # three sigma of the way: beyond it a range is no range of the target
+    # three sigma of the way: beyond it a range is not a range of the target
     return NccTracker(NccOptions(odometry_share=max(0.15, 3 * aids.odometry_error)))
 
 

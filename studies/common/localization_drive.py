@@ -171,7 +171,7 @@ class Kilometre:
     refused: int
 
     def error_share(self, which: Array) -> float:
-        """Return the horizontal error at the end as a share of the way."""
+        """Return the horizontal error at the end as a share of the distance."""
         return float(np.hypot(*(which[-1] - self.true[-1])[:2])) / self.length_m
 
 

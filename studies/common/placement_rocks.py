@@ -103,7 +103,7 @@ class RockScene:
         share = float(on_rock.mean())
         if on_rock.sum() < 8:
             return TruePatch(math.inf, math.inf, math.pi / 2, share, ("missed",))
-        # the tool's face rests on the upper part; what is a hand's breadth below is no support
+        # the tool's face rests on the upper part; what is a hand's breadth below is not a support
         close = on_rock & (height > np.quantile(height[on_rock], 0.5) - 0.05)
         design = np.column_stack((u, v, np.ones_like(u)))
         plane = np.linalg.lstsq(design[close], height[close], rcond=None)[0]

@@ -87,7 +87,7 @@ class Rover:
             thread.join()
 
     def judge(self, content: bytes, out: Path) -> None:
-        """Hold a package against what the honest people signed if a command of it left."""
+        """Check a package against what the honest people signed if a command of it left."""
         journal = out / "journal.jsonl"
         if not journal.exists() or '"k":"send"' not in journal.read_text(errors="replace"):
             return

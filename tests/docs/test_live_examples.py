@@ -93,7 +93,7 @@ def test_a_plan_that_is_changed_is_checked_and_run_again(site: str) -> None:
         assert came_of(page).get("run") is None
         world.fill('{"actions": ')
         plan.fill(plan.input_value().replace(":duration (0 -1)", ":duration (0 60)"))
-        page.get_by_text("the world is no JSON").wait_for(timeout=20_000)
+        page.get_by_text("the world is not JSON").wait_for(timeout=20_000)
         world.fill("")
         slider = page.get_by_label("Plan time")
         slider.wait_for(timeout=20_000)

@@ -104,8 +104,8 @@ CASES = [
     Case("E003", "(task :id a :action 'image)", A, "illegal token"),
     Case("E003", "(task : a)", A, 'illegal token ":"'),
     Case("E003", A + B, A + " ; " + B, "after the end of the plan"),
-    Case("E004", "; nothing\n", A, "no plan"),
-    Case("E004", "image", A, "no plan"),
+    Case("E004", "; nothing\n", A, "not a plan"),
+    Case("E004", "image", A, "not a plan"),
     Case("E010", root("(tsk :id a :action image)"), root(A), 'unknown kind "tsk"', "a"),
     Case("E010", root(option("o", A)), root(branch(option("o", A))), '"option" is not a node'),
     Case(
@@ -366,7 +366,7 @@ CASES = [
         "E063",
         plan(task("a", ":requires ((arm 1))"), ARM),
         plan(task("a", ":uses (arm)"), ARM),
-        "which is no consumable",
+        "which is not a consumable",
     ),
     Case(
         "E070",

@@ -164,7 +164,7 @@ def test_a_missing_record_is_refused(tmp_path: Path) -> None:
     [
         (b"", "has no header: it is empty"),
         (b'{"n":0,"k":"head', "its header is torn"),
-        (b"hello\nworld\n", "is not a journal: line 1 is no record"),
+        (b"hello\nworld\n", "is not a journal: line 1 is not a record"),
         ((line_of(0, {"k": "header", "format": "journal/9"}) + "\n").encode(), "format 'journal/9'"),
         ((line_of(0, {"k": "trace"}) + "\n").encode(), "its first record has kind 'trace'"),
     ],

@@ -126,7 +126,7 @@ def test_command_line_agrees_differs_and_complains(tmp_path: Path) -> None:
     assert "end_time is 2, expected 5" in bad.stdout
     broken = outcrop("broken.json", cwd=tmp_path)
     assert broken.returncode == 2
-    assert broken.stderr.startswith("outcrop: scenario broken.json is no JSON")
+    assert broken.stderr.startswith("outcrop: scenario broken.json is not JSON")
 
 
 def test_scenario_file_that_is_not_there(tmp_path: Path) -> None:

@@ -368,8 +368,8 @@ def _stranger_file(rows: dict[str, Any]) -> None:
 
 
 MALFORMED: dict[str, Callable[[dict[str, Any]], None]] = {
-    "a table that is no list": lambda rows: rows.update(plans={}),
-    "rows that are no objects": lambda rows: rows.update(plans=[1]),
+    "a table that is not a list": lambda rows: rows.update(plans={}),
+    "rows that are not objects": lambda rows: rows.update(plans=[1]),
     "two missions": lambda rows: rows["missions"].append(rows["missions"][0]),
     "no chain": lambda rows: rows.update(event_chains=[]),
     "a table too many": lambda rows: rows.update(people=[]),

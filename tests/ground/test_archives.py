@@ -81,7 +81,7 @@ def test_a_cut_off_backup_is_refused(day: Api, tmp_path: Path) -> None:
     backup(day.repo, tmp_path / "backup.tar")
     whole = (tmp_path / "backup.tar").read_bytes()
     (tmp_path / "half.tar").write_bytes(whole[: len(whole) // 3])
-    with pytest.raises(ArchiveError, match="no whole backup"):
+    with pytest.raises(ArchiveError, match="not a whole backup"):
         restore(open_repository(settings_for(tmp_path / "fresh")), tmp_path / "half.tar")
 
 

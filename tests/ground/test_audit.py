@@ -71,7 +71,7 @@ def test_a_head_that_was_altered_or_is_anothers_is_refused(tmp_path: Path) -> No
         with pytest.raises(InvalidInputError, match="damaged"):
             read_head(tmp_path / "bad.json")
     (tmp_path / "bad.json").write_text("[1")
-    with pytest.raises(InvalidInputError, match="is no file of"):
+    with pytest.raises(InvalidInputError, match="is not a file of"):
         read_head(tmp_path / "bad.json")
 
 
@@ -97,7 +97,7 @@ def test_heads_are_written_and_held_against_by_command(
     api.post(f"/missions/{mission.id}/targets", {"east_m": 1.0, "north_m": 1.0})
     code, said = outcrop("verify", "--against", kept)
     assert code == 0
-    assert f"rows checked, 0 faults, 2 histories held against {kept}" in said
+    assert f"rows checked, 0 faults, 2 histories checked against {kept}" in said
     assert outcrop("verify", "--against", kept, "--key", other)[0] == 2
     assert outcrop("verify", "--key", other) == (2, "outcrop: --key is for the file of --against\n")
     assert outcrop("verify", "--against", str(tmp_path / "none.json"))[0] == 2

@@ -1,4 +1,4 @@
-"""What was changed behind the server's back and is no value of ours: named in a 503, never a traceback."""
+"""What was changed behind the server's back and is not a value of ours: named in a 503, never a traceback."""
 
 from __future__ import annotations
 

@@ -283,10 +283,10 @@ SAMPLE = {"east_m": 0.0, "north_m": 0.0, "heading_rad": 0.0, "task": "", "tracke
 RUNS: dict[str, Callable[[Path], None]] = {
     "a deep run.json": _raw("run.json", DEEP),
     "a deep line of the trace": _raw("trace.jsonl", DEEP),
-    "a trace that is no list": _raw("trace.jsonl", b"1\n"),
+    "a trace that is not a list": _raw("trace.jsonl", b"1\n"),
     "a record of one word": _raw("trace.jsonl", b'["x"]\n'),
     "a time that is none": _raw("trace.jsonl", b'[{}, "start", "look"]\n'),
-    "telemetry that is no object": _raw("telemetry.jsonl", b"[]\n"),
+    "telemetry that is not an object": _raw("telemetry.jsonl", b"[]\n"),
     "telemetry of words": _raw(
         "telemetry.jsonl", json.dumps({**SAMPLE, "t_s": "x", "energy_used_j": "much"}).encode()
     ),

@@ -140,7 +140,7 @@ def test_the_command_line_rehearses_and_refuses_in_one_line(site: tuple[Path, Pl
         register_all()
     refused = CliRunner().invoke(app, [*words, "--command", "land@1"])
     assert refused.exit_code == 2
-    assert "'land@1' is no command" in refused.output
+    assert "'land@1' is not a command" in refused.output
     done = CliRunner().invoke(app, [*words, "--passes", str(passes), "--command", "abort@1"])
     assert (done.exit_code, "ABORTED after 8 s" in done.output) == (1, True), done.output
     view = json.loads((tmp_path / "run" / GROUND_VIEW).read_text())

@@ -67,7 +67,7 @@ def test_a_refused_leg_is_said_and_ends_with_its_own_code(stops):
     ("name", "message"),
     [
         ("empty", "holds no panorama.json"),
-        ("photo.jpg", "is no run folder"),
+        ("photo.jpg", "is not a run folder"),
         ("bad.csv", "0 points were seen|cannot be read"),
     ],
 )

@@ -65,7 +65,7 @@ def test_malformed_json_says_where(api: Api, mission: Mission) -> None:
         content=b'{"east_m": 1,',
         headers={"content-type": "application/json"},
     )
-    assert "no JSON" in problem(answer, 400, "malformed-json")["detail"]
+    assert "not JSON" in problem(answer, 400, "malformed-json")["detail"]
 
 
 def test_unknown_and_wrong_members_are_pointed_at(api: Api, mission: Mission) -> None:

@@ -1,4 +1,4 @@
-"""Every row is held against the history: what was altered, put in or taken out behind its back is named."""
+"""Every row is checked against the history: what was altered, added or removed behind its back is named."""
 
 from __future__ import annotations
 

@@ -347,7 +347,7 @@ def test_a_map_lies_where_its_site_lies(chain: tuple[Api, str, dict[str, Any]]) 
     assert "does not say where it lies" in answer["detail"]
     body = {"frame_id": second, "upload_id": upload(api, "x.tif", b"no picture")}
     assert (
-        "no GeoTIFF"
+        "not a GeoTIFF"
         in problem(api("POST", f"/missions/{mission}/site-maps", body), 422, "invalid-input")["detail"]
     )
 

@@ -163,7 +163,7 @@ def test_a_run_is_read_once_for_all_who_follow_it_and_nobody_misses_a_line(
         with path.open("ab", buffering=0) as out:
             for number in range(first, first + count):
                 line = json.dumps(["trace", {"number": number, "text": "x" * (number * 7 % 150)}]) + "\n"
-                out.write(line.encode()[:9])  # half a line is no line
+                out.write(line.encode()[:9])  # half a line is not a line
                 out.write(line.encode()[9:])
 
     async def run() -> list[list[tuple[int, str]]]:

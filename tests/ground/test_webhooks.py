@@ -94,7 +94,7 @@ def verify() -> Callable[..., bool]:
         ("2002:7f00:1::", "loopback"),
         ("2002:c0a8:101::", "private"),
         ("2001:0:4136:e378:8000:63bf:f5ff:fffe", "private"),
-        ("nonsense", "no address"),
+        ("nonsense", "not an address"),
     ],
 )
 def test_an_address_inside_is_refused_in_whatever_form(address: str, why: str) -> None:

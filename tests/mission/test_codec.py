@@ -104,7 +104,7 @@ def example() -> dict[str, Any]:
     ("spoil", "message"),
     [
         (lambda d: d["requests"][0].update(value=-1), "requests[R].value is -1; it must be at least 0"),
-        (lambda d: d["requests"][0].update(valu=1), "requests[R].valu is no member that is known"),
+        (lambda d: d["requests"][0].update(valu=1), "requests[R].valu is not a known member"),
         (lambda d: d["requests"][0].update(value="3"), 'requests[R].value must be a number, found "3"'),
         (lambda d: d["requests"][0].pop("value"), "requests[R].value is missing"),
         (

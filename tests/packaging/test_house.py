@@ -158,7 +158,7 @@ def test_house_asks_for_shapes_only_where_a_public_function_takes_an_array(house
 
 
 def test_named_kernel_counts_only_if_it_is_compiled(house: str) -> None:
-    assert "planner/tangled.py:tangle is no compiled function over the limit" in house
+    assert "planner/tangled.py:tangle is not a compiled function over the limit" in house
 
 
 def test_exception_that_is_mended_fails_the_check_until_it_is_taken_out(house: str, tmp_path: Path) -> None:

@@ -112,4 +112,4 @@ def test_failed_build_leaves_no_tag(project: Path) -> None:
 def test_name_that_is_no_version_is_told(project: Path) -> None:
     done = release(project, "next")
     assert done.returncode == 2
-    assert "'next' is no version; one is 1.2.3" in done.stderr
+    assert "'next' is not a version; one is 1.2.3" in done.stderr

@@ -98,10 +98,10 @@ def test_digests_are_those_that_stored_plans_hold() -> None:
 
 LEGACY: list[tuple[tuple[Any, ...], Any, str]] = [
     (("targets", 0, "p_success"), None, r"p_success must be a number, found null"),
-    (("targets", 0, "must_do"), True, r"must_do is no member that is known"),
-    (("targets", 0, "observations"), [], r"observations is no member that is known"),
-    (("budget", "data_mbit"), 1.0, r"budget.data_mbit is no member that is known"),
-    (("precedence",), [], r"precedence is no member that is known"),
+    (("targets", 0, "must_do"), True, r"must_do is not a known member"),
+    (("targets", 0, "observations"), [], r"observations is not a known member"),
+    (("budget", "data_mbit"), 1.0, r"budget.data_mbit is not a known member"),
+    (("precedence",), [], r"precedence is not a known member"),
     (("targets", 0, "target_m"), [1.0], r"target_m has 1 entries; it needs at least 2"),
 ]
 
@@ -139,7 +139,7 @@ BAD: list[tuple[tuple[Any, ...], Any, str]] = [
     ),
     (("hotel_w",), float("nan"), r"problem hotel_w is NaN; it must be finite"),
     (("hotel_w",), True, r"problem hotel_w must be a number, found true"),
-    (("colour",), "red", r"problem colour is no member that is known"),
+    (("colour",), "red", r"problem colour is not a known member"),
     (("targets", 0, "id"), "start", r'target id "start" is kept for the place where the rover starts'),
     (("targets", 0, "id"), "a b", r'id "a b" holds a blank'),
     (("targets", 1, "id"), "T1", r'id "T1" is used twice'),

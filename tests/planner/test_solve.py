@@ -128,7 +128,7 @@ def test_targets_that_no_way_leads_to_are_left_out() -> None:
     problem = problem_from_dict(document)
     result = solve(problem, **QUICK)
     assert "O2" not in planned_observations(result.tree.plan)
-    assert "no way leads from the start to target T2" in why_not(problem, result.tree.plan, "O2").reason
+    assert "no path leads from the start to target T2" in why_not(problem, result.tree.plan, "O2").reason
     document["legs"] = []
     nothing = solve(problem_from_dict(document), **QUICK)
     assert nothing.status is PlanStatus.EMPTY

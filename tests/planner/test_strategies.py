@@ -117,7 +117,7 @@ def test_options_come_from_a_file_and_change_the_work(tmp_path: Path) -> None:
     [
         ("search_nodes = [1, 9]", r"search_nodes\[0\] is 1; it must be at least 3"),
         ("bound_s = 0.0", "bound_s is 0.0; it must be more than 0"),
-        ("bound = 1.0", "bound is no member that is known"),
+        ("bound = 1.0", "bound is not a known member"),
         ("bound_s = 'x'", 'bound_s must be a number, found "x"'),
         ("bound_s = 0.05", "hasty_bound_s is 0.06; it must be at most bound_s"),
         ("bound_s", "not TOML"),

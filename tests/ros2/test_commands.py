@@ -354,12 +354,12 @@ def test_a_timer_lasts_as_long_as_it_is_told(bench: Bench) -> None:
     [
         ("dance", {}, "unmapped: the mapping turtle has no action 'dance'"),
         ("navigate", {"x": 1.0}, "malformed: the parameter y is missing"),
-        ("navigate", {"x": "far", "y": 0.0}, "malformed: parameter x: 'far' is no number"),
+        ("navigate", {"x": "far", "y": 0.0}, "malformed: parameter x: 'far' is not a number"),
         ("navigate", {"x": math.nan, "y": 0.0}, "malformed: parameter x: nan is not finite"),
         ("navigate", {"x": 1.0, "y": 0.0, "z": 0.0}, "malformed: the action navigate has no parameter 'z'"),
         ("wait", {}, "malformed: the parameter duration_s is missing"),
         ("wait", {"duration_s": -1.0}, "malformed: parameter duration_s: -1 is out of range"),
-        ("lamp", {"lit": 1.0}, "malformed: parameter lit: '1.0' is no truth value"),
+        ("lamp", {"lit": 1.0}, "malformed: parameter lit: '1.0' is not a truth value"),
     ],
 )
 def test_a_command_that_cannot_be_is_refused(

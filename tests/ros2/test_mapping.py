@@ -35,13 +35,13 @@ WRONG = [
     ("name: turtle", "name: my turtle", "name is 'my turtle'; a ROS node takes letters"),
     ("name: turtle", "nom: turtle", "name is missing"),
     ("turtle.dictionary.toml", "none.toml", "dictionary is 'none.toml'"),
-    ("frame: map", "frame: map, tilt: 1", "site.tilt is no member that is known"),
+    ("frame: map", "frame: map, tilt: 1", "site.tilt is not a known member"),
     ("x_m: 0", "x_m: .nan", "site.x_m"),
     ("x_m: 0", "x_m: east", 'site.x_m must be a number, found "east"'),
     ("  navigate:", "  fly:", "actions.fly: the dictionary turtle has no such action; it has navigate"),
     ("via: action", "via: pigeon", "pigeon"),
     ("    via: action\n", "", "via"),
-    ("/navigate_to_pose", "/navigate to pose", "'/navigate to pose' is no name of ROS"),
+    ("/navigate_to_pose", "/navigate to pose", "'/navigate to pose' is not a name of ROS"),
     ("nav2_msgs/action/Nav", "nav2_msgs/srv/Nav", "it must have the form package/action/Name"),
     (
         "{x: x, y: y, heading: heading}",
@@ -62,7 +62,7 @@ WRONG = [
     ),
     ("distance-left:", "distance:", "has no such key with so many arguments; it has pose, speed"),
     ("pose x:", "pose:", "telemetry.odometry.pose: the dictionary turtle has no such key"),
-    ("{field: pose, of: x}", "{field: 'pose..x'}", "'pose..x' is no way to a field"),
+    ("{field: pose, of: x}", "{field: 'pose..x'}", "'pose..x' is not a path to a field"),
     ("{field: pose, of: x}", "{field: pose, of: w}", "of"),
     ("rate_hz: 5", "rate_hz: 10000", "rate_hz is 10000; it must be 0.01 to 50"),
     ("depth: 20", "depth: 0", "depth is 0; it must be 1 to 1000"),
@@ -72,7 +72,7 @@ WRONG = [
     ("  wait:\n    via: timer", "  wait:\n    via: timer\n    duration: x", "wait has no parameter 'x'"),
     ("  wait:", "  lamp:", "lamp stands twice"),
     ("actions:", "actions: [", "is not YAML"),
-    ("actions:", "start: {battery: full}\nactions:", "start.battery: 'full' is no number"),
+    ("actions:", "start: {battery: full}\nactions:", "start.battery: 'full' is not a number"),
     ("actions:", "start: {fuel: 1}\nactions:", "start.fuel: the dictionary turtle has no such key"),
 ]
 

@@ -72,7 +72,7 @@ def test_the_site_frame_lies_where_the_mapping_says(tmp_path: Path) -> None:
         (odometry(1e9, 0.0), "farther than"),
         (odometry(0.0, 0.0, w=0.0), "no direction"),
         (odometry(0.0, 0.0, frame="odom"), "no transform leads to 'map'"),
-        (odometry("east", 0.0), "no pose"),  # type: ignore[arg-type]
+        (odometry("east", 0.0), "not a pose"),  # type: ignore[arg-type]
         (SimpleNamespace(), "there is no pose"),
     ],
 )
@@ -201,5 +201,5 @@ def test_ways_lead_to_fields() -> None:
 def test_a_way_that_is_none_is_refused(way: str) -> None:
     from rover_iface.errors import MappingError
 
-    with pytest.raises(MappingError, match="no way to a field"):
+    with pytest.raises(MappingError, match="is not a path to a field"):
         steps_of(way)

@@ -382,7 +382,7 @@ def test_slow_drive_low_battery_camera_failure_and_silence() -> None:
         ({"kind": "slow-drive", "at_s": 1}, '"amount" is missing'),
         ({"kind": "slow-drive", "at_s": 1, "amount": 0.5}, "a factor of at least 1"),
         ({"kind": "silent", "at_s": "noon"}, 'faults[0].at_s must be a number, found "noon"'),
-        ({"kind": "silent", "at_s": 1, "why": "?"}, "faults[0].why is no member that is known"),
+        ({"kind": "silent", "at_s": 1, "why": "?"}, "faults[0].why is not a known member"),
         ("silent", 'faults[0] must be an object, found "silent"'),
     ],
 )
@@ -426,10 +426,10 @@ def test_dust_before_a_target_that_the_world_does_not_have_is_no_fault_of_the_pr
     ("world", "message"),
     [
         ({"format": "moon/1"}, '"moon/1"; it must be "world/1"'),
-        ({"format": "world/1", "colour": "red"}, "colour is no member that is known"),
+        ({"format": "world/1", "colour": "red"}, "colour is not a known member"),
         ({"format": "world/1", "start": [0, 0]}, "start must be an object, found [0, 0]"),
         ({"format": "world/1", "targets": [{"id": "A"}]}, "targets[A].point_m is missing"),
-        ({"format": "world/1", "soil": {"colour": 1}}, "soil.colour is no member that is known"),
+        ({"format": "world/1", "soil": {"colour": 1}}, "soil.colour is not a known member"),
         ({"format": "world/1", "seed": "x"}, 'seed must be a whole number, found "x"'),
         ({"format": "problem/1", "name": "x"}, "malformed member"),
         ("nowhere.json", "No such file"),

@@ -91,7 +91,7 @@ def test_a_pose_survives_its_transform(r: float, p: float, y: float) -> None:
 
 
 def test_what_is_no_rotation_is_refused() -> None:
-    with pytest.raises(FrameError, match="matrix is no rotation"):
+    with pytest.raises(FrameError, match="matrix is not a rotation"):
         Transform(np.diag([1.0, 1.0, -1.0]), np.zeros(3))
     with pytest.raises(FrameError, match="no direction"):
         rotation_from_quaternion(0, 0, 0, 0)

@@ -108,7 +108,7 @@ def broken(tmp_path: Path, old: str, new: str) -> Path:
         ("reach_m = 0.79", "reach_m = -1", "arm.reach_m is -1; it must be more than 0"),
         ("reach_m = 0.79", "", "arm.reach_m is missing"),
         ("reach_m = 0.79", 'reach_m = "far"', 'arm.reach_m must be a number, found "far"'),
-        ("joints = 5", "joints = 5\nelbows = 2", "arm.elbows is no member that is known"),
+        ("joints = 5", "joints = 5\nelbows = 2", "arm.elbows is not a known member"),
         ("initial_j = 1350000.0", "initial_j = 9e9", "initial_j is 9000000000.0 J; it must be at most"),
         ('use = "contact"', 'use = "psychic"', "instruments.mi.use is \"psychic\"; it must be 'contact' or"),
         ("p_success = 0.9", "p_success = 1.5", "instruments.mi.p_success is 1.5; it must be at most 1"),
@@ -259,7 +259,7 @@ def test_a_rover_of_the_operators_own_folder_needs_no_python(
     with pytest.raises(ProfileError, match="unknown rover profile"):
         load_profile(f"../{tmp_path.name}/pebble")
     monkeypatch.setenv(profile_load.OWN_FOLDER, str(tmp_path / "nowhere"))
-    with pytest.raises(ProfileError, match=r"OUTCROP_PROFILES is .*nowhere, which is no folder"):
+    with pytest.raises(ProfileError, match=r"OUTCROP_PROFILES is .*nowhere, which is not a folder"):
         load_profile("k9")
 
 

@@ -148,7 +148,7 @@ def test_a_way_hidden_from_one_eye_may_be_seen_free_by_the_other(k9: RoverProfil
     joint = checks(k9, hazcam()[0], mast())
     at, normal = on_top(), np.array([-0.3, 0.0, 0.95])
     normal /= np.linalg.norm(normal)
-    # to the hazard cameras something stands 6 cm before the tool's way
+    # to the hazard cameras something stands 6 cm before the tool's path
     ray = at + 0.1 * normal - EYE
     away = hazcam()[0].points - EYE
     far = np.linalg.norm(away, axis=1)

@@ -61,7 +61,7 @@ def test_a_target_is_read_copied_and_moved_in_degrees_and_in_the_projection(serv
         page.get_by_role("button", name="Type coordinates").click()
         page.get_by_role("textbox", name="coordinates").fill("somewhere")
         page.get_by_role("button", name="Save", exact=True).click()
-        expect(page.get_by_role("alert").filter(has_text="No pair of numbers")).to_be_visible()
+        expect(page.get_by_role("alert").filter(has_text="Not a pair of numbers")).to_be_visible()
         page.get_by_role("textbox", name="coordinates").fill(f"{east:.8f}, {first['at']['y']:.8f}")
         page.get_by_role("button", name="Save", exact=True).click()
         expect(page.get_by_test_id("coordinates-text")).to_be_visible()

@@ -160,7 +160,7 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         expect(page.get_by_text("Not in plan #1.")).to_be_visible()
         page.get_by_role("button", name="Why not?").click()
         expect(
-            page.get_by_text(re.compile("Demanding it changes the plan's value|No plan was found"))
+            page.get_by_text(re.compile("A plan that must contain it changes in value|No plan was found"))
         ).to_be_visible()
         shot(page, "why-not")
 
@@ -268,7 +268,7 @@ def test_a_plan_that_cannot_be_made_says_why_and_is_not_said_to_be_made(server: 
         pick(page, 3.0, -3.5, "microscopic_imager", 8)
         page.get_by_role("button", name="Edit request").first.click()
         page.get_by_role("button", name="More…").click()
-        page.get_by_label("a plan without it is no plan").check()
+        page.get_by_label("every plan must contain it").check()
         page.get_by_test_id("save-request").click()
         expect(page.get_by_test_id("save-request")).to_have_count(0)
         page.get_by_role("tab", name="Plan", exact=True).click()

@@ -36,7 +36,7 @@ def test_a_drive_is_forbidden_another_is_drawn_and_the_next_plan_obeys(server: S
         expect(page.get_by_test_id("plan-select").locator("option:checked")).to_contain_text("stale")
 
         page.get_by_label("Drive between North and start").select_option("drawn")
-        expect(page.get_by_text("Click the way from the start to North")).to_be_visible()
+        expect(page.get_by_text("Click the path from the start to North")).to_be_visible()
         for east, north in CORNERS[:-1]:
             page.mouse.click(*pixel(page, east, north))
             page.wait_for_timeout(400)  # two clicks at once would be a double click

@@ -195,7 +195,7 @@ def test_pictures_come_while_the_run_goes_on(server: Server) -> None:
 
 
 def _big_upload() -> bytes:
-    """Return a zip that is no terrain and takes a while to send."""
+    """Return a zip that is not a terrain and takes a while to send."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_STORED) as archive:
         archive.writestr("dem.tif", b"\x5a" * 12_000_000)

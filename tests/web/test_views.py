@@ -113,7 +113,7 @@ def test_a_place_to_stand_is_dragged_and_a_bad_one_refused_with_the_reason(serve
         expect(hint).to_contain_text("Reached")
         page.mouse.up()
         expect(request).to_contain_text("set by hand")
-        page.get_by_role("button", name="Give back to base placement").click()
+        page.get_by_role("button", name="Return to base placement").click()
         expect(request).not_to_contain_text("set by hand")
 
 
@@ -202,7 +202,7 @@ def test_a_terrain_is_uploaded_in_the_page_and_a_broken_one_named(server: Server
         page.get_by_label("A terrain of your own").check()
         field = page.get_by_test_id("terrain-file")
         field.set_input_files({"name": "notes.txt", "mimeType": "text/plain", "buffer": b"no terrain"})
-        expect(page.get_by_text("notes.txt is no terrain")).to_be_visible()
+        expect(page.get_by_text("notes.txt is not a terrain")).to_be_visible()
         expect(page.get_by_role("button", name="Open", exact=True)).to_be_disabled()
         field.set_input_files({"name": "dem.tif", "mimeType": "image/tiff", "buffer": b"not a GeoTIFF"})
         page.get_by_role("button", name="Open", exact=True).click()

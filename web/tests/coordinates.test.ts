@@ -31,7 +31,7 @@ describe("coordinates", () => {
 
   it("reads corners and names the line that is none", () => {
     expect(cornersFrom("0, 0\n\n1, 0\n1, 1\n")).toEqual([[0, 0], [1, 0], [1, 1]]);
-    expect(cornersFrom("0, 0\n1, x\n1, 1")).toBe("Line 2 is no pair of numbers: 1, x");
+    expect(cornersFrom("0, 0\n1, x\n1, 1")).toBe("Line 2 is not a pair of numbers: 1, x");
     expect(cornersFrom("0, 0\n1, 1")).toContain("at least 3 corners");
   });
 });

@@ -21,7 +21,7 @@ describe("numbers for people", () => {
     expect(format.planTime(10, format.lmstSeconds(10, 1234))).toBeCloseTo(1234);
   });
 
-  it("refuse what is no time of day", () => {
+  it("refuse what is not a time of day", () => {
     for (const text of ["", "25:00", "10:60", "ten", "10"]) expect(format.planSeconds(10, text)).toBeNull();
   });
 
@@ -70,7 +70,7 @@ describe("deep links", () => {
     expect(parseRoute(formatRoute(route))).toEqual(route);
   });
 
-  it("do not stumble over what is no address of ours", () => {
+  it("do not stumble over what is not an address of ours", () => {
     for (const hash of ["", "#", "#/", "#/x/y", "#/m/", "#/m"]) expect(parseRoute(hash).mission).toBeNull();
     expect(parseRoute("#/m/a?sel=nonsense:1").selection).toBeNull();
     expect(parseRoute("#/m/a?sel=target").selection).toBeNull();

@@ -265,10 +265,10 @@ describe("files of a terrain", () => {
     expect(terrainProblem(null, null)).toBe("choose a terrain file");
     expect(terrainProblem(file("site.ZIP"), null)).toBe("");
     expect(terrainProblem(file("dem.tif"), file("ortho.png"))).toBe("");
-    expect(terrainProblem(file("notes.txt"), null)).toContain("notes.txt is no terrain");
+    expect(terrainProblem(file("notes.txt"), null)).toContain("notes.txt is not a terrain");
     expect(terrainProblem(file("dem.tif", 0), null)).toBe("dem.tif is empty");
     expect(terrainProblem(file("site.zip"), file("ortho.png"))).toContain("GeoTIFF only");
-    expect(terrainProblem(file("dem.tif"), file("a.gif"))).toContain("a.gif is no image");
+    expect(terrainProblem(file("dem.tif"), file("a.gif"))).toContain("a.gif is not an image");
   });
 });
 

@@ -39,7 +39,7 @@ class Entry:
     tree: int
     depth: int
     option: int
-    """Position of the option in the branch above, -1 if the parent is no branch."""
+    """Position of the option in the branch above, -1 if the parent is not a branch."""
     end: int = 0
 
     def covers(self, number: int) -> bool:

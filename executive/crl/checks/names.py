@@ -35,7 +35,7 @@ def check_names(index: Index) -> None:
         if isinstance(node, Task):
             if node.source is None and not is_symbol(node.action):
                 index.add(
-                    "E013" if not node.action else "E014", node, f'":action" is no symbol: {node.action!r}'
+                    "E013" if not node.action else "E014", node, f'":action" is not a symbol: {node.action!r}'
                 )
         elif isinstance(node, Branch):
             if not node.options and _was_given(node, "options"):
@@ -95,7 +95,7 @@ def _unique_ids(index: Index) -> None:
         if other is not owner:
             repeated.append((other, owner))
         if owner.source is None and (not is_symbol(identifier) or identifier == "nil"):
-            index.add("E014", owner, f'":id" is no symbol: {identifier!r}')
+            index.add("E014", owner, f'":id" is not a symbol: {identifier!r}')
     for other, owner in repeated:
         if other.source is not None and owner.source is not None:
             places = other.source.position("id"), owner.source.position("id")
@@ -246,7 +246,7 @@ def check_keys(index: Index) -> None:
     for owner, field, condition in all_conditions(index):
         for leaf in leaves(condition):
             if _orders_non_number(leaf):
-                message = f'":{field}" orders {leaf.key} against what is no number'
+                message = f'":{field}" orders {leaf.key} against what is not a number'
                 index.add("E041", owner, message, at=leaf.source or field)
             count = RESERVED_NODE_KEYS.get(leaf.key)
             if leaf.key == "time" and leaf.arguments:

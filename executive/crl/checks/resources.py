@@ -59,7 +59,7 @@ def _requires(index: Index, owner: Node | Option | Alternate, declared: dict[str
         if resource is None:
             _undeclared(index, owner, amount, "requires", declared)
         elif not isinstance(resource, ConsumableResource):
-            message = f'":requires" asks for "{amount.resource}", which is no consumable'
+            message = f'":requires" asks for "{amount.resource}", which is not a consumable'
             index.add("E063", owner, message, at=at, hint='unit and capacity resources stand in ":uses"')
         if amount.amount < 0:
             message = f'":requires" asks for {number_text(amount.amount)} of "{amount.resource}"'

@@ -87,7 +87,7 @@ class Address:
             return cls(Path(text.removeprefix("unix:")))
         host, mark, port = text.removeprefix("tcp://").rpartition(":")
         if not text.startswith("tcp://") or not mark or not host or not (port.isascii() and port.isdigit()):
-            raise WireError(f"{text!a} is no address; write unix:/path or tcp://host:port")
+            raise WireError(f"{text!a} is not an address; write unix:/path or tcp://host:port")
         if int(port) > 65535:
             raise WireError(f"{text!a}: a port is 0 to 65535")
         if not host.isprintable():

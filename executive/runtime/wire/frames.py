@@ -28,7 +28,7 @@ def frame(document: Json) -> bytes:
     try:
         body = _encode(document).encode()
     except (TypeError, ValueError) as error:
-        raise WireError(f"message {document.get('m')!a} is no JSON: {error}") from error
+        raise WireError(f"message {document.get('m')!a} is not JSON: {error}") from error
     if len(body) > LIMIT:
         raise WireError(f"message {document.get('m')!a} has {len(body)} bytes; a frame holds {LIMIT}")
     return len(body).to_bytes(HEAD, "big") + body
@@ -46,8 +46,8 @@ class FrameReader:
         Raises
         ------
         WireError
-            If a length is 0 or over the limit, or a frame is no JSON object: the place of the next frame is
-            then not known, and the line has to be begun anew.
+            If a length is 0 or over the limit, or a frame is not a JSON object: the place of the next frame
+            is then not known, and the line has to be begun anew.
         """
         rest = self._rest
         rest += data
@@ -69,9 +69,9 @@ def _object(body: bytes) -> Json:
     try:
         document = json.loads(body)
     except (ValueError, RecursionError) as error:
-        raise WireError(f"a frame of {len(body)} bytes is no JSON: {str(error)[:80]}") from error
+        raise WireError(f"a frame of {len(body)} bytes is not JSON: {str(error)[:80]}") from error
     if not isinstance(document, dict):
-        raise WireError(f"a frame holds {str(document)[:40]!a}, no object")
+        raise WireError(f"a frame holds {str(document)[:40]!a}, not an object")
     return document
 
 

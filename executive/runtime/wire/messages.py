@@ -71,7 +71,7 @@ def mapping(document: Json, member: str) -> Json:
     """
     value = document.get(member, {})
     if not isinstance(value, dict):
-        raise WireError(f"{_name(document)}: {member} is {_show(value)}, no object")
+        raise WireError(f"{_name(document)}: {member} is {_show(value)}, not an object")
     return value
 
 
@@ -173,7 +173,7 @@ def status_message(command: CommandId, status: CommandStatus) -> Json:
 def numbered(event: Event) -> Update | Result | Acknowledgement | Product:
     """Return an event of a rover's stream; an operator's command is none."""
     if not isinstance(event, Update | Result | Acknowledgement | Product):
-        raise WireError(f"{type(event).__name__} is no event of a rover")
+        raise WireError(f"{type(event).__name__} is not an event of a rover")
     return event
 
 

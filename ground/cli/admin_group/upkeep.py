@@ -26,7 +26,7 @@ def prune_command(
     older_than: float = typer.Option(30.0, min=0.0, max=36_500.0, help="days since it was over"),
     dry_run: bool = typer.Option(False, "--dry-run", help="only say what would go"),
 ) -> None:
-    """Let go of finished jobs, superseded plans and dry runs, and files of no record. Needs no server.
+    """Remove finished jobs, superseded plans and dry runs, and files of no record. Needs no server.
 
     Nothing goes that an approval, a package, a campaign or a product names, nor the newest plan of a sol, nor
     the last run of a plan that stays. What goes is in the history.

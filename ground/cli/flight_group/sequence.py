@@ -109,7 +109,7 @@ def _time(text: str) -> datetime:
     try:
         found = datetime.fromisoformat(text)
     except ValueError:
-        fail(f"{text!r} is no time in ISO 8601, for instance 2030-01-01T00:00:00Z")
+        fail(f"{text!r} is not a time in ISO 8601, for instance 2030-01-01T00:00:00Z")
     if found.tzinfo is None:
         fail(f"{text!r} has no zone: end it with Z for UTC")
     return found

@@ -31,7 +31,7 @@ def corners_of(words: Sequence[str]) -> list[list[float]]:
         except ValueError:
             parts = []
         if len(parts) != 2:
-            fail(f"{word!r} is no corner: one is EAST,NORTH, such as 1.5,-2")
+            fail(f"{word!r} is not a corner: one is EAST,NORTH, such as 1.5,-2")
     return found
 
 

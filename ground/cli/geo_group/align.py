@@ -67,7 +67,7 @@ def _place(text: str) -> Place:
         members = json.loads(text)
         return Place(**members)
     except (ValueError, TypeError) as err:
-        fail(f"--place is no place such as {{'crs': 'EPSG:32612', 'x': 518334, 'y': 4251500}}: {err}")
+        fail(f"--place is not a place such as {{'crs': 'EPSG:32612', 'x': 518334, 'y': 4251500}}: {err}")
 
 
 def _scale(site: Place | None) -> float:

@@ -59,7 +59,7 @@ def _about(ground: Terrain, place: str | None) -> dict[str, object]:
         try:
             told = json.loads(place)
         except ValueError as err:
-            fail(f"--place is no JSON: {err}")
+            fail(f"--place is not JSON: {err}")
     return {
         "name": ground.name,
         "credits": ground.credits,

@@ -1,4 +1,4 @@
-"""`outcrop plan ci`: everything that can be held against a plan, as one report with an exit status."""
+"""`outcrop plan ci`: every check of a plan, as one report with an exit status."""
 
 from __future__ import annotations
 

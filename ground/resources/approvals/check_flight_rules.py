@@ -1,4 +1,4 @@
-"""Hold the flight rules against a plan, and accept single violations with a reason."""
+"""Check the flight rules against a plan, and accept single violations with a reason."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ router = resource_routes(APPROVAL, "uplink", lists="List approvals, with those t
     responses=responses(404, 409, 422),
 )
 async def get_flight_rules(ask: Asked, plan_id: Id) -> Response:
-    """Hold every flight rule against the plan."""
+    """Check every flight rule against the plan."""
     return answer(await ask.do(check_flight_rules, plan_id))
 
 

@@ -8,7 +8,7 @@ from datetime import datetime
 
 @dataclass(frozen=True, slots=True)
 class FlightRuleResult:
-    """One flight rule held against a plan; `waived_by` where somebody with the right accepted the
+    """One flight rule checked against a plan; `waived_by` where somebody with the right accepted the
     violation.
     """
 

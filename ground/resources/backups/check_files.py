@@ -99,7 +99,7 @@ def damaged_files(repo: Repository) -> list[str]:
     """Return every stored file, and file of a terrain or of a run that came down, that is not what it was.
 
     Stored files are named by their content; the others were written down when they came. The files of a
-    terrain of an older version were not, and its whole is held against the record.
+    terrain of an older version were not, and its whole is checked against the record.
     """
     unsound = [sha256 for sha256 in sorted(repo.files.hashes()) if not repo.files.is_sound(sha256)]
     found = [f"files/{sha256}" for sha256 in unsound if repo.files.holds(sha256)]  # else just swept

@@ -118,7 +118,7 @@ def read_list(source: Path) -> Listing:
     Raises
     ------
     ArchiveError
-        It names the part that is damaged, or says that the file is no backup.
+        It names the part that is damaged, or says that the file is not a backup.
     """
     size = source.stat().st_size
     with source.open("rb") as file:
@@ -128,7 +128,9 @@ def read_list(source: Path) -> Listing:
             where = json.loads(last)["list"]
             begin, length, digest = int(where[0]), int(where[1]), str(where[2])
         except (ValueError, LookupError, TypeError) as err:
-            raise ArchiveError(f"{source} is no whole backup: its last block is damaged or cut off") from err
+            raise ArchiveError(
+                f"{source} is not a whole backup: its last block is damaged or cut off"
+            ) from err
         if _last([begin, length, digest]) != last:
             raise ArchiveError(f"{source} is damaged: its last block is not as it was written")
         if _digest(file, begin, length) != digest:

@@ -99,7 +99,7 @@ def _unpack(source: Path, folder: Path) -> Listing:
         head: dict[str, Any] = json.loads((folder / LIST).read_text(encoding="utf-8"))
     except (OSError, ValueError, KeyError, tarfile.TarError, EOFError) as err:
         _name_damage(source)
-        raise ArchiveError(f"{source} is no whole backup: {err}") from err
+        raise ArchiveError(f"{source} is not a whole backup: {err}") from err
     if head.get("format") == FORMAT:
         return read_list(source)
     if head.get("format") != OLD:
@@ -107,7 +107,7 @@ def _unpack(source: Path, folder: Path) -> Listing:
     for name, size in dict(head["files"]).items():
         part = folder / name
         if not part.is_file() or part.stat().st_size != size:
-            raise ArchiveError(f"{source} is no whole backup: {name} is missing or cut off")
+            raise ArchiveError(f"{source} is not a whole backup: {name} is missing or cut off")
     store = FileStore(folder / "files")
     for sha256 in store.hashes():
         if not store.is_sound(sha256):
@@ -148,7 +148,7 @@ def drill(
     """Restore a backup into a scratch place and compare; return what does not fit, a sentence each.
 
     The scratch place is a folder with an embedded database, which is removed. Every row that comes back is
-    held against the backup's, or with `until` against what the history up to then says of it, every file
+    checked against the backup's, or with `until` against what the history up to then says of it, every file
     against its hash, and every history is followed. With the passphrase the secrets are rows as others.
     """
     with tempfile.TemporaryDirectory(prefix="outcrop-drill-") as work:

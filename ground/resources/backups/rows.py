@@ -110,7 +110,7 @@ def brought_up(records: list[Record], revision: str) -> list[Record]:
 
 
 def shrunken(before: Iterable[Record], after: Iterable[Record]) -> list[str]:
-    """Return a sentence for each table that has fewer rows than before."""
+    """Return a sentence for each table that has fewer rows than earlier."""
     had, has = (Counter(name for name, _ in records) for records in (before, after))
     return [
         f"{has[name]} of {n} rows of {name} came back" for name, n in sorted(had.items()) if has[name] < n

@@ -2,7 +2,7 @@
 
 A leg is one `navigate` of a run: where it began and ended by dead reckoning, how long it took and what it
 used, and which targets were tracked when it began and no longer when it ended. The path network knows a leg
-as the straight way between its ends, so metres inside, outside and hidden are counted on that way, with the
+as the straight path between its ends, so metres inside, outside and hidden are counted on that way, with the
 planner's own measure, on the planner's map.
 """
 
@@ -54,12 +54,12 @@ class DrivenLeg:
 
     @property
     def length_m(self) -> float:
-        """Return the length of the straight way."""
+        """Return the length of the straight path."""
         return math.hypot(self.end[0] - self.begin[0], self.end[1] - self.begin[1])
 
     @property
     def turn_rad(self) -> float:
-        """Return the turns in place that the straight way asks for: towards the end, and to the last one."""
+        """Return the turns in place that the straight path asks for: towards the end, and to the last one."""
         way = math.atan2(self.end[1] - self.begin[1], self.end[0] - self.begin[0])
         return abs(_wrap(way - self.begin[2])) + abs(_wrap(self.end[2] - way))
 
@@ -70,7 +70,7 @@ def legs_of_run(folder: Path) -> list[DrivenLeg]:
     Raises
     ------
     ArchiveError
-        If the folder is no run, or its rover recorded no odometry and no tracking history.
+        If the folder is not a run, or its rover recorded no odometry and no tracking history.
     """
     try:
         journal = [json.loads(line) for line in read_kept(folder / "journal.jsonl").decode().splitlines()]

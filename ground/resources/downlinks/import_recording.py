@@ -49,7 +49,7 @@ def import_upload(repo: Repository, actor: Actor, given: RunImport) -> Job:
     NotFoundError, ForbiddenError
         If there is no such upload or plan for the actor, or they may not take in runs of its mission.
     ArchiveError
-        If the upload is no recording.
+        If the upload is not a recording.
     StateError
         If the plan is not computed.
     """

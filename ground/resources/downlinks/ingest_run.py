@@ -44,7 +44,7 @@ def ingest_upload(repo: Repository, actor: Actor, upload_id: str) -> Run:
         upload = find_upload(session, actor, upload_id)
     stored = repo.files.path(upload.sha256)
     if not is_zip(stored):
-        raise ArchiveError(f"{upload.file_name} is no zip", pointer="/upload_id")
+        raise ArchiveError(f"{upload.file_name} is not a zip", pointer="/upload_id")
     with tempfile.TemporaryDirectory(prefix="outcrop-ingest-") as work:
         folder = Path(work) / "run"
         extract_zip(stored, folder, max_bytes=int(repo.settings.max_body_mib * 8 * 2**20))

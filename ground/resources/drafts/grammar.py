@@ -125,7 +125,7 @@ def _circle(reader: Reader, between: str, word: str) -> Said:
 def _radius(number: str, unit: str) -> float:
     radius = metres(number, unit)
     if not 0.0 < radius <= 1000.0:
-        raise QuestionError(f"{number} {unit} is no radius from a hair to 1,000 m; which is meant?")
+        raise QuestionError(f"{number} {unit} is not a radius from a hair to 1,000 m; which is meant?")
     return radius
 
 
@@ -273,7 +273,7 @@ def _worth(reader: Reader) -> tuple[str, object] | None:
     found = reader.take(NUMBER)
     if found is None or not 0.0 < float(found.group()) <= LARGEST_VALUE:
         told = found.group() if found else reader.ahead()
-        raise QuestionError(f"what is it worth? {told!r} is no number above 0 and up to {LARGEST_VALUE:g}")
+        raise QuestionError(f"what is it worth? {told!r} is not a number above 0 and up to {LARGEST_VALUE:g}")
     return "value", float(found.group())
 
 

@@ -168,7 +168,7 @@ def hours(told: str) -> float:
     """
     hour, minute = (int(part) for part in told.split(":"))
     if minute > 59 or hour + minute / 60.0 > 24.0:
-        raise QuestionError(f"{told} is no time of a day from 0:00 to 24:00; which is meant?")
+        raise QuestionError(f"{told} is not a time of a day from 0:00 to 24:00; which is meant?")
     return hour + minute / 60.0
 
 
@@ -185,5 +185,5 @@ def seconds(found: re.Match[str]) -> float:
         return 1800.0 if words.lower().startswith("half") else 3600.0
     value = float(number) * _UNIT_S[unit[0].lower()]
     if not 0.0 < value <= 86_400.0:
-        raise QuestionError(f"{number} {unit} is no time from a second to a day; how long is meant?")
+        raise QuestionError(f"{number} {unit} is not a time from a second to a day; how long is meant?")
     return value

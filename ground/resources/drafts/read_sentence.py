@@ -31,7 +31,7 @@ SYNONYMS = {"mast camera": "science_camera", "microscope": "microscopic_imager"}
 VALUE = 10.0
 """What a request is worth whose sentence does not say it; the preview names it."""
 RARE = 0.001
-"""Chance that an observation takes longer than what is held against *at most*; set by us, no source."""
+"""Chance that an observation takes longer than what is checked against *at most*; set by us, no source."""
 CORNERS = 24
 """Of the polygon round a circle: it is 0.9 % wider than the circle, and never inside it."""
 

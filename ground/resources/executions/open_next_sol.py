@@ -45,7 +45,7 @@ def open_next_sol(repo: Repository, actor: Actor, run_id: str) -> Sol:
     Raises
     ------
     StateError
-        If the run is no execution, was made elsewhere, told no pose, or is not of the mission's last sol.
+        If the run is not an execution, was made elsewhere, told no pose, or is not of the mission's last sol.
     """
     telemetry = read_telemetry(repo, actor, run_id)
     with repo.database.write() as session:

@@ -32,7 +32,7 @@ class FrameRow(Row):
 
 
 class FrameFileRow(Row):
-    """A mission's frame file (.svf, .rvf) that was taken in: all of it that is no solution."""
+    """A mission's frame file (.svf, .rvf) that was taken in: all of it that is not a solution."""
 
     __tablename__ = "frame_files"
 

@@ -102,7 +102,7 @@ def to_gpx(values: Values, site: Place | None, lines: Lines | None = None) -> by
     Raises
     ------
     InvalidInputError
-        If the mission has no place, or one on another body than Earth: GPX knows no other.
+        If the mission has no place, or one on another body than Earth: GPX allows no other.
     """
     here = placed(site, LONLAT)
     if here.degrees.to_epsg() != 4326:

@@ -163,7 +163,7 @@ def _package(content: bytes) -> Iterator[Found]:
 
 
 def _require_tables(file: Path) -> None:
-    """Refuse a GeoPackage whose layers are no plain tables: a view may be a query that never ends."""
+    """Refuse a GeoPackage whose layers are not plain tables: a view may be a query that never ends."""
     try:
         with closing(sqlite3.connect(f"file:{file}?mode=ro&immutable=1", uri=True)) as base:
             base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CELL)

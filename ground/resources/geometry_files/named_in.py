@@ -7,7 +7,7 @@ from ground.geo.references import LONLAT, SITE
 from mission.codec import Document
 
 CRS84 = ("OGC:1.3:CRS84", "OGC::CRS84", "OGC/1.3/CRS84", "OGC:CRS84")
-"""Ends of names of longitude and latitude on WGS 84, as GeoJSON of before 2016 has them."""
+"""Ends of names of longitude and latitude on WGS 84, as GeoJSON before 2016 has them."""
 
 
 def named_in(document: Document) -> str | None:
@@ -30,7 +30,7 @@ def named_in(document: Document) -> str | None:
     name = properties.get("name") if isinstance(properties, dict) else crs
     if not isinstance(name, str):
         raise InvalidInputError(
-            'crs is no name: {"type": "name", "properties": {"name": "EPSG:32612"}} is one'
+            'crs is not a name: {"type": "name", "properties": {"name": "EPSG:32612"}} is one'
         )
     if frame == SITE:
         raise InvalidInputError(f"the file says that it counts in the site frame and in {name[:60]!r}")

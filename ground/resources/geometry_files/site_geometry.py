@@ -49,7 +49,7 @@ class Exchanged:
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Return the members that are no geometry, in the order in which they are declared."""
+        """Return the members that are not geometry, in the order in which they are declared."""
         return tuple(name for name in self.make.model_fields if name not in {*self.place, "at"})
 
 
@@ -156,10 +156,10 @@ def _features(text: str) -> Iterator[Row]:
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as err:
-        raise InvalidInputError(f"the file is no JSON: {err}") from err
+        raise InvalidInputError(f"the file is not JSON: {err}") from err
     features = document.get("features") if document.get("type") == "FeatureCollection" else None
     if not isinstance(features, list):
-        raise InvalidInputError("the file is no GeoJSON FeatureCollection")
+        raise InvalidInputError("the file is not a GeoJSON FeatureCollection")
     named = named_in(document)
     for row, feature in enumerate(features, 1):
         feature = feature if isinstance(feature, dict) else {}
@@ -239,11 +239,11 @@ def _is_text(make: type[Body], name: str) -> bool:
 
 def _number(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise ValueError(f"{what} is no number: {str(value)[:40]!r}")
+        raise ValueError(f"{what} is not a number: {str(value)[:40]!r}")
     try:
         return float(value)
     except (ValueError, OverflowError):
-        raise ValueError(f"{what} is no number: {str(value)[:40]!r}") from None
+        raise ValueError(f"{what} is not a number: {str(value)[:40]!r}") from None
 
 
 def _corner(value: Any) -> tuple[float, float]:

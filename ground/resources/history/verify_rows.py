@@ -1,4 +1,4 @@
-"""Hold every row against what the history says of it."""
+"""Check every row against what the history says of it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class RowFault:
 
 @dataclass(frozen=True, slots=True)
 class RowReport:
-    """How many rows were checked, how many of before the seals stand in no event, and what does not fit."""
+    """How many rows were checked, how many earlier than the seals are in no event, and what does not fit."""
 
     checked: int
     untold: int

@@ -34,5 +34,5 @@ def pairs_of(row: MergeBaseRow) -> list[tuple[str, str]]:
     """
     pairs = [(str(p[0]), str(p[1])) for p in row.pairs if isinstance(p, list) and len(p) == 2]
     if len(pairs) != len(row.pairs):
-        raise DamagedDataError(f"the merge base {row.id} holds what is no pair of ids")
+        raise DamagedDataError(f"the merge base {row.id} holds what is not a pair of ids")
     return pairs

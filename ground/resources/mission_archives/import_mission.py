@@ -163,7 +163,7 @@ def quarantined(table: str, record: Record, importer: str = "") -> Record:
 def _decided_draft(record: Record, importer: str) -> Record:
     """Return the columns of a draft that nobody can take over here.
 
-    Who takes one over relies on who drafted it, and of that an archive is no witness.
+    Who takes one over relies on who drafted it, and of that an archive is not a witness.
     """
     names = ("drafted_by", "drafted_for", "decided_by")
     columns: Record = {name: _of_elsewhere(str(record[name])) if record[name] else "" for name in names}

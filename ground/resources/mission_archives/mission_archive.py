@@ -81,7 +81,7 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
     try:
         files |= {f"files/{sha256}": repo.files.path(sha256) for sha256 in sorted(file_hashes(rows))}
     except (ValueError, TypeError) as err:
-        raise StateError("a row of the mission names a file by something that is no SHA-256") from err
+        raise StateError("a row of the mission names a file by something that is not a SHA-256") from err
     journals = {f"runs/{run['id']}/{JOURNAL}": repo.run_dir(run["id"]) / JOURNAL for run in rows["runs"]}
     for name, path in files.items():
         if not is_kept(path):
@@ -149,7 +149,7 @@ def read_archive(folder: Path) -> Rows:
             raise ArchiveError(f"the archive holds something with the id {str(identifier)[:60]!r}")
     try:
         if not all(re.fullmatch(r"[0-9a-f]{64}", str(sha256)) for sha256 in file_hashes(rows)):
-            raise ArchiveError("the archive names a file by something that is no SHA-256")
+            raise ArchiveError("the archive names a file by something that is not a SHA-256")
         _check_history(rows)
         _check_plans(rows)
         _check_campaigns(rows)
@@ -239,6 +239,6 @@ def _check_plans(rows: Rows) -> None:
         try:
             found = None if plan["crl_text"] is None else digest(parse(plan["crl_text"]))
         except (CrlError, RecursionError) as err:
-            raise ArchiveError(f"the plan {plan['id']} of the archive is no CRL") from err
+            raise ArchiveError(f"the plan {plan['id']} of the archive is not CRL") from err
         if found != plan["crl_sha256"]:
             raise ArchiveError(f"the plan {plan['id']} of the archive is not what its SHA-256 says")

@@ -71,7 +71,7 @@ def fields_of(kind: str, document: Document, rename: Rename) -> Fields:
 
 
 def _member(kind: str, document: Document, name: str) -> Any:
-    """Return a member; an event of before its column has what the column began with."""
+    """Return a member; an event earlier than its column has what the column began with."""
     found = document.get(name)
     if found is None:
         default = table_of(KINDS[kind].row).c[name].default

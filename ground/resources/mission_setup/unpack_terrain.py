@@ -36,7 +36,7 @@ def unpack_terrain(
     suffix = Path(main.file_name).suffix.lower()
     if suffix not in TERRAIN_SUFFIXES:
         raise TerrainFileError(
-            f"{main.file_name} is no terrain: a zip of a terrain folder, a GeoTIFF (.tif), or a mesh "
+            f"{main.file_name} is not a terrain: a zip of a terrain folder, a GeoTIFF (.tif), or a mesh "
             f"(.glb, .gltf, .obj, .ply) is needed",
             pointer="/terrain/upload_id",
         )
@@ -51,7 +51,7 @@ def unpack_terrain(
         image = Path(ortho.file_name).suffix.lower()
         if image not in IMAGE_SUFFIXES:
             raise TerrainFileError(
-                f"{ortho.file_name} is no image (.png, .jpg, .tif)", pointer="/terrain/ortho_upload_id"
+                f"{ortho.file_name} is not an image (.png, .jpg, .tif)", pointer="/terrain/ortho_upload_id"
             )
         shutil.copyfile(repo.files.path(ortho.sha256), folder / f"ortho{image}")
     return folder

@@ -176,7 +176,7 @@ def plan_text(plan: PlanRow) -> str:
     try:
         text = canonical_text(parse(plan.crl_text or ""))
     except (CrlError, RecursionError) as err:
-        raise StateError(f"the text of plan {plan.number} is no CRL any more") from err
+        raise StateError(f"the text of plan {plan.number} is not CRL any more") from err
     if hashlib.sha256(text.encode()).hexdigest() != plan.crl_sha256:
         raise StateError(f"the text of plan {plan.number} was changed since it was computed")
     return text

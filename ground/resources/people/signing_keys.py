@@ -43,7 +43,7 @@ def register_signing_key(
     ForbiddenError
         If a narrowed API key asks: signatures are its owner's matter.
     InvalidInputError
-        If it is no key, or the proof is not the key's signature over the actor's name.
+        If it is not a key, or the proof is not the key's signature over the actor's name.
     ConflictError
         If the key is somebody else's, or was revoked.
     """

@@ -212,7 +212,7 @@ def _why(changed: Problem, changes: Changes, outcome: Outcome, lost: list[str]) 
         words.append(
             f"{counted(len(given_up), 'request')} left out: the rest is worth more within the budgets"
         )
-    # An hour or 100 kJ that is worth less than a hundredth of the plan is no limit.
+    # An hour or 100 kJ that is worth less than a hundredth of the plan is not a limit.
     scale = 1e-2 * max(1.0, outcome.found)
     if outcome.per_hour > scale:
         words.append(f"time limits the plan: an hour more is worth {outcome.per_hour:.2f}")

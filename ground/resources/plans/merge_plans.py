@@ -53,7 +53,8 @@ def merge_plans(repo: Repository, actor: Actor, mission_id: str, given: PlanMerg
     Raises
     ------
     InvalidInputError
-        If a side is no plan of the mission or no valid CRL, is of another sol, or a choice is of no conflict.
+        If a side is not a plan of the mission, is not valid CRL or is of another sol, or a choice names no
+        conflict.
     StateError
         If a plan is not computed.
     """

@@ -55,14 +55,14 @@ def parsed_plan(row: PlanRow) -> Plan:
     Raises
     ------
     DamagedDataError
-        If it is no CRL: it was when it was stored.
+        If it is not CRL: it was when it was stored.
     """
     from executive.crl import CrlError, parse
 
     try:
         return parse(row.crl_text or "")
     except (CrlError, RecursionError) as err:
-        raise DamagedDataError(f"the text of plan {row.number} is no CRL any more") from err
+        raise DamagedDataError(f"the text of plan {row.number} is not CRL any more") from err
 
 
 def read_tree(repo: Repository, actor: Actor, plan_id: str) -> Document:

@@ -64,7 +64,7 @@ def plan_first_sol(
             f"{path.mean:.4g}",
             type="plan-empty",
         )
-    # the charge that the nights need is no part of what the plan may use
+    # the charge that the nights need is not part of what the plan may use
     budget = replace(
         path.first_sol.budget, energy_j=path.first_sol.budget.usable_energy_j, energy_floor_j=0.0
     )

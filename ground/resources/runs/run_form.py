@@ -132,7 +132,7 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as err:
-        raise ArchiveError(f"{path.parent.name} is no complete run/1 folder: {err}") from err
+        raise ArchiveError(f"{path.parent.name} is not a complete run/1 folder: {err}") from err
 
 
 def _parsed(path: Path, text: str) -> Any:
@@ -140,7 +140,7 @@ def _parsed(path: Path, text: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as err:
         raise ArchiveError(
-            f"{path.parent.name} is no complete run/1 folder: {path.name} is no JSON: {err}"
+            f"{path.parent.name} is not a complete run/1 folder: {path.name} is not JSON: {err}"
         ) from err
 
 

@@ -252,7 +252,7 @@ def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document
     Raises
     ------
     ArchiveError
-        If the folder is no `run/1`, a file is missing or not what its record says.
+        If the folder is not `run/1`, a file is missing or not what its record says.
     """
     import orjson
 

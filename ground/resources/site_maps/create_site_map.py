@@ -26,7 +26,7 @@ def create_site_map(repo: Repository, actor: Actor, mission_id: str, given: Site
     Raises
     ------
     InvalidInputError
-        If the frame is no site of the mission, or the file no georeferenced GeoTIFF.
+        If the frame is not a site of the mission, or the file no georeferenced GeoTIFF.
     StateError
         If nothing ties the site to the anchor.
     """
@@ -78,7 +78,7 @@ def _bounds(path: Path) -> tuple[float, float, float, float]:
             with rasterio.open(path, driver="GTiff") as opened:
                 transform, bounds = opened.transform, opened.bounds
     except RasterioError as err:
-        raise InvalidInputError("the upload is no GeoTIFF", pointer="/upload_id") from err
+        raise InvalidInputError("the upload is not a GeoTIFF", pointer="/upload_id") from err
     if transform.is_identity or transform.b or transform.d:
         raise InvalidInputError(
             "the GeoTIFF does not say where it lies (a north-up geotransform is needed)", pointer="/upload_id"

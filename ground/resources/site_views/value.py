@@ -43,8 +43,8 @@ class RoverShape:
     """What a view draws of a mission's rover, from its profile; points in the rover frame, metres.
 
     `cone_half_angle_rad` is that of the tracking region as the path network uses it. `odometry_error` is
-    the share of the way by which dead reckoning is off (one standard deviation). `sun` is the light of the
-    day as the simulator has it.
+    the share of the distance by which dead reckoning is off (one standard deviation). `sun` is the light of
+    the day as the simulator has it.
     """
 
     profile: str

@@ -19,7 +19,7 @@ def target_in_site(session: Any, mission_id: str, given: TargetCreate) -> Target
     Raises
     ------
     InvalidInputError
-        If the mission has no place, or there is no way there from the reference.
+        If the mission has no place, or nothing converts the reference.
     """
     if "at" not in given.model_fields_set:
         return given

@@ -11,7 +11,7 @@ from ground.records.stored import OfMission
 
 @dataclass(frozen=True, slots=True)
 class Target(OfMission):
-    """A point on a rock that somebody finds worth a look."""
+    """A point on a rock that somebody wants observed."""
 
     name: str
     notes: str

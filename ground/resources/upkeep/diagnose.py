@@ -70,7 +70,7 @@ def _folder(repo: Repository) -> Iterator[Finding]:
     if free < LEAST_FREE_BYTES:
         yield Finding(
             f"{free / 1e9:.1f} GB are free on the disk of {folder}, {LEAST_FREE_BYTES / 1e9:g} are needed",
-            "free some, or let go of old runs with `outcrop prune`",
+            "free some, or remove old runs with `outcrop prune`",
         )
 
 

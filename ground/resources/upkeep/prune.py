@@ -1,4 +1,4 @@
-"""Let go of what nobody needs any more: finished jobs, superseded plans and dry runs, files of no record.
+"""Remove what nobody needs any more: finished jobs, superseded plans and dry runs, files of no record.
 
 Nothing goes that an approval, a statement, a package, a campaign or a product names.
 """
@@ -47,7 +47,7 @@ class Pruned:
 
 
 def prune(repo: Repository, older_than: timedelta, *, dry: bool = False) -> Pruned:
-    """Let go of what is over for longer than told; with `dry` nothing goes, and `files` stays empty.
+    """Remove what is over for longer than told; with `dry` nothing goes, and `files` stays empty.
 
     Files go an hour after the last record that named them.
     """

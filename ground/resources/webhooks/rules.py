@@ -61,12 +61,12 @@ def _refused(why: str) -> InvalidInputError:
 def why_refused(text: str) -> str:
     """Return why an address that a name resolved to is not connected to; empty if it may be.
 
-    IPv4 addresses that are written as IPv6 ones are held against the same rules.
+    IPv4 addresses that are written as IPv6 ones are checked against the same rules.
     """
     try:
         address = ip_address(text.partition("%")[0])
     except ValueError:
-        return "no address"
+        return "not an address"
     if isinstance(address, IPv6Address):
         inner = _inside(address)
         if inner is not None:

@@ -114,7 +114,7 @@ def _status(secure: ssl.SSLSocket, until: float) -> int:
     TimeoutError
         If it is not there in time.
     ValueError
-        If it is no answer of HTTP, or the other side goes on without one.
+        If it is not an answer of HTTP, or the other side goes on without one.
     """
     head, read = b"", 0
     while read < MOST_READ:

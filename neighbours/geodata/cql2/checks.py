@@ -88,7 +88,7 @@ def form_of(expression: Expression, known: Mapping[str, Form]) -> Form:
         case Interval(start, end):
             for bound in (start, end):
                 if isinstance(bound, Name) and form_of(bound, known) != "time":
-                    raise Cql2Error(f"{bound.name!r} is no time")
+                    raise Cql2Error(f"{bound.name!r} is not a time")
             return "time"
         case Instant():
             return "time"

@@ -1,6 +1,6 @@
 """What is wrong with a filter.
 
-Cql2Error    the text is no CQL2, asks for what is not there, or compares what cannot be compared
+Cql2Error    the text is not CQL2, asks for what is not there, or compares what cannot be compared
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ def _compared(name: str, parts: tuple[Expression, ...], subject: Subject) -> Tru
         return _compare(">=", left, others[0]) and _compare("<=", left, others[1])
     if name in COMPARISONS:
         return _compare(name, left, others[0])
-    raise Cql2Error(f"{name} is no condition")
+    raise Cql2Error(f"{name} is not a condition")
 
 
 def _compare(sign: str, left: Any, right: Any) -> bool:

@@ -68,7 +68,7 @@ def _shape(words: Words, name: str) -> BaseGeometry:
         parts: list[BaseGeometry] = []
         while not parts or words.take(","):
             if words.word.key not in LEVELS:
-                raise Cql2Error(f"{words.word.text[:40]!r} is no geometry", words.word.position)
+                raise Cql2Error(f"{words.word.text[:40]!r} is not a geometry", words.word.position)
             parts.append(read_shape(words))
         words.expect(")", f"behind {name}")
         return shapely.GeometryCollection(parts)
@@ -141,7 +141,7 @@ def _number(words: Words) -> float:
     words.next()
     value = float(word.text)
     if not math.isfinite(value):
-        raise Cql2Error(f"{word.text[:40]} is no number that can be used", word.position)
+        raise Cql2Error(f"{word.text[:40]} is not a number that can be used", word.position)
     return value
 
 

@@ -29,7 +29,7 @@ def instant(text: str, position: int | None = None, *, day: bool = False) -> Ins
     try:
         found = datetime.fromisoformat(re.sub(r"(\.\d{6})\d+", r"\1", text.upper()))
     except ValueError as err:
-        raise Cql2Error(f"{text[:40]!r} is no date that there is", position) from err
+        raise Cql2Error(f"{text[:40]!r} is not a date of the calendar", position) from err
     try:
         return Instant(found.replace(tzinfo=UTC) if day else found.astimezone(UTC), day)
     except OverflowError as err:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from neighbours.geodata.cql2.errors import Cql2Error
 
 MAX_TEXT = 20_000
-"""Characters of a filter. An outline of a thousand corners fits; more is no filter but a file."""
+"""Characters of a filter. An outline of a thousand corners fits; more is not a filter but a file."""
 _WORD = re.compile(
     r"""\s*(?:
     (?P<text>'(?:''|\\'|[^'])*')
@@ -31,7 +31,7 @@ class Word:
 
     @property
     def key(self) -> str:
-        """The word as the grammar knows it; what is quoted is no word of the grammar."""
+        """The word as the grammar knows it; what is quoted is not a word of the grammar."""
         return self.text.lower() if self.kind in {"name", "sign"} else ""
 
 
@@ -51,7 +51,7 @@ def words_of(text: str) -> list[Word]:
         match = _WORD.match(text, at)
         if match is None:
             rest = text[at:].lstrip()
-            why = "a text is not closed" if rest.startswith(("'", '"')) else f"{rest[:12]!r} is no word"
+            why = "a text is not closed" if rest.startswith(("'", '"')) else f"{rest[:12]!r} is not a word"
             raise Cql2Error(why, len(text) - len(rest) + 1)
         kind = match.lastgroup or ""
         found.append(Word(kind, match[kind], match.start(kind) + 1))

@@ -4,7 +4,7 @@
 
 It serves NavigateToPose (nav2_msgs) at `/navigate_to_pose` and tells `/clock`, `/odom`, `/tf` (`map` to
 `base_link`), `/battery_state` and `/camera/image_raw`, a picture of the ground round the rover from above.
-It is no Nav2: goals are drives of the rover in MuJoCo, straight to the place, one at a time.
+It is not a Nav2: goals are drives of the rover in MuJoCo, straight to the place, one at a time.
 
 `/clock` runs at `--rate`, and slower where the dynamics cannot follow. A fault befalls the Nth goal that
 comes: `reject`; `abort`, given up after a while; `mute`, accepted and driven, and no result comes until it
@@ -238,7 +238,7 @@ def fault(text: str) -> tuple[int, str]:
     """Return the number and kind of a fault, `3:abort`."""
     number, _, kind = text.partition(":")
     if not number.isdecimal() or int(number) < 1 or kind not in FAULTS:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of a goal and one of {', '.join(FAULTS)}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of a goal and one of {', '.join(FAULTS)}")
     return int(number), kind
 
 

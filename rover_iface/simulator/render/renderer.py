@@ -138,7 +138,7 @@ class Renderer:
     ) -> Negative:
         """Return what light falls on the sensor, to be developed; parameters, errors as of `render`.
 
-        It lets go of the interpreter's lock almost all of the time: two threads gather a stereo pair.
+        It releases the interpreter's lock almost all of the time: two threads gather a stereo pair.
         """
         site_camera = _in_site(camera, pose)
         left, top, width, height = window or (0, 0, camera.width, camera.height)

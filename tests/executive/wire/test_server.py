@@ -1,4 +1,4 @@
-"""The rover's end outlives its rover: values that are no JSON, aborts that raise, stops that take time."""
+"""The rover's end outlives its rover: values that are not JSON, aborts that raise, stops that take time."""
 
 from __future__ import annotations
 

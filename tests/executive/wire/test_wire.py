@@ -76,10 +76,10 @@ def test_frames_come_through_whole_however_they_are_cut() -> None:
     [
         (b"\x00\x00\x00\x00", "0 bytes"),
         ((LIMIT + 1).to_bytes(4, "big"), f"{LIMIT + 1} bytes"),
-        (b"\x00\x00\x00\x02hi", "no JSON"),
-        (b"\x00\x00\x00\x02[]", "no object"),
-        (b"\x00\x00\x00\x03\xff\xfe\xfd", "no JSON"),
-        (len(b"[" * 60000).to_bytes(4, "big") + b"[" * 60000, "no JSON"),
+        (b"\x00\x00\x00\x02hi", "not JSON"),
+        (b"\x00\x00\x00\x02[]", "not an object"),
+        (b"\x00\x00\x00\x03\xff\xfe\xfd", "not JSON"),
+        (len(b"[" * 60000).to_bytes(4, "big") + b"[" * 60000, "not JSON"),
         (b"GET / HTTP/1.1\r\n", "bytes"),
     ],
 )
@@ -152,7 +152,7 @@ def test_a_door_is_opened_without_a_word_to_the_rest_of_the_process(
     "text", ["", "unix:", "tcp://host", "tcp://:1", "tcp://h:99999", "http://h:1", "h:1"]
 )
 def test_what_is_no_address_is_refused(text: str) -> None:
-    with pytest.raises(WireError, match=r"no address|a port is"):
+    with pytest.raises(WireError, match=r"not an address|a port is"):
         Address.parse(text)
 
 
@@ -354,7 +354,7 @@ def test_garbage_in_telemetry_is_noted_once_and_the_plan_goes_on(tmp_path: Path)
             outcome = LiveRuntime(DAY.format(0.2), line, run_id="run", journal=journal).run()
     assert outcome.outcome == "SUCCEEDED"
     texts = [note.text for note in outcome.notes]
-    assert any("'k'" in text and "no value" in text for text in texts)
+    assert any("'k'" in text and "not a value" in text for text in texts)
     assert len(JournalFile(journal).records) > 5
 
 

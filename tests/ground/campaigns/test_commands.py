@@ -70,7 +70,7 @@ def test_a_wrong_option_is_told_in_a_line(
 @pytest.mark.parametrize(
     ("variant", "message"),
     [
-        ({"name": "a", "bugdet": 1}, "variants[0].bugdet is no member that is known"),
+        ({"name": "a", "bugdet": 1}, "variants[0].bugdet is not a known member"),
         ({"name": "a/b"}, 'variant name "a/b"'),
         ({"name": "a", "loss_factor": -1}, "loss_factor is -1; it must be at least 0"),
         ({"name": "a", "add_time_s": -2300}, "the budget of time is 2300; -2300 leaves nothing"),

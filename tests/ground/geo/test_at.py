@@ -102,7 +102,7 @@ def test_many_targets_come_in_degrees_as_one_act(sqlite_api: Api, placed: str) -
         ({"at": {"crs": "lonlat", "x": 5.0, "y": 50.0}}, "km from the site"),
         ({"at": {"crs": "lonlat", "x": -110.79, "y": 91.0}}, "latitude of 91"),
         ({"at": MARS}, "no transformation between"),
-        ({"at": {"crs": "EPSG:99999999", "x": 1, "y": 1}}, "no coordinate reference"),
+        ({"at": {"crs": "EPSG:99999999", "x": 1, "y": 1}}, "not a coordinate reference"),
         ({"at": {"crs": "site", "x": 2e5, "y": 1}}, "not within 100000 m"),
         ({"at": at(4.0, 1.0), "east_m": 4.0}, "east_m and at both"),
         ({"at": {"crs": "lonlat", "x": 1.0}}, "/at/y"),

@@ -182,12 +182,12 @@ LON, LAT = expected(EARTH, "EPSG:4326", 4.0, 1.0)
         ),
         (features([LON, LAT], crs=named("IAU_2015:49900")), "^there is no transformation between Mars"),
         (features([LON, float("nan")], frame="lonlat"), "row 1: .*no numbers"),
-        (features([LON, LAT], crs=named("EPSG:123456")), "no coordinate reference that is known"),
-        (features([LON, LAT], crs={"type": "link"}), "crs is no name"),
+        (features([LON, LAT], crs=named("EPSG:123456")), "not a coordinate reference that is known"),
+        (features([LON, LAT], crs={"type": "link"}), "crs is not a name"),
         (features([LON, LAT], frame="moon"), "frame is 'moon'"),
         (features([LON, LAT], frame="site", crs=named("EPSG:4326")), "counts in the site frame and in"),
         (features([LON, LAT + 3], frame="lonlat"), r"row 1: .* 333 km from the site"),
-        (b"kind,name,crs,x,y\ntarget,A,EPSG:4326,west,1\n", "row 2: x is no number"),
+        (b"kind,name,crs,x,y\ntarget,A,EPSG:4326,west,1\n", "row 2: x is not a number"),
     ],
 )
 def test_files_in_the_wrong_reference_are_refused_whole_and_named(

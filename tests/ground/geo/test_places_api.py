@@ -50,7 +50,7 @@ def test_a_place_is_set_shown_undone_and_taken_away(sqlite_api: Api, sqlite_miss
     ("place", "why"),
     [
         ({**UTAH, "x": 38.41, "y": -110.79}, "look swapped"),
-        ({**UTAH, "crs": "EPSG:1"}, "no coordinate reference that is known"),
+        ({**UTAH, "crs": "EPSG:1"}, "not a coordinate reference that is known"),
         ({**UTAH, "crs": "IAU_2015:49901"}, "to the west"),
         (
             {"crs": "EPSG:3857", "x": -12_333_000, "y": 4_635_000},

@@ -92,7 +92,7 @@ def test_points_that_are_no_numbers_are_named_by_their_row(value: float) -> None
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("EPSG:999999", "no coordinate reference that is known"),
+        ("EPSG:999999", "not a coordinate reference that is known"),
         ("nonsense", "names no coordinate reference"),
         ("+proj=utm +zone=12 +nadgrids=/etc/passwd", "names no coordinate reference"),
         ("IAU_2015:49901", "counts longitude to the west"),

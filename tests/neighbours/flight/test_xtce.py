@@ -117,7 +117,7 @@ LAUGHS = (
     [
         (LAUGHS, "XML bomb might be: DTDForbidden"),
         ('<!DOCTYPE a [<!ENTITY f SYSTEM "file:///etc/passwd">]><a>&f;</a>', "XML bomb might be"),
-        ("<SpaceSystem name='x'", "is no XML"),
+        ("<SpaceSystem name='x'", "is not XML"),
         ("<svg/>", "begins with <svg>; XTCE begins with <SpaceSystem>"),
     ],
 )

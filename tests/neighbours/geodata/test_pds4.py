@@ -89,5 +89,5 @@ def test_what_pds4_cannot_say_is_refused() -> None:
         table(ABOUT, "a.csv", [("id", "ASCII_String")], [["a\nb"]])
     with pytest.raises(GeodataError, match="quotes"):
         table(ABOUT, "a.csv", [("id", "ASCII_String")], [['a"b']])
-    with pytest.raises(GeodataError, match="no name of a file"):
+    with pytest.raises(GeodataError, match="not a name of a file"):
         image(ABOUT, "../a.img", np.zeros((2, 2), np.uint8))

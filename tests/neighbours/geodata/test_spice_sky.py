@@ -103,11 +103,11 @@ def test_a_course_is_spices_between_its_samples_and_goes_through_the_codec(kerne
 
 def test_kernels_of_no_use_are_named(kernels: list[Path], tmp_path: Path) -> None:
     now = [datetime(2025, 3, 1, tzinfo=UTC)]
-    with pytest.raises(GeodataError, match=r"no\.bsp is no file"):
+    with pytest.raises(GeodataError, match=r"no\.bsp is not a file"):
         look([LSK, tmp_path / "no.bsp"], GALE, now)
     broken = tmp_path / "broken.bsp"
     broken.write_bytes(b"DAF/SPK " + bytes(3_000))
-    with pytest.raises(GeodataError, match=r"broken\.bsp is no kernel"):
+    with pytest.raises(GeodataError, match=r"broken\.bsp is not a kernel"):
         look([broken], GALE, now)
     with pytest.raises(GeodataError, match="do not tell it"):
         look([LSK], GALE, now)

@@ -167,11 +167,11 @@ def test_plan_text_is_read_by_its_times() -> None:
 @pytest.mark.parametrize(
     ("plan", "message"),
     [
-        ("0.0: drive", "line 1: .* is no line of a plan"),
+        ("0.0: drive", "line 1: .* is not a line of a plan"),
         ("(drive__start___t1)\n1: (observe___o1)", "line 2: only some lines of the plan have a time"),
         ("1: (observe___o1)\n(drive__start___t1)", "line 2: only some lines of the plan have a time"),
         ("0: (fly__t1)", 'action "fly__t1" is not one of the problem example'),
-        ("nan: (observe___o1)", "line 1: .* is no line of a plan"),
+        ("nan: (observe___o1)", "line 1: .* is not a line of a plan"),
     ],
 )
 def test_what_is_no_plan_of_the_problem_is_refused(plan: str, message: str) -> None:
@@ -204,7 +204,7 @@ def test_command_refuses_in_one_line(tmp_path: Path) -> None:
     refused = ["plan", "export-problem", written(tmp_path, document), "--out", str(tmp_path / "out")]
     result = CliRunner().invoke(app, refused)
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
-    assert "NaN is no number of JSON" in result.stderr
+    assert "NaN is not a number of JSON" in result.stderr
     refused = ["plan", "export-problem", written(tmp_path, problem_document()), "--goal", "X", "--out", "o"]
     result = CliRunner().invoke(app, refused)
     assert (result.exit_code, result.stderr) == (2, 'outcrop: goal "X" names no observation of the problem\n')

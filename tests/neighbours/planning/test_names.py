@@ -28,5 +28,5 @@ def test_two_pairs_of_names_never_share_an_identifier(one: tuple[str, str], othe
 
 @pytest.mark.parametrize("text", ["", "T1", "a__b", "a_", "_05", "_"])
 def test_what_no_name_became_is_refused(text: str) -> None:
-    with pytest.raises(PlanningFormatError, match="no word of an exported name"):
+    with pytest.raises(PlanningFormatError, match="not a word of an exported name"):
         name_of(text)

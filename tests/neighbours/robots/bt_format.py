@@ -91,7 +91,7 @@ def complaints(xml: str) -> list[str]:
 
 def port_complaints(name: str) -> list[str]:
     if not name[:1].isalpha() or name in ("name", "ID"):
-        return [f"{name!r} is no name of a port"]
+        return [f"{name!r} is not a name of a port"]
     return []
 
 
@@ -109,7 +109,7 @@ def node_complaints(node: ElementTree.Element, known: dict) -> list[str]:
                 try:
                     float(plain[port])
                 except ValueError:
-                    found.append(f"{name}: port {port} is no number: {plain[port]!r}")
+                    found.append(f"{name}: port {port} is not a number: {plain[port]!r}")
     elif tag in CONTROLS:
         allowed, least, most = CONTROLS[tag], 1, 10**6
         if tag == "IfThenElse":

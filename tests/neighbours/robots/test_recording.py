@@ -240,14 +240,14 @@ def test_a_file_cut_anywhere_gives_what_is_whole_and_says_so(plugin: StoragePlug
 def test_what_is_no_recording_and_what_does_not_fit_is_named(tmp_path: Path) -> None:
     (tmp_path / "text.mcap").write_text("no recording at all")
     for path, words in (
-        (tmp_path / "none", "no recording"),
+        (tmp_path / "none", "not a recording"),
         (tmp_path / "text.mcap", "neither MCAP nor sqlite3"),
     ):
         with pytest.raises(RecordingError, match=words):
             read(path)
     bag = write(tmp_path / "bag", StoragePlugin.MCAP)
     for mapping, words in (
-        (Mapping(pose="/amcl"), "names topic /amcl, which the recording has not; it has /battery"),
+        (Mapping(pose="/amcl"), "names topic /amcl, which the recording does not have; it has /battery"),
         (Mapping(pose="/words"), "/words of type std_msgs/msg/String gives no pose"),
     ):
         with pytest.raises(RecordingError, match=words):
@@ -272,7 +272,7 @@ def test_a_bag_whose_messages_are_a_query_is_not_read(tmp_path: Path) -> None:
             "SELECT 1 AS topic_id, k AS timestamp, x'00' AS data FROM n"
         )
         base.commit()
-    with pytest.raises(RecordingError, match="messages is no table"):
+    with pytest.raises(RecordingError, match="messages is not a table"):
         read(file)
 
 

@@ -1,4 +1,4 @@
-"""Chains of transforms in recordings, held against matrices and scipy's own way between two turns."""
+"""Chains of transforms in recordings, checked against matrices and scipy's own way between two turns."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def in_time(links: list[Link]) -> list[tuple[Link, Step]]:
 
 
 def holds(recording: Recording, chain: list[Link]) -> None:
-    """Hold the poses against the product of the links at each time of the busiest."""
+    """Check the poses against the product of the links at each time of the busiest."""
     busiest = max(chain, key=lambda link: 1 if link.topic.endswith("static") else len(link.steps))
     times = [t for t, _, _ in busiest.steps]
     assert [pose.t_ns for pose in recording.poses] == (

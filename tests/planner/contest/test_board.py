@@ -69,7 +69,7 @@ def test_a_program_takes_part_and_its_faults_are_said(tmp_path: Path) -> None:
         program.write_text(text)
         with pytest.raises(PlannerError, match=says):
             ask(f"{sys.executable} {program}", document, 0, 5.0)
-    with pytest.raises(PlannerError, match="is no planner here"):
+    with pytest.raises(PlannerError, match="is not a planner here"):
         ask("no-such-planner", document, 0, 5.0)
 
 

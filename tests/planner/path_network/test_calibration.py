@@ -86,7 +86,7 @@ def test_the_file_form_survives_a_round_trip(tmp_path: Path) -> None:
         ({"format": "calibration/9"}, "calibration/9"),
         ({"fixed_s": None}, "fixed_s must be a number, found null"),
         ({"energy_cv": -1}, "energy_cv is -1"),
-        ({"colour": 1}, "colour is no member that is known"),
+        ({"colour": 1}, "colour is not a known member"),
     ],
 )
 def test_a_broken_file_is_refused(change: dict[str, object], message: str) -> None:

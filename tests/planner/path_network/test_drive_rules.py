@@ -88,7 +88,7 @@ def test_a_drawn_way_too_near_to_something_is_never_driven(
     network = build_network(yard(DriveRule(START, "B", via), keep_outs=(ROCK,)))
     assert network.route(START, "B.1") is None
     reasons = {m.reason for m in network.missing if m.origin == START}
-    assert reasons == {"the way drawn by hand comes too near to keep-out K1"}
+    assert reasons == {"the path drawn by hand comes too near to keep-out K1"}
 
 
 @settings(max_examples=10, deadline=None)
@@ -111,7 +111,7 @@ def test_rules_change_no_other_route(seed: int) -> None:
         ((DriveRule("A", "C"),), "target 'C' is not given"),
         ((DriveRule("A", "A"),), "both ends are the same"),
         ((DriveRule("A", "B"), DriveRule("B", "A", ())), "another one for the same drive"),
-        ((DriveRule("A", "B", ((math.nan, 0.0),)),), "no finite number"),
+        ((DriveRule("A", "B", ((math.nan, 0.0),)),), "not a finite number"),
     ],
 )
 def test_a_wrong_rule_is_named(rules: tuple[DriveRule, ...], message: str) -> None:

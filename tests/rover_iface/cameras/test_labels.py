@@ -110,7 +110,7 @@ def test_a_label_without_a_camera_model_is_refused_by_name(tmp_path: Path) -> No
     ("content", "message"),
     [
         (b"GIF89a......", "neither a PDS3, a VICAR nor a JSON label"),
-        (b"{ not json", "no JSON document"),
+        (b"{ not json", "not a JSON document"),
         (b"PDS_VERSION_ID = PDS3\r\nGROUP = A\r\n B = (1, 2\r\n", "not closed|no statement"),
         (b"PDS_VERSION_ID = PDS3\r\nEND_GROUP = A\r\nEND\r\n", "a group ends that did not start"),
         (b"\x1f\x8b\x08\x00broken", "damaged gzip"),

@@ -129,7 +129,7 @@ def test_points_come_from_files(tmp_path, suffix):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("cloud.las", "", "is no point file"),
+        ("cloud.las", "", "is not a point file"),
         ("cloud.csv", "x,y\n1,2\n", "cannot be read|are \\[n, 3\\]"),
         ("cloud.csv", "x,y,z\n1,2,3\n", "1 points were seen; at least 200"),
         ("cloud.csv", "x,y,z\nhere,2,3\n", "cannot be read"),

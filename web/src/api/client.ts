@@ -100,7 +100,7 @@ export function sendFile(url: string, file: Blob, told: (share: number) => void,
       try {
         answer = JSON.parse(request.responseText);
       } catch {
-        // What is no JSON is no problem document either.
+        // What is not JSON is not a problem document.
       }
       if (request.status >= 200 && request.status < 300) {
         stop.removeEventListener("abort", end);

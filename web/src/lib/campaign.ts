@@ -78,7 +78,7 @@ export function optionOf(found: Frequency): string | null {
   return found.what.startsWith(OPTION) ? found.what.slice(OPTION.length) : null;
 }
 
-/** Options in the order of the plan's text with their depth, those that no run took too; then what is no option. */
+/** Options in the order of the plan's text with their depth, those that no run took too; then what is not an option. */
 export function branchesFlown(lines: readonly Line[], found: readonly Frequency[]): { line: Line; flown: Frequency | null }[] {
   const byOption = new Map(found.flatMap((f) => (optionOf(f) === null ? [] : [[optionOf(f), f] as const])));
   return lines

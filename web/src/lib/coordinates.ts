@@ -40,7 +40,7 @@ export function cornersFrom(text: string): [number, number][] | string {
   const lines = text.split("\n").filter((line) => line.trim() !== "");
   const corners = lines.map(pointFrom);
   const wrong = corners.indexOf(null);
-  if (wrong >= 0) return `Line ${wrong + 1} is no pair of numbers: ${lines[wrong]?.trim() ?? ""}`;
+  if (wrong >= 0) return `Line ${wrong + 1} is not a pair of numbers: ${lines[wrong]?.trim() ?? ""}`;
   if (corners.length < 3) return `An outline has at least 3 corners; these are ${corners.length}`;
   return corners.filter((corner) => corner !== null);
 }

@@ -67,7 +67,7 @@ export function drivesAt(network: NetworkWithCosts | null, rules: readonly Drive
 
 const NEAR_M = 1;
 
-/** Corners of a drawn way: a first and a last click near the stands themselves are no corners. */
+/** Corners of a drawn path: a first and a last click near the stands themselves are not corners. */
 export function cornersOf(points: readonly Point[], from: Point, to: Point): number[][] {
   const near = (a: Point | undefined, b: Point): boolean => a !== undefined && Math.hypot(a[0] - b[0], a[1] - b[1]) < NEAR_M;
   const corners = [...points];

@@ -52,7 +52,7 @@ export function planTime(startHour: number, lmst: number): number {
   return (lmst - startHour * 3600) * MARS_SECOND;
 }
 
-/** Plan seconds at local mean solar time `HH:MM`; null when the text is no time of day. Before the start is negative. */
+/** Plan seconds at local mean solar time `HH:MM`; null when the text is not a time of day. Before the start is negative. */
 export function planSeconds(startHour: number, text: string): number | null {
   const match = /^\s*(\d{1,2}):(\d{2})\s*$/.exec(text);
   if (match === null) return null;

@@ -59,8 +59,8 @@ export const KEYS = {
   hold: {
     title: "On map and 3D view",
     keys: {
-      grab: { keys: ["g"], text: "take hold of what is under the crosshair, else of what is selected; arrows move it, Enter lets go, Esc puts it back" },
-      left: { keys: [","], text: "turn the rover that is held left" },
+      grab: { keys: ["g"], text: "grab what is under the crosshair, else what is selected; arrows move it, Enter drops it, Esc puts it back" },
+      left: { keys: [","], text: "turn the rover that is being moved left" },
       right: { keys: ["."], text: "turn it right" },
       whole: { keys: ["f"], text: "the whole site" },
     },

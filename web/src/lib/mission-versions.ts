@@ -65,7 +65,7 @@ export function namedIn(text: string, names: Names): string {
     .replace(/\b(msn|sol|kpo|frm|slu|map|ffl)-[0-9a-z]{8,}/g, "this one");
 }
 
-/** The value of a member in words; the server tells values as text, what is no text as JSON. */
+/** The value of a member in words; the server tells values as text, what is not text as JSON. */
 export function valueWords(field: string, text: string, names: Names): string {
   if (text === "") return NOTHING;
   if (TEXTS.has(field)) return `“${text}”`;

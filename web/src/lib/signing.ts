@@ -14,7 +14,7 @@ export interface OwnKey {
 /** Return why this page cannot sign, or "" if it can. */
 export async function cannotSign(): Promise<string> {
   if (!globalThis.isSecureContext || !("subtle" in crypto)) {
-    return "This page is not served by https or from this machine, so the browser lets it keep no key. Sign with `outcrop review`.";
+    return "This page is not served by https or from this machine, so the browser does not let it keep a key. Sign with `outcrop review`.";
   }
   try {
     await crypto.subtle.generateKey(ED25519, false, ["sign", "verify"]);

@@ -17,11 +17,11 @@ const endsWith = (name: string, suffixes: readonly string[]): boolean =>
 export function terrainProblem(terrain: Named | null, ortho: Named | null): string {
   if (terrain === null) return "choose a terrain file";
   if (!endsWith(terrain.name, TERRAIN_FILES.terrain)) {
-    return `${terrain.name} is no terrain: ${TERRAIN_FILES.terrain.join(", ")} are taken`;
+    return `${terrain.name} is not a terrain: choose ${TERRAIN_FILES.terrain.join(", ")}`;
   }
   if (terrain.size === 0) return `${terrain.name} is empty`;
   if (ortho === null) return "";
   if (!endsWith(terrain.name, [".tif", ".tiff"])) return "an ortho image goes with a GeoTIFF only; a zip or mesh brings its own";
-  if (!endsWith(ortho.name, TERRAIN_FILES.ortho)) return `${ortho.name} is no image: ${TERRAIN_FILES.ortho.join(", ")} are taken`;
+  if (!endsWith(ortho.name, TERRAIN_FILES.ortho)) return `${ortho.name} is not an image: choose ${TERRAIN_FILES.ortho.join(", ")}`;
   return ortho.size === 0 ? `${ortho.name} is empty` : "";
 }

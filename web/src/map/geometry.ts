@@ -21,7 +21,7 @@ export interface Network {
   segments: readonly Segment[];
 }
 
-/** Return the way of a drive: the network's polyline where it has one, else a straight line; null for no place. */
+/** Return the path of a drive: the network's polyline where it has one, else a straight line; null for no place. */
 export function pathOf(
   network: Network | null,
   from: string | null,
@@ -56,7 +56,7 @@ export interface Ribbon {
 
 export const ribbonWidth = (p: number): number => 2 + 8 * Math.max(0, Math.min(1, p));
 
-/** Return ribbons whose width tells the probability; those on the same way lie side by side. */
+/** Return ribbons whose width tells the probability; those on the same path lie side by side. */
 export function ribbonsOf(legs: readonly Leg[], way: (from: string | null, to: string) => Point[] | null): Ribbon[] {
   const merged = new Map<string, Ribbon & { pair: string; flipped: boolean }>();
   for (const leg of legs) {

@@ -340,7 +340,7 @@ export class PlanMap {
     }
   }
 
-  /** What people say of drives: ways that they drew, and drives that they forbade. */
+  /** What people say of drives: paths that they drew, and drives that they forbade. */
   setRules(looks: readonly RuleLook[]): void {
     const source = this.ruleLayer.getSource() as VectorSource;
     source.clear();
@@ -537,7 +537,7 @@ export class PlanMap {
     return this.holds;
   }
 
-  /** Let go of what the crosshair holds. */
+  /** Drop what the crosshair holds. */
   letGo(): void {
     this.keepOuts.drop();
     if (this.standHeld !== null) this.events.standDropped();
@@ -545,7 +545,7 @@ export class PlanMap {
     this.showCross();
   }
 
-  /** Let go of it and leave it where it was. */
+  /** Leave it where it was. */
   putBack(): void {
     this.keepOuts.putBack();
     if (this.standHeld !== null) this.events.standPutBack();

@@ -1,4 +1,4 @@
-/** What is painted on the ground: one canvas a layer of terrain, laid over its triangles. */
+/** What is painted on the ground: one canvas a layer of terrain, draped over its triangles. */
 
 import { CanvasTexture, type BufferGeometry, LinearFilter, Mesh, MeshBasicMaterial, SRGBColorSpace } from "three";
 import { canvasOf, edges, type Raster } from "../lib/overlay";

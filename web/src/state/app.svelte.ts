@@ -137,7 +137,7 @@ class AppState {
 
   refused(what: string, error: unknown): void {
     if (error instanceof ProblemError && error.status === 412) {
-      this.toast("bad", `${what}: somebody was faster`, "The latest version is shown now. Look at it and do it again.");
+      this.toast("bad", `${what}: somebody else changed it first`, "The latest version is shown now. Look at it and do it again.");
     } else if (error instanceof ProblemError) {
       const fields = Object.entries(error.fields)
         .filter(([, text]) => text !== error.message)

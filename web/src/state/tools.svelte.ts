@@ -17,7 +17,7 @@ export class Tools {
   /** Heights of what is measured, from the server; null while it is asked. */
   measuredUp = $state.raw<(number | null)[]>([]);
   readonly measuredText = $derived(measureText(this.measured, this.measuredUp));
-  /** The drive whose way is drawn; the start is null. */
+  /** The drive whose path is drawn; the start is null. */
   way = $state.raw<{ from: string | null; to: string } | null>(null);
   readonly stand: StandState;
   readonly overlays: Overlays;
@@ -59,7 +59,7 @@ export class Tools {
     if (created !== null) app.go({ selection: { kind: "keep-out", id: created.id }, tab: "selection" });
   }
 
-  /** Let somebody draw the way between two places on the map, from the start or the target named first. */
+  /** Let somebody draw the path between two places on the map, from the start or the target named first. */
   drawWay(target: string, other: string | null): void {
     this.setMode("select");
     app.go({ view: "map" });
