@@ -147,6 +147,7 @@ class LiveRuntime:
         self._complaints: list[Note] = []
         self._inbox = Inbox(port, self.complain)
         self._own_sink = isinstance(journal, Path)
+        self._flooded = False
         self._safing_since: int | None = None
         self._stops_asked: dict[CommandId, int] = {}
         """When the owner first saw that a command is to stop."""
@@ -321,6 +322,11 @@ class LiveRuntime:
         self._now = now
         with self._wishing:
             events, taken = self.mailbox.take(now), self._wish
+        if self.mailbox.merged and not self._flooded:
+            self._flooded = True
+            self.complain(
+                "telemetry", "telemetry comes faster than it is taken: updates are merged key by key"
+            )
         if any(not isinstance(event, Operator) for event in events):
             self._heard = now
         if isinstance(self.port, Link):

@@ -464,6 +464,18 @@ def test_flood_of_telemetry_is_merged_and_nothing_else_is_lost() -> None:
     assert mailbox.merged > 800
 
 
+def test_a_flood_has_one_sentence_in_the_log_and_the_plan_goes_on() -> None:
+    bench = Bench()
+    for second in (1, 2):
+        for n in range(20_000):
+            bench.run.post(Update(0, {"noise": float(n)}))
+        bench.at(second)
+    assert len([note for note in bench.notes if "faster than it is taken" in note]) == 1
+    bench.returns("a", 3)
+    bench.returns("b", 4)
+    assert bench.trace[-1] == (4, "end root SUCCEEDED")
+
+
 def test_many_threads_may_post_at_once() -> None:
     mailbox = Mailbox()
 

@@ -180,8 +180,9 @@ class WireRover:
     # --- ports: the link ---------------------------------------------------------------
 
     def attach(self, clock: Clock, complain: Callable[[str, str], None]) -> None:
-        self._clock, self._complain.tell = clock, complain
+        self._clock = clock
         self.times.plan = clock
+        self._complain.listen(complain)
 
     def link(self) -> LinkState:
         with self._told:

@@ -63,11 +63,25 @@ class Complaints:
             "wire", extra={"kind": kind, "said": said}
         )
         self._told: set[str] = set()
+        self._unheard: list[tuple[str, str]] | None = []
+        """What was told before somebody listened; None once somebody does."""
+
+    def listen(self, tell: Callable[[str, str], None]) -> None:
+        """Tell a listener from now on, and first what it has missed."""
+        self.tell = tell
+        missed, self._unheard = self._unheard or [], None
+        for kind, said in missed:
+            self._say(kind, said)
 
     def __call__(self, kind: str, said: str) -> None:
         if len(self._told) > COMPLAINTS or (kind in ("wire", "garbage") and said in self._told):
             return
         self._told.add(said)
+        if self._unheard is not None and len(self._unheard) < COMPLAINTS:
+            self._unheard.append((kind, said))
+        self._say(kind, said)
+
+    def _say(self, kind: str, said: str) -> None:
         try:
             self.tell(kind, said)
         except Exception:

@@ -30,6 +30,9 @@ class RoundTrips:
         self._kept: deque[tuple[float, float]] = deque(maxlen=KEPT)
         self._shown: tuple[float, float] | None = None
         """Rover's clock and ours at one instant, milliseconds and seconds."""
+        self._last: tuple[int, int] = (0, 0)
+        """Mark of the last answer, and what the rover's clock showed in it."""
+        self._backwards = False
 
     def begin(self, now: float) -> int:
         """Return the mark of a question that leaves now."""
@@ -52,6 +55,12 @@ class RoundTrips:
                 self._complain("clock", f"the rover's clock jumped by {off_s:+.1f} s; ours goes on")
                 self._kept.clear()
                 self._shown = None
+                self._last = (mark, rover_ms)
+        if mark > self._last[0]:
+            if rover_ms < self._last[1] and not self._backwards:
+                self._backwards = True
+                self._complain("clock", "the rover's clock runs backwards; ours goes on")
+            self._last = (mark, rover_ms)
         self._kept.append((trip, rover_ms - 1000 * self.rate * middle))
         if trip <= min(t for t, _ in self._kept):
             self._shown = (rover_ms, middle)
@@ -60,6 +69,7 @@ class RoundTrips:
         """Take in what the rover's clock says without a question of ours."""
         self._kept.clear()
         self._shown = (rover_ms, now)
+        self._last = (self._count, 0)
 
     @property
     def round_trip_s(self) -> float | None:

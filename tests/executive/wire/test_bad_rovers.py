@@ -122,16 +122,23 @@ def test_a_rovers_clock_that_runs_backwards_is_noted_and_harms_nothing(tmp_path:
     assert outcome.outcome == "SUCCEEDED"
     assert outcome.end_ms is not None
     assert outcome.end_ms < 60_000
+    assert said(outcome).count("the rover's clock runs backwards; ours goes on") == 1
 
 
-def test_a_rover_whose_word_is_of_the_wrong_type_is_noted_key_by_key(tmp_path: Path) -> None:
+def test_a_rover_whose_word_is_of_the_wrong_type_is_noted_key_by_key(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     rover = Waiter(JumpingClock())
     rover.events.append("a text")  # type: ignore[arg-type]
     rover.events.append(Update("late", {"soc": 1.0}))  # type: ignore[arg-type]
     rover.events.append(Update(0, {7: 1.0}))  # type: ignore[dict-item]
     rover.events.append(Result(0, "odd", True))  # type: ignore[arg-type]
     rover.events.append(Result(0, CommandId("run", "odd", 1), "perhaps"))  # type: ignore[arg-type]
-    assert flown(rover, tmp_path).outcome == "SUCCEEDED"
+    outcome = flown(rover, tmp_path)
+    assert outcome.outcome == "SUCCEEDED"
+    left_out = [getattr(record, "left_out", "") for record in caplog.records]
+    assert any("'a text'" in text for text in left_out), left_out
+    assert any("state key 7" in text for text in left_out), left_out
 
 
 def test_a_stop_leaves_a_plan_over_even_if_its_rover_never_answers(tmp_path: Path) -> None:

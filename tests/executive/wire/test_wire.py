@@ -355,6 +355,7 @@ def test_garbage_in_telemetry_is_noted_once_and_the_plan_goes_on(tmp_path: Path)
     assert outcome.outcome == "SUCCEEDED"
     texts = [note.text for note in outcome.notes]
     assert any("'k'" in text and "not a value" in text for text in texts)
+    assert any("malformed" in text and "'late'" in text for text in texts), "said before the run listened"
     assert len(JournalFile(journal).records) > 5
 
 
