@@ -55,6 +55,7 @@ STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
     errors.UnavailableError: (503, "unavailable", "A part that is needed is not there"),
     errors.BusyError: (503, "unavailable", "A part that is needed is not there"),
     errors.DamagedDataError: (503, "data-damaged", "What is stored is damaged"),
+    errors.DamagedFileError: (503, "data-damaged", "What is stored is damaged"),
     errors.JobFailedError: (422, "job-failed", "The work ended without a result"),
 }
 """Status, stable type and title of each error class."""

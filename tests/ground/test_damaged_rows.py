@@ -56,8 +56,8 @@ def changed(api: Api, table: str, column: str, value: Any, where: str = "1 = 1")
 PLACES = [
     ("people", "role", "king", "/people", "king"),
     ("plans", "state", "loved", "/plans/{plan}", "loved"),
-    ("plans", "crl_text", "(plan", "/plans/{plan}/crl?canonical=true", "no CRL"),
-    ("plans", "crl_text", "(plan", "/plans/{plan}/flight-rules", "no CRL"),
+    ("plans", "crl_text", "(plan", "/plans/{plan}/crl?canonical=true", "not CRL"),
+    ("plans", "crl_text", "(plan", "/plans/{plan}/flight-rules", "not CRL"),
     ("plans", "problem_id", "prb_gone", "/plans/{plan}/flight-rules", "prb_gone"),
     ("runs", "kind", "dream", "/missions/{mission}/runs", "dream"),
     ("runs", "trace_sha256", "../../etc/passwd", "/runs/{run}/trace", "SHA-256"),
