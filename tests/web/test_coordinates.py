@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from math import cos, radians
 from urllib.request import Request, urlopen
 
@@ -11,7 +12,7 @@ from playwright.sync_api import expect
 
 from tests.web.conftest import Server
 from tests.web.missions import ask, small_mission
-from tests.web.page import chromium, open_page
+from tests.web.page import chromium, open_page, pixel
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
@@ -83,6 +84,53 @@ def test_a_target_is_read_copied_and_moved_in_degrees_and_in_the_projection(serv
         page.get_by_role("button", name="Save", exact=True).click()
         expect(page.get_by_test_id("coordinates-text")).to_contain_text("9.000, 6.000")
         assert ask(server, f"/missions/{mission}/keep-outs")["items"][0]["polygon_m"][-1] == [9.0, 6.0]
+
+
+def test_the_read_out_and_the_form_of_a_new_target_speak_the_chosen_reference(server: Server) -> None:
+    mission = _placed(server, "Read-out")
+    with (
+        chromium() as browser,
+        open_page(browser, server, refused="/targets") as page,
+    ):
+        page.goto(f"{server}/?quality=test#/m/{mission}")
+        page.wait_for_function("() => document.querySelector('[data-testid=map]')?.dataset.terrain")
+        read_out = page.get_by_test_id("read-out")
+
+        def read(east_m: float, north_m: float) -> list[float]:
+            page.mouse.move(*pixel(page, east_m + 1, north_m))
+            page.mouse.move(*pixel(page, east_m, north_m))
+            expect(read_out).to_contain_text(re.compile(r"\d"))
+            return [float(n) for n in re.findall(r"-?[\d.]+\d", read_out.inner_text().replace("−", "-"))]
+
+        site = read(2.0, -1.0)
+        assert site == pytest.approx([2.0, -1.0], abs=0.06)
+        assert read_out.inner_text().startswith("E")
+        page.get_by_test_id("coordinates").select_option("projected")
+        assert read(2.0, -1.0) == pytest.approx([PLACE["x"] + site[0], PLACE["y"] + site[1]], abs=0.011)
+        page.get_by_test_id("coordinates").select_option("lonlat")
+        where = f"/missions/{mission}/coordinates?east_m={site[0]}&north_m={site[1]}&crs=lonlat"
+        exact = ask(server, where)
+        assert read(2.0, -1.0) == pytest.approx([exact["x"], exact["y"]], abs=2e-7)
+        assert read_out.inner_text().startswith("lon")
+
+        # A target at typed coordinates: the server's point, by keyboard; what is no place is refused.
+        page.get_by_role("button", name="Add target", exact=True).click()
+        field = page.get_by_role("textbox", name="Coordinates of the new target")
+        expect(field).to_have_attribute("placeholder", "longitude, latitude")
+        field.fill("here")
+        page.keyboard.press("Enter")
+        expect(page.get_by_role("alert").filter(has_text="No pair of numbers: here")).to_be_visible()
+        field.fill(f"{exact['x']:.8f}, {exact['y']:.8f}")
+        page.keyboard.press("Enter")
+        expect(page.get_by_label("Name of the target")).to_have_value("T4")
+        expect(field).to_have_count(0)
+        made = ask(server, f"/missions/{mission}/targets")["items"][-1]["position"]
+        assert (made["east_m"], made["north_m"]) == pytest.approx(site, abs=0.002)
+        page.keyboard.press("t")
+        field.fill("10, 10")
+        page.keyboard.press("Enter")
+        expect(page.get_by_text("The new target was refused")).to_be_visible()
+        assert len(ask(server, f"/missions/{mission}/targets")["items"]) == 4
 
 
 def test_a_mission_without_a_place_offers_no_other_coordinates(server: Server) -> None:

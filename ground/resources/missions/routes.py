@@ -7,10 +7,12 @@ from typing import Annotated, Literal
 from fastapi import Query
 from starlette.responses import FileResponse, Response
 
-from ground.api.context import Asked, Id, answer
+from ground.api.context import Asked, Crs, Id, answer
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
+from ground.records.located import PointIn
 from ground.resources.missions.kind import MISSION
+from ground.resources.missions.read_coordinates import read_coordinates
 from ground.resources.missions.read_terrain import read_heights, read_ortho, read_point, read_terrain
 from ground.resources.terrains.value import Terrain, TerrainPoint
 
@@ -93,3 +95,11 @@ async def get_heights(
 async def get_terrain_point(ask: Asked, mission_id: Id, east_m: Coordinate, north_m: Coordinate) -> Response:
     """Ask the full-resolution terrain for one point: height, normal, slope, covariance."""
     return answer(await ask.do(read_point, mission_id, east_m, north_m))
+
+
+@router.get("/missions/{mission_id}/coordinates", response_model=PointIn, responses=responses(404, 422))
+async def get_coordinates(
+    ask: Asked, mission_id: Id, east_m: Coordinate, north_m: Coordinate, crs: Crs
+) -> Response:
+    """Say where a point of the site lies in another reference."""
+    return answer(await ask.do(read_coordinates, mission_id, east_m, north_m, crs))

@@ -143,3 +143,18 @@ def test_a_map_of_mars_keeps_its_place_and_takes_a_height(
     assert change(api, mission["id"], {**origin, "height_m": -2500.0}).status_code == 200
     moved = change(api, mission["id"], {**origin, "y": 1_094_000.0})
     assert "counts 1.054 metres" in problem(moved, 422, "invalid-input")["detail"]
+
+
+def test_a_point_of_the_site_is_told_in_another_reference(sqlite_api: Api, sqlite_mission: Mission) -> None:
+    from pyproj import Transformer
+
+    api, url = sqlite_api, f"/missions/{sqlite_mission.id}/coordinates?east_m=40&north_m=-30"
+    assert "no place on a body" in problem(api("GET", f"{url}&crs=lonlat"), 422, "invalid-input")["detail"]
+    assert api.get(f"{url}&crs=site") == {"crs": "site", "x": 40.0, "y": -30.0}
+    change(api, sqlite_mission.id, {"crs": "EPSG:32612", "x": 518_334, "y": 4_251_500})
+    assert api.get(f"{url}&crs=EPSG:32612") == {"crs": "EPSG:32612", "x": 518_374.0, "y": 4_251_470.0}
+    found = api.get(f"{url}&crs=lonlat")
+    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32612", always_xy=True).transform(found["x"], found["y"])
+    assert (x, y) == pytest.approx((518_374.0, 4_251_470.0), abs=1e-3)
+    problem(api("GET", f"{url}&crs=nowhere"), 422, "invalid-input")
+    problem(api("GET", "/missions/msn-nobody/coordinates?east_m=0&north_m=0&crs=site"), 404, "not-found")

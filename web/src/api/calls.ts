@@ -14,6 +14,7 @@ import type {
   CampaignCreate,
   CameraView,
   Comment,
+  Draft,
   Event,
   Finding,
   FlightRuleResult,
@@ -152,6 +153,10 @@ export const terrainPoint = (id: string, east_m: number, north_m: number): Promi
     }),
   );
 
+/** Where a point of the site lies in another reference. */
+export const coordinates = (id: string, east_m: number, north_m: number, crs: string): Promise<Schemas["PointIn"]> =>
+  body(api.GET("/api/v1/missions/{mission_id}/coordinates", { params: { path: { mission_id: id }, query: { east_m, north_m, crs } } }));
+
 interface RasterAnswer extends Omit<Grid, "heights"> {
   content: ArrayBuffer;
 }
@@ -289,6 +294,15 @@ export const createTarget = (
     }),
   );
 
+/** A target at coordinates that were typed, in a reference; null for site metres. */
+export const createTargetAt = (id: string, name: string, [x, y]: readonly [number, number], crs: string | null): Promise<Target> =>
+  body(
+    api.POST("/api/v1/missions/{mission_id}/targets", {
+      params: inMission(id),
+      body: { name, notes: "", source_image: "", ...(crs === null ? { east_m: x, north_m: y } : { at: { crs, x, y } }) },
+    }),
+  );
+
 export const changeTarget = (target: Target, changes: TargetChange): Promise<Target> =>
   body(
     api.PATCH("/api/v1/targets/{target_id}", {
@@ -363,6 +377,13 @@ export const comments = (id: string): Promise<Comment[]> =>
 
 export const createComment = (id: string, value: Schemas["CommentCreate"]): Promise<Comment> =>
   body(api.POST("/api/v1/missions/{mission_id}/comments", { params: inMission(id), body: value }));
+
+/** Proposals that wait for a decision. */
+export const openDrafts = (mission_id: string): Promise<Draft[]> =>
+  pages((cursor) => {
+    const query = { limit: PAGE, state: "open", ...(cursor === undefined ? {} : { cursor }) };
+    return body(api.GET("/api/v1/missions/{mission_id}/drafts", { params: { path: { mission_id }, query } }));
+  });
 
 // ------------------------------------------------------------------------------------------- planning
 

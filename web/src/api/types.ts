@@ -11,6 +11,7 @@ export type ConstraintKind = Schemas["ConstraintKind"];
 export type Campaign = Schemas["Campaign"];
 export type CampaignCreate = Schemas["CampaignCreate"];
 export type Comment = Schemas["Comment"];
+export type Draft = Schemas["Draft"];
 export type Event = Schemas["Event"];
 export type Finding = Schemas["Finding"];
 export type FlightRuleResult = Schemas["FlightRuleResult"];

@@ -1,4 +1,4 @@
-/** What the page asks of versions of plans and missions: differences by meaning, and merges. */
+/** What the page asks of versions of plans and missions: differences by meaning, merges, and decisions on drafts. */
 
 import { api, body } from "./client";
 import type { components } from "./schema";
@@ -30,3 +30,9 @@ export const missionDifference = (mission_id: string, from_id: string): Promise<
 
 export const mergeMissions = (mission_id: string, merge: MissionMergeCreate): Promise<MissionMerge> =>
   body(api.POST("/api/v1/missions/{mission_id}/mission-merges", { params: { path: { mission_id } }, body: merge }));
+
+export const acceptDraft = (draft_id: string): Promise<Schemas["Draft"]> =>
+  body(api.POST("/api/v1/drafts/{draft_id}/accept", { params: { path: { draft_id } } }));
+
+export const rejectDraft = (draft_id: string, reason: string): Promise<Schemas["Draft"]> =>
+  body(api.POST("/api/v1/drafts/{draft_id}/reject", { params: { path: { draft_id } }, body: { reason } }));

@@ -5,6 +5,7 @@ import { ProblemError } from "../api/client";
 import { listen, type Stream } from "../api/stream";
 import type {
   Comment,
+  Draft,
   Finding,
   Job,
   KeepOut,
@@ -99,6 +100,8 @@ export class MissionState {
   private announced = $state.raw<Product[]>([]);
   jobs = $state.raw<Job[]>([]);
   comments = $state.raw<Comment[]>([]);
+  /** Proposals of assistants and sentences that wait for a decision. */
+  drafts = $state.raw<Draft[]>([]);
   loading = $state(true);
   missing = $state<string | null>(null);
 
@@ -222,7 +225,7 @@ export class MissionState {
     });
     void app.attempt("Reading what the rover carries", () => this.loadProfile());
     await Promise.all(
-      ["sol", "target", "observation_request", "keep_out", "path_network", "plan", "run", "product", "job", "comment"].map(
+      ["sol", "target", "observation_request", "keep_out", "path_network", "plan", "run", "product", "job", "comment", "draft"].map(
         (kind) => this.reload(kind),
       ),
     );
@@ -317,6 +320,9 @@ export class MissionState {
       case "job":
         this.jobs = await calls.jobs(this.id);
         for (const job of this.jobs) if (ACTIVE.has(job.state)) this.follow(job);
+        break;
+      case "draft":
+        this.drafts = await calls.openDrafts(this.id);
         break;
       case "comment":
         this.comments = await calls.comments(this.id);

@@ -37,8 +37,17 @@ export class Tools {
 
   /** Make a target where somebody clicked; height, normal and covariance are the server's. */
   async pick(east: number, north: number, source = ""): Promise<Target | null> {
+    return await this.created(() => calls.createTarget(this.m.id, this.m.nextTargetName(), round(east), round(north), source));
+  }
+
+  /** Make a target at coordinates that were typed, in the reference that is shown. */
+  async place(point: readonly [number, number]): Promise<Target | null> {
+    return await this.created(() => calls.createTargetAt(this.m.id, this.m.nextTargetName(), point, this.m.crs));
+  }
+
+  private async created(make: () => Promise<Target>): Promise<Target | null> {
     const created = await app.attempt("The new target", async () => {
-      const target = await calls.createTarget(this.m.id, this.m.nextTargetName(), round(east), round(north), source);
+      const target = await make();
       await this.m.reload("target");
       return target;
     });
