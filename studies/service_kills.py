@@ -345,6 +345,13 @@ def own_database(address: str) -> tuple[str, str]:
     return server.set(database=name).render_as_string(hide_password=False), name
 
 
+def drop_database(address: str, name: str) -> None:
+    """Drop a database that `own_database` made."""
+    _run(
+        make_url(load_settings(database_url=address).database_address), f'DROP DATABASE "{name}" WITH (FORCE)'
+    )
+
+
 def _run(server: URL, statement: str) -> None:
     engine = create_engine(server, isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
@@ -369,8 +376,7 @@ def main() -> None:
             found = study(Path(folder), address, asked.kills, asked.seed)
         finally:
             if name:
-                server = make_url(load_settings(database_url=asked.database).database_address)
-                _run(server, f'DROP DATABASE "{name}" WITH (FORCE)')
+                drop_database(asked.database, name)
     wall_s = time.monotonic() - begun
     print(f"{'postgresql' if name else 'sqlite'}, seed {asked.seed}, {wall_s:.0f} s: {dict(found)}")
     print({word: found[word] for word in BAD})

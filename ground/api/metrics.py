@@ -39,6 +39,12 @@ MISSIONS = Gauge("outcrop_missions", "Missions in the repository", registry=REGI
 ENGINE_UP = Gauge("outcrop_engine_up", "1 while this worker's engine takes work", registry=REGISTRY)
 ENGINE_FAILURES = Gauge("outcrop_engine_failures", "Failures of this worker's engine", registry=REGISTRY)
 WORKER_UP = Gauge("outcrop_worker_up", "1 while this worker looks for jobs", registry=REGISTRY)
+WORKERS = Gauge(
+    "outcrop_workers",
+    "Workers that say they are there, by how their engine fares",
+    ["engine"],
+    registry=REGISTRY,
+)
 STREAMS = Gauge("outcrop_event_streams", "Open event streams", registry=REGISTRY)
 
 

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import os
+from datetime import timedelta
 
+from sqlalchemy import select
+
+from ground.gdr.base import utc_now
 from ground.gdr.migrate import current_revision, newest_revision
 from ground.gdr.repository import Repository
+from ground.jobs.presence import present
+from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
 
 OK = "ok"
@@ -14,7 +20,10 @@ DEGRADED = "degraded: "
 
 
 def check_readiness(repo: Repository, worker: Worker | None = None) -> dict[str, str]:
-    """Return `ok` or what is wrong for each part: database, schema, data folder, worker and engine."""
+    """Return `ok` or what is wrong for each part: database, schema, data folder, worker and engine.
+
+    Workers of other processes say themselves how they fare (`ground.jobs.presence`).
+    """
     repo.database.ping()
     found, needed = current_revision(repo.database), newest_revision()
     return {
@@ -23,6 +32,7 @@ def check_readiness(repo: Repository, worker: Worker | None = None) -> dict[str,
         if found == needed
         else f"the database is at revision {found or 'none'}, {needed} is needed: run `outcrop migrate`",
         **({} if worker is None else worker_checks(worker)),
+        **other_workers(repo, worker),
         "data_dir": "ok" if os.access(repo.data_dir, os.W_OK) else f"{repo.data_dir} cannot be written",
     }
 
@@ -35,3 +45,25 @@ def worker_checks(worker: Worker) -> dict[str, str]:
         "worker": OK if worker.alive else "its thread has ended",
         "engine": f"{DEGRADED}{engine.trouble}{since}, tried again" if engine.trouble else OK,
     }
+
+
+UNCLAIMED = timedelta(seconds=10)
+"""A worker that is there takes a job within a second, or is busy with others."""
+
+
+def other_workers(repo: Repository, own: Worker | None) -> dict[str, str]:
+    """Return how the workers of other processes fare, under `workers`; nothing where nobody misses them."""
+    others = [p for p in present(repo.job_dir()) if own is None or p.name != own.name]
+    troubles = [f"{p.name}: {p.told()}" for p in others if p.trouble]
+    if troubles:
+        return {"workers": DEGRADED + "; ".join(troubles)}
+    if others:
+        return {"workers": OK}
+    if own is None:
+        with repo.database.read() as session:
+            waiting = select(JobRow.id).where(
+                JobRow.state == "queued", JobRow.created_utc < utc_now() - UNCLAIMED
+            )
+            if session.scalar(waiting.limit(1)) is not None:
+                return {"workers": f"{DEGRADED}jobs wait and no worker is there: start `outcrop worker`"}
+    return {}

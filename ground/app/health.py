@@ -27,12 +27,14 @@ from ground.api.metrics import (
     REGISTRY,
     SINCE,
     WORKER_UP,
+    WORKERS,
 )
 from ground.api.problems import problem, responses
 from ground.app.check_readiness import DEGRADED, OK, check_readiness
 from ground.gdr.base import utc_now
 from ground.gdr.history import ChainRow
 from ground.gdr.repository import Repository
+from ground.jobs.presence import present
 from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
 from ground.resources.missions.row import MissionRow
@@ -46,6 +48,9 @@ def exposition(repo: Repository, worker: Worker | None = None) -> tuple[bytes, s
         ENGINE_UP.set(0.0 if worker.engine.trouble else 1.0)
         ENGINE_FAILURES.set(worker.engine.failures)
         WORKER_UP.set(1.0 if worker.alive else 0.0)
+    there = present(repo.job_dir())
+    WORKERS.labels("down").set(sum(bool(p.trouble) for p in there))
+    WORKERS.labels("up").set(sum(not p.trouble for p in there))
     with repo.database.read() as session:
         JOBS.clear()
         for kind, state, count in session.execute(

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import logging
+import socket
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from ground.errors import JobFailedError
 from ground.jobs.queue import Work
@@ -70,24 +73,54 @@ class InlineExecutor(Executor):
         return future
 
 
+KNOCK_S = 2.0
+"""For the port of a scheduler to answer. Dask itself tries for 30 s, and leaves a thread and three files open
+each time that it gives up.
+"""
+HELLO_S = 10.0
+"""For a scheduler whose port answers to say what it is."""
+CLOSE_S = 5.0
+
+
+def knock(address: str) -> None:
+    """Raise OSError unless something listens at the address of a Dask scheduler."""
+    place = urlsplit(address if "//" in address else f"tcp://{address}")
+    try:
+        socket.create_connection((place.hostname or "", place.port or 8786), KNOCK_S).close()
+    except OSError as err:
+        raise OSError(f"the Dask scheduler {address} does not answer ({err.strerror or err})") from err
+
+
 class ClusterExecutor(Executor):
     """Does the work on a Dask cluster, over a connection of its own that ends with it.
 
     Dask's own executor takes no `cancel_futures`: without waiting it always cancels what is not done.
+
+    Raises
+    ------
+    OSError
+        If no scheduler answers at the address, within seconds.
     """
 
     def __init__(self, address: str) -> None:
+        knock(address)
         from distributed import Client
 
-        self._client = Client(address)
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # the worker tells it in a line
+        self._client = Client(address, timeout=HELLO_S, set_as_default=False)
         self._inner: Executor = self._client.get_executor(pure=False)
+
+    @property
+    def lost(self) -> bool:
+        """Return whether the scheduler is gone; what was sent to it will never come back."""
+        return bool(self._client.status != "running")
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         return self._inner.submit(fn, *args, **kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         self._inner.shutdown(wait=wait and not cancel_futures)
-        self._client.close()
+        self._client.close(timeout=CLOSE_S)
 
 
 def _quiet() -> None:

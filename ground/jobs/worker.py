@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 
 from sqlalchemy import select
@@ -19,10 +18,11 @@ from sqlalchemy.exc import OperationalError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as NoConnectionError
 
 from ground.errors import BusyError, GroundError, JobFailedError
-from ground.gdr.base import utc_now
 from ground.gdr.repository import Repository
+from ground.jobs.engine import EngineState, killed_its_workers, of_engine
 from ground.jobs.executors import _Channel, make_executor, run_work
 from ground.jobs.leases import Held, LeaseKeeper
+from ground.jobs.presence import Beat, Presence, utc_text
 from ground.jobs.queue import (
     WAKE,
     Claim,
@@ -55,17 +55,6 @@ class _Running:
     seen: tuple[float, str] = (0.0, "begun")
     stopping_since: float | None = None
     timed_out: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class EngineState:
-    """How the engine of a worker fares: an empty `trouble` is well; `failures` since the worker began."""
-
-    trouble: str = ""
-    since_utc: datetime | None = None
-    failures: int = 0
-    retry_at: float = 0.0
-    wait_s: float = 0.0
 
 
 class Worker:
@@ -104,6 +93,7 @@ class Worker:
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self.folder = repo.job_dir()
+        self._beat = Beat(self.folder)
 
     # ---- life
 
@@ -126,10 +116,13 @@ class Worker:
     def run(self) -> None:
         """Look for jobs until stopped."""
         try:
+            if self.repo.settings.executor is ExecutorKind.DISTRIBUTED:
+                self._ready(0)  # a cluster that is away is told before a job waits for it
             while not self._stop.is_set():
                 try:
                     self.folder.mkdir(parents=True, exist_ok=True)
                     busy = self.step()
+                    self._beat.say(self._presence())
                 except (SQLAlchemyError, BusyError):
                     logger.exception("the worker cannot reach the database")
                     busy = False
@@ -141,6 +134,7 @@ class Worker:
                 WAKE.wait(0.05 if busy else self.LOOK_S)
                 WAKE.clear()
         finally:
+            self._beat.leave()
             self._wind_down()
 
     def run_until_idle(self) -> int:
@@ -163,6 +157,7 @@ class Worker:
 
     def step(self) -> bool:
         """Claim what there is room for, attend to what runs; return whether anything runs."""
+        self._look_after_engine()
         self._claim()
         for index, running in enumerate(self._slots):
             if running is not None:
@@ -207,17 +202,25 @@ class Worker:
         self._engine_well()
         return True
 
+    def _look_after_engine(self) -> None:
+        """Notice a cluster that is lost while nothing runs, or there again while nothing waits."""
+        idle = [index for index, running in enumerate(self._slots) if running is None]
+        for index in idle:
+            if getattr(self._executors[index], "lost", False):
+                self._engine_failed(ConnectionError("the connection to the Dask scheduler was lost"))
+                self._replace_executor(index)
+        if self.engine.trouble and idle:
+            empty = [index for index in idle if self._executors[index] is None]
+            if not empty:
+                self._engine_well()
+            else:
+                self._ready(empty[0])
+
     def _engine_failed(self, err: BaseException) -> None:
-        first, longest = self.RETRY_S
-        wait_s = min(longest, max(first, 2 * self.engine.wait_s))
-        self.engine = EngineState(
-            f"{type(err).__name__}: {err}".rstrip(": "),
-            self.engine.since_utc or utc_now(),
-            self.engine.failures + 1,
-            time.monotonic() + wait_s,
-            wait_s,
-        )
-        logger.error("the engine failed", extra={"executor": str(self.repo.settings.executor)}, exc_info=err)
+        riddle = not self.engine.trouble and not isinstance(err, OSError | CancelledError)
+        self.engine = self.engine.failed(err, *self.RETRY_S)
+        told = {"executor": str(self.repo.settings.executor), "why": self.engine.trouble}
+        logger.error("the engine failed", extra=told, exc_info=err if riddle else None)
 
     def _engine_well(self) -> None:
         if self.engine.trouble:
@@ -229,9 +232,20 @@ class Worker:
         """Return whether the thread that `start` began still looks for jobs."""
         return self._thread is None or self._thread.is_alive()
 
+    def _presence(self) -> Presence:
+        running = sum(slot is not None for slot in self._slots)
+        executor = self.repo.settings.executor.value
+        return Presence(self.name, executor, running, self.engine.trouble, utc_text(self.engine.since_utc))
+
     def _begin(self, index: int, claim: Claim) -> bool:
-        """Send a job to the slot's executor; return whether it was taken. If not, the job waits again."""
+        """Send a job to the slot's executor; return whether it was taken. If not, the job waits again.
+
+        Work of an attempt before may go on where nobody hears of it, its worker killed or its scheduler lost:
+        it is asked to stop, so that two do not write one folder.
+        """
         channel = _Channel(str(self.folder), f"{claim.job_id}-{claim.token}")
+        if claim.token > 1:
+            self._call_off(f"{claim.job_id}-{claim.token - 1}")
         now = time.monotonic()
         kind = self.kinds[claim.kind]
         logger.info("job begun", extra={"job_id": claim.job_id, "kind": claim.kind, "attempt": claim.attempt})
@@ -296,8 +310,11 @@ class Worker:
 
     def _ask_to_stop(self, running: _Running) -> None:
         running.stopping_since = time.monotonic()
+        self._call_off(running.channel.name)
+
+    def _call_off(self, name: str) -> None:
         try:
-            (Path(running.channel.folder) / f"{running.channel.name}.stop").touch()
+            (self.folder / f"{name}.stop").touch()
         except OSError:
             logger.exception("work cannot be asked to stop; its process is ended instead")
 
@@ -339,6 +356,8 @@ class Worker:
             elif isinstance(error, BrokenExecutor):
                 self._replace_executor(index)
                 hand_back(self.repo, claim, "its process died; queued again")
+            elif killed_its_workers(error):
+                hand_back(self.repo, claim, "the cluster's workers died while doing it; queued again")
             elif of_engine(error):
                 self._engine_failed(error)
                 self._replace_executor(index)
@@ -384,14 +403,3 @@ class Worker:
             except UNREACHABLE:
                 logger.exception("a job stays claimed until its lease runs out")
                 self._replace_executor(index)
-
-
-def of_engine(error: BaseException) -> bool:
-    """Return whether an error came from the engine and not from the work: a lost cluster, a cancelled future.
-
-    A cluster that gives up on work that killed its workers again and again (`KilledWorker`) blames the work.
-    """
-    if isinstance(error, CancelledError):
-        return True
-    family = type(error)
-    return family.__module__.partition(".")[0] == "distributed" and family.__name__ != "KilledWorker"

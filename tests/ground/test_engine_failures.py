@@ -16,6 +16,7 @@ from ground.app.check_readiness import worker_checks
 from ground.errors import BusyError
 from ground.gdr.repository import Repository
 from ground.jobs import worker as worker_module
+from ground.jobs.engine import EngineState
 from ground.jobs.executors import InlineExecutor
 from ground.jobs.queue import claim_job
 from ground.jobs.worker import Worker
@@ -31,6 +32,7 @@ class Cluster:
 
     def __init__(self) -> None:
         self.away = False
+        self.lost = False
         self.asked = 0
         self.spoil: BaseException | None = None
         self.slow_s = 0.0
@@ -118,13 +120,51 @@ def test_a_job_whose_engine_was_lost_is_queued_again_and_burns_no_attempt(
     assert [i for i, _ in SETTLED] == [job]
 
 
+def killed_worker() -> BaseException:
+    return type("KilledWorker", (Exception,), {"__module__": "distributed.scheduler"})("3 times")
+
+
 def test_work_that_kills_workers_of_a_cluster_is_blamed_itself(
     sqlite_repo: Repository, cluster: Cluster, worker: Worker
 ) -> None:
-    cluster.spoil = type("KilledWorker", (Exception,), {"__module__": "distributed.scheduler"})("3 times")
+    cluster.spoil = killed_worker()
+    job = queue(sqlite_repo, "succeed", max_attempts=2)
+    worker.start()
+    row = wait_for(sqlite_repo, job, "succeeded", "failed")
+    assert (row.state, row.attempt, row.token) == ("failed", 2, 2)
+    assert not worker.engine.failures
+
+
+def test_work_whose_cluster_workers_somebody_killed_is_done_by_the_next(
+    sqlite_repo: Repository, cluster: Cluster, worker: Worker
+) -> None:
+    cluster.spoil = killed_worker()
+    job = queue(sqlite_repo, "succeed", max_attempts=20)
+    worker.start()
+    until(lambda: row_of(sqlite_repo, job).attempt >= 2)
+    cluster.spoil = None
+    assert wait_for(sqlite_repo, job, "succeeded", "failed").state == "succeeded"
+    assert [i for i, _ in SETTLED] == [job]
+
+
+def test_an_engine_that_is_lost_while_nothing_runs_is_told_and_found_again(
+    sqlite_repo: Repository, cluster: Cluster, worker: Worker
+) -> None:
+    """No job waits: neither the loss nor the return has to wait for one."""
     job = queue(sqlite_repo, "succeed")
     worker.start()
-    assert wait_for(sqlite_repo, job, "succeeded", "failed").state == "failed"
+    wait_for(sqlite_repo, job, "succeeded")
+    cluster.away = cluster.lost = True
+    until(lambda: bool(worker.engine.trouble))
+    cluster.away = cluster.lost = False
+    until(lambda: not worker.engine.trouble)
+    assert worker_checks(worker) == {"worker": "ok", "engine": "ok"}
+
+
+def test_failures_of_all_slots_at_one_death_make_the_wait_no_longer() -> None:
+    once = EngineState().failed(CancelledError(), 0.5, 10.0)
+    thrice = once.failed(CancelledError(), 0.5, 10.0).failed(CancelledError(), 0.5, 10.0)
+    assert (thrice.wait_s, thrice.retry_at, thrice.failures) == (0.5, once.retry_at, 3)
 
 
 def test_a_slow_engine_does_not_cost_a_lease(
@@ -238,7 +278,9 @@ def test_an_engine_that_always_loses_a_job_does_not_keep_it_for_ever(
     worker.start()
     row = wait_for(sqlite_repo, job, "succeeded", "failed")
     assert (row.state, row.attempt, row.token) == ("failed", 2, 5)
-    assert "begun 2 times; the last time: its engine failed (CancelledError)" in row.message
+    assert (
+        "begun 2 times; the last time: its engine failed (CancelledError: it dropped the work)" in row.message
+    )
 
 
 def test_work_that_is_done_waits_for_a_busy_database_and_keeps_its_lease(

@@ -56,8 +56,11 @@ class DaskLike:
     """Dask's client and executor as far as a worker meets them: `shutdown` knows no `cancel_futures`."""
 
     closed = 0
+    status = "running"
 
-    def __init__(self, _address: str) -> None:
+    def __init__(self, _address: str, *, timeout: float, set_as_default: bool) -> None:
+        assert timeout > 0
+        assert not set_as_default
         self._inner = InlineExecutor()
 
     def get_executor(self, *, pure: bool) -> DaskLike:
@@ -70,7 +73,8 @@ class DaskLike:
     def shutdown(self, wait: bool = True) -> None:
         assert not wait
 
-    def close(self) -> None:
+    def close(self, timeout: float) -> None:
+        assert timeout > 0
         DaskLike.closed += 1
 
 
@@ -78,6 +82,7 @@ def test_a_worker_on_a_cluster_ends_its_connection(
     sqlite_repo: Repository, terrain_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=DaskLike))
+    monkeypatch.setattr("ground.jobs.executors.knock", lambda _address: None)
     mission = yard(sqlite_repo, terrain_folder)
     job = queue_job(sqlite_repo, mission.id)
     there = {"executor": ExecutorKind.DISTRIBUTED, "dask_scheduler": "tcp://127.0.0.1:1"}

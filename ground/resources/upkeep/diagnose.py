@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import shutil
-import socket
 import stat
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
-from urllib.parse import urlsplit
 
 from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from ground.gdr.migrate import current_revision, newest_revision
 from ground.gdr.repository import Repository
+from ground.jobs.executors import knock
 from ground.jobs.row import JobRow
 from ground.records.actor import Role
 from ground.resources.backups.check_files import check_files
@@ -30,7 +29,6 @@ WAITS = timedelta(minutes=10)
 """A job that waits longer than this while none runs has no worker."""
 TOO_LONG_AGO = timedelta(days=7)
 LATELY = timedelta(days=1)
-CONNECT_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +84,10 @@ def _door(repo: Repository) -> Iterator[Finding]:
             "put a TLS proxy before it and set OUTCROP_COOKIE_SECURE=true",
         )
     if settings.executor is ExecutorKind.DISTRIBUTED:
-        address = urlsplit(settings.dask_scheduler)
         try:
-            socket.create_connection((address.hostname or "", address.port or 8786), CONNECT_S).close()
+            knock(settings.dask_scheduler)
         except OSError as err:
-            yield Finding(
-                f"the Dask scheduler {settings.dask_scheduler} does not answer ({err.strerror or err})",
-                "start it; jobs wait until then",
-            )
+            yield Finding(str(err), "start it; jobs wait until then")
 
 
 def _schema(repo: Repository) -> Iterator[Finding]:
