@@ -212,7 +212,7 @@ def test_a_steep_bank_is_driven_round_and_a_moat_makes_a_point_unreachable() -> 
     heights[(ring > 3) & (ring < 4)] = -5
     closed = build_network(replace(request, terrain=TerrainGrid(0.125, 29.875, 0.25, heights)))
     assert [u.id for u in closed.unreachable] == ["O"]
-    assert "close every way" in closed.unreachable[0].reason
+    assert "close every path" in closed.unreachable[0].reason
     assert closed.route("start", "O") is None
 
 
