@@ -153,7 +153,7 @@ def merge_rows(
         Whose state stands in every conflict in which a side can be taken. Such conflicts are still listed.
     choices
         The same for single conflicts; it goes before `take`. One decides what others there are, so those of
-        conflicts that are there without any choice are accepted too.
+        conflicts that are there under other choices are accepted too.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def merge_rows(
         plain.run()
         known |= {c.key for c in plain.conflicts if c.choosable}
     for kind, name, where in chosen:
-        if (kind, name, where) not in known:
+        if (kind, name, where) not in known and not work.may_arise((kind, name, where)):
             place = name + (f" :{where}" if where else "")
             raise InvalidInputError(f"there is no conflict {kind} at {place} in which a side can be taken")
     return MergedRows(rows if work.closed else None, tuple(work.conflicts))
@@ -223,6 +223,18 @@ class _Merge:
             taken = None
         self.closed &= taken is not None
         return taken or Take.OURS
+
+    def may_arise(self, conflict: ConflictKey) -> bool:
+        """Return whether a conflict that rests on choices may be there under others than those given."""
+        kind, row, where = conflict
+        fields = [(k, side[k]) for side in (self.base, self.ours, self.theirs) for k in side if k[1] == row]
+        if kind == RowConflictKind.SAME_NAME:
+            return any(self.schema.unique.get(key[0]) == where for key, _ in fields)
+        return kind == RowConflictKind.REFERS_TO_REMOVED and any(
+            other not in self.ours or other not in self.theirs
+            for key, found in fields
+            for other in self.schema.references(key, where, found.get(where))
+        )
 
     # ---- single rows
 

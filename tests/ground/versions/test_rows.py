@@ -160,6 +160,20 @@ def test_what_no_merge_carries_over_is_named_and_stays() -> None:
         merged(BASE, theirs, ("not-merged", "s", "", "theirs"))
 
 
+def test_a_choice_of_a_conflict_that_another_choice_does_away_with_is_good() -> None:
+    """Somebody changes their mind about the first; what they said of the second is moot, and not wrong."""
+    ours, theirs = edited(r2=None, b=None), edited(b=look("r2", "a", value=5.0))
+    second = ("refers-to-removed", "b", "of", "theirs")
+    assert merged(ours, theirs, ("removed-and-changed", "b", "", "ours"), second).rows == ours
+    for other in (("refers-to-removed", "b", "after"), ("refers-to-removed", "a", "of")):
+        with pytest.raises(InvalidInputError, match="there is no conflict refers-to-removed"):
+            merged(ours, theirs, ("removed-and-changed", "b", "", "ours"), (*other, "ours"))
+    named = ("same-name", "r1", "name", "ours")
+    assert merged(ours, theirs, ("removed-and-changed", "b", "", "ours"), named).rows == ours
+    with pytest.raises(InvalidInputError, match="there is no conflict same-name"):
+        merged(ours, theirs, ("removed-and-changed", "b", "", "ours"), ("same-name", "b", "name", "ours"))
+
+
 def test_a_choice_of_no_conflict_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="there is no conflict both-changed at r1 :notes"):
         merged(BASE, edited(r1=rock("One", notes="x")), ("both-changed", "r1", "notes", "ours"))
