@@ -160,9 +160,9 @@ def state_of(repo: Repository, mission_id: str) -> State:
         found[mission_id] = {"kind": "mission", **{n: getattr(mission, n) for n in names}}
         for rule in mission.drive_rules or []:
             ends = (rule["from_target_id"] or "", rule["to_target_id"])
-            via = rule["via_m"]
-            if ends[1] < ends[0] and via is not None:
-                via = via[::-1]
+            corners = None if rule["via_m"] is None else tuple(map(tuple, rule["via_m"]))
+            # As seen from either end: ids may get another order when a target is made anew.
+            via = None if corners is None else frozenset({(ends[0], corners), (ends[1], corners[::-1])})
             found[mission_id]["drive", frozenset(ends)] = {"via": via}
     return found
 
