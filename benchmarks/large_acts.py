@@ -8,6 +8,7 @@ While the mission is copied another thread opens sols and tells how long each wr
 from __future__ import annotations
 
 import argparse
+import random
 import statistics
 import tempfile
 import threading
@@ -18,6 +19,7 @@ from typing import Any
 
 from sqlalchemy import insert, select
 
+from ground.app.service import spare_full_collections
 from ground.gdr.ids import new_id
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository, open_repository
@@ -46,12 +48,22 @@ def timed(label: str, act: Callable[[], Any]) -> None:
 
 
 def fill(repo: Repository, mission_id: str, count: int) -> None:
-    """Give a mission so many targets, the same few again and again."""
+    """Give a mission so many targets, each with numbers of its own."""
     table: Any = TARGET.row.__table__
+    chance = random.Random(1)
+    numbers = ("east_m", "north_m", "up_m", "slope_rad")
     with repo.database.write() as session:
         some = [dict(row) for row in session.execute(select(table).limit(200)).mappings()]
         rows = [
-            {**some[n % len(some)], "id": new_id("tgt"), "mission_id": mission_id, "name": f"F{n}"}
+            {
+                **some[n % len(some)],
+                **{name: chance.uniform(0.0, 1.0) for name in numbers},
+                "normal": [chance.uniform(-1.0, 1.0) for _ in range(3)],
+                "covariance_m2": [[chance.uniform(0.0, 0.01) for _ in range(3)] for _ in range(3)],
+                "id": new_id("tgt"),
+                "mission_id": mission_id,
+                "name": f"F{n}",
+            }
             for n in range(count)
         ]
         session.execute(insert(table), rows)
@@ -93,6 +105,7 @@ def main() -> None:
 
 def measure(repo: Repository, targets: int, copied: int) -> None:
     """Do the large acts one after the other."""
+    spare_full_collections()  # as the service does when it has started
     source = GeneratedTerrain(seed=1, size_m=48.0)
     first, large, other = (create_mission(repo, PLANNER, name=n, source=source).id for n in "ABC")
     rows = [

@@ -138,5 +138,6 @@ class Row(Base):
     revision: Mapped[int] = mapped_column(default=1)
 
 
-def mission_column() -> Mapped[str]:
-    return mapped_column(ForeignKey("missions.id", ondelete="CASCADE"), index=True)
+def mission_column(*, index: bool = True) -> Mapped[str]:
+    """Return the column of the mission; without an index of its own where another begins with it."""
+    return mapped_column(ForeignKey("missions.id", ondelete="CASCADE"), index=index)

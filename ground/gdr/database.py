@@ -19,7 +19,7 @@ from sqlalchemy.exc import DisconnectionError, NoResultFound
 from sqlalchemy.orm import Session
 
 from ground.errors import BusyError, DamagedDataError
-from ground.gdr.decoding import keep_odd_times, loads, name_damage
+from ground.gdr.decoding import dumps, keep_odd_times, loads, name_damage
 from ground.gdr.durable import FILE_MODE, make_folder
 from ground.gdr.notices import tell_of
 
@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 
 _WRITE = "outcrop_write"
 _SQLITE_ARGUMENTS: dict[str, Any] = {"check_same_thread": False, "timeout": 30.0}
+_POOL_AND_JSON: dict[str, Any] = {
+    "pool_size": 20,
+    "max_overflow": 60,
+    "json_serializer": dumps,
+    "json_deserializer": loads,
+}
 
 
 class ReferredSession(Session):
@@ -144,16 +150,10 @@ class Database:
             if self.url.database and self.url.database != ":memory:":
                 make_folder(Path(self.url.database).parent)
                 os.close(os.open(self.url.database, os.O_CREAT | os.O_RDWR, FILE_MODE))
-            self.engine = create_engine(
-                self.url,
-                connect_args=_SQLITE_ARGUMENTS,
-                pool_size=20,
-                max_overflow=60,
-                json_deserializer=loads,
-            )
+            self.engine = create_engine(self.url, connect_args=_SQLITE_ARGUMENTS, **_POOL_AND_JSON)
             _prepare_sqlite(self.engine)
         else:
-            self.engine = create_engine(self.url, pool_size=20, max_overflow=60, json_deserializer=loads)
+            self.engine = create_engine(self.url, **_POOL_AND_JSON)
             _prepare_postgres(self.engine)
         name_damage(self.engine)
         self.write_engine = self.engine.execution_options(**{_WRITE: True})
@@ -170,9 +170,7 @@ class Database:
             isolation_level="AUTOCOMMIT",
             pool_reset_on_return=None,
             pool_use_lifo=True,
-            pool_size=20,
-            max_overflow=60,
-            json_deserializer=loads,
+            **_POOL_AND_JSON,
             **more,
         )
         name_damage(engine)

@@ -149,10 +149,12 @@ def drain(session: Session, chain_id: str) -> Seals | None:
     } or None
 
 
-def seal_digests(session: Session, chain_id: str, table: Table, digests: Iterable[tuple[str, str]]) -> None:
+def seal_digests(
+    session: Session, chain_id: str, table: Table, ids: Iterable[str], digests: Iterable[str]
+) -> None:
     """Seal rows of a chain by their ids and digests."""
     pending = pending_of(session).setdefault(chain_id, {})
-    pending |= {f"{table.name}/{row}": found for row, found in digests}
+    pending |= zip(map(f"{table.name}/".__add__, ids), digests, strict=True)
 
 
 def seal_values(session: Session, chain_id: str, table: Table, rows: list[Columns]) -> None:

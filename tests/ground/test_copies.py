@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import timedelta
 from typing import Any
 
@@ -9,8 +10,11 @@ import pytest
 from sqlalchemy import func, select, text
 
 from ground.app import service
+from ground.gdr.base import table_of
 from ground.gdr.history import EventRow, verify_chains
 from ground.gdr.ids import new_id, new_ids
+from ground.gdr.raw_rows import RawRows
+from ground.gdr.seals import row_digest, values_of
 from ground.resources.history.verify_rows import verify_rows
 from ground.resources.mission_archives import copy_mission as copying
 from ground.resources.missions.row import MissionRow
@@ -196,3 +200,54 @@ def test_ids_made_together_are_ids_like_others_and_ascend() -> None:
     assert sorted({before, *many, after}) == [before, *many, after]
     assert {len(name) for name in many} == {len(before)}
     assert new_ids("tgt", 0) == []
+
+
+@pytest.mark.parametrize("differ", [False, True])
+def test_digests_of_columns_are_those_of_the_rows(api: Api, mission: Mission, differ: bool) -> None:
+    """Texts that look like the borders between texts, quotes, percent signs, nulls and usual values."""
+    odd = [
+        "plain",
+        'a","b',
+        "back\\slash",
+        'quote"',
+        "100 %b %s",
+        "caf\u00e9 \u2028",
+        "\x1f",
+        ",",
+        '"',
+        "",
+    ]
+    with api.repo.database.write() as session:
+        for n in range(40):
+            k = n if differ else 3
+            row = TargetRow(
+                id=new_id("tgt"),
+                mission_id=mission.id,
+                name=f"{n} {odd[k % 10]}",
+                notes=odd[k // 4],
+                feature_type=odd[-1 - k % 3],
+                author="Planner",
+                east_m=[0.1, -0.0, 1e-7, 1e22, 3.0][k % 5],
+                north_m=float(k),
+                up_m=-0.0,
+                slope_rad=0.0,
+                normal=[0.0, -0.0, 1.0 / (1 + k)],
+                covariance_m2=[[1e-9, 0.0], [0.0, 5e-324]],
+                source_image=odd[k % 2],
+                in_frame={"z": 1, "a": {"y": None, "b": odd[k % 9]}} if k % 3 else None,
+            )
+            session.add(row)
+    with api.repo.database.read() as session:
+        connection = session.connection()
+        raw = RawRows(table_of(TargetRow), connection.dialect)
+        rows = raw.read(connection, mission.id)
+        assert len(rows) == 40
+        wanted = [
+            row_digest(raw.table, values_of(session.get_one(TargetRow, row[raw.place["id"]]))) for row in rows
+        ]
+    assert raw.digests(list(zip(*rows, strict=True))) == wanted
+    at = raw.place["normal"]  # as it was written until lately, with spaces
+    older = [[json.dumps(json.loads(v)) if k == at else v for k, v in enumerate(row)] for row in rows]
+    assert raw.digests(list(zip(*older, strict=True))) == wanted
+    one = [(value,) for value in rows[7]]
+    assert raw.digests(one) == wanted[7:8]

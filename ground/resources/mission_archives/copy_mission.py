@@ -36,8 +36,8 @@ from ground.resources.people.mission_roles import inherit_roles
 
 COPIED = ("frame", "solution", "frame_file", "site_map", "sol", "target", "observation_request", "keep_out")
 """Kinds that a copy has, in the order in which they refer to each other."""
-ROWS_AT_ONCE = 750
-"""Rows of one transaction: about 10 ms, so that one may wait for two of them within 50 ms."""
+ROWS_AT_ONCE = 2000
+"""Rows of one transaction: about 20 ms, so that one may wait for two of them within 50 ms."""
 LEFT_BEHIND = timedelta(minutes=10)
 """A copy that has written nothing for so long goes on no more: its server was stopped.
 
@@ -47,6 +47,8 @@ A transaction of one takes about 10 ms and waits for others at most as long as t
 CLAIMED = datetime(1970, 1, 1, tzinfo=UTC)
 """When a copy was modified that is being deleted: whoever wrote it finds that it is not theirs any more."""
 
+ANEW = ("author", "revision", "mission_id", "created_utc", "modified_utc")
+"""Columns that are the copy's own."""
 _NAMES = ("frame_id", "reference_id", "solution_id", "file_id", "target_id")
 """Columns that refer to something of the same mission."""
 _REQUEST = "observation_request"
@@ -84,12 +86,16 @@ def copy_mission(repo: Repository, actor: Actor, mission_id: str, *, name: str, 
         source = _read(repo, mission_id)
         ids = _new_ids(source)
         beat = _begin(repo, actor, source.mission, copy_id, name, notes)
-        for raw, rows in _copies(source, actor, copy_id, ids):
-            digests = [(row[raw.place["id"]], raw.digest(row)) for row in rows]
+        for raw, columns in _copies(source, actor, copy_id, ids):
+            names, digests, rows = (
+                columns[raw.place["id"]],
+                raw.digests(columns),
+                [*zip(*columns, strict=True)],
+            )
             with repo.database.write() as session:
                 beat = _alive(session, copy_id, beat)
                 raw.write(session.connection(), rows)
-                seal_digests(session, copy_id, raw.table, digests)
+                seal_digests(session, copy_id, raw.table, names, digests)
     with repo.database.write() as session:
         find_row(session, MISSION, mission_id)
         inherit_roles(session, actor, mission_id, copy_id)
@@ -116,7 +122,7 @@ def _read(repo: Repository, mission_id: str) -> _Source:
         event = reader.execute(select(ChainRow.seq).where(ChainRow.id == mission_id)).scalar_one()
         parts = []
         for kind_name in COPIED:
-            raw = RawRows(_table(kind_name), reader.dialect)
+            raw = RawRows(_table(kind_name), reader.dialect, unread=ANEW)
             parts.append(_Part(kind_name, raw, raw.read(reader, mission_id)))
         return _Source(dict(mission), parts, event)
 
@@ -164,37 +170,36 @@ def _alive(session: Session, copy_id: str, beat: datetime) -> datetime:
 
 def _copies(
     source: _Source, actor: Actor, copy_id: str, ids: Mapping[str, str]
-) -> Iterator[tuple[RawRows, list[tuple[Any, ...]]]]:
-    """Yield the rows of a copy, as many as one transaction writes, in the order in which they refer."""
+) -> Iterator[tuple[RawRows, list[Sequence[Any]]]]:
+    """Yield the columns of the rows of a copy, as many as a transaction writes, as they refer."""
     now = utc_now()
     for part in source.parts:
         place = part.raw.place
-        fixed = {"author": actor.name, "revision": 1, "mission_id": copy_id}
-        fixed |= dict.fromkeys(("created_utc", "modified_utc"), part.raw.time(now))
+        made = part.raw.time(now)
+        fixed = dict(zip(ANEW, (actor.name, 1, copy_id, made, made), strict=True))
         fixed |= {"state": "open", "state_reason": ""} if part.kind == _REQUEST else {}
-        set_here = [(place[name], value) for name, value in fixed.items()]
         named = [place[name] for name in ("id", *_NAMES) if name in place]
         after = place.get("after") if part.kind == _REQUEST else None
         for first in range(0, len(part.rows), ROWS_AT_ONCE):
-            some = []
-            for row in part.rows[first : first + ROWS_AT_ONCE]:
-                mine = list(row)
-                for at, value in set_here:
-                    mine[at] = value
-                for at in named:
-                    if mine[at] is not None:
-                        mine[at] = ids[mine[at]]
-                if after is not None:
-                    mine[after] = json.dumps([ids[i] for i in json.loads(mine[after]) if i in ids])
-                some.append(tuple(mine))
-            yield part.raw, some
+            some = part.rows[first : first + ROWS_AT_ONCE]
+            columns: list[Sequence[Any]] = list(zip(*some, strict=True))
+            for name, value in fixed.items():
+                columns[place[name]] = [value] * len(some)
+            for at in named:
+                columns[at] = [value if value is None else ids[value] for value in columns[at]]
+            if after is not None:
+                columns[after] = [_after(text, ids) for text in columns[after]]
+            yield part.raw, columns
+
+
+def _after(text: str, ids: Mapping[str, str]) -> str:
+    return json.dumps([ids[request] for request in json.loads(text) if request in ids])
 
 
 def _base(source: _Source, actor: Actor, copy_id: str, ids: Mapping[str, str]) -> MergeBaseRow:
     """Return what a copy is compared by with what it was made of, and merged."""
     head = {"id": new_id(MERGE_BASE.prefix), "author": actor.name, "mission_id": copy_id}
-    pairs = [list(pair) for pair in ids.items()]
-    return MergeBaseRow(**head, from_id=source.mission["id"], event=source.event, pairs=pairs)
+    return MergeBaseRow(**head, from_id=source.mission["id"], event=source.event, pairs=list(ids.items()))
 
 
 def _rules(rules: Sequence[Mapping[str, Any]] | None, ids: Mapping[str, str]) -> list[dict[str, Any]] | None:

@@ -36,5 +36,5 @@ def mission_terrain(repo: Repository, session: Session, mission_id: str) -> Terr
 
 
 def terrain_bounds(session: Session, mission_id: str) -> Bounds:
-    """Return the rectangle of a mission's terrain."""
+    """Return the rectangle of a mission's terrain, site frame, m."""
     return Bounds(**terrain_row(session, mission_id).description["bounds_m"])

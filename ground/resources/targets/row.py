@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import UniqueConstraint
+from sqlalchemy import Index, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from ground.gdr.base import Notes, Row, Text40, Text80, Text200, mission_column
 from mission import Target
 
+_NAMED = text("frame_id IS NOT NULL")
+"""Most targets were designated in the site frame, and cost the index nothing."""
+
 
 class TargetRow(Row):
     __tablename__ = "targets"
-    __table_args__ = (UniqueConstraint("mission_id", "name"),)
+    __table_args__ = (
+        UniqueConstraint("mission_id", "name"),
+        Index("ix_targets_frame_id", "frame_id", sqlite_where=_NAMED, postgresql_where=_NAMED),
+    )
 
-    mission_id: Mapped[str] = mission_column()
+    mission_id: Mapped[str] = mission_column(index=False)
     name: Mapped[Text80]
     notes: Mapped[Notes]
     feature_type: Mapped[Text80] = mapped_column(default="", server_default="")
@@ -27,7 +33,7 @@ class TargetRow(Row):
     slope_rad: Mapped[float]
     covariance_m2: Mapped[list[Any]]
     source_image: Mapped[Text200] = mapped_column(default="")
-    frame_id: Mapped[Text40 | None] = mapped_column(index=True)
+    frame_id: Mapped[Text40 | None]
     in_frame: Mapped[dict[str, Any] | None]
     """What was seen from the frame, in its own axes; the columns above follow from it."""
 
