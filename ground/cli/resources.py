@@ -130,6 +130,9 @@ LINES = {
     "get_plan_findings": "{severity} {code} line {line}: {message}",
     "import_geometry": "{targets:n} targets, {keep_outs:n} keep-outs",
     "list_traverses": "{id}  {name}",
+    "create_api_key": "{id}  {secret}",
+    "create_webhook": "{id}  {secret}",
+    "rotate_webhook_secret": "{id}  {secret}",
     "list_webhooks": "{id}  {active}  {name}  {url}",
     "list_webhook_deliveries": "{event:6}  {at_utc}  {state}  {type}  {attempts} tries  {detail}",
 }
@@ -390,6 +393,11 @@ def _say(operation: Operation, where: Sequence[str | int], answer: Any, out: Pat
         written(out, json.dumps(answer, indent=1, ensure_ascii=False).encode())
     elif out is not None:
         written(out, answer.encode() if isinstance(answer, str) else answer)
+    elif line is not None and isinstance(answer, dict) and "items" in answer:
+        if answer.get("trouble"):
+            typer.echo(answer["trouble"])
+        for item in answer["items"]:
+            typer.echo(_Line().vformat(line, (), item))
     elif operation.paged or (line is not None and isinstance(answer, list)):
         for item in answer:
             typer.echo(_Line().vformat((line or "{id}") + _where(item), (), item))

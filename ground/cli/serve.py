@@ -44,6 +44,8 @@ def register(app: typer.Typer) -> None:
         require_migrated(settings)
         import uvicorn
 
+        from ground.app.calm_server import CalmServer
+
         shown = settings.host if settings.host not in {"0.0.0.0", "::"} else socket.gethostname()
         typer.echo(f"Outcrop is at http://{shown}:{listener.getsockname()[1]}/  (stop with Ctrl-C)")
         config = uvicorn.Config(
@@ -56,7 +58,7 @@ def register(app: typer.Typer) -> None:
             proxy_headers=bool(settings.trusted_proxies),
             forwarded_allow_ips=settings.trusted_proxies or None,
         )
-        uvicorn.Server(config).run(sockets=[listener])
+        CalmServer(config).run(sockets=[listener])
 
     @app.command("worker")
     def worker_command(

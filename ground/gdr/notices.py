@@ -12,6 +12,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Set
+from selectors import EVENT_READ, DefaultSelector
 from typing import Any
 
 from sqlalchemy import URL, event, text
@@ -39,16 +40,30 @@ def tell_of(session: Session) -> None:
 def _tell(session: Session, _context: Any) -> None:
     topics = {getattr(row, "topic", None) for row in (*session.new, *session.dirty)} - {None}
     for topic in sorted(str(topic) for topic in topics):
-        session.connection().execute(text(f"SELECT pg_notify('{CHANNEL}', :topic)"), {"topic": topic})
+        tell(session, topic)
+
+
+def tell(session: Session, topic: str) -> None:
+    """Tell of a topic when the session's transaction is committed, where the database can."""
+    connection = session.connection()
+    if connection.dialect.name == "postgresql":
+        connection.execute(text(f"SELECT pg_notify('{CHANNEL}', :topic)"), {"topic": topic})
 
 
 class Watch:
     """One thread of a process that hears of changes, while somebody listens."""
 
     def __init__(
-        self, address: URL, heard: Heard, wanted: Callable[[], bool], moved: Moved = lambda: None
+        self,
+        address: URL,
+        heard: Heard,
+        wanted: Callable[[], bool],
+        moved: Moved = lambda: None,
+        wait_s: float = 4 * TICK_S,
     ) -> None:
         self._address, self._heard, self._wanted, self._moved = address, heard, wanted, moved
+        self._wait_s = wait_s
+        """How long PostgreSQL is waited for before `poke` and `stop` are heard."""
         self._poked = threading.Event()
         self._stopped = False
         self._thread: threading.Thread | None = None
@@ -105,17 +120,17 @@ class Watch:
         import psycopg
 
         address = self._address.set(drivername="postgresql").render_as_string(hide_password=False)
-        with psycopg.connect(address, autocommit=True) as connection:
+        with psycopg.connect(address, autocommit=True) as connection, DefaultSelector() as selector:
             connection.execute(f"LISTEN {CHANNEL}")
+            selector.register(connection.fileno(), EVENT_READ)
             self._heard(None)  # what was told before somebody listened
             looked = time.monotonic()
             while self._going():
                 moved = self._moved()
-                wait_s = 4 * TICK_S if moved is None else TICK_S
-                topics = {told.payload for told in connection.notifies(timeout=wait_s, stop_after=1)}
-                if topics:
+                wait_s = self._wait_s if moved is None else TICK_S
+                topics = set(moved or ())
+                if selector.select(wait_s):  # psycopg's own waiting wakes ten times a second
                     topics |= {told.payload for told in connection.notifies(timeout=TICK_S / 2)}
-                topics |= moved or set()
                 now = time.monotonic()
                 if self._poked.is_set() or now - looked > AGAIN_S:
                     self._poked.clear()

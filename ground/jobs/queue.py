@@ -28,6 +28,7 @@ from ground.errors import GroundError, JobFailedError
 from ground.extras import missing_extra
 from ground.gdr.base import utc_now
 from ground.gdr.ids import new_id
+from ground.gdr.notices import tell
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.settings import Settings
@@ -65,9 +66,13 @@ because of the job.
 WAKE = threading.Event()
 """Set when a job was queued in this process, so that its worker need not wait for the next look."""
 
+QUEUED = "jobs"
+"""What the database tells when a job was queued, so that no worker elsewhere need wait either."""
+
 
 def wake_after(session: Session) -> None:
-    """Wake the worker of this process as soon as the transaction is committed."""
+    """Wake the workers as soon as the transaction is committed."""
+    tell(session, QUEUED)
     event.listen(session, "after_commit", lambda _session: WAKE.set())
 
 
@@ -203,10 +208,10 @@ def claim_job(repo: Repository, kinds: Mapping[str, JobKind], worker: str) -> Cl
             return Claim(row.id, row.kind, row.token, row.attempt, dict(row.payload), row.time_limit_s)
 
 
-def waiting(repo: Repository, kinds: Mapping[str, JobKind]) -> bool:
-    """Return whether there is a job to be claimed."""
+def waiting(repo: Repository, kinds: Mapping[str, JobKind]) -> frozenset[str]:
+    """Return the kinds of which there is a job to be claimed."""
     with repo.database.read() as session:
-        return session.scalar(select(JobRow.id).where(_claimable(kinds)).limit(1)) is not None
+        return frozenset(session.scalars(select(JobRow.kind).where(_claimable(kinds)).distinct()))
 
 
 def _claimable(kinds: Mapping[str, JobKind]) -> ColumnElement[bool]:
@@ -303,6 +308,7 @@ def hand_back(repo: Repository, claim: Claim, reason: str, *, tried: bool = True
             row.state, row.lease_until_utc, row.message = "queued", None, reason
             row.revision += 1
             _log(row, reason)
+            wake_after(session)
 
 
 def problem_of(error: BaseException) -> Document:

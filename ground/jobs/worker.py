@@ -8,7 +8,7 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,12 +18,14 @@ from sqlalchemy.exc import OperationalError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as NoConnectionError
 
 from ground.errors import BusyError, GroundError, JobFailedError
+from ground.gdr.notices import Watch
 from ground.gdr.repository import Repository
 from ground.jobs.engine import EngineState, killed_its_workers, of_engine
 from ground.jobs.executors import _Channel, make_executor, run_work
 from ground.jobs.leases import Held, LeaseKeeper
 from ground.jobs.presence import Beat, Presence, utc_text
 from ground.jobs.queue import (
+    QUEUED,
     WAKE,
     Claim,
     JobKind,
@@ -71,6 +73,9 @@ class Worker:
 
     LOOK_S = 0.5
 
+    TOLD_LOOK_S = 5.0
+    """Where the database tells of what is queued: then only leases that ran out are looked for."""
+
     LIVE_SLOTS = 4
     """Rovers that a control room has in hand at once; a slot that waits has no process."""
 
@@ -94,6 +99,11 @@ class Worker:
         self._thread: threading.Thread | None = None
         self.folder = repo.job_dir()
         self._beat = Beat(self.folder)
+        self._look_at = 0.0
+        """When jobs are looked for again: at once when one was queued or a slot became free."""
+        self._bell: Watch | None = None
+        if not repo.database.is_sqlite:
+            self._bell = Watch(repo.database.url, self._told, lambda: True, wait_s=0.5)
 
     # ---- life
 
@@ -116,6 +126,8 @@ class Worker:
     def run(self) -> None:
         """Look for jobs until stopped."""
         try:
+            if self._bell is not None:
+                self._bell.poke()
             if self.repo.settings.executor is ExecutorKind.DISTRIBUTED:
                 self._ready(0)  # a cluster that is away is told before a job waits for it
             while not self._stop.is_set():
@@ -131,11 +143,25 @@ class Worker:
                     logger.exception("the worker met an error and goes on")
                     busy = False
                     self._stop.wait(1.0)
-                WAKE.wait(0.05 if busy else self.LOOK_S)
-                WAKE.clear()
+                if WAKE.wait(0.05 if busy else self._rest_s()):
+                    WAKE.clear()
+                    self._look_at = 0.0
         finally:
+            if self._bell is not None:
+                self._bell.stop()
             self._beat.leave()
             self._wind_down()
+
+    def _rest_s(self) -> float:
+        """Return how long an idle worker sleeps; a cluster and an engine that failed are looked after."""
+        told = self._bell is not None and self.repo.settings.executor is not ExecutorKind.DISTRIBUTED
+        if not told or self.engine.trouble:
+            return self.LOOK_S
+        return max(0.0, min(self.TOLD_LOOK_S / 2, self._look_at - time.monotonic()))
+
+    def _told(self, topics: Set[str] | None) -> None:
+        if topics is None or QUEUED in topics:
+            WAKE.set()
 
     def run_until_idle(self) -> int:
         """Do all jobs that wait, one after the other, and return how many; for tests and commands."""
@@ -158,7 +184,10 @@ class Worker:
     def step(self) -> bool:
         """Claim what there is room for, attend to what runs; return whether anything runs."""
         self._look_after_engine()
-        self._claim()
+        if time.monotonic() >= self._look_at:
+            told = self._bell is not None and not self.engine.trouble
+            self._look_at = time.monotonic() + (self.TOLD_LOOK_S if told else self.LOOK_S)
+            self._claim()
         for index, running in enumerate(self._slots):
             if running is not None:
                 self._attend(index, running)
@@ -168,17 +197,15 @@ class Worker:
 
     def _claim(self) -> int:
         count = 0
-        idle: Mapping[str, JobKind] | None = None
+        there = waiting(self.repo, self.kinds) if None in self._slots else frozenset()
         for index, running in enumerate(self._slots):
             kinds = self._kinds_of[index]
-            if running is not None or kinds is idle:
-                continue
-            if not waiting(self.repo, kinds):
-                idle = kinds
+            if running is not None or there.isdisjoint(kinds):
                 continue
             if not self._ready(index):
                 break
             claim = claim_job(self.repo, kinds, self.name)
+            there = waiting(self.repo, self.kinds)
             if claim is not None and self._begin(index, claim):
                 count += 1
                 begun = self._slots[index]
@@ -333,6 +360,7 @@ class Worker:
         """
         self._conclude(index, running)
         self._slots[index] = None
+        self._look_at = 0.0
         self._leases.release(running.lease)
         for suffix in ("progress", "stop", "draft"):
             with contextlib.suppress(OSError):

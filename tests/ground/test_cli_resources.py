@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import httpx
@@ -76,7 +77,9 @@ def test_every_command_about_resources_says_that_it_needs_a_server(program: type
 @pytest.fixture
 def server(sqlite_repo: Repository) -> Iterator[str]:
     """Serve a repository over a socket; give the address."""
-    config = uvicorn.Config(build_app(sqlite_repo, with_worker=False), port=0, log_level="error")
+    settings = sqlite_repo.settings.model_copy(update={"webhook_hosts": "hooks.example"})
+    repo = replace(sqlite_repo, settings=settings)
+    config = uvicorn.Config(build_app(repo, with_worker=False), port=0, log_level="error")
     running = uvicorn.Server(config)
     thread = threading.Thread(target=running.run, daemon=True)
     thread.start()
@@ -137,6 +140,35 @@ def test_a_mission_is_worked_on_from_the_command_line(
     assert (tmp_path / "h.bin").stat().st_size > 0
     assert "name=value" in run("target", "set", target, "notes", code=2)
     assert httpx.get(f"{server}/healthz").status_code == 200
+
+
+def test_a_secret_is_shown_where_it_is_made(
+    run: Callable[..., str], sqlite_repo: Repository, terrain_folder: Path
+) -> None:
+    key, secret = run("api-key", "add", "nightly", "--role", "viewer", "--days", "30").split()
+    assert secret.startswith("oc_")
+    assert key in run("api-key", "list")
+    assert secret not in run("api-key", "list")
+    mission = yard(sqlite_repo, terrain_folder).id
+    hook, first = run("webhook", "add", mission, "name=lab", "url=https://hooks.example/outcrop").split()
+    same, second = run("webhook", "secret", hook).split()
+    assert same == hook
+    assert first.startswith("whsec_")
+    assert second.startswith("whsec_")
+    assert first != second
+
+
+def test_deliveries_of_a_webhook_are_a_line_each(
+    run: Callable[..., str], sqlite_repo: Repository, terrain_folder: Path
+) -> None:
+    mission = yard(sqlite_repo, terrain_folder).id
+    hook = run("webhook", "add", mission, "name=lab", "url=https://hooks.example/outcrop").split()[0]
+    assert run("webhook", "deliveries", hook) == ""
+    event = run("history", "list", mission).split()[0]
+    run("webhook", "redeliver", hook, event)
+    line = run("webhook", "deliveries", hook)
+    assert line.split()[0] == event
+    assert line.endswith("0 tries  asked for by Planner")
 
 
 def test_a_site_chain_is_imported_solved_anew_and_exported(

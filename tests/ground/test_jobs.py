@@ -16,8 +16,11 @@ from hypothesis.strategies import integers
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
+from ground.gdr import notices
 from ground.gdr.base import utc_now
 from ground.gdr.repository import Repository
+from ground.jobs import queue as queue_module
+from ground.jobs import worker as worker_module
 from ground.jobs.queue import Claim, JobKind, claim_job, enqueue, give_up, hand_back, renew, settle
 from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
@@ -275,6 +278,45 @@ def test_a_worker_that_stops_hands_its_jobs_back(repo: Repository) -> None:
     wait_for(repo, job, "running")
     first.stop()
     assert row_of(repo, job).state == "queued"
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize("database_address", ["postgresql"], indirect=True)
+def test_a_worker_that_is_told_asks_nothing_in_silence_and_hears_of_a_job_of_another_process(
+    repo: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Worker, "TOLD_LOOK_S", 600.0)
+    monkeypatch.setattr(notices, "AGAIN_S", 600.0)
+    looks: list[float] = []
+    listens = threading.Event()
+    told = Worker._told
+
+    def heard(worker: Worker, topics: Any) -> None:
+        told(worker, topics)
+        listens.set()
+
+    monkeypatch.setattr(Worker, "_told", heard)
+    real = worker_module.waiting
+
+    def counted(*given: Any) -> frozenset[str]:
+        looks.append(time.monotonic())
+        return real(*given)
+
+    monkeypatch.setattr(worker_module, "waiting", counted)
+    settings = repo.settings.model_copy(update={"executor": ExecutorKind.INLINE})
+    worker = Worker(dataclasses.replace(repo, settings=settings), KINDS, slots=1)
+    worker.start()
+    try:
+        assert listens.wait(30.0)
+        time.sleep(3.0)  # the look that comes of it may be late
+        before = len(looks)
+        time.sleep(2.0)
+        assert len(looks) == before, "nothing was told"
+        monkeypatch.setattr(queue_module, "WAKE", threading.Event())  # as in another process
+        wait_for(repo, queue(repo, "succeed"), "succeeded")
+        assert len(looks) > before
+    finally:
+        worker.stop()
 
 
 def test_progress_reaches_the_row(repo: Repository, worker: Worker) -> None:

@@ -43,7 +43,7 @@ from ground.resources.uploads.row import UploadRow
 from tests.ground.conftest import PLANNER
 from tests.ground.killed import KINDS, OPERATOR, PRODUCTS, TASK, main
 
-KILLS = int(os.environ.get("OUTCROP_KILLS", "25"))
+KILLS = int(os.environ.get("OUTCROP_KILLS", "10"))
 """How often the slow test kills; a hundred take two to five minutes on either database."""
 
 
