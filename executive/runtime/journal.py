@@ -154,10 +154,9 @@ class FileJournal:
             self._give_up(error)
 
     def _write(self, data: bytes) -> None:
-        view = memoryview(data)
-        while view:
-            written = os.write(self._file, view)
-            view = view[written:]
+        written = os.write(self._file, data)
+        while written < len(data):
+            written += os.write(self._file, data[written:])
         self._size += len(data)
 
     def _fsync(self) -> None:

@@ -7,8 +7,9 @@ to it.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from json.encoder import encode_basestring as quoted
+from typing import Any
 from zlib import crc32
 
 from executive.ports import Command, CommandId, Event, Result, TraceRecord, Value
@@ -26,26 +27,14 @@ def lines_of(number: int, entries: Sequence[Entry]) -> bytes:
     """Return the lines of records that follow each other, each with its line break, in UTF-8."""
     lines = []
     for n, entry in enumerate(entries, number):
-        body = _body(n, entry).encode()
+        body = _BODIES.get(type(entry), _slowly)(n, entry).encode()
         lines.append(b'%b,"crc":"%08x"}\n' % (body, crc32(body)))
     return b"".join(lines)
 
 
 def documents_of(number: int, entries: Sequence[Entry]) -> list[str]:
     """Return the records as JSON objects, without checksums."""
-    return [_body(n, entry) + "}" for n, entry in enumerate(entries, number)]
-
-
-def _body(number: int, entry: Entry) -> str:
-    """Return a record without its closing brace."""
-    kind = type(entry)
-    if kind is TraceRecord:
-        return _trace(number, entry)  # type: ignore[arg-type]
-    if kind is Command:
-        return _send(number, entry)  # type: ignore[arg-type]
-    if kind is Input:
-        return _input(number, entry)  # type: ignore[arg-type]
-    return _slowly(number, entry)
+    return [_BODIES.get(type(entry), _slowly)(n, entry) + "}" for n, entry in enumerate(entries, number)]
 
 
 def _slowly(number: int, entry: Entry) -> str:
@@ -64,7 +53,7 @@ def _input(number: int, entry: Input) -> str:
     kind, t_ms, events = entry
     if kind != "step" or type(t_ms) is not int:
         return _slowly(number, entry)
-    listed = ",".join(map(_event, events)) if events else ""
+    listed = _event(events[0]) if len(events) == 1 else ",".join(map(_event, events))
     return f'{{"n":{number},"k":"step","t":{t_ms},"events":[{listed}]'
 
 
@@ -78,10 +67,13 @@ def _send(number: int, command: Command) -> str:
     )
 
 
+_BODIES: dict[type, Callable[[int, Any], str]] = {TraceRecord: _trace, Command: _send, Input: _input}
+"""What writes a record of a type, without its closing brace."""
+
+
 def _event(event: Event) -> str:
-    kind = type(event)
-    if kind is Result:
-        return _result(event)  # type: ignore[arg-type]
+    if type(event) is Result:
+        return _result(event)
     return encode(event_to_json(event))
 
 

@@ -1,7 +1,7 @@
 """A scripted rover in a process of its own, and the executive's end of the line to it.
 
-Run as a module it is the executive: ``python -m tests.executive.crash_rover JOURNAL SOCKET KILL_AT`` runs or
-resumes the run of JOURNAL and kills itself with SIGKILL after KILL_AT journal records (0 = never).
+`execute` is the executive, in another process: it runs or resumes the run of a journal, and kills its process
+with SIGKILL after so many records (0: never).
 """
 
 from __future__ import annotations
@@ -9,9 +9,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
+import time
 from collections.abc import Sequence
 from multiprocessing.connection import Client, Connection, Listener
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,15 @@ class RemoteRover:
     """The rover as the executive sees it, through a socket."""
 
     def __init__(self, address: str) -> None:
-        self.line = Client(address, family="AF_UNIX", authkey=KEY)
+        deadline = time.monotonic() + 20
+        while True:
+            try:
+                self.line = Client(address, family="AF_UNIX", authkey=KEY)
+            except (FileNotFoundError, ConnectionRefusedError):  # it is not there yet, or does not listen
+                assert time.monotonic() < deadline, f"no rover listens at {address}"
+                time.sleep(0.005)
+            else:
+                break
 
     def ask(self, name: str, *arguments: object) -> Any:
         self.line.send((name, arguments))
@@ -129,11 +138,13 @@ def start_rover(
     address: str, actions: dict[str, tuple[Behaviour, ...]], script: tuple[Event, ...]
 ) -> multiprocessing.process.BaseProcess:
     """Start the process of the rover."""
-    context = multiprocessing.get_context("spawn")
-    process = context.Process(target=serve, args=(address, actions, script), daemon=True)
+    process = nursery().Process(target=serve, args=(address, actions, script), daemon=True)
     process.start()
     return process
 
 
-if __name__ == "__main__":
-    execute(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]))
+def nursery() -> ForkServerContext:
+    """Return what makes processes that have loaded this module already."""
+    made = multiprocessing.get_context("forkserver")
+    made.set_forkserver_preload(["tests.executive.crash_rover"])
+    return made

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
-import time
 from collections import defaultdict
 from pathlib import Path
 
@@ -18,9 +15,7 @@ from executive.runtime.loading import load_plan
 from executive.runtime.recovery import recorded_trace, replay, resume_session
 from executive.runtime.scripted_rover import Behaviour, ScriptedRover
 from executive.runtime.session import Session
-from tests.executive.crash_rover import RemoteRover, start_rover
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests.executive.crash_rover import RemoteRover, execute, nursery, start_rover
 
 SHORT_PLAN = """
 (plan :id short :node
@@ -171,11 +166,8 @@ def run_with_kills(
         address = str(folder / f"{kill_at}.sock")
         process = start_rover(address, actions, DAY_SCRIPT)
         try:
-            wait_for(Path(address))
-            line = [sys.executable, "-m", "tests.executive.crash_rover", str(journal), address]
-            first = subprocess.run([*line, str(kill_at)], cwd=ROOT, check=False)
-            assert first.returncode == -signal.SIGKILL, kill_at
-            subprocess.run([*line, "0"], cwd=ROOT, check=True)
+            assert end_of(journal, address, kill_at) == -signal.SIGKILL, kill_at
+            assert end_of(journal, address, 0) == 0, kill_at
             sent = RemoteRover(address).ask("bye")
         finally:
             process.join(timeout=10)
@@ -186,10 +178,12 @@ def run_with_kills(
         assert sent == commands, kill_at
 
 
-def wait_for(path: Path) -> None:
-    deadline = time.monotonic() + 20
-    while not path.exists():
-        assert time.monotonic() < deadline, f"{path} does not appear"
+def end_of(journal: Path, address: str, kill_at: int) -> int | None:
+    """Return how a process ended that ran the executive on."""
+    process = nursery().Process(target=execute, args=(journal, address, kill_at))
+    process.start()
+    process.join()
+    return process.exitcode
 
 
 def test_the_process_is_killed_and_the_rover_lives_on(tmp_path: Path) -> None:

@@ -49,5 +49,6 @@ def test_traces_that_differ_are_told_apart_by_the_first_instant() -> None:
 
 @pytest.mark.slow
 def test_many_random_replacements_keep_the_rules_and_agree_with_the_model() -> None:
-    assert sum(check_seed(seed) > 0 for seed in range(10_000, 20_000)) >= 5_000
-    assert sum(check_seed(seed, OPTION_EDITS) > 0 for seed in range(10_000, 12_000)) >= 1_000
+    """`python -m studies.replacements` flies ten thousands."""
+    assert sum(check_seed(seed) > 0 for seed in range(10_000, 12_000)) >= 1_000
+    assert sum(check_seed(seed, OPTION_EDITS) > 0 for seed in range(10_000, 10_400)) >= 200

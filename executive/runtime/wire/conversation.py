@@ -137,6 +137,7 @@ class Conversation:
         self.greeted = False
 
     def say(self, connection: Connection, now: float) -> None:
+        """Send what is due at `now` (monotonic, s): greeting, beat, receipts, commands."""
         retry = self.retry_s
         if self.outbox.stop_due(now, retry):
             connection.put({"m": "stop"}, urgent=True)

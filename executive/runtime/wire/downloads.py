@@ -73,7 +73,7 @@ class Downloads:
                 self._waiting.append(one)
 
     def request(self, now: float, retry_s: float) -> Json | None:
-        """Return the message that asks for the next piece, if it is time to ask (again)."""
+        """Return the message that asks for the next piece, if one is due at `now` (monotonic, s)."""
         if not self._waiting or now - self._waiting[0].asked < retry_s:
             return None
         first = self._waiting[0]

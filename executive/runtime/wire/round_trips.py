@@ -42,7 +42,7 @@ class RoundTrips:
         return self._count
 
     def end(self, mark: int, rover_ms: int, now: float) -> None:
-        """Take in the answer to a question."""
+        """Take in the answer to a question, heard at `now` (monotonic, s), with the rover's clock in it."""
         asked = self._asked.pop(mark, None)
         if asked is None:
             return
