@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
 
 from tests.web.conftest import CHROMIUM, FLAGS, ROOT, Server
 
@@ -63,7 +63,9 @@ def open_page(
         except BaseException:
             if folder := os.environ.get("OUTCROP_FAILURE_SHOTS"):
                 page.screenshot(path=Path(folder) / "failure.png")
-                print("console:", errors)
+            print("page:", page.url, "console:", errors)
+            with suppress(Error):  # the page may be gone
+                print(page.locator("body").inner_text(timeout=5000)[:4000])
             raise
         if refused:
             errors = [e for e in errors if not (f"status of {status}" in e and f"{refused}'" in e)]

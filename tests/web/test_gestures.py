@@ -26,6 +26,32 @@ def _open(page: Page, server: Server, mission: str, query: str = "?quality=test"
     expect(page.get_by_test_id("target-row").first).to_be_visible()
 
 
+def test_what_is_saved_late_takes_nobody_away_from_where_they_went(server: Server) -> None:
+    mission = small_mission(server, "A slow link")
+
+    def late(route: Route) -> None:
+        if route.request.method == "POST":
+            page.wait_for_timeout(1500)
+        route.continue_()
+
+    with chromium() as browser, open_page(browser, server) as page:
+        _open(page, server, mission)
+        page.wait_for_function("() => document.querySelector('[data-testid=map]')?.dataset.terrain")
+        before = len(ask(server, f"/missions/{mission}/keep-outs")["items"])
+        page.route(re.compile("keep-outs$"), late)
+        page.keyboard.press("o")
+        corners = [pixel(page, *corner) for corner in ((4.0, -4.0), (5.0, -4.0), (4.5, -3.0))]
+        for corner in corners:
+            page.mouse.click(*corner)
+        with page.expect_response(re.compile("keep-outs$")) as answer:
+            page.mouse.dblclick(*corners[0])
+            page.get_by_role("tab", name="Plan", exact=True).click()
+        assert answer.value.status == 201
+        page.get_by_role("tab", name=re.compile("^Keep-outs")).click()
+        expect(page.get_by_role("tab", name=re.compile("^Keep-outs"))).to_contain_text(str(before + 1))
+        expect(page.get_by_role("tab", name="Plan", exact=True)).to_have_attribute("aria-selected", "true")
+
+
 def test_a_place_to_stand_is_dragged_in_3d_saved_and_undone(server: Server) -> None:
     mission = small_mission(server, "Drag in 3D")
 

@@ -7,7 +7,7 @@ import { instrumentTitle, useOf } from "../src/lib/instruments";
 import { KEYS, keyList, keyName } from "../src/lib/keys";
 import { appended, blendAngle, type Columns, indexAt, momentAt, nodeStates, stepTimes } from "../src/lib/replay";
 import { bodyOf, freshFields, problemsOf } from "../src/lib/request-form";
-import { formatRoute, parseRoute, type Route } from "../src/lib/route";
+import { formatRoute, isSamePlace, parseRoute, type Route } from "../src/lib/route";
 import { contours, contourStep, type Grid, heightAt, slopes } from "../src/lib/terrain-image";
 
 describe("numbers for people", () => {
@@ -68,6 +68,15 @@ describe("deep links", () => {
     };
     expect(formatRoute(route)).toBe("#/m/msn-1?plan=pln-2&tab=crl&view=scene&sel=step:option-3/4");
     expect(parseRoute(formatRoute(route))).toEqual(route);
+  });
+
+  it("tells whether a person still looks at the same thing", () => {
+    const here = parseRoute("#/m/msn-1?plan=pln-2&tab=crl&sel=target:tgt-1");
+    expect(isSamePlace(here, { ...here, plan: "pln-3", run: "run-1", view: "map" })).toBe(true);
+    expect(isSamePlace(here, { ...here, selection: { kind: "target", id: "tgt-1" } })).toBe(true);
+    for (const gone of [{ mission: "msn-2" }, { tab: "plan" }, { selection: null }, { selection: { kind: "target", id: "tgt-2" } as const }]) {
+      expect(isSamePlace(here, { ...here, ...gone })).toBe(false);
+    }
   });
 
   it("do not stumble over what is not an address of ours", () => {

@@ -42,9 +42,7 @@ describe("versions of a plan", () => {
     );
   });
 
-  it("leave out what only says which plan it is", () => {
-    const own = [change("", { kind: "plan", group: "header", field: "id" }), change("", { kind: "plan", group: "words", field: "metadata" })];
-    expect(changeLines(own, PARTS, NAMES)).toEqual([]);
+  it("call what a plan says of itself the plan itself", () => {
     const kept = changeLines([change("", { kind: "plan", group: "resources", field: "metadata" })], PARTS, NAMES);
     expect(kept.map((line) => line.part)).toEqual(["the plan itself"]);
   });

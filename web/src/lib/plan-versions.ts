@@ -108,27 +108,22 @@ export interface ChangeLine {
   after: string;
 }
 
-/** Each stored plan has an id of its own, in its head and its notes: no difference to anybody. */
-const own = (change: PlanChange): boolean => change.id === "" && (change.field === "id" || change.field === "metadata") && change.group !== "resources";
-
-/** Differences in words. What says only which plan it is is left out. */
+/** Differences in words. */
 export function changeLines(changes: readonly PlanChange[], parts: ReadonlyMap<string, CrlNode>, names: Names): ChangeLine[] {
-  return changes
-    .filter((change) => !own(change))
-    .map((change, k): ChangeLine => {
-      const told = (text: string | undefined): string => plainText(text ?? "", parts, names);
-      const values = change.deed === "changed" && change.field !== "metadata";
-      const moved = change.deed === "moved";
-      return {
-        key: `${k}`,
-        group: change.group,
-        part: change.kind === "plan" && change.id === "" ? "the plan itself" : partName(change.id, parts, names),
-        deed: DEEDS[change.deed],
-        field: change.field === undefined || change.field === "" ? "" : change.field === "metadata" ? "notes" : fieldWords(change.field),
-        before: moved ? partName(change.before ?? "", parts, names) : values ? told(change.before) : "",
-        after: moved ? partName(change.after ?? "", parts, names) : values ? told(change.after) : "",
-      };
-    });
+  return changes.map((change, k): ChangeLine => {
+    const told = (text: string | undefined): string => plainText(text ?? "", parts, names);
+    const values = change.deed === "changed" && change.field !== "metadata";
+    const moved = change.deed === "moved";
+    return {
+      key: `${k}`,
+      group: change.group,
+      part: change.kind === "plan" && change.id === "" ? "the plan itself" : partName(change.id, parts, names),
+      deed: DEEDS[change.deed],
+      field: change.field === undefined || change.field === "" ? "" : change.field === "metadata" ? "notes" : fieldWords(change.field),
+      before: moved ? partName(change.before ?? "", parts, names) : values ? told(change.before) : "",
+      after: moved ? partName(change.after ?? "", parts, names) : values ? told(change.after) : "",
+    };
+  });
 }
 
 /** Titles of the groups of differences, in the order they are shown. */
@@ -156,7 +151,7 @@ export function marksOf(changes: readonly PlanChange[], parts: ReadonlyMap<strin
   const steps = new Map<string, string>();
   const marked = new Map<string, string>();
   for (const change of changes) {
-    if (change.group === "words" || change.group === "header" || change.deed === "removed" || own(change)) continue;
+    if (change.group === "words" || change.group === "header" || change.deed === "removed") continue;
     const node = parts.get(change.id);
     const path = node?.metadata.step;
     if (node === undefined || path === undefined || path === "") continue;

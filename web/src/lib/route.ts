@@ -16,6 +16,12 @@ export interface Route {
 
 export const NOWHERE: Route = { mission: null, plan: null, run: null, tab: null, view: null, selection: null };
 
+/** Whether a person still looks at the same sheet and the same thing; plan, run and view may have changed. */
+export function isSamePlace(a: Route, b: Route): boolean {
+  const chosen = [a.selection, b.selection].map((it) => it && `${it.kind}:${it.id}`);
+  return a.mission === b.mission && a.tab === b.tab && chosen[0] === chosen[1];
+}
+
 const KINDS = new Set<string>(["target", "request", "keep-out", "step", "branch", "product", "task"]);
 
 export function parseRoute(hash: string): Route {

@@ -4,7 +4,7 @@ import * as calls from "../api/calls";
 import { ProblemError } from "../api/client";
 import type { Person } from "../api/types";
 import type { Coordinates } from "../lib/coordinates";
-import { formatRoute, NOWHERE, parseRoute, type Route, type Selection } from "../lib/route";
+import { formatRoute, isSamePlace, NOWHERE, parseRoute, type Route, type Selection } from "../lib/route";
 
 export interface Toast {
   id: number;
@@ -72,6 +72,11 @@ class AppState {
     this.route = next;
     if (deep) history.pushState(null, "", url);
     else history.replaceState(history.state, "", url);
+  }
+
+  /** Go where an act led that began on `from`, unless the person has gone elsewhere meanwhile. */
+  goOn(from: Route, changes: Partial<Route>): void {
+    if (isSamePlace(from, this.route)) this.go(changes);
   }
 
   select(selection: Selection | null): void {

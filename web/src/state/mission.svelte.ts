@@ -649,24 +649,26 @@ export class MissionState {
       app.toast("bad", "No plan was asked for", `Overrun risk: ${this.orderProblem}.`);
       return null;
     }
+    const from = app.route;
     return await app.attempt("Planning", async () => {
       const job = await calls.createPlan(this.id, order);
       this.jobs = [...this.jobs.filter((other) => other.id !== job.id), job];
       this.follow(job);
       await this.reload("plan");
-      if (job.subject_id !== "") app.go({ plan: job.subject_id, tab: "plan", run: null });
+      if (job.subject_id !== "") app.goOn(from, { plan: job.subject_id, tab: "plan", run: null });
       return job;
     });
   }
 
   /** Run the open plan on a simulated rover and look at it. */
   async dryRun(order: RunCreate): Promise<Job | null> {
+    const from = app.route;
     return await app.attempt("The dry run", async () => {
       const job = await calls.createRun(this.id, order);
       this.jobs = [...this.jobs.filter((other) => other.id !== job.id), job];
       this.follow(job);
       await this.reload("run");
-      if (job.subject_id !== "") app.go({ run: job.subject_id, tab: "run" });
+      if (job.subject_id !== "") app.goOn(from, { run: job.subject_id, tab: "run" });
       return job;
     });
   }

@@ -46,6 +46,7 @@ export class Tools {
   }
 
   private async created(make: () => Promise<Target>): Promise<Target | null> {
+    const from = app.route;
     const created = await app.attempt("The new target", async () => {
       const target = await make();
       await this.m.reload("target");
@@ -53,11 +54,12 @@ export class Tools {
     });
     if (created === null) return null;
     this.mode = "select";
-    app.go({ selection: { kind: "target", id: created.id }, tab: "selection" });
+    app.goOn(from, { selection: { kind: "target", id: created.id }, tab: "selection" });
     return created;
   }
 
   async keepOutDrawn(corners: Point[]): Promise<void> {
+    const from = app.route;
     const created = await app.attempt("The keep-out", async () => {
       const name = `K${this.m.keepOuts.length + 1}`;
       const keepOut = await calls.createKeepOut(this.m.id, name, corners.map(rounded));
@@ -65,7 +67,7 @@ export class Tools {
       return keepOut;
     });
     this.mode = "select";
-    if (created !== null) app.go({ selection: { kind: "keep-out", id: created.id }, tab: "selection" });
+    if (created !== null) app.goOn(from, { selection: { kind: "keep-out", id: created.id }, tab: "selection" });
   }
 
   /** Let somebody draw the path between two places on the map, from the start or the target named first. */
