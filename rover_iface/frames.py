@@ -22,7 +22,7 @@ Array = NDArray[np.floating]
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """Return the same direction in (-pi, pi]."""
+    """Return the same direction in (-pi, pi], rad."""
     wrapped = math.remainder(angle_rad, 2 * math.pi)
     return math.pi if wrapped == -math.pi else wrapped
 
@@ -103,7 +103,7 @@ def across(normal: ArrayLike) -> NDArray[np.float64]:
 
 
 def rotation_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """Return Rz(yaw) Ry(pitch) Rx(roll) [3, 3]; positive pitch puts the nose down (REP 103)."""
+    """Return Rz(yaw) Ry(pitch) Rx(roll) [3, 3], angles in rad; pitch up is negative (REP 103)."""
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)
     return np.array(

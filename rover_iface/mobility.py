@@ -103,6 +103,8 @@ def settle(ground: Ground, profile: RoverProfile, x: ArrayLike, y: ArrayLike, he
 
 
 def settled_pose(ground: Ground, profile: RoverProfile, x: float, y: float, heading: float) -> Pose:
-    """Return one pose with its height, pitch and roll on the ground; NaN where the ground is unknown."""
+    """Return the pose at x, y (site frame, m) and heading (rad) with height, pitch and roll on the ground;
+    NaN where the ground is unknown.
+    """
     standing = settle(ground, profile, np.array([x]), np.array([y]), np.array([heading]))
     return Pose(x, y, float(standing.z[0]), heading, float(standing.pitch[0]), float(standing.roll[0]))

@@ -57,7 +57,10 @@ LP_TOLERANCE = 1e-6
 
 
 def least_time(mean: float, mu: float, sigma: float) -> float:
-    """Return inf over R of E[min(X, R)] / P(X <= R) for a log-normal X, rounded down; in the unit of X."""
+    """Return inf over R of E[min(X, R)] / P(X <= R) for a log-normal X, rounded down; in the unit of X.
+
+    `mean` is that of X, `mu` and `sigma` are mean and standard deviation of ln X.
+    """
     if mean <= 0.0 or sigma <= 0.0:
         return max(mean, 0.0)
     z = np.linspace(-8.0, 8.0, 8001)

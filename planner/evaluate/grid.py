@@ -58,8 +58,9 @@ def probability_below(c: Floats, mu: float, sigma: float) -> Floats:
 def weights_from(
     origin: float, nodes: int, step: float, mu: float, sigma: float, shift: float, how: Rounding
 ) -> Floats:
-    """Return the mass that lands on nodes 0..nodes-1 when origin + shift + X starts from `origin` (not
-    rounded).
+    """Return the mass [nodes] that lands on nodes 0..nodes-1, `step` apart, when X + shift starts from
+    `origin` (not rounded). `origin`, `step` and `shift` are in the unit of X, `mu` and `sigma` as in
+    `probability_below`.
     """
     k = np.arange(nodes)
     base = k * step - origin - shift

@@ -23,6 +23,10 @@ SURELY = 8.0
 log-normals or more, with deviations up to 0.6 of their means, hardly ever pass it."""
 
 
+LEAST = 1e-9
+"""Seconds or joules below which a budget is none: the cells of its table would leave the range of floats."""
+
+
 def log_normal(amount: Amount) -> tuple[float, float]:
     """Return (mu, sigma) of the log-normal with this mean and standard deviation; mean 0 gives (-inf, 0)."""
     if amount.mean <= 0.0:
@@ -38,8 +42,13 @@ def _longest_s(problem: Problem) -> float:
     """
     budget = problem.budget
     if problem.hotel_w <= 0.0:
-        return budget.time_s
-    return min(budget.time_s, budget.usable_energy_j / problem.hotel_w)
+        return _some(budget.time_s)
+    return _some(min(budget.time_s, budget.usable_energy_j / problem.hotel_w))
+
+
+def _some(budget: float) -> float:
+    """Return a budget in s or J, or 0 where no step would fit in it."""
+    return budget if budget >= LEAST else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +127,7 @@ class Model:
             n=n,
             m=m,
             t_max_s=_longest_s(problem),
-            e_max_j=problem.budget.usable_energy_j,
+            e_max_j=_some(problem.budget.usable_energy_j),
             hotel_w=problem.hotel_w,
             penalty=problem.overrun_penalty,
             track_t_s=problem.track_start_time_s,

@@ -42,7 +42,7 @@ class Multipliers:
         )
 
     def stepped(self, layout: Layout, way: Slack, length: float) -> Multipliers | None:
-        """Return the multipliers after a step that is to lower the bound by `length` (Polyak 1969).
+        """Return the multipliers after a step that is to lower the bound by `length`, utility (Polyak 1969).
 
         `None` when there is nothing to correct.
         """

@@ -95,7 +95,7 @@ def direction_raster(
 ) -> DirectionRaster:
     """Return the points on a raster of directions; several in one cell count by their mean disparity.
 
-    The seam of a full circle lies in its widest gap.
+    `step` is the width of a cell, rad. The seam of a full circle lies in its widest gap.
     """
     rays = seen.points - seen.eye
     away = np.linalg.norm(rays, axis=1)

@@ -315,7 +315,7 @@ class Navigator:
 
 
 def end_of(pose: Pose, turn: float, curvature: float, length: float) -> tuple[float, float, float]:
-    """Return x, y, heading at the end of a way."""
+    """Return x, y (m), heading (rad) after a turn (rad) and an arc of a length (m) and curvature (1/m)."""
     start = pose.heading + turn
     heading = start + curvature * length
     if abs(curvature) < 1e-9:

@@ -125,5 +125,5 @@ def pose_in_site(site: Site, tree: TransformTree, frame: str, there: Transform) 
 
 
 def part(pose: Pose, of: str) -> float:
-    """Return x, y, z or heading."""
+    """Return x, y, z (m) or heading (rad)."""
     return float(getattr(pose, of))

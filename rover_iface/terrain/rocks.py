@@ -64,6 +64,10 @@ class Mesh:
     id: str = ""
 
 
+MOST_EXPONENT = 700.0
+"""exp(-700) is 1e-304: ground with so few rocks has none, and its table would divide 0 by 0."""
+
+
 def golombek_rapp_cover(diameter_m: float, total_cover: float) -> float:
     """Return the share of ground covered by rocks of at least `diameter_m`."""
     if not 0 < total_cover < 1:
@@ -81,6 +85,8 @@ def rock_density(smallest_m: float, largest_m: float, total_cover: float) -> tup
     golombek_rapp_cover(0.0, total_cover)
     q = 1.79 + 0.152 / total_cover
     size = np.geomspace(smallest_m, largest_m, 4000)
+    if q * smallest_m > MOST_EXPONENT:
+        return 0.0, np.linspace(0.0, 1.0, size.size), size
     density = total_cover * q * np.exp(-q * size) / (math.pi * size**2 / 4)
     cumulative = np.concatenate([[0.0], np.cumsum(np.diff(size) * (density[1:] + density[:-1]) / 2)])
     total = float(cumulative[-1])

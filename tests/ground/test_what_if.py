@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, planned
+from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem as problem_of
 
 
@@ -118,3 +118,18 @@ def test_the_difference_of_two_plans_is_told_by_meaning(planned_day: Any) -> Non
     found = api.get(f"/plans/{plan['id']}/difference/{plan['id']}")
     assert found == {"same": True, "changes": []}
     problem_of(api("GET", f"/plans/{plan['id']}/difference/pln-nobody"), 404, "not-found")
+
+
+def test_a_plan_that_is_made_again_differs_in_nothing(planned_day: Any) -> None:
+    """Each stored text has the id of its own plan, which is where it lies and nothing that it says."""
+    api, mission, requests, plan = planned_day
+    order: dict[str, Any] = {"iterations": 3, "time_limit_s": 60.0, "max_branches": 2}
+    job = finished(api, api.post(f"/missions/{mission}/plans", order, status=202))
+    again = job["result_url"].rpartition("/")[2]
+    assert again != plan["id"]
+    for one, other in ((plan["id"], again), (again, plan["id"])):
+        assert api.get(f"/plans/{one}/difference/{other}") == {"same": True, "changes": []}
+    order["request_ids"] = [requests["Near"]]
+    job = finished(api, api.post(f"/missions/{mission}/plans", order, status=202))
+    less = job["result_url"].rpartition("/")[2]
+    assert not api.get(f"/plans/{plan['id']}/difference/{less}")["same"]

@@ -183,6 +183,18 @@ def test_a_long_day_makes_more_than_a_table_holds() -> None:
     assert result.expected_utility > 0.9 * 3.0 * len(made)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("time_s", [5e-324, 1e-200, 1e-12, 1e-6])
+@pytest.mark.parametrize("energy_j", [5e-324, 1e-310, 1e-100, 1e-6, 1e12])
+def test_a_budget_too_small_for_anything_plans_nothing(time_s: float, energy_j: float) -> None:
+    result = solve(example(time_s=time_s, energy_j=energy_j), iterations=2, max_branches=1)
+    assert result.status is PlanStatus.EMPTY
+    assert "too small" in result.reasons[0]
+    assert result.expected_utility == 0.0
+    assert result.upper is not None
+    assert result.upper >= 0.0
+
+
 @pytest.mark.slow
 def test_two_hundred_identical_targets_still_give_a_plan() -> None:
     places = [(4.0 + 0.01 * (k % 20), 0.01 * (k // 20)) for k in range(200)]
@@ -194,7 +206,7 @@ def test_two_hundred_identical_targets_still_give_a_plan() -> None:
     document["legs"] = [
         {**first, "from": a, "to": b, "p_lose": {}} for a in names for b in names[1:] if a != b
     ]
-    result = solve(problem_from_dict(document), time_limit_s=60.0, max_branches=2)
+    result = solve(problem_from_dict(document), time_limit_s=15.0, max_branches=2)
     assert result.status is PlanStatus.PLANNED
     assert 5.0 < result.expected_utility <= result.upper
 

@@ -25,7 +25,7 @@ from studies.common.random_drives import traverse_study
 from tests.rover_iface.worlds import bumpy, plane
 
 K9 = load_profile("k9")
-TRAVERSES = int(os.environ.get("OUTCROP_TRAVERSES", "60"))
+TRAVERSES = int(os.environ.get("OUTCROP_TRAVERSES", "25"))
 """Drives of the long study: a hundred, of which three had collided once, where there is time."""
 
 

@@ -459,3 +459,11 @@ def test_a_terrain_of_before_with_members_of_its_own_opens(tmp_path: Path) -> No
     document["layers"][0]["note"] = "from stereo"
     description.write_text(json.dumps(document))
     assert load_terrain(folder).name == document["name"]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("cover", [5e-324, 1e-310, 1e-9, 1e-5, 2e-5])
+def test_hardly_any_rock_cover_is_ground_without_rocks(cover: float) -> None:
+    total, share, _size = rock_density(0.1, 2.0, cover)
+    assert 0.0 <= total < 1e-300
+    assert np.all(np.isfinite(share))

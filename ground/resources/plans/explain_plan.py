@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ground.errors import InvalidInputError
@@ -13,6 +14,7 @@ from ground.resources.plans.read_plan import computed_plan, parsed_plan, tree_of
 from ground.resources.plans.study_value import PairHistogram, PlanComparison, Relaxation, WhyNot
 
 if TYPE_CHECKING:
+    from executive.crl import Plan
     from ground.versions.difference import PlanDifference
     from planner.evaluate.model import Floats
 
@@ -105,7 +107,13 @@ def differ_plans(repo: Repository, actor: Actor, plan_id: str, other_id: str) ->
         a, b = computed_plan(session, actor, plan_id), computed_plan(session, actor, other_id)
         if a.mission_id != b.mission_id:
             raise InvalidInputError(f"plans {a.id} and {b.id} are of different missions", pointer="other_id")
-        return difference(parsed_plan(a), parsed_plan(b))
+        return difference(_unnamed(parsed_plan(a)), _unnamed(parsed_plan(b)))
+
+
+def _unnamed(plan: Plan) -> Plan:
+    """Return a plan without the id that its row gave it, which differs between any two and says nothing."""
+    kept = {key: value for key, value in plan.metadata.items() if key != "plan"}
+    return replace(plan, id="plan", metadata=kept)
 
 
 def _pair_histogram(a: Floats, b: Floats) -> PairHistogram:

@@ -243,7 +243,7 @@ def fault(text: str) -> tuple[int, str]:
 
 
 def rate(text: str) -> float:
-    """Return how fast the clock runs."""
+    """Return how fast the clock runs, its seconds in a second."""
     value = float(text)
     if not 0 < value <= 1000:
         raise argparse.ArgumentTypeError(f"{text} is not within 0 to 1000")

@@ -109,7 +109,9 @@ def fade(wavelength: float, footprint: float) -> float:
 
 @njit(cache=True, nogil=True)
 def soil(x: float, y: float, footprint: float, slope: float, salt: int) -> tuple[float, float, float]:
-    """Return brightness variation and the two slopes of bare soil."""
+    """Return brightness variation and the two slopes of bare soil at a point (m); waves narrower than the
+    pixel's `footprint` (m) fade, `slope` is how steep they are.
+    """
     tint, hx, hy = 0.0, 0.0, 0.0
     for level in range(len(SOIL_WAVE)):
         wavelength = SOIL_WAVE[level]
