@@ -5,9 +5,10 @@
 
 schemathesis walks from answer to request by the links of the document and those it infers; what it asks is
 put on ids that exist (those of answers before), and each upload is a real file, half of them damaged. The
-service runs in this process, and so does its worker between the walks. A finding is a status of 500 or more,
-or a status, media type or content that the document does not promise; each is printed once, with what was
-asked. With PostgreSQL the study works in a database of its own on that server.
+service runs beside the walks, and so does its worker between them; every 40 walks a process ends, with the
+memory that schemathesis took, and another goes on in the same database. A finding is a status of 500 or more,
+a status, media type or content that the document does not promise, or a job that fails of an error; each is
+printed once, with what was asked. With PostgreSQL the study works in a database of its own on that server.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import contextlib
 import io
 import json
 import logging
+import multiprocessing
 import random
 import secrets
 import tempfile
@@ -24,6 +26,7 @@ import time
 import zipfile
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,16 +44,17 @@ from schemathesis.specs.openapi.checks import (
     response_schema_conformance,
     status_code_conformance,
 )
-from sqlalchemy import make_url
+from sqlalchemy import select
 from starlette.testclient import TestClient
 
 from ground.app.service import JOB_KINDS, build_app
 from ground.gdr.migrate import migrate
 from ground.gdr.repository import Repository, open_repository
+from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
 from ground.resources.people.accounts import ensure_profiles
 from ground.settings import load_settings
-from studies.service_kills import _run, own_database
+from studies.service_kills import drop_database, own_database
 
 CHECKS = [
     not_a_server_error,
@@ -66,9 +70,16 @@ LATEST = 40
 DAMAGED = 0.5
 LONG_S = 300.0
 """A panorama may be painted on a busy machine."""
+PLANNING_S = 5.0
+"""A plan may be asked to take an hour, in which nothing else is asked."""
 PEOPLE = ("Planner", "Flight Director", "Administrator", "Viewer", "Operator", "Scientist")
 SCENARIOS = 10
 STEPS = 12
+SHARE = 0.6
+"""Share of the operations that a walk knows. Hypothesis looks at 10,000 rules of a machine only, and
+the links between all operations are more: those that begin a walk would never be found."""
+SAME = 40
+"""Walks of one process on one choice of operations: schemathesis keeps 50 to 180 MB for a body."""
 ENDLESS = "/events"
 """Streams of what is there do not end; they are asked for what is not."""
 STAYS = ("/missions/{mission_id}", "/people/{person_id}")
@@ -223,18 +234,57 @@ def fill(client: TestClient, repo: Repository) -> tuple[str, str, bytes]:
     return mission, plan, zipped(content)
 
 
-class Walks:
-    """State machines over the service, run until the time is up."""
+def brief(body: Any) -> Any:
+    """Return a body that asks for seconds of planning where it asked for up to an hour."""
+    if isinstance(body, dict):
+        asked = body.get("time_limit_s")
+        if isinstance(asked, (int, float)) and asked > PLANNING_S:
+            return {**body, "time_limit_s": PLANNING_S}
+    return body
 
-    def __init__(self, repo: Repository, seed: int) -> None:
-        self.repo, self.seed = repo, seed
-        self.rng = random.Random(seed)
+
+METHODS = ("get", "put", "post", "patch", "delete")
+
+
+def document() -> dict[str, Any]:
+    """Return the paths of the interface's document."""
+    found = json.loads((Path(__file__).parents[1] / "ground/openapi.json").read_text())["paths"]
+    return dict(found)
+
+
+@dataclass
+class Found:
+    """What came of walks so far."""
+
+    used_s: float = 0.0
+    walks: int = 0
+    statuses: Counter[int] = field(default_factory=Counter)
+    asked: Counter[str] = field(default_factory=Counter)
+    findings: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Order:
+    """Where a process walks, from which seed, with which files, and for how long at most."""
+
+    folder: Path
+    database: str
+    seed: int
+    mission: str
+    files: dict[str, bytes]
+    processor_s: float
+
+
+class Walks:
+    """State machines over the service."""
+
+    def __init__(self, repo: Repository, order: Order, found: Found) -> None:
+        self.repo, self.seed, self.files = repo, order.seed, order.files
+        self.rng = random.Random(order.seed + found.walks)
         self.ids = Ids(self.rng)
         self.app = build_app(repo, with_worker=False)
-        client = TestClient(self.app)
-        mission, plan, folder = fill(client, repo)
-        self.files = files_of(client, mission, plan, folder)
-        listed = json.loads((Path(__file__).parents[1] / "ground/openapi.json").read_text())["paths"]
+        client, mission = TestClient(self.app), order.mission
+        listed = document()
         for path in listed:
             if "get" in listed[path] and path.count("{") == path.count("{mission_id}"):
                 answer = client.get(path.replace("{mission_id}", mission)) if ENDLESS not in path else None
@@ -243,9 +293,8 @@ class Walks:
         self.schema = schemathesis.openapi.from_asgi("/api/v1/openapi.json", self.app)
         # Made-up keys and sessions would be refused before anything else is asked.
         self.schema.config.generation.with_security_parameters = False
-        self.statuses: Counter[int] = Counter()
-        self.asked: Counter[str] = Counter()
-        self.findings: dict[str, str] = {}
+        self.found = found
+        self.statuses, self.asked, self.findings = found.statuses, found.asked, found.findings
 
     def prepare(self, case: schemathesis.Case) -> None:
         """Put a case on what exists."""
@@ -273,7 +322,7 @@ class Walks:
             case.body = damaged(content, rng) if rng.random() < DAMAGED else content
             case.query = {"file_name": name}
         else:
-            case.body = self.ids.put(case.body)
+            case.body = brief(self.ids.put(case.body))
             case.query = self.ids.put(case.query)
 
     def judge(self, response: Any, case: schemathesis.Case) -> None:
@@ -294,10 +343,13 @@ class Walks:
                     print(f"--- {name}\n{text}\n", flush=True)
 
     def machine(self) -> Any:
-        """Return the state machine of the document, whose walks do not end at a finding."""
+        """Return the state machine of a part of the document, whose walks do not end at a finding."""
         walks = self
+        labels = [found.ok().label for found in self.schema.get_all_operations()]
+        known = set(self.rng.sample(labels, round(SHARE * len(labels))))
+        part = self.schema.include(lambda context: context.operation.label in known)
 
-        class Machine(self.schema.as_state_machine()):  # type: ignore[misc] # made at run time
+        class Machine(part.as_state_machine()):
             def before_call(self, case: schemathesis.Case) -> None:
                 walks.prepare(case)
 
@@ -309,12 +361,12 @@ class Walks:
 
         return Machine
 
-    def run(self, processor_s: float) -> float:
-        """Walk until so much processor time is used; return how much it was."""
-        began, number, machine = time.process_time(), 0, self.machine()
-        while (used := time.process_time() - began) < processor_s:
-            hypothesis.seed(self.seed + number)(machine)
-            number += 1
+    def run(self, processor_s: float) -> None:
+        """Do some walks on one choice of operations, until so much processor time is used in all."""
+        began, before, machine = time.process_time(), self.found.used_s, self.machine()
+        for _ in range(SAME):
+            hypothesis.seed(self.seed + self.found.walks)(machine)
+            self.found.walks += 1
             options = hypothesis.settings(
                 max_examples=SCENARIOS,
                 stateful_step_count=STEPS,
@@ -327,10 +379,12 @@ class Walks:
                 machine.run(settings=options)
             self.each_alone()
             self.work()
-            if number % 10 == 0:
+            self.found.used_s = before + time.process_time() - began
+            if self.found.walks % 10 == 0:
                 total = sum(self.statuses.values())
-                print(f"{used:.0f} s, {total} requests, {dict(self.statuses)}", flush=True)
-        return used
+                print(f"{self.found.used_s:.0f} s, {total} requests, {dict(self.statuses)}", flush=True)
+            if self.found.used_s >= processor_s:
+                return
 
     def each_alone(self) -> None:
         """Ask a few operations for themselves: a walk seldom comes to those that nothing leads to."""
@@ -359,6 +413,13 @@ class Walks:
         worker = Worker(self.repo, JOB_KINDS, slots=1)
         worker.folder.mkdir(parents=True, exist_ok=True)
         worker.step()
+        with self.repo.database.read() as session:
+            failed = session.scalars(select(JobRow).where(JobRow.state == "failed")).all()
+        for row in failed:
+            if (row.problem or {}).get("type", "").endswith("internal-error"):
+                self.findings.setdefault(
+                    f"job {row.kind}: {row.problem['detail'][:80]}", str(row.payload)[:600]
+                )
         client = TestClient(self.app)
         for mission in self.ids.found["mission_id"]:
             waiting = client.get(f"/api/v1/missions/{mission}/jobs?state=queued&limit=1000")
@@ -366,21 +427,34 @@ class Walks:
                 client.post(f"/api/v1/jobs/{job['id']}/cancel")
 
 
-def repositories(folder: Path, address: str) -> Iterator[Repository]:
-    """Give a migrated repository on SQLite, or in a database of its own on a PostgreSQL server."""
-    own, name = own_database(address) if address else ("", "")
+@contextlib.contextmanager
+def own_repository(folder: Path, address: str) -> Iterator[Repository]:
+    """Give a repository that is there already."""
     repo = open_repository(
-        load_settings(data_dir=folder, database_url=own, executor="inline", job_time_limit_s=10.0)
+        load_settings(data_dir=folder, database_url=address, executor="inline", job_time_limit_s=10.0)
     )
     try:
-        migrate(repo.database)
-        ensure_profiles(repo)
         yield repo
     finally:
         repo.database.dispose()
-        if name:
-            server = make_url(load_settings(database_url=address).database_address)
-            _run(server, f'DROP DATABASE "{name}" WITH (FORCE)')
+
+
+def begun(folder: Path, address: str, seed: int, processor_s: float) -> Order:
+    """Make what is walked through, and return how."""
+    with own_repository(folder, address) as repo:
+        migrate(repo.database)
+        ensure_profiles(repo)
+        client = TestClient(build_app(repo, with_worker=False))
+        mission, plan, run = fill(client, repo)
+        return Order(folder, address, seed, mission, files_of(client, mission, plan, run), processor_s)
+
+
+def walked(order: Order, found: Found) -> Found:
+    """Walk on, in a process of its own."""
+    logging.disable(logging.WARNING)
+    with own_repository(order.folder, order.database) as repo:
+        Walks(repo, order, found).run(order.processor_s)
+    return found
 
 
 def main() -> None:
@@ -392,19 +466,26 @@ def main() -> None:
     asked = parser.parse_args()
     logging.disable(logging.WARNING)
     print(f"seed {asked.seed}", flush=True)
-    with tempfile.TemporaryDirectory(prefix="outcrop-fuzz-") as folder:
-        for repo in repositories(Path(folder), asked.database):
-            walks = Walks(repo, asked.seed)
-            used = walks.run(asked.processor_s)
-    total = len(list(walks.schema.get_all_operations()))
+    own, name = own_database(asked.database) if asked.database else ("", "")
+    found, processes = Found(), multiprocessing.get_context("spawn")
+    try:
+        with tempfile.TemporaryDirectory(prefix="outcrop-fuzz-") as folder:
+            order = begun(Path(folder), own, asked.seed, asked.processor_s)
+            while found.used_s < asked.processor_s:
+                with ProcessPoolExecutor(1, mp_context=processes) as pool:
+                    found = pool.submit(walked, order, found).result()
+    finally:
+        if name:
+            drop_database(asked.database, name)
+    total = sum(len(set(METHODS) & set(path)) for path in document().values())
     print(
-        f"{'postgresql' if asked.database else 'sqlite'}, seed {asked.seed}: {used:.0f} s of processor time, "
-        f"{sum(walks.statuses.values())} requests to {len(walks.asked)} of {total} operations, "
-        f"statuses {dict(sorted(walks.statuses.items()))}, {len(walks.findings)} findings"
+        f"{'postgresql' if asked.database else 'sqlite'}, seed {asked.seed}: {found.used_s:.0f} s of "
+        f"processor time, {sum(found.statuses.values())} requests to {len(found.asked)} of {total} "
+        f"operations, statuses {dict(sorted(found.statuses.items()))}, {len(found.findings)} findings"
     )
-    for name in sorted(walks.findings):
+    for name in sorted(found.findings):
         print(f"  {name}")
-    raise SystemExit(1 if walks.findings else 0)
+    raise SystemExit(1 if found.findings else 0)
 
 
 if __name__ == "__main__":

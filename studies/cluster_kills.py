@@ -9,8 +9,8 @@ Dask worker, as many of the scheduler, as many of the `outcrop worker`, while ro
 scheduler stays away while jobs are asked for. In the end each job has succeeded, each was settled once, each
 run has the trace and products that its seed has in this process without a cluster, each plan the CRL.
 
-A row that says running may be of work that the kill before ended, and a kill of a process that is not up
-again yet counts too: so the kills are an upper bound of those that met work.
+A process is killed when it is up again and a job has made progress since the kill before. Of two Dask
+workers one may be killed while the other has all the work: the kills are an upper bound of those that met it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -74,6 +74,8 @@ PLANNER = Actor("Planner", Role.PLANNER)
 DASK_WORKERS = ("dask-worker-0", "dask-worker-1")
 KINDS = (DASK_WORKERS, ("scheduler",), ("worker",))
 STUDY_S = 0.05
+BEGUN = 0.02
+"""Progress of work that has begun."""
 
 
 @dataclass
@@ -115,6 +117,11 @@ class Machines:
             self._start(name)
         self._keeper = threading.Thread(target=self._keep, daemon=True)
         self._keeper.start()
+
+    def lives(self, name: str) -> bool:
+        """Return whether a process is up."""
+        with self._lock:
+            return _alive(self.processes[name])
 
     def kill(self, name: str) -> None:
         """Kill a process."""
@@ -238,11 +245,16 @@ class Day:
             query = select(func.count()).select_from(JobRow).where(JobRow.state.in_(states))
             return int(session.scalar(query) or 0)
 
-    def in_the_middle(self) -> bool:
-        """Return whether a job runs and has told of progress."""
+    def progress(self) -> dict[tuple[str, int], float]:
+        """Return how far each attempt is that runs and has told of progress."""
         with self.repo.database.read() as session:
-            query = select(JobRow.id).where(JobRow.state == "running", JobRow.progress > 0.02)
-            return session.scalar(query.limit(1)) is not None
+            query = select(JobRow.id, JobRow.token, JobRow.progress)
+            running = session.execute(query.where(JobRow.state == "running", JobRow.progress > BEGUN))
+            return {(job, token): progress for job, token, progress in running}
+
+    def goes_on(self, before: Mapping[tuple[str, int], float]) -> bool:
+        """Return whether an attempt has made progress since."""
+        return any(progress > before.get(attempt, BEGUN) for attempt, progress in self.progress().items())
 
     def settled(self) -> Counter[str]:
         """Return how often each run and plan got its result, by the history."""
@@ -282,16 +294,20 @@ def kills(day: Day, machines: Machines, count: int) -> tuple[Counter[str], list[
     """Kill so many of each kind while jobs run; return what was met, and the subjects asked for."""
     found: Counter[str] = Counter()
     asked: list[str] = []
+    before: dict[tuple[str, int], float] = {}
     for names in KINDS:
         for number in range(count):
             while day.count("queued", "running") < IN_FLIGHT:
                 asked.append(day.ask_any())
-            until(day.in_the_middle, "a job in its middle")
+            victim = day.rng.choice(names)
+            until(lambda victim=victim: machines.lives(victim), f"a {victim} that is up")
+            until(lambda before=before: day.goes_on(before), "a job that goes on")
             time.sleep(day.rng.uniform(0.0, 0.5))
             with day.repo.database.read() as session:
                 query = select(func.count()).select_from(JobRow).where(JobRow.state == "running")
                 found["jobs running at a kill"] += int(session.scalar(query) or 0)
-            machines.kill(day.rng.choice(names))
+            before = day.progress()
+            machines.kill(victim)
             found[f"kills of a {names[0].removesuffix('-0')}"] += 1
             if number % 10 == 9:
                 print(f"{number + 1} kills of {names[0]}", file=sys.stderr, flush=True)
@@ -304,7 +320,7 @@ def kills(day: Day, machines: Machines, count: int) -> tuple[Counter[str], list[
 def outage(day: Day, machines: Machines, away_s: float) -> tuple[dict[str, Any], list[str]]:
     """Take the scheduler away while jobs run and are asked for; return how the service fared."""
     asked = [day.ask_any() for _ in range(IN_FLIGHT)]
-    until(day.in_the_middle, "a job in its middle")
+    until(lambda: day.goes_on({}), "a job that goes on")
     before = machines.starts.copy()
     machines.away.add("scheduler")
     machines.kill("scheduler")

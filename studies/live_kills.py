@@ -2,12 +2,14 @@
 
     .venv/bin/python -m studies.live_kills --part kills [--runs 100] [--jobs 2] [--seed N] [--page FILE]
     .venv/bin/python -m studies.live_kills --part quiet [--runs 40] [--seed N] [--page FILE]
+    .venv/bin/python -m studies.live_kills --part rovers [--runs 100] [--jobs 2] [--seed N] [--page FILE]
     .venv/bin/python -m studies.live_kills --part stops [--stops 20] [--seed N] [--page FILE]
     .venv/bin/python -m studies.live_kills --part links [--away 60] [--page FILE]
 
 Each run is `outcrop execute --connect` over a wire rover in another process that lives on. The executive is
 killed with SIGKILL at instants drawn from its first byte on, up to three times a run, and begun again with
 `--resume`. What was done is counted by the rover, not by the executive: a log of every command it began.
+In the part `rovers` the rover is killed instead, and comes back without its memory, or never.
 """
 
 from __future__ import annotations
@@ -23,12 +25,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from executive.errors import ExecutiveError
 from executive.runtime.journal import JournalFile
@@ -56,6 +60,8 @@ LONG = """(plan :id day :node (block :id all :node-list (
   (task :id rest :action wait :parameters (duration_s = 0.2)))))"""
 FIXED_S, GAP_S = 9.0, 0.5
 """Plan time at which `fixed` may start, and how long after its end `last` may."""
+SILENCE_S = 4.0
+"""After which a plan gives way to its alternate `safe`: short, so that many runs meet it."""
 WATCHED = """
 import json, runpy, sys, time
 sys.argv = ["rover.py", sys.argv[1], sys.argv[2]]
@@ -82,17 +88,25 @@ class Outcome:
     """What came of one run."""
 
     kills: int = 0
+    gone: bool = False
+    """Whether the rover was killed and did not come back."""
+    ended: str = ""
     problems: list[str] = field(default_factory=list)
     late_ms: list[float] = field(default_factory=list)
     quiet_ms: list[float] = field(default_factory=list)
     """Lateness of starts that were due in a life without a kill just before."""
 
 
+def rover(site: Site, log: Path) -> subprocess.Popen[bytes]:
+    """Return the process of a reference rover that writes down what it does."""
+    code = WATCHED.format(rover=str(ROVER))
+    return subprocess.Popen([sys.executable, "-c", code, str(site.address), str(log)])
+
+
 @contextmanager
 def watched_rover(site: Site, log: Path) -> Iterator[None]:
-    """Give a reference rover in a process of its own that writes down what it does."""
-    code = WATCHED.format(rover=str(ROVER))
-    process = subprocess.Popen([sys.executable, "-c", code, str(site.address), str(log)])
+    """Give a reference rover that lives on, and listens."""
+    process = rover(site, log)
     try:
         assert site.address.path is not None
         while not site.address.path.exists():
@@ -103,7 +117,7 @@ def watched_rover(site: Site, log: Path) -> Iterator[None]:
         process.wait()
 
 
-def log_of(path: Path) -> list[list[object]]:
+def log_of(path: Path) -> list[list[Any]]:
     """Return what a rover wrote down."""
     return [json.loads(line) for line in path.read_text("utf-8").splitlines()] if path.exists() else []
 
@@ -148,6 +162,67 @@ def one_run(seed: int, limit_s: float = 300.0) -> Outcome:
     return outcome
 
 
+def one_rover_run(seed: int, limit_s: float = 120.0) -> Outcome:
+    """Return what came of a run whose rover is killed up to three times, one time in five for good."""
+    rng, outcome = random.Random(seed), Outcome()
+    with tempfile.TemporaryDirectory() as folder:
+        site, log = live_site(Path(folder), PLAN), Path(folder) / "rover.log"
+        alive, process = rover(site, log), executive(site, "--silence", f"{SILENCE_S:g}")
+        try:
+            for _ in range(rng.randint(1, 3)):
+                try:
+                    process.wait(timeout=rng.uniform(0.0, 10.0))
+                    break
+                except subprocess.TimeoutExpired:
+                    alive.kill()
+                    alive.wait()
+                    outcome.kills += 1
+                outcome.gone = rng.random() < 0.2
+                if outcome.gone:
+                    break
+                time.sleep(rng.choice([0.0, rng.uniform(0.0, 1.5 * SILENCE_S)]))
+                alive = rover(site, log)
+            try:
+                process.wait(timeout=6 * SILENCE_S if outcome.gone else limit_s)
+            except subprocess.TimeoutExpired:
+                outcome.ended = "waits"
+        finally:
+            for other in (process, alive):
+                other.kill()
+                other.wait()
+        judge_rover_run(site, log, outcome)
+        sys.stderr.write(
+            f"run {seed}: {outcome.kills} kills, {outcome.ended}, {outcome.problems or 'well'}\n"
+        )
+    return outcome
+
+
+def judge_rover_run(site: Site, log: Path, outcome: Outcome) -> None:
+    """Check how a run ended whose rover lost its memory: nothing twice, and safe if it did not come back.
+
+    A safe plan whose rover is gone waits for it with its command.
+    """
+    if outcome.ended and not outcome.gone:
+        outcome.problems.append("unfinished")
+        return
+    if not outcome.ended and not (site.run / "run.json").exists():
+        said = (site.folder / "errors.txt").read_text("utf-8", "replace")[-2000:]
+        outcome.problems.append(f"it has no result: {said}")
+        return
+    begun = [tuple(entry[1]) for entry in log_of(log) if entry[0] == "begin"]
+    if len(begun) != len(set(begun)):
+        outcome.problems.append(f"carried out twice: {begun}")
+    records = JournalFile(site.run / "journal.jsonl").records
+    if replay(records) != recorded_trace(records):
+        outcome.problems.append("the journal does not replay")
+    if not outcome.ended:
+        outcome.ended = str(json.loads((site.run / "run.json").read_text("utf-8"))["outcome"])
+    if any(record["k"] == "send" and record["action"] == "safemode" for record in records):
+        outcome.ended += ", safed"
+    if outcome.gone and not outcome.ended.endswith("safed"):
+        outcome.problems.append(f"{outcome.ended}, and the rover was never told to be safe")
+
+
 def judge(site: Site, log: Path, outcome: Outcome) -> None:
     """Check a run against what the rover did and what the journal says."""
     if not (site.run / "run.json").exists():
@@ -158,7 +233,7 @@ def judge(site: Site, log: Path, outcome: Outcome) -> None:
         outcome.problems.append(f"outcome {told['outcome']} {told['reason']}")
     if told["products_missing"]:
         outcome.problems.append(f"products that did not come down: {told['products_missing']}")
-    begun = [tuple(entry[1]) for entry in log_of(log) if entry[0] == "begin"]  # type: ignore[arg-type]
+    begun = [tuple(entry[1]) for entry in log_of(log) if entry[0] == "begin"]
     if len(begun) != len(set(begun)):
         outcome.problems.append(f"carried out twice: {begun}")
     if sorted(task for _, task, _ in begun) != ["back", "fixed", "go", "last", "look", "rest"]:
@@ -171,7 +246,7 @@ def judge(site: Site, log: Path, outcome: Outcome) -> None:
     if replay(records) != recorded_trace(records):
         outcome.problems.append("the journal does not replay")
     zero = 1000 * datetime.fromisoformat(records[0]["instant"]).timestamp()
-    began = {str(e[1][1]): 1000 * float(str(e[2])) - zero for e in log_of(log) if e[0] == "begin"}  # type: ignore[index]
+    began = {str(e[1][1]): 1000 * float(str(e[2])) - zero for e in log_of(log) if e[0] == "begin"}
     ended = {r["a"][0]: r["t"] for r in records if r["k"] == "trace" and r["e"] == "end"}
     restarts = [r["t"] for r in records if r["k"] == "restart"]
     for task, due in (("fixed", 1000 * FIXED_S), ("last", ended.get("fixed", 0) + 1000 * GAP_S)):
@@ -294,6 +369,25 @@ def kills_section(seed: int, runs: int, jobs: int) -> list[str]:
     return lines
 
 
+def rovers_section(seed: int, runs: int, jobs: int) -> list[str]:
+    """Return what came of runs whose rover was killed, as rows of a table."""
+    with ThreadPoolExecutor(jobs) as pool:
+        outcomes = list(pool.map(one_rover_run, range(seed, seed + runs)))
+    problems = [text for outcome in outcomes for text in outcome.problems]
+    ended = Counter(o.ended for o in outcomes if o.ended)
+    killed, gone = sum(o.kills for o in outcomes), sum(o.gone for o in outcomes)
+    for text in problems[:10]:
+        sys.stderr.write(text + "\n")
+    return [
+        f"| runs, SIGKILLs of the rover, of them for good | {runs}, {killed}, {gone} "
+        f"(seeds {seed} to {seed + runs - 1}) |",
+        f"| ended | {'; '.join(f'{count} {how}' for how, count in ended.most_common())} |",
+        f"| unfinished, commands carried out twice, any other fault | {problems.count('unfinished')}, "
+        f"{sum(p.startswith('carried out twice') for p in problems)}, "
+        f"{sum(p != 'unfinished' and not p.startswith('carried out twice') for p in problems)} |",
+    ]
+
+
 def stops_section(seed: int, stops: int) -> list[str]:
     """Return how long stops took, as rows of a table."""
     lines = []
@@ -311,7 +405,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--part", choices=["kills", "quiet", "stops", "links"], default="kills")
+    parser.add_argument("--part", choices=["kills", "quiet", "rovers", "stops", "links"], default="kills")
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--stops", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=2, help="runs at the same time")
@@ -325,6 +419,9 @@ def main() -> None:
         case "kills":
             lines = [*kills_section(seed, given.runs, given.jobs), load]
             command = f"--part kills --runs {given.runs} --seed {seed}"
+        case "rovers":
+            lines = [*rovers_section(seed, given.runs, given.jobs), load]
+            command = f"--part rovers --runs {given.runs} --seed {seed}"
         case "quiet":
             lines = [*kills_section(seed, given.runs, given.jobs), load]
             command = f"--part quiet --runs {given.runs} --seed {seed}"
@@ -357,6 +454,11 @@ command or a receipt, up to five times a run; what its disk keeps of unsynchroni
 
 Random plans are replaced at random moments, up to four times a run, and compared with an interpreter written
 from the language's description alone.""",
+    "rovers": """The rover killed instead
+
+The rover is a process that forgets all when it is killed. One time in five it does not come back; after 4 s
+of silence (`--silence 4`) the plan gives way to its alternate `safe`, whose command waits for the rover.
+Commands of an earlier life that the rover does not know have failed, and none is sent again.""",
     "stops": """Stopped
 
 From `outcrop stop` to the rover's word that its wheels stand. A planner at work (`outcrop plan`) and a
@@ -385,6 +487,25 @@ left are cancelled by the next one, and their commands fail.""",
 }
 
 
+HEAD = """# Live runs: results
+
+What a live run stands, each with its command. Processor time from event to command, and of many tasks beside
+py_trees, is in [executive and plan language](executive.md), drive times in MuJoCo are in [MuJoCo](mujoco.md).
+The suite shows the rest:
+
+| | |
+|---|---|
+| one plan on `full`, on the wire and over ROS 2 on MuJoCo | `pytest tests/ros2/test_one_plan.py` |
+| a robot of somebody else by a mapping file and 19 lines of Python | `pytest tests/ros2/test_real_ros.py` |
+| rovers in Python (149 lines) and C over a bad link | `pytest tests/executive/wire/test_bad_links.py` |
+| the file on board: size, start, what it needs | `pytest tests/ground/test_live_execution.py -k on_board` |
+| every scenario on WebAssembly | `pytest tests/executive/test_webassembly.py` |
+
+What the file on board needs exists for aarch64: `pip download --only-binary=:all: --platform
+manylinux2014_aarch64 --platform manylinux_2_28_aarch64 cryptography` finds wheels, and so has Debian.
+"""
+
+
 def put(path: Path, part: str, command: str, lines: Sequence[str]) -> None:
     """Put a part's result into the page; the others stay as they are."""
     commit = subprocess.run(
@@ -396,7 +517,7 @@ def put(path: Path, part: str, command: str, lines: Sequence[str]) -> None:
     table = [] if part == "links" else ["| | |", "|---|---|"]
     made = f"`{command}`, {when}, commit {commit}."
     held[part] = "\n".join([ABOUT[part], "", made, "", *table, *lines, ""])
-    text = "# Live runs: results\n\nThe page is written by the study.\n"
+    text = HEAD
     text += "".join(f"\n## {held[name].rstrip()}\n" for name in ABOUT if name in held)
     path.write_text(text, encoding="utf-8")
 
