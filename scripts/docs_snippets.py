@@ -4,16 +4,20 @@
     python scripts/docs_snippets.py [--slow] [--ros DIR] [PAGE ...]      exit 1, a line for each that fails
 
 All `console` blocks of a page run in one shell, in order, in an empty folder. Each line that begins with `$ `
-is a command; the lines below it are what it prints, in this order, `...` for anything. A comment on the line
-before a block changes that:
+is a command; the lines below it are what it prints, in this order, `...` for anything. It has to end with 0,
+or as its comment says (`# exit status 1`). Marks on the line before a block, joined by commas, change that:
 
+    <!-- served -->          runs beside a service with a mission; for `msn-...`, `PLAN`, `/tmp/rover.sock`
+                             and the like it gets what `tests/docs/served.py` makes for them
+    <!-- serves -->          the last command runs until it is interrupted, once it has printed its lines
     <!-- slow -->            runs with --slow only, that is in scripts/docs
     <!-- ros -->             runs with --ros only, in the ROS 2 that scripts/ros-venv made in DIR
     <!-- file: NAME -->      the block is written to this file of the folder
     <!-- form: REASON -->    not run; commands and options are checked against the program
 
-Blocks without a language are not run, their commands are checked against the program. Blocks in Python are
-compiled and what they import is looked up; TOML and JSON are parsed.
+Files of `tests/docs/brought/PAGE/` lie in the folder from the start. Blocks without a language are not run,
+their commands are checked against the program. Blocks in Python are compiled and what they import is looked
+up; TOML and JSON are parsed.
 """
 
 from __future__ import annotations
@@ -26,16 +30,17 @@ import json
 import os
 import re
 import shlex
-import signal
-import subprocess
+import shutil
 import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
+
+from docs_shell import Shell
 
 ROOT = Path(__file__).resolve().parents[1]
 GUIDES = ("learn", "how-to")
@@ -44,6 +49,12 @@ FENCE = re.compile(
 )
 LIMIT_S = 600
 """The first tutorial has to come to its end in ten minutes on two cores."""
+SERVES_S = 60
+"""So long may a command with the mark `serves` take to print its lines."""
+BROUGHT = ROOT / "tests/docs/brought"
+TYPED = "a password of Ada's\n" * 8
+"""What a person types who is asked for something."""
+STATUS = re.compile(r"#.*\bexit status (\d+)")
 QUOTED = re.compile(r"'[^']*'|\"[^\"$]*\"")
 """Quoted text of a shell that runs no command: what stands in it ends none either."""
 SHELLS = {"console", "sh"}
@@ -57,6 +68,11 @@ class Block:
     mark: str
     text: str
     line: int
+
+    @property
+    def marks(self) -> frozenset[str]:
+        """The words of the mark that say how the block is run."""
+        return frozenset() if ":" in self.mark else frozenset(self.mark.replace(",", " ").split())
 
     @property
     def runs(self) -> bool:
@@ -103,6 +119,11 @@ def missing_line(wanted: list[str], printed: str) -> str | None:
     return None
 
 
+def prints_all(wanted: list[str], printed: str) -> bool:
+    """Return whether every line was printed in its turn."""
+    return missing_line(wanted, printed) is None
+
+
 def in_ros(folder: Path, ros: Path) -> dict[str, str]:
     """Return an environment whose `outcrop` and `python` are those of a ROS 2; `folder` keeps the first."""
     outcrop = folder / ".bin/outcrop"
@@ -118,66 +139,79 @@ def in_ros(folder: Path, ros: Path) -> dict[str, str]:
     }
 
 
-def in_one_shell(script: str, folder: Path, environment: dict[str, str]) -> tuple[int, str]:
-    """Return how a shell ended and what it printed; what it left running in the background is ended."""
-    with (folder / ".printed").open("w+", encoding="utf-8", errors="replace") as out:
-        shell = subprocess.Popen(
-            ["bash", "-c", script],
-            cwd=folder,
-            env=environment,
-            stdout=out,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-        try:
-            shell.wait(LIMIT_S)
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(shell.pid, signal.SIGTERM)
-            shell.wait()
-        out.seek(0)
-        return shell.returncode, out.read()
+def surroundings(folder: Path, ros: Path | None) -> dict[str, str]:
+    """Return the environment of a page's commands."""
+    return {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+        "PYTHONUNBUFFERED": "1",
+        "OUTCROP_DATA_DIR": str(folder / "data"),
+        "OUTCROP_SOURCE": str(ROOT),
+        "HOME": str(folder),
+        "COLUMNS": "120",
+        **({} if ros is None else in_ros(folder, ros)),
+    }
 
 
 def run_page(page: Path, slow: bool, ros: Path | None = None) -> list[str]:
     """Return what went wrong in the commands of a page, run in order in one shell."""
-    todo = []
-    with tempfile.TemporaryDirectory() as folder:
-        for block in blocks(page.read_text(encoding="utf-8")):
+    left_out = {*(() if slow else ("slow",)), *(() if ros else ("ros",))}
+    found = blocks(page.read_text(encoding="utf-8"))
+    todo = [block for block in found if block.runs and not block.marks & left_out]
+    if not any(steps(block) for block in todo):
+        return []
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        if (BROUGHT / page.stem).is_dir():
+            shutil.copytree(BROUGHT / page.stem, folder, dirs_exist_ok=True)
+        for block in found:
             if block.mark.startswith("file:"):
-                target = Path(folder, block.mark.removeprefix("file:").strip())
+                target = folder / block.mark.removeprefix("file:").strip()
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_text(block.text, encoding="utf-8")
-            elif block.runs and (block.mark != "slow" or slow) and (block.mark != "ros" or ros):
-                todo += [(block, *step) for step in steps(block)]
-        if not todo:
-            return []
-        script = "set -eu\n" + "\n".join(
-            f"echo; echo @@{k}\n{command}" for k, (_, command, _) in enumerate(todo)
-        )
-        environment = {
-            **os.environ,
-            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-            "PYTHONPATH": str(ROOT),
-            "OUTCROP_DATA_DIR": str(Path(folder, "data")),
-            "OUTCROP_SOURCE": str(ROOT),
-            "HOME": folder,
-            "COLUMNS": "120",
-            **({} if ros is None else in_ros(Path(folder), ros)),
-        }
-        code, printed_all = in_one_shell(script, Path(folder), environment)
-    parts = re.split(r"^@@\d+\n", printed_all, flags=re.M)[1:]
-    name = page.name
-    for (block, command, wanted), printed in zip(todo, parts, strict=False):
+        shell = stack.enter_context(Shell(folder, surroundings(folder, ros), TYPED, LIMIT_S))
+        stand = stack.enter_context(new_stand()) if any("served" in b.marks for b in todo) else None
+        for block in todo:
+            fault = run_block(block, shell, stand)
+            if fault is not None:
+                return [f"{page.name}:{block.line}: {fault}"]
+    return []
+
+
+def new_stand() -> Any:
+    """Return what the placeholders of a page stand for, and the service that knows it."""
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))
+    return importlib.import_module("tests.docs.served").Stand()
+
+
+def run_block(block: Block, shell: Shell, stand: Any) -> str | None:
+    """Return what went wrong in a block, None if nothing did."""
+    todo, served = steps(block), "served" in block.marks
+    if served:
+        settings = shlex.join(f"{name}={value}" for name, value in stand.settings.items())
+        shell.run(f"kept=$OUTCROP_DATA_DIR; export {settings}")
+    for number, (asked, wanted) in enumerate(todo, 1):
+        try:
+            command = stand.filled(asked) if served else asked
+        except LookupError as err:
+            return f"{asked!r}: nothing stands for the placeholder {err.args[0]!r}"
+        if number == len(todo) and "serves" in block.marks:
+            code, printed = shell.serve(command, partial(prints_all, wanted), SERVES_S)
+        else:
+            code, printed = shell.run(command)
+        if served:
+            stand.heard(printed)
+        said = STATUS.search(asked)
+        if code != (int(said[1]) if said else 0):
+            return f"{command!r} ended with {code}:\n{printed[-1500:]}"
         lost = missing_line(wanted, printed)
         if lost is not None:
-            return [
-                f"{name}:{block.line}: {command!r} did not print {lost.strip()!r}, but:\n{printed[-1500:]}"
-            ]
-    if code:
-        block, command, _ = todo[len(parts) - 1]
-        return [f"{name}:{block.line}: {command!r} ended with {code}:\n{parts[-1][-1500:]}"]
-    return []
+            return f"{command!r} did not print {lost.strip()!r}, but:\n{printed[-1500:]}"
+    if served:
+        shell.run("export OUTCROP_DATA_DIR=$kept; unset OUTCROP_SERVER")
+    return None
 
 
 @cache
