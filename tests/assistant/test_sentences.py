@@ -12,6 +12,7 @@ import yaml
 
 from ground.resources.drafts.grammar import Said, understand
 from ground.resources.drafts.phrases import QuestionError, Surroundings
+from tests.seeds import drawn_seed
 
 FILE = yaml.safe_load((Path(__file__).parent / "sentences.yaml").read_text(encoding="utf-8"))
 SENTENCES: list[dict[str, Any]] = FILE["sentences"]
@@ -99,8 +100,7 @@ def corners(found: dict[str, Any]) -> Any:
 
 
 def test_a_swapped_number_is_in_the_object_or_asked_about() -> None:
-    seed = random.SystemRandom().randrange(2**31)
-    print("seed", seed)
+    seed = drawn_seed()
     rng = random.Random(seed)
     understood = 0
     good = [case for case in SENTENCES if "want" in case and NUMBER.search(case["say"])]
@@ -133,8 +133,7 @@ def _rounded(value: Any) -> Any:
 
 def test_an_unknown_word_anywhere_is_asked_about() -> None:
     """Also words that turn the meaning round: no sentence with one of them passes for one without it."""
-    seed = random.SystemRandom().randrange(2**31)
-    print("seed", seed)
+    seed = drawn_seed()
     rng = random.Random(seed)
     good = [case["say"] for case in SENTENCES if "want" in case]
     for _ in range(100):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import runpy
 import signal
 import subprocess
 import sys
@@ -17,6 +16,7 @@ from executive.runtime import LiveRuntime
 from executive.runtime.wire import WireRover
 from executive.runtime.wire.contract import check_wire
 from tests.ros2.processes import EXAMPLE, ROOT, Drive, Ros, until
+from tests.shared import script
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros2")]
 
@@ -210,7 +210,7 @@ def test_the_rovers_clock_is_that_of_the_simulation(ros: Ros) -> None:
 
 
 def test_the_tutorial_runs_as_it_stands(ros_python: Path) -> None:
-    snippets = runpy.run_path(str(ROOT / "scripts/docs_snippets.py"))
+    snippets = vars(script("docs_snippets"))
     page = ROOT / "docs/learn/drive-a-ros2-robot.md"
     assert any(block.mark == "ros" for block in snippets["blocks"](page.read_text(encoding="utf-8")))
     assert snippets["run_page"](page, slow=False, ros=ros_python.parents[1]) == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Iterator
 from random import Random
 from typing import Any
@@ -12,6 +11,7 @@ import pytest
 from ground.errors import InvalidInputError
 from ground.versions.merge import Take
 from ground.versions.rows import GONE, Key, MergedRows, Rows, Schema, merge_rows, row_changes
+from tests.seeds import drawn_seed
 
 PAIRS = 600
 
@@ -218,8 +218,7 @@ def random_edits(rows: Rows, rng: Random, side: str) -> Rows:
 
 
 def test_of_random_pairs_every_edit_is_taken_or_named_and_nothing_else_is_said() -> None:
-    seed = secrets.randbelow(2**31)
-    print(f"seed {seed}")
+    seed = drawn_seed()
     rng = Random(seed)
     clean = named = 0
     for _ in range(PAIRS):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from dataclasses import replace
 from typing import Any
 
@@ -20,18 +19,13 @@ from planner.solve import solve
 from tests.neighbours.planning.engines import solved
 from tests.planner.reference.optimum import optimum
 from tests.planner.reference.problems import FAMILIES, generated
+from tests.seeds import drawn_seed
 
 FUTURES = 20_000
 BEYOND_CHANCE = 5.0
 """Standard errors: once in three million comparisons."""
 EXACT = tuple(family for family in FAMILIES if family != "fading")
 """Where no track is lost and amounts are constant, the files of these say all that bears on the choice."""
-
-
-def drawn_seed() -> int:
-    seed = secrets.randbelow(2**31)
-    print(f"seed {seed}")
-    return seed
 
 
 def value(problem: Problem, plan: Plan) -> Estimate:
