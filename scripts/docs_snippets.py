@@ -12,8 +12,8 @@ or as its comment says (`# exit status 1`). Marks on the line before a block, jo
     <!-- serves -->          the last command runs until it is interrupted, once it has printed its lines
     <!-- slow -->            runs with --slow only, that is in scripts/docs
     <!-- ros -->             runs with --ros only, in the ROS 2 that scripts/ros-venv made in DIR
+    <!-- installs -->        runs with --slow only, in an empty Python; `outcrop` is the wheel of this tree
     <!-- file: NAME -->      the block is written to this file of the folder
-    <!-- form: REASON -->    not run; commands and options are checked against the program
 
 Files of `tests/docs/brought/PAGE/` lie in the folder from the start. Blocks without a language are not run,
 their commands are checked against the program. Blocks in Python are compiled and what they import is looked
@@ -31,6 +31,7 @@ import os
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 import tempfile
 import tomllib
@@ -77,7 +78,7 @@ class Block:
     @property
     def runs(self) -> bool:
         """Whether the commands of the block are carried out."""
-        return self.lang in SHELLS and not self.mark.startswith(("form:", "file:"))
+        return self.lang in SHELLS and not self.mark.startswith("file:")
 
 
 def blocks(text: str) -> list[Block]:
@@ -139,6 +140,26 @@ def in_ros(folder: Path, ros: Path) -> dict[str, str]:
     }
 
 
+def in_an_empty_python(folder: Path) -> dict[str, str]:
+    """Return an environment with an empty Python, whose pip takes the wheel of this tree for `outcrop`."""
+    for command in (
+        [sys.executable, "-m", "venv", folder / ".python"],
+        [sys.executable, "-m", "build", "--no-isolation", "--outdir", folder / ".dist", ROOT],
+    ):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise RuntimeError(f"{command[2]}: {done.stdout[-1000:]}{done.stderr[-1000:]}")
+    (wheel,) = (folder / ".dist").glob("outcrop-*.whl")
+    only = folder / ".python/only-this.txt"
+    only.write_text(f"outcrop==={wheel.name.split('-')[1]}\n", encoding="utf-8")
+    return {
+        "PATH": f"{folder}/.python/bin{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": "",
+        "PIP_CONSTRAINT": str(only),
+        "PIP_FIND_LINKS": " ".join((str(wheel.parent), os.environ.get("PIP_FIND_LINKS", ""))),
+    }
+
+
 def surroundings(folder: Path, ros: Path | None) -> dict[str, str]:
     """Return the environment of a page's commands."""
     return {
@@ -156,7 +177,7 @@ def surroundings(folder: Path, ros: Path | None) -> dict[str, str]:
 
 def run_page(page: Path, slow: bool, ros: Path | None = None) -> list[str]:
     """Return what went wrong in the commands of a page, run in order in one shell."""
-    left_out = {*(() if slow else ("slow",)), *(() if ros else ("ros",))}
+    left_out = {*(() if slow else ("slow", "installs")), *(() if ros else ("ros",))}
     found = blocks(page.read_text(encoding="utf-8"))
     todo = [block for block in found if block.runs and not block.marks & left_out]
     if not any(steps(block) for block in todo):
@@ -172,6 +193,8 @@ def run_page(page: Path, slow: bool, ros: Path | None = None) -> list[str]:
                 target.write_text(block.text, encoding="utf-8")
         shell = stack.enter_context(Shell(folder, surroundings(folder, ros), TYPED, LIMIT_S))
         stand = stack.enter_context(new_stand()) if any("served" in b.marks for b in todo) else None
+        if any("installs" in block.marks for block in todo):
+            shell.run(f"export {shlex.join(f'{k}={v}' for k, v in in_an_empty_python(folder).items())}")
         for block in todo:
             fault = run_block(block, shell, stand)
             if fault is not None:
@@ -280,7 +303,8 @@ def wrong_form(page: Path) -> list[str]:
         except SyntaxError as err:
             found.append(f"{place}: line {err.lineno}: {err.msg}")
         if block.lang in {*SHELLS, ""}:
-            found += [f"{place}: no such command or option: {u}" for u in unknown(block.text)]
+            text = "\n".join(c for c, _ in steps(block)) if block.lang in SHELLS else block.text
+            found += [f"{place}: no such command or option: {u}" for u in unknown(text)]
     return found
 
 

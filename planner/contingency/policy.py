@@ -503,7 +503,7 @@ class Policy:
         return value
 
     def start_point(self, tracked: int) -> tuple[float, float]:
-        """Return time and energy used once these targets are tracked."""
+        """Return time, s, and energy, J, used once these targets are tracked."""
         count = tracked.bit_count()
         return count * self.model.track_t_s, count * self.model.track_e_j
 

@@ -119,7 +119,7 @@ def check_request(request: NetworkRequest) -> tuple[Polygon, ...]:
 
 
 def map_bounds(request: NetworkRequest) -> tuple[float, float, float, float] | None:
-    """Return west, south, east and north of the map, or None when it has no edge."""
+    """Return west, south, east and north of the map, m, or None when it has no edge."""
     if request.bounds_m is not None:
         west, south, east, north = request.bounds_m
         _check_numbers("bounds_m", west, south, east, north)
@@ -304,7 +304,7 @@ def place_reason(obstacles: Obstacles, east_m: float, north_m: float) -> str | N
 
 
 def outlines(geometry: BaseGeometry) -> tuple[tuple[tuple[float, float], ...], ...]:
-    """Return the rings of a geometry as tuples of points: each outline, followed by its holes."""
+    """Return the rings of a geometry as tuples of points, m: each outline, followed by its holes."""
     rings: list[tuple[tuple[float, float], ...]] = []
     for part in shapely.get_parts(geometry).tolist():
         if isinstance(part, Polygon) and not part.is_empty:

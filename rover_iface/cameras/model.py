@@ -141,12 +141,12 @@ class CameraModel:
 
     @property
     def hc(self) -> float:
-        """Return the sample where A meets the image. Kim et al. 2009, eq. 8."""
+        """Return the sample, px, where A meets the image. Kim et al. 2009, eq. 8."""
         return float(self.A @ self.H)
 
     @property
     def vc(self) -> float:
-        """Return the line where A meets the image."""
+        """Return the line, px, where A meets the image. Kim et al. 2009, eq. 8."""
         return float(self.A @ self.V)
 
     @property

@@ -119,7 +119,7 @@ class SeenRock:
 
     @property
     def area_m2(self) -> float:
-        """Return the surface of its model, or that of a hemispheroid of its size."""
+        """Return the surface, m2, of its model, or that of a hemispheroid of its size."""
         if self.model is not None:
             return self.model.area_m2
         return 2.0 * math.pi * 0.5 * self.width_m * max(self.height_m, 0.5 * self.width_m)

@@ -59,7 +59,7 @@ class HeightField:
         return 0 <= row < rows and 0 <= column < columns and bool(self.known[row, column])
 
     def height(self, x: float, y: float) -> float:
-        """Return the height of the post nearest to a point of the site."""
+        """Return the height, m, of the post nearest to a point of the site, m."""
         rows, columns = self.known.shape
         column, row = round((x - self.west) / self.spacing), round((y - self.south) / self.spacing)
         return float(self.heights[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)])

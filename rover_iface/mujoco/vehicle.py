@@ -107,7 +107,7 @@ class Vehicle:
         return math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y))))
 
     def unknown_ground(self) -> tuple[float, float] | None:
-        """Return where a wheel stands on ground that is unknown, or None."""
+        """Return where a wheel stands on ground that is unknown, m, or None."""
         pose = self.pose
         c, s = math.cos(pose.heading), math.sin(pose.heading)
         for x, y in self._places:

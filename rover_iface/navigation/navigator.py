@@ -173,7 +173,7 @@ class Navigator:
         return Pose.from_transform(self._map_from_believed * believed.site_from_rover)
 
     def on_map(self, x: float, y: float) -> tuple[float, float]:
-        """Return a place of the believed site frame as it lies on the map, seen from where the rover is."""
+        """Return a place of the believed site frame, m, as it lies on the map, as seen by the rover."""
         moved = self._map_from_believed.apply(np.array([x, y, 0.0]))
         return float(moved[0]), float(moved[1])
 

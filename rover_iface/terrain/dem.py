@@ -78,7 +78,7 @@ class Dem:
 
     @property
     def place(self) -> tuple[float, float, float]:
-        """Return west, south and spacing."""
+        """Return west, south and spacing, m."""
         return self.west, self.south, self.spacing
 
 

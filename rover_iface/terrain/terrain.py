@@ -239,7 +239,7 @@ class Terrain:
         return np.array([(r.x, r.y, r.diameter / 2) for r in self.rocks], dtype=float).reshape(-1, 3)
 
     def nearest_rock(self, x: float, y: float) -> tuple[Rock, float] | None:
-        """Return the rock whose edge is nearest and the distance to that edge (0 on the rock), or None."""
+        """Return the rock whose edge is nearest and the distance to that edge, m (0 on the rock), or None."""
         table = self._rock_table
         if not len(table):
             return None

@@ -9,7 +9,9 @@ import sys
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+from executive.crl.dictionary import load_dictionary
 from tests.shared import ROOT
 
 PLAN = """(plan :id day :node (block :id all :node-list (
@@ -21,14 +23,27 @@ SHORT = "(plan :id day :node (task :id rest :action wait :parameters (duration_s
 """For a rover whose seconds pass."""
 
 
-def package(folder: Path, plan: str) -> Path:
-    """Return a package that two people signed; keys and trust file lie beside it in `keys`."""
+@cache
+def _team(folder: Path) -> Any:
     from ground.uplink.training import make_team
+
+    return make_team(folder, training=False)
+
+
+def package(folder: Path, plan: str, dictionary: Path | None = None) -> Path:
+    """Return a package that two people signed for a rover with this dictionary, else for a rover of ours.
+
+    Keys and trust file lie beside it in `keys`; packages of one folder have the same.
+    """
     from tests.ground.signed import signed_package
 
-    team = make_team(folder / "keys", training=False)
-    (folder / "package.zip").write_bytes(signed_package(team, plan=plan))
-    return folder / "package.zip"
+    more = {}
+    if dictionary is not None:
+        told = load_dictionary(dictionary)
+        more["dictionary"] = {"name": told.name, "version": told.version, "sha256": told.sha256}
+    path = folder / f"package{len(list(folder.glob('*.zip')))}.zip"
+    path.write_bytes(signed_package(_team(folder / "keys"), plan=plan, **more))
+    return path
 
 
 @cache

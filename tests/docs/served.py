@@ -265,6 +265,12 @@ class Stand:
         folder.mkdir()
         return made.package(folder, made.SHORT)
 
+    @cached_property
+    def turtles_package(self) -> Path:
+        """The same for the robot of the example for ROS 2."""
+        dictionary = ROOT / "examples/ros2_turtle/turtle.dictionary.toml"
+        return made.package(self.package.parent, made.SHORT, dictionary)
+
     def world(self) -> Path:
         """Return a world in which nothing was carried out."""
         return made.world(self.fresh("world"), made.terrain(service().data / "ground"))
@@ -327,8 +333,10 @@ ENTRIES: Mapping[str, Callable[[Stand], object]] = {
     "KEY": Stand.approvers_key,
     "EVENT": Stand.event,
     "PACKAGE": lambda stand: stand.package,
+    "TURTLES_PACKAGE": lambda stand: stand.turtles_package,
     "TRUST": lambda stand: stand.package.parent / "keys/trust.json",
     "--world DIR": lambda stand: f"--world {stand.world()}",
+    "WORLD": Stand.world,
     "--world WORLD": lambda stand: f"--world {stand.world()}",
     "--out RUN": lambda stand: f"--out {stand.new_run()}",
     "RUN": Stand.run,

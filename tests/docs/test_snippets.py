@@ -11,12 +11,6 @@ from tests.shared import script
 ROOT = Path(__file__).resolve().parents[2]
 SNIPPETS = vars(script("docs_snippets"))
 GUIDES = SNIPPETS["guide_pages"]()
-NOT_RUN = [
-    ("drive-in-mujoco", "needs ROS 2"),
-    ("install", "reaches a package index"),
-    ("ros2", "needs a robot that speaks ROS 2"),
-]
-"""The blocks whose commands are only looked up; this list shall not grow."""
 
 
 def served(guide: Path) -> bool:
@@ -50,13 +44,10 @@ def test_commands_of_a_guide_run_and_print_what_it_says(guide: Path) -> None:
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda p: p.stem)
-def test_what_is_not_run_has_a_reason(guide: Path) -> None:
+def test_marks_of_blocks_are_known(guide: Path) -> None:
     for block in SNIPPETS["blocks"](guide.read_text(encoding="utf-8")):
-        if block.mark.startswith("form:"):
-            assert len(block.mark.split()) >= 4, f"{guide.name}:{block.line}"
-        else:
-            assert block.marks <= {"slow", "ros", "served", "serves"}, f"{guide.name}:{block.line}"
-            assert not block.mark or block.marks or block.mark.startswith("file: ")
+        assert block.marks <= {"slow", "ros", "served", "serves", "installs"}, f"{guide.name}:{block.line}"
+        assert not block.mark or block.marks or block.mark.startswith("file: "), f"{guide.name}:{block.line}"
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda p: p.stem)
@@ -64,22 +55,6 @@ def test_what_runs_until_it_is_interrupted_prints_something_first(guide: Path) -
     for block in SNIPPETS["blocks"](guide.read_text(encoding="utf-8")):
         if "serves" in block.marks:
             assert SNIPPETS["steps"](block)[-1][1], f"{guide.name}:{block.line}"
-
-
-def test_few_blocks_are_not_run() -> None:
-    found = [
-        (guide.stem, block.mark.removeprefix("form: "))
-        for guide in GUIDES
-        for block in SNIPPETS["blocks"](guide.read_text(encoding="utf-8"))
-        if block.mark.startswith("form:")
-    ]
-    assert found == NOT_RUN
-
-
-def test_tutorials_run_almost_whole() -> None:
-    for tutorial in sorted((ROOT / "docs/learn").glob("*.md")):
-        marks = [b.mark for b in SNIPPETS["blocks"](tutorial.read_text(encoding="utf-8"))]
-        assert not [m for m in marks if m.startswith("form:")], tutorial.name
 
 
 @pytest.mark.parametrize(
@@ -130,8 +105,7 @@ def test_files_marks_and_wildcards(tmp_path: Path) -> None:
     text = (
         "<!-- file: a/b.txt -->\n```toml\nx = 1\n```\n\n"
         "```console\n$ cat \\\n    a/b.txt\nx = ...\n$ echo 1 2 3\n1 ... 3\n```\n\n"
-        "<!-- slow -->\n```console\n$ false\n```\n\n"
-        "<!-- form: it would end the machine -->\n```console\n$ exit 3\n```\n"
+        "<!-- slow -->\n```console\n$ false\n```\n"
     )
     made = page(tmp_path, text)
     assert SNIPPETS["run_page"](made, slow=False) == []

@@ -15,7 +15,7 @@ from executive.ports import Acknowledgement, Product, Result, Update
 from executive.runtime import LiveRuntime
 from executive.runtime.wire import WireRover
 from executive.runtime.wire.contract import check_wire
-from tests.ros2.processes import EXAMPLE, ROOT, Drive, Ros, until
+from tests.ros2.processes import EXAMPLE, Drive, Ros, until
 from tests.shared import script
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros2")]
@@ -209,8 +209,18 @@ def test_the_rovers_clock_is_that_of_the_simulation(ros: Ros) -> None:
     assert 3.9 <= took < 8.0
 
 
-def test_the_tutorial_runs_as_it_stands(ros_python: Path) -> None:
-    snippets = vars(script("docs_snippets"))
-    page = ROOT / "docs/learn/drive-a-ros2-robot.md"
-    assert any(block.mark == "ros" for block in snippets["blocks"](page.read_text(encoding="utf-8")))
-    assert snippets["run_page"](page, slow=False, ros=ros_python.parents[1]) == []
+SNIPPETS = vars(script("docs_snippets"))
+PAGES = [
+    page
+    for page in SNIPPETS["guide_pages"]()
+    if any("ros" in block.marks for block in SNIPPETS["blocks"](page.read_text(encoding="utf-8")))
+]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_what_a_page_does_with_ros_runs_as_it_stands(ros_python: Path, page: Path) -> None:
+    assert SNIPPETS["run_page"](page, slow=False, ros=ros_python.parents[1]) == []
+
+
+def test_the_pages_about_ros_are_among_them() -> None:
+    assert {"drive-a-ros2-robot", "drive-in-mujoco", "ros2"} <= {page.stem for page in PAGES}
