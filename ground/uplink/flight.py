@@ -30,6 +30,8 @@ from executive.runtime.journal import FileJournal, Sink, record_of
 from executive.runtime.lines import line_of
 from executive.runtime.session import RunOutcome, Session
 from ground.errors import StateError
+from ground.gdr import durable
+from ground.gdr.durable import DRAFT, put_in_place
 
 FORMAT = "run/1"
 
@@ -224,7 +226,7 @@ def fly(
     finally:
         journal.close()
     about = {"stopped": stopped, **(about or {})}
-    return write_run(folder, outcome, recorder.samples, outcome.products, about)
+    return write_run(folder, outcome, recorder.samples, outcome.products, about, sync=sync)
 
 
 def write_run(
@@ -233,8 +235,13 @@ def write_run(
     samples: Sequence[Sample],
     products: Sequence[Product],
     about: Mapping[str, object],
+    *,
+    sync: bool = True,
 ) -> Flight:
-    """Write what came of a run into its folder, the form `run/1`, and return it."""
+    """Write what came of a run into its folder, the form `run/1`, and return it.
+
+    `run.json` says that the run is over, so it comes last and whole; with `sync` all of it is durable then.
+    """
     document = {
         "format": FORMAT,
         "run": outcome.run_id,
@@ -251,7 +258,16 @@ def write_run(
     _write_lines(folder / "trace.jsonl", ([r.t_ms / 1000, r.event, *r.arguments] for r in outcome.trace))
     _write_lines(folder / "telemetry.jsonl", (s.as_dict() for s in samples))
     _write_lines(folder / "products.jsonl", map(product_line, products))
-    (folder / "run.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    draft, done = folder / f"{DRAFT}run.json", folder / "run.json"
+    draft.write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    if sync:
+        files = {"trace.jsonl", "telemetry.jsonl", "products.jsonl", *(p.path for p in products)}
+        for path in (folder / name for name in files):
+            if path.is_file():
+                durable.sync(path)
+        put_in_place(draft, done)
+    else:
+        draft.replace(done)
     return Flight(folder, outcome, tuple(samples), document)
 
 

@@ -26,6 +26,7 @@ from executive.runtime.wire.address import Address, Keys
 from executive.runtime.wire.client import WireRover
 from executive.runtime.wire.stop import stop_rover
 from ground.errors import InvalidInputError, StateError
+from ground.gdr.durable import DRAFT
 from ground.uplink.admission import Admitted, admitted, check_plan
 from ground.uplink.flight import Flight, Sample, SampleBook, write_run
 from ground.uplink.verify import Package
@@ -253,7 +254,9 @@ def _begun(given: Admitted, out: Path, *, resume: bool) -> bool:
 def _write_place(out: Path, place: LivePlace) -> None:
     keys = place.keys
     files = None if keys is None else [str(p.resolve()) for p in (keys.certificate, keys.key, keys.authority)]
-    (out / LIVE).write_text(json.dumps({"connect": str(place.address), "keys": files}) + "\n", "utf-8")
+    fresh = out / f"{DRAFT}{LIVE}"  # who stops the rover in an emergency reads it: whole, or not there yet
+    fresh.write_text(json.dumps({"connect": str(place.address), "keys": files}) + "\n", "utf-8")
+    fresh.replace(out / LIVE)
 
 
 def run_live(

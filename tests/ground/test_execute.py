@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ import pytest
 from ground.errors import AlreadyExecutedError, InvalidInputError, StateError
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.flight import Sample
-from ground.uplink.ledger import COPY, LEDGER
+from ground.uplink.ledger import COPY, LEDGER, Ledger, begun
 from tests.ground.signed import small_site
 
 
@@ -77,6 +79,52 @@ def test_an_interrupted_execution_goes_on_to_the_end_it_would_have_had(
     assert len((place.world / LEDGER).read_text().splitlines()) == 2  # the trust file, and the package
     with pytest.raises(InvalidInputError, match="nothing to resume"):
         execute_package(package, place, out, resume=True)
+
+
+def dies_at(opening: int, out: Path, work: Callable[[], object]) -> bool:
+    """Do `work` in a process that dies when it has opened the n-th file to write in `out`; tell if it did."""
+    child = os.fork()
+    if child == 0:
+        count = iter(range(1, 10**6))
+
+        def hook(event: str, given: tuple[Any, ...]) -> None:
+            if event != "open" or not str(given[0]).startswith(str(out)) or not given[2] & os.O_WRONLY:
+                return
+            if next(count) == opening:
+                if given[2] & os.O_CREAT:
+                    Path(given[0]).touch()
+                    os.truncate(given[0], 0)  # it is open, and holds nothing yet
+                os._exit(9)
+
+        sys.addaudithook(hook)
+        try:
+            work()
+            os._exit(0)
+        finally:
+            os._exit(1)
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    assert status in {0, 9}
+    return status == 9
+
+
+def test_a_death_at_any_file_leaves_a_run_that_goes_on_or_is_over(
+    site: tuple[Path, Place], tmp_path: Path
+) -> None:
+    package, place = site
+    execute_package(package, place, tmp_path / "whole")
+    deaths = 0
+    for opening in range(1, 100):
+        forget(place)
+        out = tmp_path / f"run{opening}"
+        if not dies_at(opening, out, partial(execute_package, package, place, out)):
+            break
+        deaths += 1
+        if not (out / "run.json").exists():
+            going_on = any(begun(Ledger(place.world).entries))
+            out = out if going_on else tmp_path / f"again{opening}"
+            execute_package(package, place, out, resume=going_on)
+        assert contents(out) == contents(tmp_path / "whole"), opening
+    assert deaths >= 6
 
 
 def test_a_torn_last_line_of_the_journal_is_made_good(site: tuple[Path, Place], tmp_path: Path) -> None:
