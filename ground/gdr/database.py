@@ -18,9 +18,9 @@ from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import DisconnectionError, NoResultFound
 from sqlalchemy.orm import Session
 
+from ground.durable import FILE_MODE, make_folder
 from ground.errors import BusyError, DamagedDataError
 from ground.gdr.decoding import dumps, keep_odd_times, loads, name_damage
-from ground.gdr.durable import FILE_MODE, make_folder
 from ground.gdr.notices import tell_of
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ground.durable import DRAFT, FILE_MODE, make_folder, put_in_place
 from ground.errors import DamagedFileError
-from ground.gdr.durable import DRAFT, FILE_MODE, make_folder, put_in_place
 from ground.gdr.packed import SUFFIX, is_kept, packed_path, read_kept, write_packed
 
 

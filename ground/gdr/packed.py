@@ -12,8 +12,8 @@ from pathlib import Path
 
 import brotli
 
+from ground.durable import DRAFT, FILE_MODE, make_folder, put_in_place
 from ground.errors import DamagedFileError
-from ground.gdr.durable import DRAFT, FILE_MODE, make_folder, put_in_place
 
 SUFFIX = ".br"
 QUALITY = 5

@@ -6,8 +6,8 @@ import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from ground.durable import FOLDER_MODE, make_folder
 from ground.gdr.database import Database
-from ground.gdr.durable import FOLDER_MODE, make_folder
 from ground.gdr.files import FileStore
 from ground.settings import Settings
 

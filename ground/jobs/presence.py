@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ground.gdr.durable import make_folder
+from ground.durable import make_folder
 
 BEAT_S = 10.0
 """How often a worker says that it is there."""

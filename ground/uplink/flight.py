@@ -29,9 +29,9 @@ from executive.ports import (
 from executive.runtime.journal import FileJournal, Sink, record_of
 from executive.runtime.lines import line_of
 from executive.runtime.session import RunOutcome, Session
+from ground import durable
+from ground.durable import DRAFT, put_in_place
 from ground.errors import StateError
-from ground.gdr import durable
-from ground.gdr.durable import DRAFT, put_in_place
 
 FORMAT = "run/1"
 

@@ -25,8 +25,8 @@ from executive.runtime.session import RunOutcome
 from executive.runtime.wire.address import Address, Keys
 from executive.runtime.wire.client import WireRover
 from executive.runtime.wire.stop import stop_rover
+from ground.durable import DRAFT
 from ground.errors import InvalidInputError, StateError
-from ground.gdr.durable import DRAFT
 from ground.uplink.admission import Admitted, admitted, check_plan
 from ground.uplink.flight import Flight, Sample, SampleBook, write_run
 from ground.uplink.verify import Package

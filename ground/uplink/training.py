@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from ground.gdr.durable import put_in_place
+from ground.durable import put_in_place
 from ground.uplink.keys import id_of, load_key, make_key, public_text, sign
 from ground.uplink.package import Signature, signing_keys, write_package
 from ground.uplink.trust import Document, allow, change_trust, checked, new_trust, revoke, write_trust

@@ -1,4 +1,4 @@
-"""A folder on a disk that forgets: what `ground.gdr.durable` did not synchronise may be gone after a crash.
+"""A folder on a disk that forgets: what `ground.durable` did not synchronise may be gone after a crash.
 
 Real calls are made in a real folder, and watched; at a chosen one the machine goes off. What it finds when it
 is on again is what was synchronised and, by chance, what was not: a file may be as it was written, cut,
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from ground.gdr import durable
+from ground import durable
 from tests.ground.crashing_disk import CrashError
 
 

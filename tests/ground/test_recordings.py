@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
+from ground.durable import DRAFT, SUMS, damaged_in
 from ground.errors import ForbiddenError, NotFoundError
-from ground.gdr.durable import DRAFT, SUMS, damaged_in
 from ground.jobs.queue import WorkStoppedError
 from ground.jobs.row import JobRow
 from ground.records.actor import Actor, Role

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from ground.gdr import durable, files, packed
+from ground import durable
+from ground.gdr import files, packed
 from studies.crash_points import study_of_the_store
 
 

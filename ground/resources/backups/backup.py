@@ -13,9 +13,9 @@ from typing import Any
 from sqlalchemy import select, text
 from sqlalchemy.orm import Session
 
+from ground.durable import DRAFT
 from ground.errors import NotFoundError
 from ground.gdr.base import utc_now
-from ground.gdr.durable import DRAFT
 from ground.gdr.migrate import current_revision
 from ground.gdr.packed import packed_path
 from ground.gdr.repository import Repository

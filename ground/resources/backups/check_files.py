@@ -11,7 +11,7 @@ from typing import Any
 
 from sqlalchemy import select
 
-from ground.gdr.durable import SUMS, damaged_in
+from ground.durable import SUMS, damaged_in
 from ground.gdr.repository import Repository
 from ground.resources.campaigns.row import CampaignRow
 from ground.resources.missions.row import MissionRow

@@ -18,8 +18,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+from ground.durable import FILE_MODE, put_in_place
 from ground.errors import ArchiveError
-from ground.gdr.durable import FILE_MODE, put_in_place
 
 FORMAT = "backup/2"
 LIST = "backup.json"

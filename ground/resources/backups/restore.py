@@ -13,9 +13,9 @@ from typing import Any
 
 from sqlalchemy import select
 
+from ground.durable import copy_file
 from ground.errors import ArchiveError, ConflictError
 from ground.gdr.database import Database
-from ground.gdr.durable import copy_file
 from ground.gdr.files import FileStore
 from ground.gdr.history import SYSTEM, ChainRow, Change, record, verify_chains
 from ground.gdr.migrate import migrate

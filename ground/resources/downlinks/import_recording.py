@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy.orm import Session
 
+from ground.durable import removed_on_failure
 from ground.errors import ArchiveError, NotFoundError, StateError
-from ground.gdr.durable import removed_on_failure
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from ground.durable import copy_folder, removed_on_failure
 from ground.errors import AlreadyExecutedError, ArchiveError
 from ground.gdr.archives import extract_zip, is_zip
-from ground.gdr.durable import copy_folder, removed_on_failure
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.jobs.value import JobState

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ground.day.prepare import Report
+from ground.durable import DRAFT, make_folder, put_in_place, seal_folder
 from ground.errors import ArchiveError, JobFailedError
-from ground.gdr.durable import DRAFT, make_folder, put_in_place, seal_folder
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.downlinks.order import RecordingWork
 from ground.resources.downlinks.recording_folder import write_recording

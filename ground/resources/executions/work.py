@@ -9,8 +9,8 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 from ground.day.prepare import Report
+from ground.durable import copy_folder, make_folder, put_in_place
 from ground.errors import ArchiveError, GroundError, JobFailedError
-from ground.gdr.durable import copy_folder, make_folder, put_in_place
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.executions.order import ExecutionWork
 from ground.resources.runs.work import read_run_folder

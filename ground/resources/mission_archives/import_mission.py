@@ -11,10 +11,10 @@ from sqlalchemy import insert
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from ground.durable import copy_folder
 from ground.errors import ArchiveError, ConflictError
 from ground.gdr.archives import extract_zip
 from ground.gdr.base import utc_now
-from ground.gdr.durable import copy_folder
 from ground.gdr.history import ChainRow, Change, open_chain
 from ground.gdr.history import record as write_event
 from ground.gdr.ids import new_id

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from ground.durable import put_in_place, seal_folder
 from ground.errors import NotFoundError, OutsideTerrainError
-from ground.gdr.durable import put_in_place, seal_folder
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.resources.terrains.row import TerrainRow

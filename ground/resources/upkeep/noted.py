@@ -7,7 +7,7 @@ import json
 from datetime import UTC, datetime
 from typing import Literal, get_args
 
-from ground.gdr.durable import put_in_place
+from ground.durable import put_in_place
 from ground.gdr.repository import Repository
 
 Act = Literal["backup", "audit", "contents"]
