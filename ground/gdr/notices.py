@@ -21,6 +21,9 @@ from sqlalchemy.orm import Session
 logger = logging.getLogger(__name__)
 
 CHANNEL = "outcrop"
+"""What servers listen to."""
+WORK = "outcrop_jobs"
+"""What workers listen to: of each change that people see they hear nothing, so it wakes none of them."""
 TICK_S = 0.05
 """How often SQLite's counter is read, and how often many changes are looked at: a person waits no longer."""
 AGAIN_S = 10.0
@@ -43,11 +46,11 @@ def _tell(session: Session, _context: Any) -> None:
         tell(session, topic)
 
 
-def tell(session: Session, topic: str) -> None:
+def tell(session: Session, topic: str, channel: str = CHANNEL) -> None:
     """Tell of a topic when the session's transaction is committed, where the database can."""
     connection = session.connection()
     if connection.dialect.name == "postgresql":
-        connection.execute(text(f"SELECT pg_notify('{CHANNEL}', :topic)"), {"topic": topic})
+        connection.execute(text("SELECT pg_notify(:channel, :topic)"), {"channel": channel, "topic": topic})
 
 
 class Watch:
@@ -60,8 +63,10 @@ class Watch:
         wanted: Callable[[], bool],
         moved: Moved = lambda: None,
         wait_s: float = 4 * TICK_S,
+        channel: str = CHANNEL,
     ) -> None:
         self._address, self._heard, self._wanted, self._moved = address, heard, wanted, moved
+        self._channel = channel
         self._wait_s = wait_s
         """How long PostgreSQL is waited for before `poke` and `stop` are heard."""
         self._poked = threading.Event()
@@ -121,7 +126,7 @@ class Watch:
 
         address = self._address.set(drivername="postgresql").render_as_string(hide_password=False)
         with psycopg.connect(address, autocommit=True) as connection, DefaultSelector() as selector:
-            connection.execute(f"LISTEN {CHANNEL}")
+            connection.execute(f"LISTEN {self._channel}")
             selector.register(connection.fileno(), EVENT_READ)
             self._heard(None)  # what was told before somebody listened
             looked = time.monotonic()

@@ -28,7 +28,7 @@ from ground.errors import GroundError, JobFailedError
 from ground.extras import missing_extra
 from ground.gdr.base import utc_now
 from ground.gdr.ids import new_id
-from ground.gdr.notices import tell
+from ground.gdr.notices import WORK, tell
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.settings import Settings
@@ -72,7 +72,7 @@ QUEUED = "jobs"
 
 def wake_after(session: Session) -> None:
     """Wake the workers as soon as the transaction is committed."""
-    tell(session, QUEUED)
+    tell(session, QUEUED, WORK)
     event.listen(session, "after_commit", lambda _session: WAKE.set())
 
 

@@ -18,7 +18,7 @@ from sqlalchemy.exc import OperationalError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as NoConnectionError
 
 from ground.errors import BusyError, GroundError, JobFailedError
-from ground.gdr.notices import Watch
+from ground.gdr.notices import WORK, Watch
 from ground.gdr.repository import Repository
 from ground.jobs.engine import EngineState, killed_its_workers, of_engine
 from ground.jobs.executors import _Channel, make_executor, run_work
@@ -103,7 +103,7 @@ class Worker:
         """When jobs are looked for again: at once when one was queued or a slot became free."""
         self._bell: Watch | None = None
         if not repo.database.is_sqlite:
-            self._bell = Watch(repo.database.url, self._told, lambda: True, wait_s=0.5)
+            self._bell = Watch(repo.database.url, self._told, lambda: True, wait_s=0.5, channel=WORK)
 
     # ---- life
 
@@ -205,7 +205,8 @@ class Worker:
             if not self._ready(index):
                 break
             claim = claim_job(self.repo, kinds, self.name)
-            there = waiting(self.repo, self.kinds)
+            # where another worker was first, nothing is left for a slot of the same kinds either
+            there = there - kinds.keys() if claim is None else waiting(self.repo, self.kinds)
             if claim is not None and self._begin(index, claim):
                 count += 1
                 begun = self._slots[index]
