@@ -26,7 +26,7 @@ def to_site(corners: Sequence[Corner], name: str, site: Place | None) -> list[Co
 
 
 def from_site(corners: Sequence[Sequence[float]], name: str, site: Place | None) -> list[list[float]]:
-    """Return site points [east, north] in another reference, x before y."""
+    """Return site points [east, north], m, in another reference, x before y."""
     if name == SITE:
         return [list(corner) for corner in corners]
     return [[float(x), float(y)] for x, y in placed(site, name).out(corners, name)]

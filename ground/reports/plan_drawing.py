@@ -107,7 +107,7 @@ def boxes(tree: Document, names: Mapping[str, str]) -> Box:
 
 
 def lay_out(root: Box) -> tuple[float, float]:
-    """Give each box its place, parents over the middle of their options; return the size of the drawing."""
+    """Give each box its place, parents over the middle of their options; return its size, px."""
 
     def place(box: Box, left: float, top: float) -> tuple[float, float]:
         box.y = top
@@ -127,7 +127,7 @@ def lay_out(root: Box) -> tuple[float, float]:
 
 
 def lay_out_as_outline(root: Box) -> tuple[float, float]:
-    """Give each box its place, options below their box and a step to the right; return the size.
+    """Give each box its place, options below their box and a step to the right; return the size, px.
 
     The width grows with the depth of the tree alone, so that a page holds it; the height with its boxes.
     """

@@ -129,7 +129,7 @@ def tie_outline(chain: Chain, frame_id: str, outline_m: Sequence[Sequence[float]
 
 
 def outline_of(placed: Placed, in_frame: Document) -> tuple[list[list[float]], float]:
-    """Return corners [east, north] in the mission's axes, and the largest level deviation of the middle."""
+    """Return corners [east, north] in the mission's axes, and the middle's largest level deviation; m."""
     import numpy as np
 
     from rover_iface.frames import NED_FROM_ENU

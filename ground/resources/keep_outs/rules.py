@@ -14,7 +14,7 @@ MARGIN_M = 10.0
 
 
 def kept_clear(polygon_m: Sequence[Sequence[float]], sigma_m: float) -> list[list[float]]:
-    """Return the outline of a keep-out, two deviations of its place wider on all sides.
+    """Return the outline of a keep-out, m, two deviations of its place wider on all sides.
 
     One that is tied to no frame has no deviation and comes back as it is.
     """

@@ -56,5 +56,5 @@ def network_geometry(day: PreparedDay) -> Document:
 
 
 def observation_points(day: PreparedDay) -> dict[str, dict[str, float]]:
-    """Return the pose chosen for each target."""
+    """Return the pose chosen for each target, m and rad."""
     return {target: asdict(pose) for target, pose in day.observation_points.items()}
