@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from ground.durable import sync
 from ground.errors import AlreadyExecutedError, InvalidInputError
 
 LEDGER, COPY, LOCK = "executed.jsonl", "executed.copy.jsonl", "executed.lock"
@@ -56,11 +57,7 @@ class RealDisk:
         path.write_bytes(content)
 
     def sync(self, path: Path) -> None:
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        sync(path)
 
     def rename(self, source: Path, target: Path) -> None:
         source.replace(target)
