@@ -45,12 +45,12 @@ class PlannerOptions:
     """Targets tracked at once up to which notes come from a grid; each doubles its states. By hand."""
 
     bound_s: Positive = 2.8
-    """Processor seconds, as reckoned, for the table of an upper bound. By hand: with 8 targets a table of 145
-    by 84 nodes, whose bound is 3.8 % over the plan where the next coarser one's is 5.7 %."""
+    """Processor seconds, as reckoned, for the table of an upper bound. By hand: with 8 targets a table of 33
+    by 38 nodes."""
 
-    bound_s_per_target: NotNegative = 2.6
+    bound_s_per_target: NotNegative = 6.0
     """More of them for each target above 8, as far as the limit has them left. By hand: with 10 targets a
-    table of 97 by 56 nodes, 3.6 % over the plan where the one of 33 by 19 is 7.7 %."""
+    table of 49 by 57 nodes, 1.4 % over the plan (seed 5 of `benchmarks.planner_speed`)."""
 
     hasty_bound_s: Positive = 0.06
     """Processor seconds for an upper bound that somebody waits for. By hand."""
@@ -86,6 +86,9 @@ class PlannerOptions:
 
     quick_check_futures: Count = 20_000
     """The same for a quick answer: 1/141."""
+
+    glance_futures: Count = 4_096
+    """The same where the plan alone is asked for, and who asks checks it: one chunk of the simulation."""
 
     def __post_init__(self) -> None:
         if self.hasty_bound_s > self.bound_s:

@@ -27,20 +27,21 @@ def held_up(
     chance: OverrunChance | None,
     least_taken: float,
     hasty: bool,
+    on_fine_grids: bool = True,
 ) -> tuple[Plan, Estimate | None, list[float]]:
     """Return the plan of the curve that holds up on fresh futures, with its check and the values by
     branches.
 
     A plan with more branches replaces the one before only if it is better on the fine grids and also on
-    futures that took no part in the search.
+    futures that took no part in the search. Without the fine grids the search's own values are taken.
     """
-    evaluator = Evaluator(model.within_reach())
+    evaluator = Evaluator(model.within_reach()) if on_fine_grids else None
     best: Plan = ()
     best_value = 0.0
     earned = np.zeros(futures)
     check: Estimate | None = None
     values: list[float] = []
-    for most, (_, candidate) in enumerate(curve):
+    for most, (searched, candidate) in enumerate(curve):
         if 0 < most < len(curve) - 1 and hasty:
             values.append(best_value)  # who is in a hurry waits for the best plan alone
             continue
@@ -48,7 +49,7 @@ def held_up(
         if least_taken > 0.0 and count_branches(plan):
             plan = drop_rare(model, plan, least_taken)
         if plan and plan != best:
-            value = evaluator.value(plan).value
+            value = searched if evaluator is None else evaluator.value(plan).value
             if value > best_value or np.any(model.must_do):
                 met = simulate(model, plan, len(earned), seed=seed)
                 if chance is not None and float(np.mean(met.overrun)) > chance.allowed:

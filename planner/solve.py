@@ -24,6 +24,7 @@ from planner.stages import (
     pressed,
     searched_with_part,
     searched_within,
+    tell_route,
 )
 from planner.strategies import strategy_named
 from planner.tally import StoppedError, tallied
@@ -46,6 +47,7 @@ def solve(
     should_stop: Callable[[], bool] = lambda: False,
     warm: tuple[Plan, ...] = (),
     quick: bool = False,
+    plan_only: bool = False,
 ) -> PlanResult:
     """Return the best contingent plan found for a problem.
 
@@ -74,6 +76,8 @@ def solve(
         Plans to begin with, from an earlier solution of a similar problem.
     quick
         Search on a coarse grid and from few main lines, for an answer within a second.
+    plan_only
+        Leave the bound (`upper` is infinite) and the notes on the plan's steps away, for who needs neither.
 
     Raises
     ------
@@ -91,7 +95,7 @@ def solve(
         watch = Watch(time_limit_s if iterations is None else math.inf, tally, report, begun_s=tally.seconds)
         order = Order(
             problem, strategy, search, max_branches, iterations, seed, least_taken, warm, quick,
-            options or PlannerOptions(), watch,
+            options or PlannerOptions(), watch, plan_only,
         )  # fmt: skip
         tally.stop = should_stop
         try:
@@ -108,6 +112,7 @@ def _planned(order: Order) -> PlanResult:
 
     # 1. The part of the problem that a table of the optimal policy holds: mostly all of it.
     watch.report(Progress(0.0, "reading"))
+    tell_route(order)
     part = reduce_problem(
         problem, most_live_sets=order.affordable_live_sets, should_stop=lambda: watch.stop(0.5)
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -11,14 +12,15 @@ from planner.constraints.overrun import OverrunChance
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
-from planner.contingency.reduction import Reduction, held_by, reduce_problem
+from planner.contingency.reduction import Reduction, held_by, mean_route_of, only, reduce_problem
 from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.contingency.selection import makeable, predecessors_of
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate
-from planner.evaluate.propagate import Evaluator
+from planner.evaluate.program import compile_plan
+from planner.evaluate.propagate import Backward, Evaluator
 from planner.large_plans import Checked, checked, plan_large
 from planner.notes import annotate, annotate_sampled
 from planner.options import PlannerOptions
@@ -46,7 +48,7 @@ LIVE_SET_S = 4e-4
 MANY_TARGETS = 8
 """Targets up to which `PlannerOptions.bound_s` is meant."""
 
-LEFT_SHARE = 0.5
+LEFT_SHARE = 0.7
 """Share of what is left of the limit for the bound of many targets. By hand: linear programs come beside."""
 
 LEAST_BOUND_S = 0.2
@@ -68,6 +70,7 @@ class Order:
     quick: bool
     options: PlannerOptions
     watch: Watch
+    plan_only: bool = False
 
     @property
     def must(self) -> set[str]:
@@ -91,6 +94,26 @@ class Chosen:
     @property
     def mean(self) -> float:
         return 0.0 if self.check is None else self.check.mean
+
+
+def tell_route(order: Order) -> None:
+    """Tell of the best route on mean values: a plan to look at before anything larger is worked out.
+
+    It takes some hundredths of a second. Nothing is told where a plan has to hold to more than its budgets.
+    """
+    problem = order.problem
+    if order.quick or order.must or OverrunChance.of(problem) is not None:
+        return
+    route = mean_route_of(problem, 1.0)
+    if not route or len(route) > MAX_BITS:
+        return
+    model = Model.of(only(problem, set(route)))
+    plan = route_plan(model, tuple(model.number_of[name] for name in route))
+    if not model.admits_plan(plan):
+        return
+    value = Backward(Grid(model, *order.options.quick_nodes), compile_plan(model, plan)).total()
+    if value > 0.0:
+        order.watch.told(plan, value)
 
 
 def long_plan(order: Order) -> Checked | None:
@@ -247,15 +270,17 @@ def _main_line(plan: Plan) -> set[str]:
 
 def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
     options = order.options
+    futures = options.quick_check_futures if order.quick else options.check_futures
     return Chosen(
         *held_up(
             model,
             curve,
-            futures=options.quick_check_futures if order.quick else options.check_futures,
+            futures=min(futures, options.glance_futures) if order.plan_only else futures,
             seed=order.seed + 1,
             chance=OverrunChance.of(order.problem),
             least_taken=order.least_taken,
             hasty=order.quick,
+            on_fine_grids=not order.plan_only,
         )
     )
 
@@ -263,8 +288,11 @@ def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
 def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
     """Return what no policy earns more than; under a chance constraint, no policy that keeps to it.
 
-    Any multiplier gives a bound (`OverrunChance.bound`); the least is taken.
+    Any multiplier gives a bound (`OverrunChance.bound`); the least is taken. Infinity where the plan alone is
+    asked for.
     """
+    if order.plan_only:
+        return math.inf
     watch, options = order.watch, order.options
     more = options.bound_s_per_target * max(0, model.n - MANY_TARGETS)
     timed = order.iterations is None  # who counts steps instead has no limit of which something is left
@@ -285,7 +313,9 @@ def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
 
 
 def annotated(order: Order, model: Model, tree: PlanTree) -> PlanTree:
-    """Return the tree with notes on its steps and options."""
+    """Return the tree with notes on its steps and options, without them where the plan alone is asked for."""
+    if order.plan_only:
+        return tree
     if sum(isinstance(step, TrackStart) for step in tree.plan) > order.options.most_noted_tracks:
         return annotate_sampled(model, tree, seed=order.seed + 4)
     model = model.within_reach()

@@ -32,6 +32,8 @@ class Step(StrEnum):
     """One drive of a table."""
     SET = "set"
     """One live set found."""
+    COUNTED = "counted"
+    """One live set counted by compiled code."""
     LABEL = "label"
     """One label of a route on mean values."""
     ACTION = "action"
@@ -55,6 +57,7 @@ SECONDS: dict[Step, float] = {
     Step.CALL: 5.5e-5,
     Step.DRIVE: 3.0e-5,
     Step.SET: 3.0e-5,
+    Step.COUNTED: 5.0e-7,
     Step.LABEL: 1.0e-5,
     Step.ACTION: 6.0e-8,
     Step.WIDE: 1.5e-7,

@@ -7,14 +7,13 @@ Futures are drawn in blocks, and a block walks the tree together: a choice split
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mission.codec import Document
 from planner.contest.instance import Instance
 from planner.errors import PlanTreeError
 from planner.plan_tree_document import TREES, TREES_1
@@ -43,7 +42,9 @@ class Verdict:
     failing: tuple[str, ...]
 
 
-def read_plan(document: Document, instance: Instance, max_branches: int | None = None) -> list[Any]:
+def read_plan(
+    document: Mapping[str, object], instance: Instance, max_branches: int | None = None
+) -> list[Any]:
     """Return the steps of a plan, `plan-tree/1` or `plan-tree/2`, that names nothing unknown.
 
     Raises

@@ -44,22 +44,30 @@ def _solved(
     return plan_tree_to_dict(found.tree, problem), found.upper
 
 
-def outcrop(document: Document, branches: int, limit_s: float) -> tuple[Document, float | None]:
+def outcrop(
+    document: Mapping[str, object], branches: int, limit_s: float
+) -> tuple[Mapping[str, object], float | None]:
     """Plan with gain-driven branches and a bound."""
     return _solved(document, "optimal", branches, limit_s)
 
 
-def straight(document: Document, _branches: int, limit_s: float) -> tuple[Document, float | None]:
+def straight(
+    document: Mapping[str, object], _branches: int, limit_s: float
+) -> tuple[Mapping[str, object], float | None]:
     """Plan the best order without branches; a step that fails is passed over."""
     return _solved(document, "optimal", 0, limit_s)[0], None
 
 
-def pico2005(document: Document, branches: int, limit_s: float) -> tuple[Document, float | None]:
+def pico2005(
+    document: Mapping[str, object], branches: int, limit_s: float
+) -> tuple[Mapping[str, object], float | None]:
     """Plan as PICo did: a seed on mean values, then branches where they gain most (Pedersen et al. 2005)."""
     return _solved(document, "pico2005", branches, limit_s)[0], None
 
 
-def greedy(document: Document, _branches: int, _limit_s: float) -> tuple[Document, float | None]:
+def greedy(
+    document: Mapping[str, object], _branches: int, _limit_s: float
+) -> tuple[Mapping[str, object], float | None]:
     """Go on to what earns most for its mean time until the means are used up; tracks all that it touches."""
     instance = read_instance(document)
     order = _greedy_order(instance)
@@ -104,7 +112,7 @@ ENTRANTS: Mapping[str, Entrant] = {
 }
 
 
-def ask(entrant: str, document: Document, branches: int, limit_s: float) -> Answer:
+def ask(entrant: str, document: Mapping[str, object], branches: int, limit_s: float) -> Answer:
     """Return the answer of an entrant by its name, or of a program, to an instance.
 
     A program reads the instance on its standard input, finds the limits in `OUTCROP_BRANCHES` and

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mission.codec import Document
 from planner.errors import ProblemError
 from planner.problem_document import CONTINGENCY
 
@@ -57,7 +56,7 @@ class Instance:
     legs: Mapping[tuple[str, str], Leg]
 
 
-def read_instance(document: Document) -> Instance:
+def read_instance(document: Mapping[str, object]) -> Instance:
     """Return an instance from `contingency/1`.
 
     Raises
@@ -107,7 +106,7 @@ def read_instance(document: Document) -> Instance:
     )
 
 
-def load_document(path: Path) -> Document:
+def load_document(path: Path) -> Mapping[str, object]:
     """Return a JSON file.
 
     Raises
@@ -133,7 +132,7 @@ FIELD_M = 8.0
 OVERHEAD_S = 45.0
 
 
-def generate(family: str, targets: int, seed: int) -> Document:
+def generate(family: str, targets: int, seed: int) -> Mapping[str, object]:
     """Return an instance of a family, `contingency/1`, drawn from a seed.
 
     `resource`: images alone, time and energy are short. `tracking`: targets to touch, drives lose tracks.

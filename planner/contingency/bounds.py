@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,16 +11,26 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from planner.contingency.by_place.bound import ng_bound
 from planner.contingency.flow_bound import flow_bound
 from planner.contingency.linear_program import solved
 from planner.contingency.policy import LiveSets, Moves, Policy, TooLargeError
 from planner.contingency.priced_bound import priced_bound
 from planner.evaluate.grid import Grid, Rounding, probability_below
+from planner.evaluate.majorant import Majorant
 from planner.evaluate.model import Model
 from planner.tally import SECONDS, Step, now_s
 
 GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 385, 513, 769))
-"""Nodes in time and energy."""
+"""Nodes in time and energy of a table that rounds down."""
+
+CLOSE_GRIDS = tuple((nt, nt * 7 // 6) for nt in (25, 33, 41, 49, 57, 65, 81, 97, 129, 161))
+"""Those of a table of functions above the value: drives scatter less in energy than in time."""
+
+CLOSE_FROM_S, DOWN_SHARE = 1.0, 0.15
+"""Limit from which both tables are made, and the share of it for the one that rounds down: it is closer where
+amounts scatter little, and what it leaves is for the other. Where the other is the finest there is, the rest
+of the limit is for this one. By hand."""
 
 TABLE_MB = 1200.0
 """Largest table of a bound, in single precision, MB. By hand: a worker is to stay well below 4 GB."""
@@ -39,6 +50,11 @@ MANY_OBSERVATIONS = 60
 LEAST_PRICED_S = 0.2
 """Limit from which the bound by multipliers is tried: less finds none worth having. By hand."""
 
+BY_PLACE_FROM_S, SMALL_MEMORY_SHARE = 8.0, 0.15
+"""Limit from which the bound with a memory of each place is made too, and what the one with a single small
+memory has of it then: that one knows precedence, and energy is rounded less where amounts hardly scatter. By
+hand."""
+
 MARGIN = 2e-5
 """Relative allowance for single precision in the tables."""
 
@@ -46,6 +62,7 @@ LATE = 2.0
 """A table that takes so much longer than reckoned (many ways back) is given up for the next coarser one."""
 
 BY_TABLE = "dynamic programming, consumption rounded down"
+ABOVE = "dynamic programming, piecewise linear above the value"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +84,8 @@ def upper_bound(
     *,
     limit_s: float,
 ) -> Bound:
-    """Return the best bound that the limit allows: a table with consumption rounded down on a fine grid.
+    """Return the best bound that the limit allows: from a table of functions above the value, or of values
+    with consumption rounded down on a fine grid.
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them. It bounds every policy, also one
     that goes through places or comes back. Where no table fits, the best of three is taken: linear programs,
@@ -85,7 +103,12 @@ def upper_bound(
         over_starts = relaxed_bound(model, limit_s=each_s)
         found = [best, over_starts, flow]
         if limit_s >= LEAST_PRICED_S:
-            found.append(Bound(priced_bound(model, limit_s=limit_s), "multipliers and a small memory"))
+            share = 1.0 if limit_s < BY_PLACE_FROM_S else SMALL_MEMORY_SHARE
+            priced = priced_bound(model, limit_s=share * limit_s)
+            found.append(Bound(priced, "multipliers and a small memory"))
+            if share < 1.0:
+                by_place = ng_bound(model, limit_s=(1.0 - share) * limit_s)
+                found.append(Bound(by_place, "multipliers and a memory of each place"))
         return min(found, key=lambda bound: bound.value)
 
     if model.m > 20 or model.n > 20 or int(np.count_nonzero(model.trackable)) > 12:
@@ -100,21 +123,60 @@ def upper_bound(
     for live in every:
         here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
         drives += (4 * here + model.n) * model.n // 4  # those that win nothing are looked at once
-    fitting: list[tuple[int, int]] = []
-    for nt, ng in GRIDS:
+    close = limit_s >= CLOSE_FROM_S
+    found, down_s = [], limit_s
+    if close:
+        above = _above(model, drives)
+        found.append(_by_table(above, len(every), limit_s * (1.0 - DOWN_SHARE)))
+        down_s *= DOWN_SHARE
+        if found[0] is not None and found[0].nodes == above.sizes[0]:  # as fine as it gets: the rest is free
+            down_s = max(down_s, limit_s - above.seconds(*above.sizes[0]))
+    found.append(_by_table(_rounded_down(model, drives), len(every), down_s))
+    tables = [bound for bound in found if bound is not None]
+    return min([best, *tables], key=lambda bound: bound.value) if tables else relaxed()
+
+
+@dataclass(frozen=True, slots=True)
+class _Tables:
+    """Kinds of one table from the finest to the coarsest: nodes, what it takes, s, and its grid."""
+
+    method: str
+    sizes: tuple[tuple[int, int], ...]
+    seconds: Callable[[int, int], float]
+    grid: Callable[[int, int], Grid]
+
+
+def _rounded_down(model: Model, drives: int) -> _Tables:
+    def seconds(nt: int, ng: int) -> float:
         each = nt * ng * ((nt + ng) * SECONDS[Step.CELL] + SECONDS[Step.ELEMENT])
-        cost = drives * (each + SECONDS[Step.DRIVE])
-        size_mb = len(every) * (model.n + 1) * nt * ng * 4 / 1e6
-        if size_mb <= TABLE_MB and cost <= limit_s:
-            fitting.append((nt, ng))
-    for chosen in reversed(fitting):
-        grid = Grid(model, *chosen, Rounding.DOWN, np.float32)
+        return drives * (each + SECONDS[Step.DRIVE])
+
+    return _Tables(BY_TABLE, GRIDS[::-1], seconds, partial(_grid_down, model))
+
+
+def _grid_down(model: Model, nt: int, ng: int) -> Grid:
+    return Grid(model, nt, ng, Rounding.DOWN, np.float32)
+
+
+def _above(model: Model, drives: int) -> _Tables:
+    def seconds(nt: int, ng: int) -> float:
+        return Majorant(model, nt, ng).reckoned_s(drives)
+
+    return _Tables(ABOVE, CLOSE_GRIDS[::-1], seconds, partial(Majorant, model))
+
+
+def _by_table(kind: _Tables, live_sets: int, limit_s: float) -> Bound | None:
+    """Return the bound of the finest table that the limit allows; None where there is none."""
+    for nt, ng in kind.sizes:
+        grid = kind.grid(nt, ng)
+        size_mb = live_sets * (grid.model.n + 1) * nt * ng * 4 / 1e6 + grid.kernels_mb
+        if size_mb > TABLE_MB or kind.seconds(nt, ng) > limit_s:
+            continue
         late = partial(_is_past, now_s() + LATE * limit_s)
         policy = Policy(grid, moves=Moves.ALL, should_stop=late)
         if policy.complete:
-            value = policy.best() * (1.0 + MARGIN) + 1e-9
-            return min(best, Bound(value, BY_TABLE, chosen), key=lambda bound: bound.value)
-    return relaxed()
+            return Bound(policy.best() * (1.0 + MARGIN) + 1e-9, kind.method, (nt, ng))
+    return None
 
 
 def _is_past(until_s: float) -> bool:

@@ -105,7 +105,7 @@ def _span_conditions(
     return tuple(found)
 
 
-def _on_resources(bins: Bins, gains: Any, masses: Any, two_sided: bool) -> Choice:
+def _on_resources(bins: Bins, gains: Any, masses: Any) -> Choice:
     """Return the best condition on time or energy for gains summed over states."""
     whole = float(gains.sum())
     best = Choice(whole, ()) if whole > 0.0 else Choice(0.0, ())
@@ -114,7 +114,7 @@ def _on_resources(bins: Bins, gains: Any, masses: Any, two_sided: bool) -> Choic
         (EnergyCondition, bins.by_energy, bins.energy_edges),
     ):
         sums, weights = project(gains), project(masses)
-        span = _best_span(sums, two_sided)
+        span = _best_span(sums, two_sided=True)
         if span.gain > best.gain * 1.005 + 1e-9:
             best = Choice(span.gain, _span_conditions(span, edges, sums, weights, kind))
     return best
@@ -133,9 +133,7 @@ def _mask(grid: Grid, when: tuple[Condition, ...]) -> Any:
     return mask
 
 
-def best_condition(
-    model: Model, bins: Bins, gains: Gains, masses: dict[State, Any], *, two_sided: bool = True
-) -> Choice:
+def best_condition(model: Model, bins: Bins, gains: Gains, masses: dict[State, Any]) -> Choice:
     """Return the conjunction of at most two tests on tracks and a range of time, of energy, or of both."""
     grid = bins.grid
     tracked_somewhere = [
@@ -161,7 +159,7 @@ def best_condition(
         singles[group] = len(matching)
         gain = sum((gains[s] for s in matching), zero)
         mass = sum((masses[s] for s in matching), zero)
-        choice = _on_resources(bins, gain, mass, two_sided)
+        choice = _on_resources(bins, gain, mass)
         if choice.gain > best.gain * (1.002 if group else 1.0) + 1e-9:
             tests = tuple(TrackedCondition(model.target_ids[p - 1], truth) for p, truth in group)
             best = Choice(choice.gain, (*tests, *choice.when))

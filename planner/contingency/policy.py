@@ -17,13 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from planner.evaluate.grid import Grid, Rounding
+from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import State
 from planner.tally import Step, spend
-
-BATCHED_NODES = 80
-"""Up to so many time nodes the drives to a place are computed in one batch."""
 
 MAX_STATES = 40_000
 """Largest number of live sets for which a table is made."""
@@ -266,7 +263,6 @@ class Policy:
         self.starts = {tracked: self.index[live] for tracked, live in starts.items()}
         self._drives: dict[tuple[int, int, int], Any] = {}
         self._chances: dict[tuple[int, tuple[int, ...], tuple[int, ...]], Any] = {}
-        self._stacks: dict[tuple[int, int], tuple[Any, Any]] = {}
         self._indices: dict[State, int | None] = {}
         self._actions: dict[tuple[int, int], tuple[tuple[int, ...], Any]] = {}
         self.table = np.zeros((model.n + 1, len(self.lives), grid.nt, grid.ng), grid.dtype)
@@ -395,7 +391,7 @@ class Policy:
             for place in (p for p in origins[1:] if p not in here and self.model.has_leg[0, p]):
                 for chosen, values in self._departures(place, [0], rows, tracked):
                     table[chosen, s] = np.maximum(table[chosen, s], values)
-        return not risen or self.grid.how is not Rounding.DOWN  # only a bound needs the last digit
+        return not risen or not self.grid.bounds  # only a bound needs the last digit
 
     def _departures(
         self, place: int, origins: list[int], rows: list[int], tracked: list[int]
@@ -404,7 +400,6 @@ class Policy:
         if not origins:
             return
         grid, count = self.grid, len(tracked)
-        penalty = grid.dtype.type(self.model.penalty)
         spend(Step.DRIVE)
         spend(Step.CELL, len(origins) * (grid.products + len(rows) * grid.nt * grid.ng))
         spend(Step.ELEMENT, len(origins) * grid.nt * grid.ng)
@@ -414,32 +409,7 @@ class Policy:
             chances = self._chances[key] = self.chances(origins, place, tracked)
         arrival = self.table[place][rows].reshape(len(rows), -1)
         mixed = (chances @ arrival).reshape(-1, *grid.shape)
-        mixed += penalty
-        mixed *= grid.alive
-        if grid.nt <= BATCHED_NODES:
-            times, energies = self._kernels(place, count)
-            values = times[origins] @ mixed @ energies[origins]
-            values -= penalty
-            yield origins, values
-            return
-        for k, origin in enumerate(origins):
-            value = grid.leg_t(origin, place, count) @ mixed[k] @ grid.leg_g(origin, place).T
-            value -= penalty
-            yield [origin], value[None]
-
-    def _kernels(self, place: int, count: int) -> tuple[Any, Any]:
-        """Return the kernels of the drives to a place, stacked by origin; zero where there is no way."""
-        key = (place, count)
-        if key not in self._stacks:
-            grid, n1 = self.grid, self.model.n + 1
-            times = np.zeros((n1, grid.nt, grid.nt), grid.dtype)
-            energies = np.zeros((n1, grid.ng, grid.ng), grid.dtype)
-            for a in range(n1):
-                if self.model.has_leg[a, place]:
-                    times[a] = grid.leg_t(a, place, count)
-                    energies[a] = grid.leg_g(a, place).T
-            self._stacks[key] = times, energies
-        return self._stacks[key]
+        yield from grid.before_legs(origins, place, count, mixed)
 
     # ------------------------------------------------------------------------------------- questions
 

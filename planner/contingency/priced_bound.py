@@ -27,6 +27,9 @@ LARGEST_MB = 800.0
 MOST_REMEMBERED = 9
 """Observations remembered: each doubles the sets. By hand."""
 
+MOST_COUNTED = 6
+"""Tracks counted without their targets: each adds as many sets as there are without. By hand."""
+
 PRICE_STEPS, MORE_STEPS = 120, 30
 """Subgradient steps without memory, and with it. By hand: with memory they begin near the best."""
 
@@ -76,16 +79,16 @@ def priced_bound(model: Model, *, limit_s: float) -> float:
     if reckoned_mb(model, COARSE, ()) > LARGEST_MB:
         return math.inf
     first = [_best_prices(_of(model, share, ()), np.zeros(model.m), until) for share in (0.0, 1.0)]
-    best = min(first, key=lambda found: found.value)
-    if best.value == math.inf:
+    if min(found.value for found in first) == math.inf:
         return math.inf
+    best = min((_counting(model, found, until) for found in first), key=lambda found: found.value)
     best = _remembering(model, best, now_s() + PRICED_SHARE * (until - now_s()))
     found, relaxation = best.value, best.relaxation
     for nodes in FINER:
         times = nodes / COARSE
-        size_mb = reckoned_mb(model, nodes, relaxation.memory)
+        size_mb = reckoned_mb(model, nodes, relaxation.memory, relaxation.most)
         if relaxation.seconds * times**2 <= until - now_s() and size_mb <= LARGEST_MB:
-            finer = Relaxation(model, relaxation.weights, nodes, relaxation.memory)
+            finer = Relaxation(model, relaxation.weights, nodes, relaxation.memory, relaxation.most)
             found = min(found, finer.bound(best.own))
             break
     summed = abs(found) + model.penalty + relaxation.owed(best.own)
@@ -96,12 +99,24 @@ def _of(model: Model, time_share: float, memory: tuple[int, ...]) -> Relaxation:
     return Relaxation(model, Weights.of(model, time_share), COARSE, memory)
 
 
+def _counting(model: Model, found: Priced, until: float) -> Priced:
+    """Return what comes of counting tracks, where the limit allows it and it is closer."""
+    seconds = found.relaxation.seconds * (MOST_COUNTED + 1)
+    too_large = reckoned_mb(model, COARSE, (), MOST_COUNTED) > LARGEST_MB
+    if too_large or now_s() + MORE_STEPS * seconds > until or found.value == math.inf:
+        return found
+    larger = Relaxation(model, found.relaxation.weights, COARSE, (), MOST_COUNTED)
+    if not larger.most:
+        return found
+    return min(found, _best_prices(larger, found.prices, until), key=lambda one: one.value)
+
+
 def _best_prices(relaxation: Relaxation, begin: Floats, until: float) -> Priced:
     """Return the best multipliers found from those given."""
     prices = np.where(relaxation.priced, begin[relaxation.wanted], 0.0)
     best, best_prices, share, idle = math.inf, prices, 1.0, 0
     made = np.zeros(len(prices))
-    for _ in range(MORE_STEPS if relaxation.memory else PRICE_STEPS):
+    for _ in range(MORE_STEPS if relaxation.memory or relaxation.most else PRICE_STEPS):
         value = relaxation.bound(prices)
         if value < best:
             idle = 0 if value < best * (1.0 - 1e-4) else idle + 1
@@ -141,8 +156,8 @@ def _remembering(model: Model, found: Priced, until: float) -> Priced:
         if not new or now_s() + LEAST_STEPS * relaxation.seconds * (1 << len(new)) > until:
             return best
         memory = (*relaxation.memory, *new)
-        if reckoned_mb(model, COARSE, memory) > LARGEST_MB:
+        if reckoned_mb(model, COARSE, memory, relaxation.most) > LARGEST_MB:
             return best
-        larger = Relaxation(model, relaxation.weights, COARSE, memory)
+        larger = Relaxation(model, relaxation.weights, COARSE, memory, relaxation.most)
         found = _best_prices(larger, found.prices, until)
         best = min(best, found, key=lambda one: one.value)

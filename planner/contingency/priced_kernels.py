@@ -1,7 +1,8 @@
 """Compiled sweeps over one resource: the value of the Lagrangean relaxation, and what its policy does.
 
 Axes: a leg e, a count of carried tracks c, a vertex v (a place and what is left to do in this stay), a live
-set s (bits), a node i of the resource. Kernels hold the mass that an action moves 0, 1, ... nodes on.
+set s (bits, and above them the number of tracks that are counted only), a node i of the resource. Kernels
+hold the mass that an action moves 0, 1, ... nodes on.
 """
 
 from __future__ import annotations
@@ -39,6 +40,9 @@ class Layout(NamedTuple):
     close: Ints  # (observations,) last node at which it may begin
     bit: Ints  # (observations,) its bit in the live set, -1 if it has none
     need: Ints  # (observations,) bits that must be gone before
+    counted: NDArray[np.bool_]  # (observations,) takes one of the tracks that are counted only
+    thin: Floats  # (legs, most + 1, most + 1) chance that so many of so many counted tracks are left
+    whole: bool  # the largest count is a number, and not that many or more
     carried: Ints  # (sets,) number of tracks
     tracks: int  # bits that stand for tracked targets
     bits: int
@@ -51,7 +55,23 @@ class Tables(NamedTuple):
 
     value: Singles
     arriving: Singles  # (legs, sets, nodes)
-    choice: NDArray[np.int32]  # leg, legs + arc, -1 ends the day, -2 - bit gives up a track
+    choice: NDArray[
+        np.int32
+    ]  # leg, legs + arc, -1 ends the day, -2 - bit gives up a track, -2 - bits a counted one
+
+
+@njit(cache=True, nogil=True)
+def _left(a: Layout, m: int, s: int) -> int:
+    """Return the live set after an observation, -1 where it cannot be made."""
+    if a.bit[m] >= 0:
+        left = s & ~(1 << a.bit[m])
+        return left if left != s else -1
+    if not a.counted[m]:
+        return s
+    count = s >> a.bits
+    if count == a.thin.shape[1] - 1 and not a.whole:
+        return s
+    return s - (1 << a.bits) if count > 0 else -1
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -66,19 +86,16 @@ def backward(a: Layout, gain: Floats, stay: float, w: Tables) -> None:
     by_leg, by_arc = np.empty(legs), np.empty(arcs)
     x, y = np.empty(vertices), np.empty(vertices)
     going, leg_of = np.empty(places), np.empty(places, np.int64)
+    one, most = 1 << a.bits, a.thin.shape[1] - 1
     for i in range(a.nodes - 1, -1, -1):
-        for s in range(1 << a.bits):
+        for s in range((most + 1) << a.bits):
             c = a.carried[s]
             top: float = a.penalty
             for k in range(arcs):
                 m = a.made[k]
                 by_arc[k] = -1.0
-                left = s
-                if a.bit[m] >= 0:
-                    left = s & ~(1 << a.bit[m])
-                    if left == s:
-                        continue
-                if gain[m] <= 0.0 or i > a.close[m] or a.need[m] & s:
+                left = _left(a, m, s)
+                if left < 0 or gain[m] <= 0.0 or i > a.close[m] or a.need[m] & s:
                     continue
                 v = np.float32(0.0)
                 mass = np.float32(0.0)
@@ -86,7 +103,7 @@ def backward(a: Layout, gain: Floats, stay: float, w: Tables) -> None:
                     v += a.observation[m, j] * w.value[a.after[k], left, i + j]
                     mass += a.observation[m, j]
                 v += (mass + a.observation[m, 0]) * gain[m]
-                if a.bit[m] >= 0:
+                if left != s:
                     v += a.observation[m, 0] * w.value[a.after[k], left, i]
                 by_arc[k] = v
                 top = max(top, float(v))
@@ -100,6 +117,8 @@ def backward(a: Layout, gain: Floats, stay: float, w: Tables) -> None:
                 for b in range(a.bits):
                     if (a.tracks & s) >> b & 1:
                         top = max(top, float(w.value[p, s & ~(1 << b), i]))
+                if s >= one:
+                    top = max(top, float(w.value[p, s - one, i]))
             x[:] = top / (1.0 - stay)  # above the fixed point, so every round stays above it
             for _ in range(SWEEPS):
                 going[:] = a.penalty
@@ -116,12 +135,15 @@ def backward(a: Layout, gain: Floats, stay: float, w: Tables) -> None:
                         if (a.tracks & s) >> b & 1 and w.value[p, s & ~(1 << b), i] > y[p]:
                             y[p] = w.value[p, s & ~(1 << b), i]
                             w.choice[p, s, i] = -2 - b
+                    if s >= one and w.value[p, s - one, i] > y[p]:
+                        y[p] = w.value[p, s - one, i]
+                        w.choice[p, s, i] = -2 - a.bits
                 for k in range(arcs):
                     if by_arc[k] < 0.0:
                         continue
                     m, p = a.made[k], a.before[k]
                     v = by_arc[k]
-                    if a.bit[m] < 0:
+                    if _left(a, m, s) == s:
                         v += a.observation[m, 0] * x[a.after[k]]
                     if v > y[p]:
                         y[p] = v
@@ -130,15 +152,46 @@ def backward(a: Layout, gain: Floats, stay: float, w: Tables) -> None:
             for p in range(vertices):
                 w.value[p, s, i] = x[p]
         for e in range(legs):
-            for s in range(1 << a.bits):
+            for s in range(len(a.carried)):
                 w.arriving[e, s, i] = w.value[a.head[a.to[e]], s, i]
             for b in range(a.bits):
                 lost = a.loss[e, b]
                 if lost > 0.0:
-                    for s in range(1 << a.bits):
+                    for s in range(len(a.carried)):
                         if (s >> b) & 1:
                             other = w.arriving[e, s & ~(1 << b), i]
                             w.arriving[e, s, i] += lost * (other - w.arriving[e, s, i])
+            for k in range(most, 0, -1):
+                if a.thin[e, k, k] < 1.0:
+                    for s in range(one):
+                        v = np.float32(0.0)
+                        for j in range(k + 1):
+                            v += a.thin[e, k, j] * w.arriving[e, (j << a.bits) | s, i]
+                        w.arriving[e, (k << a.bits) | s, i] = v
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _split(a: Layout, leg: int, s: int, here: float, sets: Ints, weights: Floats) -> int:
+    """Fill in the live sets after a drive with their chances; return how many they are."""
+    count = 1
+    sets[0], weights[0] = s, here
+    for b in range(a.bits):
+        lost = a.loss[leg, b]
+        if (s >> b) & 1 and lost > 0.0:
+            for k in range(count):
+                sets[count + k], weights[count + k] = sets[k] & ~(1 << b), weights[k] * lost
+                weights[k] *= 1.0 - lost
+            count *= 2
+    tracks, split = s >> a.bits, count
+    if a.thin[leg, tracks, tracks] < 1.0:
+        for t in range(tracks):
+            for k in range(split):
+                sets[count] = sets[k] - ((tracks - t) << a.bits)
+                weights[count] = weights[k] * a.thin[leg, tracks, t]
+                count += 1
+        for k in range(split):
+            weights[k] *= a.thin[leg, tracks, tracks]
+    return count
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -151,33 +204,28 @@ def forward(a: Layout, choice: NDArray[np.int32], mass: Floats) -> Floats:
     """
     legs, band, short = len(a.origin), a.leg.shape[2], a.observation.shape[1]
     made = np.zeros(len(a.observation))
-    sets, weights = np.empty(1 << a.bits, np.int64), np.empty(1 << a.bits)
+    one = 1 << a.bits
+    sets, weights = np.empty(len(a.carried), np.int64), np.empty(len(a.carried))
     for i in range(a.nodes):
-        for s in range((1 << a.bits) - 1, -1, -1):
+        for s in range(len(a.carried) - 1, -1, -1):
             for p in range(len(a.place)):
                 here = mass[p, s, i]
                 done = choice[p, s, i]
                 if here < FAINT or done == -1:
                     continue
-                if done < -1:
+                if done == -2 - a.bits:
+                    mass[p, s - one, i] += here
+                elif done < -1:
                     mass[p, s & ~(1 << (-2 - done)), i] += here
                 elif done >= legs:
                     m, q = a.made[done - legs], a.after[done - legs]
-                    left = s if a.bit[m] < 0 else s & ~(1 << a.bit[m])
+                    left = _left(a, m, s)
                     for j in range(min(short, a.nodes - i)):
                         made[m] += here * a.observation[m, j]
                         if i + max(j, 1) < a.nodes:
                             mass[q, left, i + max(j, 1)] += here * a.observation[m, j]
                 else:
-                    count = 1
-                    sets[0], weights[0] = s, here
-                    for b in range(a.bits):
-                        lost = a.loss[done, b]
-                        if (s >> b) & 1 and lost > 0.0:
-                            for k in range(count):
-                                sets[count + k], weights[count + k] = sets[k] & ~(1 << b), weights[k] * lost
-                                weights[k] *= 1.0 - lost
-                            count *= 2
+                    count = _split(a, done, s, here, sets, weights)
                     for j in range(min(band, a.nodes - i)):
                         moved = a.leg[done, a.carried[s], j]
                         if moved > 0.0 and i + max(j, 1) < a.nodes:

@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.constraints.registry import columns_of
 from planner.constraints.rule import MAX_BITS
+from planner.contingency.live_set_count import count_sets
 from planner.contingency.policy import LiveSets, Moves, TooLargeError
 from planner.contingency.selection import Selection, makeable, nearest_by_worth, places_through
 from planner.evaluate.model import Model
@@ -101,17 +102,20 @@ def live_sets_of(problem: Problem) -> int | None:
 
 def _live_sets(model: Model, *, once: bool) -> int | None:
     sets = LiveSets(model, (1 << model.m) - 1)
-    start = [sets.initial(sum(1 << p for p in range(1, model.n + 1) if model.trackable[p]))]
+    start = sets.initial(sum(1 << p for p in range(1, model.n + 1) if model.trackable[p]))
     try:
-        return len(sets.once_from(start)[0] if once else sets.all_from(start))
+        return count_sets(sets, start, once=once)
     except TooLargeError:
         return None
 
 
-def moves_of(model: Model) -> Moves:
-    """Return which policies a table for the search is made of: all, where coming back or going round pays."""
-    if model.leads_everywhere and not several(model):
-        return Moves.TO_WORK
+def moves_of(model: Model, *, quick: bool = False) -> Moves:
+    """Return which policies a table for the search is made of: all, where coming back or going round pays.
+
+    For a `quick` search only where the rover has to go round.
+    """
+    if model.leads_everywhere and (quick or not several(model)):
+        return Moves.ONE_STAY if several(model) else Moves.TO_WORK
     count = _live_sets(model, once=False)
     if count is not None and count <= MAX_RETURNING_SETS:
         return Moves.ALL
@@ -121,11 +125,6 @@ def moves_of(model: Model) -> Moves:
 def several(model: Model) -> bool:
     """Return whether some target has several observations."""
     return any(int(bits).bit_count() > 1 for bits in model.target_bits)
-
-
-def fits_table(problem: Problem) -> bool:
-    """Return whether a table of the optimal policy can hold the problem."""
-    return live_sets_of(problem) is not None
 
 
 def reduce_problem(

@@ -10,6 +10,7 @@ hundredths of a per cent.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from enum import StrEnum
 from typing import Any
 
@@ -19,21 +20,28 @@ from scipy.special import ndtr
 from planner.evaluate.model import Floats, Model
 from planner.tally import Step, spend
 
+BATCHED_NODES = 80
+"""Up to so many time nodes the drives to a place are computed in one batch."""
+
 
 class Rounding(StrEnum):
     """How consumption meets the grid.
 
     `MID` keeps the mean (an estimate); `DOWN` rounds every consumption down to the grid, which can only
-    help a policy, so values are upper bounds; `UP` rounds up, so values are lower bounds.
+    help a policy, so values are upper bounds; `UP` rounds up, so values are lower bounds. `ABOVE` keeps the
+    mean and adds what may be missing between nodes: closer upper bounds (`planner.evaluate.majorant`).
     """
 
     MID = "mid"
     DOWN = "down"
     UP = "up"
+    ABOVE = "above"
 
 
-def _call(c: Floats, mu: float, sigma: float) -> Floats:
-    """Return E[(X - c)+] for a log-normal (sigma > 0) or constant X; `mu` -inf means X = 0."""
+def mean_above(c: Floats, mu: float, sigma: float) -> Floats:
+    """Return E[(X - c)+], [...], for thresholds `c` [...] and a log-normal (sigma > 0) or constant X in the
+    unit of `c`; `mu` -inf means X = 0.
+    """
     mean = math.exp(mu + sigma * sigma / 2.0) if mu > -math.inf else 0.0
     if sigma == 0.0 or mean == 0.0:
         return np.maximum(mean - c, 0.0)
@@ -65,7 +73,7 @@ def weights_from(
     k = np.arange(nodes)
     base = k * step - origin - shift
     if how is Rounding.MID:
-        values = _call(np.concatenate([base[:1] - step, base, base[-1:] + step]), mu, sigma)
+        values = mean_above(np.concatenate([base[:1] - step, base, base[-1:] + step]), mu, sigma)
         return np.maximum((values[:-2] - 2.0 * values[1:-1] + values[2:]) / step, 0.0)
     if how is Rounding.DOWN:
         slack = 1e-9 * step
@@ -76,8 +84,8 @@ def weights_from(
     return np.diff(edges)
 
 
-def _toeplitz(first_row: Floats) -> Floats:
-    """Return the upper triangular Toeplitz matrix K[i, j] = first_row[j - i]."""
+def toeplitz(first_row: Floats) -> Floats:
+    """Return the upper triangular Toeplitz matrix K[i, j] = first_row[j - i], (n, n), of a row (n,)."""
     n = len(first_row)
     padded = np.concatenate([np.zeros(n - 1), first_row])
     view = np.lib.stride_tricks.sliding_window_view(padded, n)[::-1]
@@ -116,6 +124,17 @@ class Grid:
         self._leg_g: dict[tuple[int, int], Any] = {}
         self._obs_t: dict[int, Any] = {}
         self._obs_g: dict[int, Any] = {}
+        self._stacks: dict[tuple[int, int], Any] = {}
+
+    @property
+    def bounds(self) -> bool:
+        """Whether values are upper bounds."""
+        return self.how in (Rounding.DOWN, Rounding.ABOVE)
+
+    @property
+    def kernels_mb(self) -> float:
+        """What the kernels of all drives take, MB, where that is not little."""
+        return 0.0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -156,7 +175,7 @@ class Grid:
             row = weights_from(
                 0.0, self.nt, self.step_t, mu, sigma, tracked * self.model.track_leg_s, self.how
             )
-            self._leg_t[key] = _toeplitz(row).astype(self.dtype)
+            self._leg_t[key] = toeplitz(row).astype(self.dtype)
         return self._leg_t[key]
 
     def leg_g(self, a: int, b: int) -> Any:
@@ -164,7 +183,7 @@ class Grid:
         if key not in self._leg_g:
             mu, sigma = self.model.leg_ln[a, b, 2], self.model.leg_ln[a, b, 3]
             row = weights_from(0.0, self.ng, self.step_g, mu, sigma, 0.0, self.how)
-            self._leg_g[key] = _toeplitz(row).astype(self.dtype)
+            self._leg_g[key] = toeplitz(row).astype(self.dtype)
         return self._leg_g[key]
 
     def obs_t(self, m: int) -> Any:
@@ -173,7 +192,7 @@ class Grid:
         """
         if m not in self._obs_t:
             mu, sigma = self.model.obs_ln[m, 0], self.model.obs_ln[m, 1]
-            kernel = _toeplitz(weights_from(0.0, self.nt, self.step_t, mu, sigma, 0.0, self.how))
+            kernel = toeplitz(weights_from(0.0, self.nt, self.step_t, mu, sigma, 0.0, self.how))
             opens = float(self.model.window[m, 0])
             if opens > 0.0:
                 early = self.t < opens
@@ -185,7 +204,7 @@ class Grid:
         if m not in self._obs_g:
             mu, sigma = self.model.obs_ln[m, 2], self.model.obs_ln[m, 3]
             row = weights_from(0.0, self.ng, self.step_g, mu, sigma, 0.0, self.how)
-            self._obs_g[m] = _toeplitz(row).astype(self.dtype)
+            self._obs_g[m] = toeplitz(row).astype(self.dtype)
         return self._obs_g[m]
 
     # ------------------------------------------------------------------------------------- one action
@@ -201,6 +220,42 @@ class Grid:
         self.count()
         gain = self.alive * (after + self.model.penalty)
         return self.leg_t(a, b, tracked) @ gain @ self.leg_g(a, b).T - self.model.penalty
+
+    def before_legs(
+        self, origins: list[int], to: int, tracked: int, after: Any
+    ) -> Iterator[tuple[list[int], Any]]:
+        """Yield origins, and values before drives from them to one place, (origins, nt, ng).
+
+        `after` holds the values after the drives of all origins, (origins, nt, ng), losses already averaged;
+        it is overwritten. Who asks counts the work.
+        """
+        penalty = self.dtype.type(self.model.penalty)
+        after += penalty
+        after *= self.alive
+        if self.nt <= BATCHED_NODES:
+            times, energies = self._kernels(to, tracked)
+            values = times[origins] @ after @ energies[origins]
+            values -= penalty
+            yield origins, values
+            return
+        for k, origin in enumerate(origins):
+            value = self.leg_t(origin, to, tracked) @ after[k] @ self.leg_g(origin, to).T
+            value -= penalty
+            yield [origin], value[None]
+
+    def _kernels(self, to: int, tracked: int) -> tuple[Any, Any]:
+        """Return the kernels of the drives to a place, stacked by origin; zero where there is no way."""
+        key = (to, tracked)
+        if key not in self._stacks:
+            n1 = self.model.n + 1
+            times = np.zeros((n1, self.nt, self.nt), self.dtype)
+            energies = np.zeros((n1, self.ng, self.ng), self.dtype)
+            for a in range(n1):
+                if self.model.has_leg[a, to]:
+                    times[a] = self.leg_t(a, to, tracked)
+                    energies[a] = self.leg_g(a, to).T
+            self._stacks[key] = times, energies
+        return self._stacks[key]
 
     def before_observation(self, m: int, after: Any, utility: float) -> Any:
         """Return the value before an observation that is carried out."""

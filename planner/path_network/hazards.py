@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
 from mission import TerrainGrid
-from planner.path_network.values import NetworkOptions, RoverParameters
+from planner.path_network.values import FloatArray, NetworkOptions, RoverParameters
+
+KEPT = 4
+"""Grounds whose hazards are kept, by the digest of their heights. By hand: some hundred kilobytes each."""
+_kept: dict[tuple[Any, ...], tuple[Polygon, ...]] = {}
 
 
 def hazard_polygons(grid: TerrainGrid, rover: RoverParameters, options: NetworkOptions) -> list[Polygon]:
@@ -17,11 +23,25 @@ def hazard_polygons(grid: TerrainGrid, rover: RoverParameters, options: NetworkO
 
     Heights are averaged to cells of at least `terrain_cell_m`; the slope of a cell is that of the plane
     through its surroundings of the rover's size, the step is what the heights in the cell's 3x3 (or finer)
-    neighbourhood span beyond that slope.
+    neighbourhood span beyond that slope. They are kept for the same ground: a keep-out that is dragged asks
+    for them again and again.
     """
+    heights = np.ascontiguousarray(grid.heights_m, dtype=np.float64)
+    ground = (blake2b(heights.data).digest(), heights.shape, grid.origin_east_m, grid.origin_north_m)
+    key = (*ground, grid.spacing_m, rover, options)
+    found = _kept.get(key)
+    if found is None:
+        found = _kept[key] = _outlines(grid, heights, rover, options)
+        for old in list(_kept)[:-KEPT]:
+            _kept.pop(old, None)
+    return list(found)
+
+
+def _outlines(
+    grid: TerrainGrid, heights: FloatArray, rover: RoverParameters, options: NetworkOptions
+) -> tuple[Polygon, ...]:
     from scipy import ndimage
 
-    heights = np.asarray(grid.heights_m, dtype=np.float64)
     known = np.isfinite(heights)
     if not known.all():
         nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
@@ -50,7 +70,7 @@ def hazard_polygons(grid: TerrainGrid, rover: RoverParameters, options: NetworkO
         hole = max(1, round(rover.clearance_m / cell))
         bad |= ndimage.binary_opening(dark, np.ones((hole + 1, hole + 1), dtype=bool))
     if not bad.any():
-        return []
+        return ()
     west = grid.origin_east_m - grid.spacing_m / 2
     top = grid.origin_north_m + grid.spacing_m / 2
     edges = np.diff(np.pad(bad.astype(np.int8), ((0, 0), (1, 1))), axis=1)
@@ -60,4 +80,4 @@ def hazard_polygons(grid: TerrainGrid, rover: RoverParameters, options: NetworkO
         west + begin * cell, top - (begin_row + 1) * cell, west + end * cell, top - begin_row * cell
     )
     united = shapely.union_all(boxes)
-    return [g for g in shapely.get_parts(united).tolist() if isinstance(g, Polygon)]
+    return tuple(g for g in shapely.get_parts(united).tolist() if isinstance(g, Polygon))

@@ -74,21 +74,31 @@ class _Nodes:
 
     def tangent(self, first: IntArray, second: IntArray) -> npt.NDArray[np.bool_]:
         """Return which segments hug the corners that they end in."""
-        good = np.ones(len(first), dtype=bool)
-        for end, other in ((first, second), (second, first)):
-            at = ~np.isnan(self.before[end, 0])
-            c = end[at]
-            along = self.xy[other[at]] - self.xy[c]
-            good[at] &= _cross(along, self.before[c] - self.xy[c]) * _cross(
-                along, self.after[c] - self.xy[c]
-            ) >= (-_EPS)
-        return good
+        return _hugging(self.xy, self.before, self.after, first, second)
 
     def length_m(self, edges: IntArray) -> FloatArray:
         return np.asarray(np.hypot(*(self.xy[edges[:, 0]] - self.xy[edges[:, 1]]).T))
 
     def lines(self, first: IntArray, second: IntArray) -> npt.NDArray[np.object_]:
         return np.asarray(shapely.linestrings(np.stack([self.xy[first], self.xy[second]], axis=1)))
+
+
+@numba.njit(cache=True, nogil=True)
+def _hugging(
+    xy: FloatArray, before: FloatArray, after: FloatArray, first: IntArray, second: IntArray
+) -> npt.NDArray[np.bool_]:
+    """Return which segments pass by the corners in which they end, on one side of both their edges."""
+    good = np.ones(len(first), np.bool_)
+    for k in range(len(first)):
+        for end, other in ((first[k], second[k]), (second[k], first[k])):
+            if np.isnan(before[end, 0]):
+                continue
+            along_x, along_y = xy[other, 0] - xy[end, 0], xy[other, 1] - xy[end, 1]
+            one = along_x * (before[end, 1] - xy[end, 1]) - along_y * (before[end, 0] - xy[end, 0])
+            two = along_x * (after[end, 1] - xy[end, 1]) - along_y * (after[end, 0] - xy[end, 0])
+            if one * two < -_EPS:
+                good[k] = False
+    return good
 
 
 def build_visibility_graph(

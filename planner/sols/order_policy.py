@@ -42,16 +42,6 @@ class OrderPolicy:
     table: Table
 
 
-@dataclass(frozen=True, eq=False)
-class _Sol:
-    """The grid of one sol, and where each of its nodes is in the next morning (weights on two nodes of d)."""
-
-    grid: Grid
-    late: Floats  # (P, P, nt): chance that a drive ends after the day
-    below: Ints  # (nt, nd)
-    share: Floats
-
-
 class OrderPolicies:
     """Finds the best policy along orders of one problem; `nodes` are those of time and of energy drawn."""
 

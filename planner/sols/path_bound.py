@@ -18,7 +18,6 @@ the chance that the rover stands at p after sol k, `B[k]` the charge in the morn
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,10 +58,9 @@ ENOUGH, STALLED = 1e-4, 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathBound:
-    """No policy earns more than `value`; what the flow earns by sol (K,) and makes by sol (K, m)."""
+    """No policy earns more than `value`; what the flow makes by sol (K, m)."""
 
     value: float
-    by_sol: Floats
     made: Floats
 
 
@@ -242,18 +240,15 @@ def _reached(residual: Any, start: int) -> list[int]:
     return sorted(found)
 
 
-def path_bound(
-    path: PathProblem, *, limit_s: float, told: Callable[[float], None] = lambda _: None
-) -> PathBound:
+def path_bound(path: PathProblem, *, limit_s: float) -> PathBound:
     """Return what no policy earns more than over all sols; the sum of all utilities if there is no time.
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them.
     """
     program = _Program(path)
-    zero = np.zeros(path.sols)
-    best = PathBound(float(program.worth[path.allowed.any(axis=0)].sum()), zero, np.zeros(path.allowed.shape))
+    best = PathBound(float(program.worth[path.allowed.any(axis=0)].sum()), np.zeros(path.allowed.shape))
     if not len(program.to) or not path.allowed.any():
-        return PathBound(0.0, zero, best.made)
+        return PathBound(0.0, best.made)
     with tallied():
         until, idle = now_s() + limit_s, 0
         for _ in range(ROUNDS):
@@ -264,8 +259,7 @@ def path_bound(
             idle = 0 if value < best.value * (1.0 - ENOUGH) else idle + 1
             if value < best.value:
                 made = answer.x[program.y]
-                best = PathBound(value, made @ program.worth, made)
-                told(best.value)
+                best = PathBound(value, made)
             if idle >= STALLED or now_s() >= until or not program.cut(answer.x, answer.slack):
                 break
     return best

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.contingency.branching import SearchLimits, plan_optimal
 from planner.contingency.policy import Policy
-from planner.contingency.reduction import moves_of
+from planner.contingency.reduction import mean_route_of, moves_of
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
@@ -26,7 +26,7 @@ def search(task: Task) -> Found:
     early = routes_cut_short(task)
     policy = Policy(
         Grid(model, task.grid.nt, task.grid.ng, Rounding.MID, np.float32),
-        moves=moves_of(model),
+        moves=moves_of(model, quick=task.quick),
         should_stop=lambda: watch.stop(0.6),
     )
     limits = SearchLimits(
@@ -60,7 +60,9 @@ def routes_cut_short(task: Task) -> tuple[Plan, ...]:
     limit they are what the search begins with.
     """
     model, grid = task.model, task.grid
-    order = mean_seed(model)
+    # Who waits for an answer to a changed day brings a plan, so a route that reckons with tracks as carried
+    # in the mean does beside it: 7 ms instead of 45 with ten targets.
+    order = _hasty_route(model) if task.quick and task.warm else mean_seed(model)
     routes = [order[:length] for length in range(len(order), 0, -1)] or single_visits(model)
     plans: list[tuple[float, Plan]] = []
     for route in routes:
@@ -70,6 +72,10 @@ def routes_cut_short(task: Task) -> tuple[Plan, ...]:
     if plans and plans[0][0] > task.watch.best_value:
         task.watch.told(plans[0][1], plans[0][0])
     return tuple(plan for _, plan in plans[: task.options.quick_plans])
+
+
+def _hasty_route(model: Model) -> tuple[int, ...]:
+    return tuple(model.number_of[name] for name in mean_route_of(model.problem, 1.0))
 
 
 def single_visits(model: Model) -> list[tuple[int, ...]]:

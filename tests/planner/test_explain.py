@@ -44,3 +44,15 @@ def test_what_an_observation_would_cost_is_what_the_best_order_with_it_loses(see
         assert found.change == pytest.approx(forced - free, abs=0.01 * free + 3.0 * found.standard_error)
         if found.relaxation is not None:
             assert 1.0 < found.relaxation.factor <= 3.0
+
+
+def test_what_gives_way_is_in_the_plan_that_was_asked_about() -> None:
+    """The plan holds one observation only: another best plan may hold more, and nobody loses those."""
+    problem = generated("plain", 1, spread=0.3)
+    budget = dataclasses.replace(problem.budget, time_s=0.55 * problem.budget.time_s)
+    problem = dataclasses.replace(problem, budget=budget)
+    first, *others = problem.observations
+    plan = visits(problem, str(first.id))
+    for o in others:
+        found = why_not(problem, plan, str(o.id), futures=2_000)
+        assert set(found.displaced) == {first.id} - planned_observations(found.forced)

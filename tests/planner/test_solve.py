@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 from typer.testing import CliRunner
 
 from executive.crl import parse
 from ground.cli.main import app, register_all
+from planner.contingency.reduction import mean_route_of
 from planner.errors import PlannerError
 from planner.explain import compare_plans, why_not
 from planner.plan_edits import fitted
 from planner.plan_tree import TrackStart, planned_observations
 from planner.problem import ObservationId, Problem, load_problem, problem_from_dict, problem_to_dict
 from planner.solve import PlanStatus, Progress, solve
+from planner.tally import StoppedError
 from tests.planner.examples import example, observation, problem_document, visits
 from tests.shared import shared
 
@@ -206,7 +210,7 @@ def test_two_hundred_identical_targets_still_give_a_plan() -> None:
     document["legs"] = [
         {**first, "from": a, "to": b, "p_lose": {}} for a in names for b in names[1:] if a != b
     ]
-    result = solve(problem_from_dict(document), time_limit_s=15.0, max_branches=2)
+    result = solve(problem_from_dict(document), time_limit_s=5.0, max_branches=2)
     assert result.status is PlanStatus.PLANNED
     assert 5.0 < result.expected_utility <= result.upper
 
@@ -398,3 +402,30 @@ def test_an_empty_plan_is_a_plan(tmp_path: Path) -> None:
     assert "too small" in done.output
     assert json.loads((tmp_path / "out/plan_tree.json").read_text(encoding="utf-8"))["plan"] == []
     assert "wait" in (tmp_path / "out/plan.crl").read_text(encoding="utf-8")
+
+
+def test_the_best_route_on_mean_values_is_told_before_anything_larger_is_worked_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Who waits for a plan has one to look at while the table is made."""
+    told: list[Progress] = []
+
+    def late(*_: object, **__: object) -> NoReturn:
+        raise StoppedError("the table would be made now")
+
+    monkeypatch.setattr(import_module("planner.solve"), "reduce_problem", late)
+    problem = example()
+    result = solve(problem, report=told.append)
+    plans = [progress.plan for progress in told if progress.plan and progress.phase == "branching"]
+    assert planned_observations(plans[0]) == set(mean_route_of(problem, 1.0))
+    assert result.status is PlanStatus.PLANNED, "it is also what is left of a search that is stopped"
+
+
+def test_a_plan_alone_has_neither_bound_nor_notes() -> None:
+    problem = example()
+    whole, alone = solve(problem, iterations=20), solve(problem, iterations=20, plan_only=True)
+    assert planned_observations(alone.tree.plan) == planned_observations(whole.tree.plan)
+    assert math.isfinite(whole.upper)
+    assert alone.upper == math.inf
+    assert whole.tree.step_notes
+    assert not alone.tree.step_notes

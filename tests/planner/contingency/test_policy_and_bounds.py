@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from planner.contingency.bounds import relaxed_bound, trivial_bound, upper_bound
+from planner.contingency.bounds import GRIDS, relaxed_bound, trivial_bound, upper_bound
 from planner.contingency.branching import SearchLimits, plan_optimal
 from planner.contingency.conditions import Bins, best_condition
 from planner.contingency.policy import LiveSets, Moves, Policy
@@ -22,6 +22,7 @@ from planner.evaluate.propagate import Evaluator, State
 from planner.plan_tree import TimeCondition, TrackedCondition, count_branches
 from planner.problem import Problem, load_problem
 from planner.strategies.pico2005 import plan_pico2005
+from planner.tally import tallied
 from tests.planner.examples import example, observation, problems, visits
 from tests.shared import shared
 
@@ -200,3 +201,10 @@ def test_a_large_problem_is_reduced_to_its_promising_targets() -> None:
     assert 0 < len(reduction.problem.observations) <= 12
     assert not reduction.exact
     assert "of 40 observations" in reduction.notes[0]
+
+
+def test_what_the_finest_table_leaves_is_for_the_other() -> None:
+    """On a small problem both tables fit, and the one that rounds down is closer on its finest grid."""
+    with tallied():
+        bound = upper_bound(Model.of(load_problem("examples/first_plan/three-rocks.json")), limit_s=2.8)
+    assert bound.nodes == GRIDS[-1]

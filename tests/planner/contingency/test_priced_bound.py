@@ -25,7 +25,7 @@ SLACK = 1e-4
 
 
 def _any_relaxation(model: Model, rng: np.random.Generator) -> float:
-    """Return the bound of a relaxation with a memory, prices, resource and grid drawn at random."""
+    """Return the bound of a relaxation with a memory, count, prices, resource and grid drawn at random."""
     alone = [
         m
         for m in range(model.m)
@@ -34,7 +34,8 @@ def _any_relaxation(model: Model, rng: np.random.Generator) -> float:
     memory = tuple(int(m) for m in rng.permutation(alone)[: rng.integers(len(alone) + 1)])
     memory = tuple(m for m in memory if model.utility[m] > 0.0)
     share = float(rng.choice([0.0, 0.3, 1.0]))
-    relaxation = Relaxation(model, Weights.of(model, share), int(rng.choice([24, 64])), memory)
+    most = int(rng.integers(3))
+    relaxation = Relaxation(model, Weights.of(model, share), int(rng.choice([24, 64])), memory, most)
     prices = np.where(relaxation.priced, relaxation.worth * rng.uniform(0.0, 1.2, len(relaxation.wanted)), 0)
     return relaxation.bound(prices)
 
@@ -89,6 +90,22 @@ def test_it_comes_near_the_best_policy() -> None:
         bound = priced_bound(model, limit_s=2.0)
     assert earned < 0.9 * everything  # the day holds some of it only
     assert 0.999 * earned <= bound <= 1.05 * earned
+
+
+def test_counted_tracks_are_paid_for_on_every_drive() -> None:
+    """Without their targets counted tracks cost what they cost remembered, where all targets are alike."""
+    rows = [[observation(f"O{k}", "place", utility=5.0)] for k in range(3)]
+    document = problem_document(places=[(9.0, 0.0)] * 3, observations=rows, spread=0.3, time_s=9000.0)
+    problem = dataclasses.replace(problem_from_dict(document), track_overhead_s_per_leg=500.0)
+    model = Model.of(problem)
+    prices = np.zeros(3)
+
+    def bound(memory: tuple[int, ...], most: int) -> float:
+        return Relaxation(model, Weights.of(model, 1.0), 128, memory, most).bound(prices)
+
+    remembered = bound((0, 1, 2), 0)
+    assert remembered * (1.0 - SLACK) <= bound((), 3) <= bound((), 0)
+    assert bound((0, 1), 1) == pytest.approx(remembered, rel=SLACK)
 
 
 @pytest.mark.parametrize("nodes", [128, 1024])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner.contingency.long_routes import best_long_route, plan_long, widened
-from planner.contingency.reduction import fits_table
+from planner.contingency.reduction import live_sets_of
 from planner.contingency.sampled_branches import grow_branches
 from planner.contingency.sampled_conditions import Arrivals, fitted_condition
 from planner.contingency.sampled_futures import Change, Growth, Sampler
@@ -150,7 +150,7 @@ def test_sampled_notes_agree_with_those_from_a_grid() -> None:
 
 def test_branches_grow_and_win_on_fresh_futures() -> None:
     problem = _many()
-    assert not fits_table(problem)
+    assert live_sets_of(problem) is None
     found = plan_long(problem, Growth(1, 7, iterations=1500))
     assert found is not None
     fresh = [simulate(found.model, plan, 100_000, seed=99).utility.mean() for _, plan in found.curve]

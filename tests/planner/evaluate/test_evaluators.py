@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.draws import draw_table, earned
+from benchmarks.common.draws import draw_table, earned
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Correlation, estimate, simulate

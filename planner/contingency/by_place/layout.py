@@ -1,0 +1,175 @@
+"""States and moves of the ng-route relaxation: which observations are remembered where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.contingency.by_place.kernels import Layout, Singles
+from planner.evaluate.model import Floats, Ints, Model, Truths
+from planner.tally import SECONDS, Step
+
+Memory = list[tuple[int, ...]]
+"""Of each place, the wanted observations (by their number there) that are remembered; its own among them."""
+
+EACH = 1.8
+"""What a product takes, in moves of `Step.PRICED`. By hand, on 15 targets at load 8."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """The observations that can win anything, in the order of their places."""
+
+    number: Ints  # (wanted,) in the model
+    place: Ints
+    worth: Floats  # utility times chance of success
+    chance: Floats  # what no policy exceeds
+    counted: Truths  # asks for a track that no other one asks for
+
+    @staticmethod
+    def of(model: Model) -> Wanted:
+        able = np.nonzero((model.utility > 0.0) & (model.chances.most > 0.0))[0]
+        number = np.asarray(able[np.argsort(model.obs_place[able], kind="stable")])
+        place = model.obs_place[number]
+        alone = np.array([int(model.place_bits[p]).bit_count() == 1 for p in place], bool)
+        worth = (model.utility * model.p_success)[number]
+        return Wanted(number, place, worth, model.chances.most[number], model.is_place[number] & alone)
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """What a relaxation takes: seconds of a question, as reckoned, and MB."""
+
+    seconds: float
+    table_mb: float
+
+    @staticmethod
+    def of(model: Model, memory: Memory, most: int, steps: int) -> Size:
+        """Return the size of a relaxation before anything is made."""
+        nodes, counts = steps + 1, min(most, int(Wanted.of(model).counted.sum())) + 1
+        states = sum(2.0 ** len(own) for own in memory)
+        sets = [set(own) for own in memory]
+        legs = _legs(model)
+        ways = sum(2.0 ** len(sets[a] & sets[b]) for a, b in legs)
+        products = counts * nodes * (nodes * ways + states * (2.0 * len(legs) / len(memory) + 20.0))
+        tables = counts * nodes * (20.0 * states + 12.0 * ways + 24.0 * len(legs))
+        return Size(products * EACH * SECONDS[Step.PRICED], tables / 1e6)
+
+
+def _legs(model: Model) -> list[tuple[int, int]]:
+    every = range(model.n + 1)
+    return [(a, b) for a in every for b in every[1:] if a != b and model.has_leg[a, b]]
+
+
+def layout_of(
+    model: Model, wanted: Wanted, counted: Truths, memory: Memory, most: int, steps: int, close: Ints
+) -> Layout:
+    """Return states and moves; `most` tracks are counted; `close` [wanted] is the last node to begin at."""
+    legs = _legs(model)
+    bits = np.array([len(own) for own in memory], np.int64)
+    base = np.concatenate([[0], np.cumsum(1 << bits)])
+    whole = most == int(counted.sum())
+    alive = np.zeros(int(base[-1]), np.int64)
+    tracked = np.full((len(memory), max(1, int(bits.max()))), -1)
+    for p, own in enumerate(memory):
+        for j, m in enumerate(own):
+            if counted[m]:
+                alive[base[p] : base[p + 1]] += 1 - (np.arange(1 << bits[p]) >> j & 1)
+                tracked[p, j] = j
+    ways = _Ways(model, wanted, counted, memory, base)
+    for a, b in legs:
+        ways.add(a, b)
+    origin = np.array([a for a, _ in legs], np.int64)
+    places = np.arange(len(memory) + 1)
+    return Layout(
+        base=base,
+        bits=bits,
+        origin=origin,
+        first_leg=np.searchsorted(origin, places),
+        leg_base=np.array(ways.leg_base, np.int64),
+        key_base=np.array(ways.key_base, np.int64),
+        key=np.concatenate(ways.keys),
+        held=np.array(ways.held, np.int64),
+        common=np.array(ways.common, np.int64),
+        lasting=np.array(ways.lasting, float),
+        way_base=np.array(ways.way_base, np.int64),
+        way=np.array(ways.way, np.int64),
+        arrival=np.array(ways.arrival, np.int64),
+        living=np.array(ways.living, np.int64),
+        alive=alive,
+        tracked=tracked,
+        thin=_thinned(model, wanted.place[counted], legs, most, whole),
+        first_made=np.searchsorted(wanted.place, places),
+        bit=np.array([memory[p].index(m) for m, p in enumerate(wanted.place)], np.int64),
+        counted=counted,
+        close=close,
+        whole=whole,
+        counts=most + 1,
+        nodes=steps + 1,
+        penalty=model.penalty,
+    )
+
+
+class _Ways:
+    """What is known on each leg, and the states that it may turn out to be on arrival.
+
+    Known are what both its places remember, and whether the track of the place itself lives. What the place
+    remembers besides is found on arrival, at its best: nothing of it was made, its tracks live or not.
+    """
+
+    def __init__(self, model: Model, wanted: Wanted, counted: Truths, memory: Memory, base: Ints) -> None:
+        self.model, self.wanted, self.counted, self.memory, self.base = model, wanted, counted, memory, base
+        self.widest = max(len(own) for own in memory) + 1
+        self.leg_base, self.way = [0], [0]
+        self.key_base: list[int] = []
+        self.keys: list[Ints] = []
+        self.held: list[int] = []
+        self.common: list[int] = []
+        self.lasting: list[list[float]] = []
+        self.way_base: list[int] = []
+        self.arrival: list[int] = []
+        self.living: list[int] = []
+
+    def add(self, a: int, b: int) -> None:
+        """Add a leg."""
+        here, there = self.memory[a], self.memory[b]
+        common = [m for m in here if m in there]
+        tracks = [m for m in there if self.counted[m]]
+        known = common + [m for m in tracks if self.wanted.place[m] == b and m not in common]
+        sets = np.arange(1 << len(here))
+        key = np.zeros(len(sets), np.int64)
+        for j, m in enumerate(common):
+            key |= (sets >> here.index(m) & 1) << j
+        self.key_base.append(sum(len(keys) for keys in self.keys))
+        self.keys.append(key + self.leg_base[-1])
+        self.leg_base.append(self.leg_base[-1] + (1 << len(common)))
+        place, loss = self.wanted.place, self.model.loss
+        lasting = [float(loss[a, b, place[m]]) if self.counted[m] else -1.0 for m in known]
+        self.lasting.append(lasting + [-1.0] * (self.widest - len(known)))
+        self.held.append(len(known))
+        self.common.append(len(common))
+        self.way_base.append(len(self.way) - 1)
+        options = [0]
+        for m in tracks:
+            if m not in known:
+                options += [o | 1 << there.index(m) for o in options]
+        for gone in range(1 << len(known)):
+            at = sum(1 << there.index(m) for j, m in enumerate(known) if gone >> j & 1)
+            self.arrival += [int(self.base[b]) + (at | o) for o in options]
+            self.way.append(len(self.arrival))
+            self.living.append(sum(not gone >> j & 1 for j, m in enumerate(known) if self.counted[m]))
+
+
+def _thinned(model: Model, targets: Ints, legs: list[tuple[int, int]], most: int, whole: bool) -> Singles:
+    """Return the chances that so many of so many other tracks are left, (legs, most + 1, most + 1)."""
+    thin = np.zeros((len(legs), most + 1, most + 1))
+    lost = np.array([model.loss[a, b, targets].min(initial=1.0) for a, b in legs])
+    thin[:, 0, 0] = 1.0
+    for k in range(1, most + 1):
+        thin[:, k] = lost[:, None] * thin[:, k - 1]
+        thin[:, k, 1:] += (1.0 - lost)[:, None] * thin[:, k - 1, :-1]
+    if not whole:
+        thin[:, most] = 0.0
+        thin[:, most, most] = 1.0
+    return thin.astype(np.float32)
