@@ -6,9 +6,9 @@ Times are integers, milliseconds on the plan clock (0 = start of the plan), the 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, NoReturn, Protocol, runtime_checkable
 
 Value = float | str | bool
 """What the database of the executive holds under a key."""
@@ -25,8 +25,19 @@ class CommandId(NamedTuple):
         return f"{self.run}/{self.task}/{self.attempt}"
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class _Nothing(dict[str, Value]):
+    """No values, for good: what commands and events without any share. Unlike a mapping proxy, it pickles."""
+
+    def _refuse(self, *_values: object, **_named: object) -> NoReturn:
+        raise TypeError("the values of a command or event cannot be written to; make them with it")
+
+    __setitem__ = __ior__ = setdefault = update = _refuse
+
+
+NOTHING: Mapping[str, Value] = _Nothing()
+
+
+class Command(NamedTuple):
     """One action sent to the rover; `metadata` is that of the CRL task (observation, target, ...).
 
     `issue` counts the commands of this copy of the task from 1: a task that is inserted again goes on with
@@ -36,12 +47,11 @@ class Command:
     id: CommandId
     action: str
     parameters: Mapping[str, Value]
-    metadata: Mapping[str, Value] = field(default_factory=dict)
+    metadata: Mapping[str, Value] = NOTHING
     issue: int = 1
 
 
-@dataclass(frozen=True, slots=True)
-class Update:
+class Update(NamedTuple):
     """State values reported by the rover; the last value of a key wins."""
 
     t_ms: int
@@ -49,31 +59,28 @@ class Update:
     number: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
+class Result(NamedTuple):
     """An action has returned: `values` are its return values, `updates` state values that came with it."""
 
     t_ms: int
     command: CommandId
     success: bool
     reason: str = ""
-    values: Mapping[str, Value] = field(default_factory=dict)
-    updates: Mapping[str, Value] = field(default_factory=dict)
+    values: Mapping[str, Value] = NOTHING
+    updates: Mapping[str, Value] = NOTHING
     number: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Acknowledgement:
+class Acknowledgement(NamedTuple):
     """An abort has taken effect: the action is over and will return no result."""
 
     t_ms: int
     command: CommandId
-    updates: Mapping[str, Value] = field(default_factory=dict)
+    updates: Mapping[str, Value] = NOTHING
     number: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Product:
+class Product(NamedTuple):
     """A data product was written: `path` is relative to the run's folder, `label` describes it."""
 
     t_ms: int
@@ -81,7 +88,7 @@ class Product:
     kind: str
     path: str
     sha256: str
-    label: Mapping[str, Value] = field(default_factory=dict)
+    label: Mapping[str, Value] = NOTHING
     number: int = 0
 
 
@@ -94,8 +101,7 @@ class Operation(StrEnum):
     REPLACE = "replace"
 
 
-@dataclass(frozen=True, slots=True)
-class Operator:
+class Operator(NamedTuple):
     """An operator command; `plan_text` is the new plan of a replacement."""
 
     t_ms: int

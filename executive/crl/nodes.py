@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from executive.crl.declaration import Form, Syntax, forms_of, of
+from executive.crl.field_help import FIELD_HELP
 from executive.crl.values import (
     Amount,
     Conditions,
@@ -112,7 +113,7 @@ Node = Task | Block | ConcurrentBlock | Branch
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloatingContingency:
-    """A node inserted into its scope when the trigger holds; `scope` None is the root."""
+    """A node inserted into its scope when the trigger holds; without a scope, into the root."""
 
     id: str = field(metadata=of(Syntax.SYMBOL))
     name: str | None = field(default=None, metadata=of(Syntax.STRING))
@@ -217,7 +218,8 @@ def language_words() -> dict[str, object]:
     """Return the words of the language for programs that colour or complete a text.
 
     `heads` are the heads of forms and `nodes` those that are nodes; `fields` are, by head, the names of
-    fields (without colon) and, where a field takes one of a few words, those words.
+    fields (without colon) and, where a field takes one of a few words, those words. `required` are the fields
+    that a form must have. `about` is a line of help by head, `about_fields` by field.
     """
     return {
         "heads": list(FORMS),
@@ -229,6 +231,12 @@ def language_words() -> dict[str, object]:
             }
             for kind, form in FORMS.items()
         },
+        "required": {
+            kind: [word for word, declared in form.fields.items() if declared.required]
+            for kind, form in FORMS.items()
+        },
+        "about": {kind: str(form.cls.__doc__) for kind, form in FORMS.items()},
+        "about_fields": {word: FIELD_HELP[word] for form in FORMS.values() for word in form.fields},
         "conditions": ["database", "known", "and", "or", "not"],
         "operators": [str(operator) for operator in Operator],
         "words": ["start", "end", "t", "true", "nil", ":relative", ":plus-infinity", ":minus-infinity"],

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any, Generic, TypeVar
 
-from executive.engine.instance import Floating, Instance, State
+from executive.engine.instance import FAILING, FINISHED, SUSPENDED, WAITING, Floating, Instance
 
 Entry = TypeVar("Entry", bound=tuple[Any, ...])
 
@@ -90,9 +90,9 @@ class Agenda:
 
     def wake(self, node: Instance) -> None:
         """Look at the node in the phase that its state belongs to."""
-        if node.state is State.WAITING or node.state is State.SUSPENDED:
+        if node.state is WAITING or node.state is SUSPENDED:
             self.consider(node)
-        elif node.state is not State.FINISHED:
+        elif node.state is not FINISHED:
             self.touch(node)
 
     def set_timer(self, t_ms: int, target: Instance | Floating) -> None:
@@ -152,11 +152,11 @@ class Agenda:
 
     def next_time(self) -> int | None:
         """Return the next time at which a timer or a deadline of a live node is due."""
-        while (timer := self._timers.first()) is not None and timer[2].state is State.FINISHED:
+        while (timer := self._timers.first()) is not None and timer[2].state is FINISHED:
             self._timers.take()
         while (due := self._deadlines.first()) is not None and due[2].state in (
-            State.FINISHED,
-            State.FAILING,
+            FINISHED,
+            FAILING,
         ):
             self._deadlines.take()
         if timer is None or due is None:

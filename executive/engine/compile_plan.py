@@ -18,14 +18,17 @@ from executive.engine.conditions import (
     negation,
 )
 from executive.engine.spec import (
+    BLOCK,
+    BRANCH,
+    CONCURRENT,
     END,
     INFINITY,
     PLAN_CLOCK,
     RELATIVE,
     START,
+    TASK,
     AlternateSpec,
     ContingencySpec,
-    Kind,
     NodeSpec,
     OptionSpec,
     PlanSpec,
@@ -106,13 +109,13 @@ def compile_node(top: crl.Node) -> NodeSpec:
                 spec.interruptible = node.interruptible
                 spec.on_resume = node.on_resume
             case crl.Block():
-                spec.kind = Kind.BLOCK
+                spec.kind = BLOCK
                 spec.children = tuple(done[child.id] for child in node.node_list)
             case crl.ConcurrentBlock():
-                spec.kind = Kind.CONCURRENT
+                spec.kind = CONCURRENT
                 spec.children = tuple(done[child.id] for child in node.node_list)
             case crl.Branch():
-                spec.kind = Kind.BRANCH
+                spec.kind = BRANCH
                 spec.if_none = node.if_none
                 spec.constant_utilities = not any(
                     isinstance(option.utility, values.UtilityTable) for option in node.options
@@ -135,7 +138,7 @@ def compile_node(top: crl.Node) -> NodeSpec:
 
 def _common(node: crl.Node) -> NodeSpec:
     return NodeSpec(
-        kind=Kind.TASK,
+        kind=TASK,
         id=node.id,
         wait_for=compile_guard(node.wait_for_conditions),
         start=compile_guard(node.start_conditions),

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from executive.crl.values import utility_at
 from executive.engine import lifecycle
-from executive.engine.instance import ACTIVE, Floating, Hold, Instance, Outcome, State, is_running_task
+from executive.engine.instance import (
+    ACTIVE,
+    EXECUTING,
+    FAILED,
+    FAILING,
+    FINISHED,
+    INACTIVE,
+    SUSPENDING,
+    Floating,
+    Hold,
+    Instance,
+    is_running_task,
+)
 from executive.engine.run import Run
 from executive.engine.spec import AlternateSpec
 
@@ -18,9 +30,9 @@ def phase_f(run: Run) -> bool:
     """Apply one rule of phase F; tell whether one applied."""
     root = run.root
     if not run.stopping:
-        if root.state is State.FINISHED:
+        if root.state is FINISHED:
             return next_alternate(run)
-        if root.state is State.INACTIVE:  # the root of a replacing plan, when the old one is over
+        if root.state is INACTIVE:  # the root of a replacing plan, when the old one is over
             lifecycle.activate(run, root)
             return True
     if run.board.stale:
@@ -31,7 +43,7 @@ def phase_f(run: Run) -> bool:
     if hold is not None:
         if hold.root is not None:
             return release(run, hold, hold.root)
-        if hold.scope.state in (State.FAILING, State.FINISHED):
+        if hold.scope.state in (FAILING, FINISHED):
             run.hold = None
             run.release_held()
             return True
@@ -58,7 +70,7 @@ def trigger(run: Run) -> bool:
         if run.paused or not floating.armed or floating.insertions >= spec.max_insertions:
             continue
         scope = run.instances.get(spec.scope)
-        if scope is None or scope.state is not State.EXECUTING:
+        if scope is None or scope.state is not EXECUTING:
             continue
         utility = utility_at(spec.utility, run.t)
         if best is None or utility > best_utility:
@@ -72,7 +84,7 @@ def trigger(run: Run) -> bool:
     running = [n for n in scope.walk() if is_running_task(n)]
     if best.spec.interrupt:
         for node in running:
-            if node.state is State.EXECUTING and node.spec.interruptible:
+            if node.state is EXECUTING and node.spec.interruptible:
                 interrupt(run, node)
     hold.blockers = running
     return True
@@ -80,7 +92,7 @@ def trigger(run: Run) -> bool:
 
 def interrupt(run: Run, node: Instance) -> None:
     """Row 17, first half; a task whose action is over is SUSPENDED at once."""
-    node.state = State.SUSPENDING
+    node.state = SUSPENDING
     if node.watching:
         run.board.unwatch(node)
     run.ask_abort(node)
@@ -102,17 +114,13 @@ def insert(run: Run, hold: Hold) -> None:
 
 def release(run: Run, hold: Hold, root: Instance) -> bool:
     """The inserted tree is FINISHED: the scope goes on, or fails with it."""
-    if root.state is not State.FINISHED:
+    if root.state is not FINISHED:
         return False
     run.hold = None
     scope = hold.scope
     scope.detach(root)
-    if (
-        root.outcome is Outcome.FAILED
-        and not hold.floating.spec.continue_on_failure
-        and scope.state in ACTIVE
-    ):
-        lifecycle.fail(run, scope, Outcome.FAILED, "contingency-failed")
+    if root.outcome is FAILED and not hold.floating.spec.continue_on_failure and scope.state in ACTIVE:
+        lifecycle.fail(run, scope, FAILED, "contingency-failed")
     run.agenda.touch(scope)
     run.release_held()
     return True
@@ -122,7 +130,7 @@ def next_alternate(run: Run) -> bool:
     """The root is FINISHED: take the best alternate, if the root failed and there is one; else it is over."""
     best: AlternateSpec | None = None
     best_utility = 0.0
-    if run.root.outcome is Outcome.FAILED and not run.aborted:
+    if run.root.outcome is FAILED and not run.aborted:
         for alternate in run.plan.alternates:
             if alternate.id in run.used_alternates:
                 continue

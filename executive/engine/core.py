@@ -12,7 +12,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from executive.crl.values import OnResume
 from executive.engine import contingencies, lifecycle, replacement
 from executive.engine.conditions import TIME_KEY, is_number
-from executive.engine.instance import ACTIVE, Effect, Instance, Outcome, State
+from executive.engine.instance import (
+    ACTIVE,
+    EXECUTING,
+    FAILED,
+    FINISHED,
+    SKIPPED,
+    SUSPENDED,
+    SUSPENDING,
+    WAITING,
+    Effect,
+    Instance,
+)
 from executive.engine.lifecycle import crossed
 from executive.engine.run import Loader, Run
 from executive.engine.spec import PlanSpec
@@ -116,10 +127,10 @@ class Engine:
             return None
         self.move_to(t_ms)
         for node in run.agenda.expired():
-            if node.state is State.WAITING and node.start_hi <= run.t:
-                lifecycle.finish(run, node, Outcome.FAILED, "start-window-missed")
+            if node.state is WAITING and node.start_hi <= run.t:
+                lifecycle.finish(run, node, FAILED, "start-window-missed")
             elif node.state in ACTIVE and node.end_hi <= run.t:
-                lifecycle.fail(run, node, Outcome.FAILED, "end-window-missed")
+                lifecycle.fail(run, node, FAILED, "end-window-missed")
             else:
                 continue
             self.quiesce()
@@ -137,10 +148,10 @@ class Engine:
             policy = node.spec.on_resume
             if policy is OnResume.FAIL:
                 run.action_over(node)
-                if node.state is State.EXECUTING:
+                if node.state is EXECUTING:
                     node.result = False
                 run.agenda.touch(node)
-            elif policy is OnResume.RESTART and node.state is State.EXECUTING and not node.abort_asked:
+            elif policy is OnResume.RESTART and node.state is EXECUTING and not node.abort_asked:
                 node.awaiting_restart = True
                 run.ask_abort(node)
         return self._take_effects()
@@ -211,10 +222,10 @@ class Engine:
         if node.awaiting_restart:
             node.awaiting_restart = False
             run.retry_from(node, run.t)
-        elif node.state is State.EXECUTING:
+        elif node.state is EXECUTING:
             node.result = event.success
-        elif node.state is State.SUSPENDING and event.success:
-            node.state = State.EXECUTING
+        elif node.state is SUSPENDING and event.success:
+            node.state = EXECUTING
             node.result = True
         run.agenda.touch(node)
 
@@ -229,7 +240,7 @@ class Engine:
         if node.awaiting_restart:
             node.awaiting_restart = False
             run.retry_from(node, run.t)
-        elif node.state is State.EXECUTING and not asked:
+        elif node.state is EXECUTING and not asked:
             run.note("unasked", f"{event.command} was stopped by the rover without being asked to", node.id)
             node.result = False
         run.agenda.touch(node)
@@ -268,7 +279,7 @@ class Engine:
     def _run_e(self) -> None:
         run, agenda = self.run, self.run.agenda
         while (node := agenda.next_touched()) is not None:
-            if lifecycle.transition(run, node) and node.state is not State.FINISHED:
+            if lifecycle.transition(run, node) and node.state is not FINISHED:
                 agenda.touch(node)
 
     def _run_s(self) -> bool:
@@ -278,7 +289,7 @@ class Engine:
             return False
         while (node := run.agenda.next_candidate()) is not None:
             taken = False
-            if node.state is State.WAITING or node.state is State.SUSPENDED:
+            if node.state is WAITING or node.state is SUSPENDED:
                 if (run.hold is not None and run.hold.stops(node)) or (run.crossed and crossed(run, node)):
                     run.held_back.append(node)
                 else:
@@ -324,7 +335,7 @@ class Engine:
         """
         run = self.run
         ids = [*run.former_ids, *run.plan.node_ids()] if len(run.plan.trees()) > 1 or run.former_ids else ()
-        table: dict[str, str | None] = dict.fromkeys(ids, Outcome.SKIPPED.value)
+        table: dict[str, str | None] = dict.fromkeys(ids, SKIPPED.value)
         for nodes in (run.old, run.instances):
             for node_id, node in nodes.items():
                 table[node_id] = node.outcome._value_ if node.outcome is not None else None

@@ -11,8 +11,20 @@ from __future__ import annotations
 from typing import Protocol
 
 from executive.engine.agenda import Agenda
-from executive.engine.instance import Instance, State
-from executive.engine.spec import END, INFINITY, PLAN_CLOCK, RELATIVE, START, Kind, NodeSpec, PlanSpec, Window
+from executive.engine.instance import INACTIVE, Instance
+from executive.engine.spec import (
+    BLOCK,
+    BRANCH,
+    END,
+    INFINITY,
+    PLAN_CLOCK,
+    RELATIVE,
+    START,
+    TASK,
+    NodeSpec,
+    PlanSpec,
+    Window,
+)
 from executive.stn import ORIGIN, Conflict, TemporalNetwork
 
 
@@ -49,7 +61,7 @@ def ties(node: NodeSpec) -> bool:
         return False
     if any(_pushes(w) and w.ref != node.id for w in node.end_windows):
         return True
-    return node.kind is not Kind.TASK and any(
+    return node.kind is not TASK and any(
         _pushes(w)
         for below in node.walk()
         if below is not node
@@ -298,7 +310,7 @@ class DispatchNetwork:
         """Add a relative start window: from the activation, else from what stands before the node."""
         if not target:
             return
-        if node.state is not State.INACTIVE:
+        if node.state is not INACTIVE:
             network.declare(ORIGIN, target, *_shifted(window, node.activation), label=label)
             return
         previous = previous_sibling(node)
@@ -357,7 +369,7 @@ def _shifted(window: Window, by: int) -> tuple[int | None, int | None]:
 def previous_sibling(node: Instance) -> Instance | None:
     """Return the node before this one in a block."""
     parent = node.parent
-    if parent is None or parent.kind is not Kind.BLOCK or node.index <= 0:
+    if parent is None or parent.kind is not BLOCK or node.index <= 0:
         return None
     return parent.below[node.index - 1]
 
@@ -371,10 +383,10 @@ def live(root: Instance) -> list[Instance]:
         if node.void:
             continue
         nodes.append(node)
-        if node.kind is Kind.BRANCH:
+        if node.kind is BRANCH:
             chosen = [node.below[node.chosen]] if node.chosen is not None else []
             others = [n for i, n in enumerate(node.below) if i != node.chosen]
-            below = [*chosen, *(n for n in others if n.state is not State.INACTIVE)]
+            below = [*chosen, *(n for n in others if n.state is not INACTIVE)]
         else:
             below = [*node.below]
         stack.extend(reversed([*below, *node.extra]))

@@ -6,18 +6,36 @@ import math
 
 from executive.crl.values import IfNone, utility_at
 from executive.engine import windows
-from executive.engine.instance import ACTIVE, STARTED, Instance, Outcome, State, UtilityUsed
+from executive.engine.instance import (
+    ABORTED,
+    ACTIVE,
+    ENDING,
+    EXECUTING,
+    FAILED,
+    FAILING,
+    FINISHED,
+    INACTIVE,
+    SKIPPED,
+    STARTED,
+    SUCCEEDED,
+    SUSPENDED,
+    SUSPENDING,
+    WAITING,
+    Instance,
+    Outcome,
+    UtilityUsed,
+)
 from executive.engine.run import Run
-from executive.engine.spec import END, START, Kind, OptionSpec
+from executive.engine.spec import BLOCK, BRANCH, CONCURRENT, END, START, TASK, OptionSpec
 
 # --- activation, start, resumption ------------------------------------------------
 
 
 def activate(run: Run, node: Instance) -> None:
     """Row 1: INACTIVE -> WAITING; a node that a replacement has kept goes on as it is."""
-    if node.state is not State.INACTIVE:
+    if node.state is not INACTIVE:
         return
-    node.state = State.WAITING
+    node.state = WAITING
     node.activation = run.agenda.now
     spec = node.spec
     if spec.start_windows:
@@ -32,7 +50,7 @@ def activate(run: Run, node: Instance) -> None:
 def try_start(run: Run, node: Instance) -> bool:
     """Rows 2, 3 and 18: start, fail or resume a node if it is its time; tell whether it was."""
     spec = node.spec
-    if node.state is State.SUSPENDED:
+    if node.state is SUSPENDED:
         missing = run.ledger.missing(spec.uses)
         if missing is not None:
             run.ledger.wait(missing, node)
@@ -51,11 +69,11 @@ def try_start(run: Run, node: Instance) -> bool:
         run.ledger.wait(missing, node)
         return False
     if spec.start is not None and spec.start.ask(database) is not True:
-        finish(run, node, Outcome.FAILED, "start-condition")
+        finish(run, node, FAILED, "start-condition")
     elif spec.requires and not run.ledger.met(spec.requires, node, database):
-        finish(run, node, Outcome.FAILED, "resource")
+        finish(run, node, FAILED, "resource")
     elif spec.maintain is not None and spec.maintain.ask(database) is False:
-        finish(run, node, Outcome.FAILED, "maintain-violated")
+        finish(run, node, FAILED, "maintain-violated")
     else:
         start(run, node)
     return True
@@ -64,7 +82,7 @@ def try_start(run: Run, node: Instance) -> bool:
 def start(run: Run, node: Instance) -> None:
     """Row 2: WAITING -> EXECUTING."""
     spec = node.spec
-    node.state = State.EXECUTING
+    node.state = EXECUTING
     node.blocked_on = ""
     node.start = run.agenda.now
     run.record("start", node.id)
@@ -74,7 +92,7 @@ def start(run: Run, node: Instance) -> None:
             run.reservations_changed()
     if spec.end_windows:
         windows.open_end(run, node)
-    if node.kind is Kind.BRANCH:
+    if node.kind is BRANCH:
         run.undecided[node] = None
         watch_options(run, node)
     elif spec.maintain is not None:
@@ -82,12 +100,12 @@ def start(run: Run, node: Instance) -> None:
     elif node.watching:
         run.board.unwatch(node)
     windows.point_settled(run, node, START)
-    if node.kind is Kind.TASK:  # it is looked at when its action returns or its conditions say something new
+    if node.kind is TASK:  # it is looked at when its action returns or its conditions say something new
         run.issue(node)
         return
-    if node.kind is Kind.BLOCK:
+    if node.kind is BLOCK:
         activate(run, node.below[0])
-    elif node.kind is Kind.CONCURRENT:
+    elif node.kind is CONCURRENT:
         for child in node.below:
             activate(run, child)
     run.agenda.touch(node)
@@ -97,9 +115,9 @@ def resume(run: Run, node: Instance) -> None:
     """Row 18: SUSPENDED -> EXECUTING."""
     spec = node.spec
     if spec.maintain is not None and spec.maintain.ask(run.database) is False:
-        fail(run, node, Outcome.FAILED, "maintain-violated")
+        fail(run, node, FAILED, "maintain-violated")
         return
-    node.state = State.EXECUTING
+    node.state = EXECUTING
     node.blocked_on = ""
     run.record("resume", node.id)
     if spec.uses or spec.requires:
@@ -130,21 +148,21 @@ def watch_options(run: Run, node: Instance) -> None:
 def transition(run: Run, node: Instance) -> bool:
     """Let the node take its first enabled transition of phase E; tell whether there was one."""
     state = node.state
-    if state is State.FAILING:
+    if state is FAILING:
         if not settled(node):
             return False
         assert node.final is not None
         finish(run, node, node.final, node.final_reason)  # row 15
         return True
-    if state is State.EXECUTING or state is State.ENDING:
+    if state is EXECUTING or state is ENDING:
         spec = node.spec
         if spec.maintain is not None and spec.maintain.ask(run.database) is False:
-            fail(run, node, Outcome.FAILED, "maintain-violated")  # row 11
+            fail(run, node, FAILED, "maintain-violated")  # row 11
             return True
-        if state is State.EXECUTING:
-            if node.kind is Kind.TASK:
+        if state is EXECUTING:
+            if node.kind is TASK:
                 taken, complete = run_task(run, node)
-            elif node.kind is Kind.BRANCH:
+            elif node.kind is BRANCH:
                 taken, complete = run_branch(run, node)
             else:
                 taken, complete = run_block(run, node)
@@ -155,14 +173,14 @@ def transition(run: Run, node: Instance) -> bool:
         if not complete or node.extra or (node.remaining and occupied(node)):
             return False
         return end(run, node)
-    if state is State.SUSPENDING and node.command is None:
+    if state is SUSPENDING and node.command is None:
         suspended(run, node)  # row 17
         return True
     return False
 
 
 def extras_finished(node: Instance) -> bool:
-    return all(other.state is State.FINISHED for other in node.extra)
+    return all(other.state is FINISHED for other in node.extra)
 
 
 def occupied(node: Instance) -> bool:
@@ -172,7 +190,7 @@ def occupied(node: Instance) -> bool:
     """
     if node.extra:
         return True
-    return node.kind is Kind.BRANCH and node.remaining > 0 and any(k.state in STARTED for k in node.below)
+    return node.kind is BRANCH and node.remaining > 0 and any(k.state in STARTED for k in node.below)
 
 
 def crossed(run: Run, node: Instance) -> bool:
@@ -200,7 +218,7 @@ def run_task(run: Run, node: Instance) -> tuple[bool, bool]:
     result = node.result
     if result is False:
         if node.retries_used >= node.spec.retries:
-            finish(run, node, Outcome.FAILED, "action-failed")  # row 6
+            finish(run, node, FAILED, "action-failed")  # row 6
             return True, False
         node.retries_used += 1
         run.retry_from(node, run.t + node.spec.retry_delay_ms)  # row 7
@@ -217,16 +235,16 @@ def run_task(run: Run, node: Instance) -> tuple[bool, bool]:
 def run_block(run: Run, node: Instance) -> tuple[bool, bool]:
     """Rows 12 and 1 of a block or concurrent block."""
     if node.fatal:
-        fail(run, node, Outcome.FAILED, "child-failed")  # row 12
+        fail(run, node, FAILED, "child-failed")  # row 12
         return True, False
     if node.remaining == 0:
         return False, True
-    if node.kind is Kind.BLOCK:
+    if node.kind is BLOCK:
         below = node.below
-        while below[node.cursor].state is State.FINISHED:
+        while below[node.cursor].state is FINISHED:
             node.cursor += 1
         child = below[node.cursor]
-        if child.state is State.INACTIVE:
+        if child.state is INACTIVE:
             activate(run, child)  # row 1; nothing more follows for the block before the child is over
     return False, False
 
@@ -239,15 +257,15 @@ def run_branch(run: Run, node: Instance) -> tuple[bool, bool]:
             return True, False
         if spec.if_none is IfNone.WAIT or occupied(node):
             return False, False
-        outcome = Outcome.SKIPPED if spec.if_none is IfNone.SKIP else Outcome.FAILED
+        outcome = SKIPPED if spec.if_none is IfNone.SKIP else FAILED
         finish(run, node, outcome, "no-eligible-option")  # row 16b
         return True, False
     child = node.below[node.chosen]
-    if child.state is not State.FINISHED:
+    if child.state is not FINISHED:
         return False, False
     if child.failed_fatally():
         if not (spec.next_on_failure and choose(run, node)):
-            fail(run, node, Outcome.FAILED, "child-failed")  # row 12
+            fail(run, node, FAILED, "child-failed")  # row 12
         return True, False
     return False, True
 
@@ -255,23 +273,23 @@ def run_branch(run: Run, node: Instance) -> tuple[bool, bool]:
 def end(run: Run, node: Instance) -> bool:
     """Rows 8, 9 and 10 of a complete node."""
     if run.agenda.now < node.end_lo or node.end_held:
-        if node.state is State.EXECUTING:
-            node.state = State.ENDING  # row 8
+        if node.state is EXECUTING:
+            node.state = ENDING  # row 8
             return True
         return False
     spec = node.spec
     if spec.end is not None and spec.end.ask(run.database) is not True:
-        finish(run, node, Outcome.FAILED, "end-condition")
+        finish(run, node, FAILED, "end-condition")
     elif run.t > node.end_hi:
-        finish(run, node, Outcome.FAILED, "end-window-missed")
+        finish(run, node, FAILED, "end-window-missed")
     else:
-        finish(run, node, Outcome.SUCCEEDED, "")
+        finish(run, node, SUCCEEDED, "")
     return True
 
 
 def suspended(run: Run, node: Instance) -> None:
     """Row 17, second half: SUSPENDING -> SUSPENDED."""
-    node.state = State.SUSPENDED
+    node.state = SUSPENDED
     node.result = None
     node.retry_at = None
     run.retrying.pop(node, None)
@@ -364,33 +382,34 @@ def finish(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
         node.void = True
     if node is run.root:
         run.end_ms = run.agenda.now
-    if outcome is Outcome.SUCCEEDED:
+    if outcome is SUCCEEDED:
         run.record("end", node.id, outcome._value_)
     else:
         run.record("end", node.id, outcome._value_, reason)
-    if node.kind is not Kind.TASK and node.remaining:
+    if node.kind is not TASK and node.remaining:
         by_choice = node.chosen is not None and node.final is None
         for child in node.below:
-            if child.state is not State.FINISHED:
+            if child.state is not FINISHED:
                 skip(run, child, "not-chosen" if by_choice else "parent-ended")
-    elif outcome is Outcome.SUCCEEDED:
-        run.reward += node.spec.reward if node.kind is Kind.TASK else 0.0
+    elif outcome is SUCCEEDED:
+        run.reward += node.spec.reward if node.kind is TASK else 0.0
     close(run, node, outcome, reason)
 
 
 def close(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
     """What every entry to FINISHED does."""
-    node.state = State.FINISHED
+    node.state = FINISHED
     node.blocked_on = ""
     node.outcome = outcome
     node.reason = reason
-    if node.kind is Kind.TASK:
+    if node.kind is TASK:
         run.retrying.pop(node, None)
     else:
         run.undecided.pop(node, None)
     if node.watching:
         run.board.unwatch(node)
-    release(run, node)
+    if node.held or node.spec.requires:
+        release(run, node)
     if run.instances.get(node.id) is node:
         run.board.set_value(f"outcome {node.id}", OUTCOME_VALUES[outcome])
         if reason:
@@ -399,14 +418,14 @@ def close(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
         windows.point_settled(run, node, START)
     windows.point_settled(run, node, END)
     parent = node.parent
-    if parent is not None and parent.state is not State.FINISHED:
+    if parent is not None and parent.state is not FINISHED:
         if node.index >= 0 and parent.below[node.index] is node:
             parent.remaining -= 1
-            if outcome is Outcome.FAILED and parent.kind is not Kind.BRANCH and node.failed_fatally():
+            if outcome is FAILED and parent.kind is not BRANCH and node.failed_fatally():
                 parent.fatal = True
         elif node in run.stopping:
             parent.detach(node)
-        if parent.kind is not Kind.CONCURRENT or not parent.remaining or parent.fatal:
+        if parent.kind is not CONCURRENT or not parent.remaining or parent.fatal:
             run.agenda.touch(parent)
         if parent in run.crossed:
             run.release_held()
@@ -417,9 +436,9 @@ def close(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
 def skip(run: Run, top: Instance, reason: str) -> None:
     """Row 5: the node and all below it that have not started become SKIPPED, without events."""
     for node in top.walk():
-        if node.state in (State.INACTIVE, State.WAITING):
+        if node.state in (INACTIVE, WAITING):
             node.void = True
-            close(run, node, Outcome.SKIPPED, reason)
+            close(run, node, SKIPPED, reason)
 
 
 def fail(run: Run, top: Instance, outcome: Outcome, reason: str) -> None:
@@ -428,16 +447,16 @@ def fail(run: Run, top: Instance, outcome: Outcome, reason: str) -> None:
     stack = list(reversed(top.children()))
     while stack:
         node = stack.pop()
-        if node.state in (State.INACTIVE, State.WAITING):
+        if node.state in (INACTIVE, WAITING):
             skip(run, node, "parent-ended")
             continue
         if node.state in ACTIVE:
-            begin_failing(run, node, Outcome.ABORTED, "parent-failed")
+            begin_failing(run, node, ABORTED, "parent-failed")
             stack.extend(reversed(node.children()))
 
 
 def begin_failing(run: Run, node: Instance, outcome: Outcome, reason: str) -> None:
-    node.state = State.FAILING
+    node.state = FAILING
     node.final = outcome
     node.final_reason = reason
     node.retry_at = None
@@ -454,6 +473,6 @@ def abort_root(run: Run) -> None:
     """Operator abort: the root is terminated (CRL.md 7.2)."""
     root = run.root
     if root.state in ACTIVE:
-        fail(run, root, Outcome.ABORTED, "operator")
-    elif root.state in (State.INACTIVE, State.WAITING):
-        finish(run, root, Outcome.ABORTED, "operator")
+        fail(run, root, ABORTED, "operator")
+    elif root.state in (INACTIVE, WAITING):
+        finish(run, root, ABORTED, "operator")

@@ -5,11 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from executive.engine import contingencies, lifecycle, windows
-from executive.engine.instance import ACTIVE, RUNNING, STARTED, Floating, Instance, Outcome, State
+from executive.engine.instance import (
+    ABORTED,
+    ACTIVE,
+    ENDING,
+    EXECUTING,
+    FAILING,
+    FINISHED,
+    INACTIVE,
+    RUNNING,
+    SKIPPED,
+    STARTED,
+    SUCCEEDED,
+    SUSPENDED,
+    WAITING,
+    Floating,
+    Instance,
+)
 from executive.engine.run import Run
-from executive.engine.spec import INFINITY, Kind, NodeSpec, PlanSpec
+from executive.engine.spec import BLOCK, BRANCH, CONCURRENT, INFINITY, TASK, NodeSpec, PlanSpec
 
-KEPT_TASK_STATES = (State.FINISHED, State.ENDING, State.EXECUTING)
+KEPT_TASK_STATES = (FINISHED, ENDING, EXECUTING)
 
 
 def replace(run: Run, text: str) -> None:
@@ -40,8 +56,8 @@ def keep(run: Run, plan: PlanSpec) -> dict[str, Instance]:
     while stack:
         spec, above = stack.pop()
         old = kept(run, plan, spec)
-        closed = above is not None and above.state in (State.FINISHED, State.FAILING)
-        if old is not None and closed and old.state is not State.FINISHED and old.parent is not above:
+        closed = above is not None and above.state in (FINISHED, FAILING)
+        if old is not None and closed and old.state is not FINISHED and old.parent is not above:
             old = None
         if old is not None:
             keeping[spec.id] = old
@@ -57,11 +73,11 @@ def kept(run: Run, plan: PlanSpec, spec: NodeSpec) -> Instance | None:
     old = run.instances.get(spec.id)
     if old is None or old.kind is not spec.kind or old in run.of_alternates or run.old.get(spec.id) is old:
         return None
-    if spec.kind is not Kind.TASK:
+    if spec.kind is not TASK:
         return old if old.start is not None and run.root_alternate is None else None
-    if old.state not in KEPT_TASK_STATES or (old.outcome is Outcome.SKIPPED and old.start is None):
+    if old.state not in KEPT_TASK_STATES or (old.outcome is SKIPPED and old.start is None):
         return None
-    if run.root_alternate is not None and old.outcome is not Outcome.SUCCEEDED:
+    if run.root_alternate is not None and old.outcome is not SUCCEEDED:
         return None
     same = old.spec is spec or run.plan.identity(spec.id) == plan.identity(spec.id)
     return old if same else None
@@ -75,7 +91,7 @@ def out_of_order(plan: PlanSpec, keeping: Mapping[str, Instance]) -> str:
         is_kept = spec.id in keeping
         if is_kept and barrier:
             return f"{spec.id} has started, {barrier}"
-        if spec.kind is Kind.BLOCK and is_kept:
+        if spec.kind is BLOCK and is_kept:
             waits = ""
             for child in spec.children:
                 stack.append((child, waits and f"but would follow {waits}, which has not started"))
@@ -90,7 +106,7 @@ def out_of_order(plan: PlanSpec, keeping: Mapping[str, Instance]) -> str:
 def exchange(run: Run, plan: PlanSpec, keeping: dict[str, Instance]) -> None:
     """Keep what may be kept, stop or skip the rest, and open the new nodes."""
     former_nodes = list(run.instances.values())
-    if run.root_alternate is not None and run.root.state is not State.FINISHED:
+    if run.root_alternate is not None and run.root.state is not FINISHED:
         run.used_alternates.discard(run.root_alternate.id)
     run.root_alternate = None
     run.former_ids.update(dict.fromkeys(run.plan.node_ids()))
@@ -152,9 +168,9 @@ def rebuild(run: Run, top: NodeSpec, keeping: dict[str, Instance]) -> Instance:
     assert root is not None
     for node, children in below.items():
         node.below = tuple(children)
-        node.remaining = sum(child.state is not State.FINISHED for child in node.below)
-        node.fatal = node.kind is not Kind.BRANCH and any(
-            child.state is State.FINISHED and child.failed_fatally() for child in node.below
+        node.remaining = sum(child.state is not FINISHED for child in node.below)
+        node.fatal = node.kind is not BRANCH and any(
+            child.state is FINISHED and child.failed_fatally() for child in node.below
         )
         node.cursor = 0
     return root
@@ -182,13 +198,13 @@ def separate(gone: list[Instance], keeping: set[Instance]) -> None:
         node.remaining = 0
         for index, child in enumerate(node.below):
             child.index = index
-            node.remaining += child.state is not State.FINISHED
+            node.remaining += child.state is not FINISHED
     for node in gone:
         parent = node.parent
         if parent is None or parent not in keeping:
             continue
         node.index = -1
-        if node.state in (State.INACTIVE, State.WAITING, State.FINISHED):
+        if node.state in (INACTIVE, WAITING, FINISHED):
             node.parent = None
         else:
             parent.extra += (node,)
@@ -196,13 +212,13 @@ def separate(gone: list[Instance], keeping: set[Instance]) -> None:
 
 def retire(run: Run, node: Instance) -> None:
     """Stop an old node that is not kept, or skip it."""
-    if node.state in (State.INACTIVE, State.WAITING):
+    if node.state in (INACTIVE, WAITING):
         node.void = True
-        lifecycle.close(run, node, Outcome.SKIPPED, "replaced")
-    elif node.state is not State.FINISHED:
+        lifecycle.close(run, node, SKIPPED, "replaced")
+    elif node.state is not FINISHED:
         run.stopping.add(node)
         if node.state in ACTIVE:
-            lifecycle.begin_failing(run, node, Outcome.ABORTED, "replaced")
+            lifecycle.begin_failing(run, node, ABORTED, "replaced")
         run.agenda.touch(node)
 
 
@@ -212,27 +228,27 @@ def reopen(run: Run) -> None:
     A root that is not kept is activated by phase F, when the last old node is FINISHED.
     """
     for node in list(run.root.walk()):
-        if node.kind is Kind.TASK and node.state in ACTIVE:
+        if node.kind is TASK and node.state in ACTIVE:
             refresh(run, node)
-        elif node.state in (State.FINISHED, State.FAILING):
+        elif node.state in (FINISHED, FAILING):
             for child in node.below:
                 lifecycle.skip(run, child, "parent-ended")
         elif node.state in ACTIVE:
-            if node.state is State.ENDING and not is_complete(node):
-                node.state = State.EXECUTING  # row 8b
-            if node.kind is Kind.CONCURRENT:
+            if node.state is ENDING and not is_complete(node):
+                node.state = EXECUTING  # row 8b
+            if node.kind is CONCURRENT:
                 for child in node.below:
                     lifecycle.activate(run, child)
-            elif node.kind is Kind.BRANCH:
+            elif node.kind is BRANCH:
                 reopen_branch(run, node)
             refresh(run, node)
 
 
 def is_complete(node: Instance) -> bool:
     """Tell whether a composite is complete (CRL.md 4.6)."""
-    if node.kind is Kind.BRANCH:
+    if node.kind is BRANCH:
         child = node.below[node.chosen] if node.chosen is not None else None
-        return child is not None and child.state is State.FINISHED and not child.failed_fatally()
+        return child is not None and child.state is FINISHED and not child.failed_fatally()
     return node.remaining == 0 and not node.fatal
 
 
@@ -240,10 +256,10 @@ def refresh(run: Run, node: Instance) -> None:
     """Look at everything of a node again: its definition or its surroundings have changed."""
     node.end_lo, node.end_hi, node.end_held = 0, INFINITY, False
     windows.open_end(run, node)
-    if node.kind is Kind.BRANCH and node.chosen is None:
+    if node.kind is BRANCH and node.chosen is None:
         lifecycle.watch_options(run, node)
         run.undecided[node] = None
-    elif node.state is not State.SUSPENDED:
+    elif node.state is not SUSPENDED:
         run.board.watch(node, node.spec.maintain)
     run.agenda.wake(node)
 

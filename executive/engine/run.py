@@ -13,7 +13,7 @@ from executive.engine.board import Board
 from executive.engine.dispatch import DispatchNetwork
 from executive.engine.instance import Abort, Effect, Floating, Hold, Instance, Note, Outcome
 from executive.engine.resources import Ledger
-from executive.engine.spec import AlternateSpec, Kind, NodeSpec, PlanSpec
+from executive.engine.spec import TASK, AlternateSpec, NodeSpec, PlanSpec
 from executive.ports import Command, CommandId, TraceRecord, UtilitySource, Value
 
 Loader = Callable[[str], PlanSpec | str]
@@ -108,7 +108,7 @@ class Run:
             node.order = self.next_order
             self.next_order += 1
             self.register(node)
-            if node.kind is not Kind.TASK:
+            if node.kind is not TASK:
                 below = enumerate(node.spec.children)
                 node.below = tuple([Instance(child, node, index, 0) for index, child in below])
                 node.remaining = len(node.below)
@@ -214,4 +214,4 @@ def command_of(node: Instance) -> Command:
     """Return the command that is with the rover, as it was sent."""
     assert node.command is not None
     spec = node.spec
-    return Command(node.command, spec.action, spec.parameters, spec.metadata, node.attempts)
+    return _quickly(Command, (node.command, spec.action, spec.parameters, spec.metadata, node.attempts))

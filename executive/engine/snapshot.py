@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-from executive.engine.instance import Instance, State
+from executive.engine.instance import INACTIVE, WAITING, Instance
 from executive.engine.run import Run
 from executive.engine.spec import INFINITY
 
-Snapshot = dict[str, Any]
 
-
-def snapshot(run: Run, *, pending_events: Sequence[Mapping[str, object]] = (), sequence: int = 0) -> Snapshot:
+def snapshot(
+    run: Run, *, pending_events: Sequence[Mapping[str, object]] = (), sequence: int = 0
+) -> dict[str, object]:
     """Return the state of a run.
 
     `nodes` are in text order, each with its parent, so that a reader needs no recursion; times are
@@ -65,9 +64,9 @@ def _bound(t_ms: int) -> int | None:
     return None if abs(t_ms) >= INFINITY else t_ms
 
 
-def _node(run: Run, node: Instance) -> Snapshot:
+def _node(run: Run, node: Instance) -> dict[str, object]:
     chosen = node.spec.options[node.chosen].id if node.chosen is not None else None
-    waiting = node.state is State.WAITING
+    waiting = node.state is WAITING
     return {
         "id": node.id,
         "kind": node.kind.name.lower(),
@@ -75,7 +74,7 @@ def _node(run: Run, node: Instance) -> Snapshot:
         "state": node.state.name,
         "outcome": node.outcome.value if node.outcome is not None else None,
         "reason": node.reason,
-        "activation": node.activation if node.state is not State.INACTIVE and not node.void else None,
+        "activation": node.activation if node.state is not INACTIVE and not node.void else None,
         "start": node.start,
         "end": node.end,
         "window": [_bound(node.start_lo), _bound(node.start_hi)]

@@ -27,6 +27,8 @@ class Kind(IntEnum):
     BRANCH = 3
 
 
+TASK, BLOCK, CONCURRENT, BRANCH = Kind
+
 PLAN_CLOCK = ""
 """Reference of a window on the plan clock."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executive.engine.instance import ACTIVE, Instance, State
+from executive.engine.instance import ACTIVE, WAITING, Instance
 from executive.engine.run import Run
 from executive.engine.spec import END, INFINITY, RELATIVE, START, Window
 
@@ -75,7 +75,7 @@ def point_settled(run: Run, node: Instance, point: int) -> None:
 
 def reference_settled(run: Run, node: Instance, other: Instance, point: int) -> None:
     """A point that the node refers to has occurred or is void."""
-    if node.state is State.WAITING:
+    if node.state is WAITING:
         open_start(run, node)
         run.agenda.consider(node)
     elif node.state in ACTIVE:

@@ -132,7 +132,7 @@ class Input(NamedTuple):
     events: Sequence[Event] = ()
 
 
-Entry = Json | Input | Effect
+Entry = dict[str, object] | Input | Effect
 """What a journal is given; it is put into JSON where it is written or read, not on the way to the rover."""
 
 
@@ -166,6 +166,31 @@ def effect_to_json(effect: Effect) -> Json:
             }
         case UtilityUsed():
             return {"k": "utility", "t": effect.t_ms, "option": effect.option, "value": effect.value}
+
+
+def effect_from_json(record: Mapping[str, Any]) -> Effect | None:
+    """Return the effect of a journal record, None for a record of another kind."""
+    match record["k"]:
+        case "trace":
+            return TraceRecord(record["t"], record["e"], tuple(record["a"]))
+        case "send":
+            command = command_id_from_json(record["id"])
+            return Command(
+                command, record["action"], record["parameters"], record["metadata"], record["issue"]
+            )
+        case "abort":
+            return Abort(command_id_from_json(record["id"]))
+        case "note":
+            return Note(record["t"], record["kind"], record["text"], record["node"])
+        case "utility":
+            return UtilityUsed(record["t"], record["option"], record["value"])
+        case _:
+            return None
+
+
+def events_from_json(record: Mapping[str, Any]) -> list[Event]:
+    """Return the events of a journal record; only a step has any."""
+    return [event_from_json(event) for event in record["events"]] if record["k"] == "step" else []
 
 
 def trace_line(record: TraceRecord) -> list[Any]:

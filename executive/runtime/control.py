@@ -17,7 +17,7 @@ from pathlib import Path
 
 from executive.errors import WireError
 from executive.ports import Link
-from executive.runtime.codec import Json, command_id_to_json
+from executive.runtime.codec import command_id_to_json
 from executive.runtime.live import LiveRuntime
 from executive.runtime.wire.address import Address, dial, listen
 from executive.runtime.wire.frames import FrameReader, frame
@@ -47,9 +47,9 @@ class Stopped(StrEnum):
     """It has no link of its own and was sent the command `safemode`."""
 
 
-def link_document(runtime: LiveRuntime) -> Json:
+def link_document(runtime: LiveRuntime) -> dict[str, object]:
     """Return the state of link and queue of a run as JSON."""
-    document: Json = {"t_s": runtime.clock.now_ms() / 1000}
+    document: dict[str, object] = {"t_s": runtime.clock.now_ms() / 1000}
     if not isinstance(runtime.port, Link):
         return document
     state = runtime.port.link()
@@ -66,7 +66,9 @@ def link_document(runtime: LiveRuntime) -> Json:
 class RunControl:
     """Does what is asked of a run; `inject` lets a simulated rover suffer a `fault/1`."""
 
-    def __init__(self, runtime: LiveRuntime, inject: Callable[[Json], None] | None = None) -> None:
+    def __init__(
+        self, runtime: LiveRuntime, inject: Callable[[dict[str, object]], None] | None = None
+    ) -> None:
         self.runtime, self._inject = runtime, inject
         self.stopped = False
         """Somebody stopped or aborted the run."""
@@ -89,16 +91,23 @@ class RunControl:
             time.sleep(STOP_POLL_S)
         return Stopped.CONFIRMED
 
-    def answer(self, request: Json) -> Json:
+    def _note(self, what: str, request: dict[str, object]) -> None:
+        """Note in the journal what an operator did, and who it was where the request says `by` whom."""
+        by = str(request.get("by", ""))[:80]
+        self.runtime.complain("operator", f"{what} by {by}" if by else what)
+
+    def answer(self, request: dict[str, object]) -> dict[str, object]:
         """Return the answer to a request; one that cannot be met says why."""
         runtime = self.runtime
         match request.get("m"):
             case "stop":
                 self.stopped = True
+                self._note("STOP", request)
                 runtime.emergency_stop()
                 return {"ok": True, "rover": self._wait_for_stop().value}
             case "abort":
                 self.stopped = True
+                self._note("aborted", request)
                 runtime.stop()
             case "hold":
                 runtime.pause()
@@ -107,14 +116,15 @@ class RunControl:
             case "step":
                 self.steps += 1
                 runtime.step()
-            case "replace" if isinstance(request.get("plan"), str):
-                runtime.replace(request["plan"])
+            case "replace" if isinstance(plan := request.get("plan"), str):
+                runtime.replace(plan)
             case "inject" if self._inject is not None:
                 fault = request.get("fault")
                 if not isinstance(fault, dict):
                     reason = f"inject needs a fault/1 as a JSON object under `fault`, found {fault!a:.40}"
                     return {"ok": False, "reason": reason}
                 self._inject(fault)
+                self._note(f"fault {str(fault.get('kind'))[:40]!a} injected", request)
             case "state":
                 return {
                     "ok": True,
@@ -174,7 +184,7 @@ class ControlSocket:
         self._path.unlink(missing_ok=True)
 
 
-def _receive(line: socket.socket) -> Json:
+def _receive(line: socket.socket) -> dict[str, object]:
     reader = FrameReader()
     while True:
         data = line.recv(1 << 16)
@@ -185,7 +195,7 @@ def _receive(line: socket.socket) -> Json:
             return found[0]
 
 
-def ask_run(folder: Path, request: Json, timeout_s: float = ANSWER_S) -> Json:
+def ask_run(folder: Path, request: dict[str, object], timeout_s: float = ANSWER_S) -> dict[str, object]:
     """Return the answer of the live run in a folder.
 
     Raises

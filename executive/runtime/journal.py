@@ -31,19 +31,23 @@ import json
 import os
 import threading
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import UnionType
 from typing import Any, Protocol
 
 from executive.errors import JournalError
-from executive.runtime.codec import Entry, Json
+from executive.runtime.codec import Entry
 from executive.runtime.lines import documents_of, lines_of
 
 FORMAT = "journal/1"
 
+Record = Mapping[str, object]
+"""A record as it was read: nothing is known of its members (`require`)."""
 
-def record_of(line: str) -> Json | None:
+
+def record_of(line: str) -> dict[str, object] | None:
     """Return the record of a line, or None if the line is not whole."""
     body, mark, tail = line.rpartition(',"crc":"')
     if not mark or len(tail) != 10 or tail[8:] != '"}':
@@ -73,8 +77,8 @@ class MemoryJournal:
     that it was made from.
     """
 
-    def __init__(self, records: Sequence[Json] = ()) -> None:
-        self._records: list[Json] = list(records)
+    def __init__(self, records: Sequence[dict[str, object]] = ()) -> None:
+        self._records: list[dict[str, object]] = list(records)
         self._unread: list[str] = []
         """What nobody has asked for yet, as a file holds it: text costs less than objects."""
         self._number = self.durable = len(self._records)
@@ -82,7 +86,7 @@ class MemoryJournal:
         self._reading = threading.Lock()
 
     @property
-    def records(self) -> list[Json]:
+    def records(self) -> list[dict[str, object]]:
         """All records, as a file would hold them."""
         with self._reading:  # held by readers alone: nobody who reads keeps a run waiting
             fresh = self._unread[:]
@@ -221,7 +225,7 @@ class JournalFile:
 
     def __init__(self, path: Path, data: bytes | None = None) -> None:
         self.path = path
-        self.records: list[Json] = []
+        self.records: list[dict[str, object]] = []
         self.torn = False
         self.size = 0
         try:
@@ -269,7 +273,7 @@ class JournalFile:
             )
 
     @property
-    def header(self) -> Json:
+    def header(self) -> dict[str, object]:
         return self.records[0]
 
     def cut_torn_tail(self) -> None:
@@ -295,10 +299,10 @@ class JournalFile:
 INPUTS = ("step", "deadline", "restart")
 
 
-def macro_steps(records: Sequence[Json]) -> Iterator[tuple[Json, list[Json]]]:
+def macro_steps(records: Sequence[Record]) -> Iterator[tuple[Record, list[Record]]]:
     """Yield each input record with the records that followed from it."""
-    current: Json | None = None
-    effects: list[Json] = []
+    current: Record | None = None
+    effects: list[Record] = []
     for record in records:
         if record["k"] in INPUTS:
             if current is not None:
@@ -319,30 +323,31 @@ class PlanTime:
     instant: str | None = None
 
 
-def plan_time(header: Json) -> PlanTime:
+def plan_time(header: Record) -> PlanTime:
     """Return what a header says of the plan clock; earlier journals said nothing."""
     instant = header.get("instant")
     return PlanTime(
         str(header.get("clock", "virtual")),
-        float(header.get("rate", 1.0)),
+        float(require({"rate": 1.0, **header}, "rate", int | float)),
         instant if isinstance(instant, str) else None,
     )
 
 
-def last_time(records: Sequence[Json]) -> int:
+def last_time(records: Sequence[Record]) -> int:
     """Return the plan time of the last input of a journal, milliseconds."""
-    return max((r["t"] for r in records if r["k"] in INPUTS), default=int(records[0]["start"]))
+    times: Iterator[int] = (require(r, "t", int) for r in records if r["k"] in INPUTS)
+    return max(times, default=require(records[0], "start", int))
 
 
-def last_number(records: Sequence[Json]) -> int:
+def last_number(records: Sequence[Record]) -> int:
     """Return the highest number of the rover's stream in a journal, 0 if there is none."""
-    steps = (r["events"] for r in records if r["k"] == "step")
-    return max((e.get("number", 0) for events in steps for e in events), default=0)
+    steps = (require(r, "events", list) for r in records if r["k"] == "step")
+    return max((int(e.get("number", 0)) for events in steps for e in events), default=0)
 
 
 def header_record(
     *, run_id: str, plan_text: str, plan_digest: str, start_ms: int, risks: bool, time: PlanTime
-) -> Json:
+) -> dict[str, object]:
     """Return the first record of a journal."""
     return {
         "k": "header",
@@ -358,7 +363,7 @@ def header_record(
     }
 
 
-def require(record: Json, member: str, kind: type[Any]) -> Any:
+def require(record: Record, member: str, kind: type[Any] | UnionType) -> Any:
     """Return a member of a record, or say what is wrong with it."""
     value = record.get(member)
     if not isinstance(value, kind):

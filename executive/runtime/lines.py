@@ -45,7 +45,12 @@ def _trace(number: int, record: TraceRecord) -> str:
     t_ms, event, arguments = record
     if type(t_ms) is not int:
         return _slowly(number, record)
-    listed = ",".join(map(quoted, arguments))
+    if len(arguments) == 1:
+        listed = quoted(arguments[0])
+    elif len(arguments) == 2:
+        listed = f"{quoted(arguments[0])},{quoted(arguments[1])}"
+    else:
+        listed = ",".join(map(quoted, arguments))
     return f'{{"n":{number},"k":"trace","t":{t_ms},"e":{quoted(event)},"a":[{listed}]'
 
 
@@ -58,12 +63,13 @@ def _input(number: int, entry: Input) -> str:
 
 
 def _send(number: int, command: Command) -> str:
-    if type(command.issue) is not int:
+    identity, action, parameters, metadata, issue = command
+    if type(issue) is not int:
         return _slowly(number, command)
     return (
-        f'{{"n":{number},"k":"send","id":{_id(command.id)},"action":{quoted(command.action)},'
-        f'"parameters":{_values(command.parameters)},"metadata":{_values(command.metadata)},'
-        f'"issue":{command.issue}'
+        f'{{"n":{number},"k":"send","id":{_id(identity)},"action":{quoted(action)},'
+        f'"parameters":{_values(parameters) if parameters else "{}"},'
+        f'"metadata":{_values(metadata) if metadata else "{}"},"issue":{issue}'
     )
 
 
@@ -78,14 +84,15 @@ def _event(event: Event) -> str:
 
 
 def _result(event: Result) -> str:
-    if type(event.t_ms) is not int or type(event.number) is not int or type(event.reason) is not str:
+    t_ms, command, success, reason, values, updates, number = event
+    if type(t_ms) is not int or type(number) is not int or type(reason) is not str:
         return encode(event_to_json(event))
-    success = encode(event.success) if type(event.success) is not bool else SAID[event.success]
-    number = f',"number":{event.number}' if event.number else ""
+    said = SAID[success] if type(success) is bool else encode(success)
+    numbered = f',"number":{number}' if number else ""
     return (
-        f'{{"e":"result","t":{event.t_ms},"command":{_id(event.command)},"success":{success},'
-        f'"reason":{quoted(event.reason)},"values":{_values(event.values)},'
-        f'"updates":{_values(event.updates)}{number}}}'
+        f'{{"e":"result","t":{t_ms},"command":{_id(command)},"success":{said},"reason":{quoted(reason)},'
+        f'"values":{_values(values) if values else "{}"},'
+        f'"updates":{_values(updates) if updates else "{}"}{numbered}}}'
     )
 
 
@@ -100,4 +107,4 @@ def _id(command: CommandId) -> str:
 
 
 def _values(values: Mapping[str, Value]) -> str:
-    return encode(dict(values)) if values else "{}"
+    return encode(dict(values))

@@ -21,7 +21,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,6 @@ from typing import Protocol, cast, runtime_checkable
 from executive.crl import Plan, canonical_text, parse
 from executive.engine.instance import Instance, Note
 from executive.engine.run import command_of
-from executive.engine.snapshot import Snapshot
 from executive.errors import MisuseError
 from executive.ports import (
     Acknowledgement,
@@ -233,12 +232,12 @@ class LiveRuntime:
         if hasattr(self.port, "next_event"):
             source = cast("EventSource", self.port)
             while event := self._inbox.ask("state", partial(source.next_event, self._now), None):
-                self._inbox.events.append(replace(event, t_ms=self._now))
+                self._inbox.events.append(event._replace(t_ms=self._now))
 
     def _ask_for_missed(self, number: int) -> None:
         """Take what the rover said while nobody listened, and then its present state."""
         self._inbox.commit(number)
-        self._inbox.events += (replace(e, t_ms=min(e.t_ms, self._now)) for e in self._inbox.since(number))
+        self._inbox.events += (e._replace(t_ms=min(e.t_ms, self._now)) for e in self._inbox.since(number))
         state = self._inbox.present_state()
         if state:
             self._inbox.events.append(Update(self._now, state))
@@ -301,7 +300,7 @@ class LiveRuntime:
         self._complaints.append(Note(self._now, kind, text))
 
     @property
-    def picture(self) -> Snapshot:
+    def picture(self) -> dict[str, object]:
         """The state of the run after the last round of the owner; any thread may ask.
 
         A picture is made when it is asked for, so a round costs nothing for nodes to which nothing happens.
@@ -496,7 +495,7 @@ class LiveRuntime:
         for command in running:
             status = self._inbox.status(command)
             if status.state is CommandState.DONE and status.result is not None:
-                self.mailbox.post(replace(status.result, number=0))
+                self.mailbox.post(status.result._replace(number=0))
             elif status.state is CommandState.UNKNOWN:
                 self._repeat(command)
 

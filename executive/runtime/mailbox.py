@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 
 from executive.ports import Event, Operator, Update, Value
 
@@ -59,8 +58,8 @@ class Mailbox:
     def take(self, now_ms: int) -> list[Event]:
         """Return everything that waits, stamped with the present time, operator commands first."""
         with self._condition:
-            events: list[Event] = [replace(e, t_ms=now_ms) for e in self._urgent]
-            events += [replace(e, t_ms=now_ms) for e in self._events]
+            events: list[Event] = [e._replace(t_ms=now_ms) for e in self._urgent]
+            events += [e._replace(t_ms=now_ms) for e in self._events]
             self._urgent.clear()
             self._events.clear()
             self._flood = None

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from executive.engine.core import Engine
-from executive.engine.instance import Effect
-from executive.engine.snapshot import Snapshot, snapshot
+from executive.engine.instance import Effect, UtilityUsed
+from executive.engine.snapshot import snapshot
 from executive.engine.spec import PlanSpec
 from executive.errors import JournalError
 from executive.ports import (
@@ -17,11 +17,12 @@ from executive.ports import (
     UtilitySource,
     Value,
 )
-from executive.runtime.codec import Json, event_from_json
+from executive.runtime.codec import effect_from_json, event_from_json
 from executive.runtime.journal import (
     FileJournal,
     JournalFile,
     MemoryJournal,
+    Record,
     Sink,
     last_number,
     macro_steps,
@@ -34,11 +35,11 @@ from executive.runtime.session import Session
 class RecordedUtilities:
     """The utilities that a run used, in order: replay asks them instead of the source of that time."""
 
-    def __init__(self, records: Sequence[Json]) -> None:
+    def __init__(self, records: Sequence[Record]) -> None:
         self._values: dict[tuple[str, int], list[float]] = {}
-        for record in records:
-            if record["k"] == "utility":
-                self._values.setdefault((record["option"], record["t"]), []).append(record["value"])
+        for used in (effect_from_json(record) for record in records if record["k"] == "utility"):
+            if isinstance(used, UtilityUsed):
+                self._values.setdefault((used.option, used.t_ms), []).append(used.value)
         for values in self._values.values():
             values.reverse()
 
@@ -47,7 +48,7 @@ class RecordedUtilities:
         return values.pop() if values else None
 
 
-def apply_input(engine: Engine, record: Json) -> list[Effect]:
+def apply_input(engine: Engine, record: Record) -> list[Effect]:
     """Let an input record of a journal happen again; return its effects."""
     t_ms = require(record, "t", int)
     match record["k"]:
@@ -63,7 +64,7 @@ def apply_input(engine: Engine, record: Json) -> list[Effect]:
 
 
 def rebuild(
-    records: Sequence[Json], plan: PlanSpec | None = None, *, upto: int | None = None
+    records: Sequence[Record], plan: PlanSpec | None = None, *, upto: int | None = None
 ) -> tuple[Engine, list[Effect], list[Effect]]:
     """Run the inputs of a journal again.
 
@@ -86,7 +87,7 @@ def rebuild(
     effects: list[Effect] = []
     missing: list[Effect] = []
     for record, written in macro_steps(records[1:]):
-        if upto is not None and record["n"] > upto:
+        if upto is not None and require(record, "n", int) > upto:
             break
         fresh = apply_input(engine, record)
         effects += fresh
@@ -98,23 +99,24 @@ def rebuild(
 ENGINE_NOTES = ("risk", "ignored", "unasked", "rejected")
 
 
-def is_complaint(record: Json) -> bool:
+def is_complaint(record: Record) -> bool:
     """Tell whether a note was not written by the engine but by what stands around it."""
     return bool(record["k"] == "note" and record["kind"] not in ENGINE_NOTES)
 
 
-def replay(records: Sequence[Json], plan: PlanSpec | None = None) -> list[TraceRecord]:
+def replay(records: Sequence[Record], plan: PlanSpec | None = None) -> list[TraceRecord]:
     """Return the trace that the inputs of a journal give."""
     _, effects, _ = rebuild(records, plan)
     return [effect for effect in effects if isinstance(effect, TraceRecord)]
 
 
-def recorded_trace(records: Sequence[Json]) -> list[TraceRecord]:
+def recorded_trace(records: Sequence[Record]) -> list[TraceRecord]:
     """Return the trace that a journal holds."""
-    return [TraceRecord(r["t"], r["e"], tuple(r["a"])) for r in records if r["k"] == "trace"]
+    effects = (effect_from_json(record) for record in records if record["k"] == "trace")
+    return [effect for effect in effects if isinstance(effect, TraceRecord)]
 
 
-def state_at(records: Sequence[Json], seq: int, plan: PlanSpec | None = None) -> Snapshot:
+def state_at(records: Sequence[Record], seq: int, plan: PlanSpec | None = None) -> dict[str, object]:
     """Return the picture of the run after the macro step to which record `seq` belongs.
 
     Raises
@@ -132,7 +134,7 @@ def state_at(records: Sequence[Json], seq: int, plan: PlanSpec | None = None) ->
 
 
 def resume_session(
-    records: Sequence[Json],
+    records: Sequence[Record],
     rover: Rover,
     sink: Sink,
     *,
@@ -150,7 +152,7 @@ def resume_session(
         journal=sink,
         listeners=listeners,
         trace=recorded_trace(records),
-        plan_text=records[0]["plan"],
+        plan_text=require(records[0], "plan", str),
         received=last_number(records),
     )
     session.come_back(max(now_ms, engine.t), unwritten)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from executive.engine.instance import Note
@@ -45,14 +44,14 @@ def _event(event: Any, t_ms: int, notes: list[Note]) -> Event | None:
         return None
     if isinstance(event, Update):
         values = _values(event.values, t_ms, notes)
-        return event if values is event.values else replace(event, values=values)
+        return event if values is event.values else event._replace(values=values)
     command: object = event.command
     if not isinstance(command, CommandId):
         notes.append(Note(t_ms, "garbage", f"{type(event).__name__} without a command: {command!r}"))
         return Update(event.t_ms, _values(event.updates, t_ms, notes), event.number)
     updates = _values(event.updates, t_ms, notes)
     if isinstance(event, Acknowledgement):
-        return event if updates is event.updates else replace(event, updates=updates)
+        return event if updates is event.updates else event._replace(updates=updates)
     values = _values(event.values, t_ms, notes)
     success: object = event.success
     if not isinstance(success, bool):
@@ -67,7 +66,7 @@ def _event(event: Any, t_ms: int, notes: list[Note]) -> Event | None:
         success = False
     if updates is event.updates and values is event.values and success is event.success:
         return event
-    return replace(event, success=success, reason=str(event.reason), values=values, updates=updates)
+    return event._replace(success=success, reason=str(event.reason), values=values, updates=updates)
 
 
 def _values(values: Any, t_ms: int, notes: list[Note]) -> Mapping[str, Value]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import heapq
 import logging
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from executive.crl import Plan
 from executive.engine.core import Engine
 from executive.engine.instance import Abort, Effect, Note
 from executive.engine.run import command_of
-from executive.engine.snapshot import Snapshot, snapshot
+from executive.engine.snapshot import snapshot
 from executive.engine.spec import PlanSpec
 from executive.errors import MisuseError
 from executive.ports import (
@@ -261,7 +261,7 @@ class Session:
         if self.journal is not None:
             self._append(notes, durable=False)
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> dict[str, object]:
         """Return the node tree, windows, watched conditions, pending events and resource levels."""
         pending = [event_to_json(entry.event) for entry in sorted(self._injected)]
         return snapshot(self.engine.run, pending_events=pending, sequence=len(self.trace))
@@ -312,7 +312,7 @@ class Session:
             if status.state is CommandState.UNKNOWN:
                 unknown.append(command)
             elif status.state is CommandState.DONE and status.result is not None:
-                self.inject(replace(status.result, t_ms=now_ms, number=0))
+                self.inject(status.result._replace(t_ms=now_ms, number=0))
         effects = engine.restart(now_ms)
         aborted = {effect.command for effect in effects if isinstance(effect, Abort)}
         open_aborts = [c for c, node in engine.run.commands.items() if node.abort_asked and c not in aborted]
@@ -380,20 +380,22 @@ class Session:
 
     def _macro_step(self, t_ms: int, events: Sequence[Event]) -> None:
         before = self.received
-        clean, complaints = sanitized(self._unseen(events), self.engine.t)
+        clean, complaints = sanitized(self._unseen(events) if before else events, self.engine.t)
         effects = self.engine.step(t_ms, clean)
         self.macro_steps += 1
         for event in clean:
+            if isinstance(event, Operator):
+                continue
+            if event.number > self.received:
+                self.received = event.number
             if isinstance(event, Product):
                 self.products.append(event)
-            if not isinstance(event, Operator) and event.number > self.received:
-                self.received = event.number
         entry = Input("step", self.engine.t, clean)
         self._handle(entry, [*complaints, *effects] if complaints else effects, bool(events))
         if self.received > before and isinstance(self.rover, Receipts):
             self.rover.commit(self.received)
 
-    def _unseen(self, events: Sequence[Event]) -> list[Event]:
+    def _unseen(self, events: Sequence[Event]) -> Sequence[Event]:
         """Leave out what the rover has said before (CRL.md 10)."""
         seen = self.received
         return [e for e in events if not (number := getattr(e, "number", 0)) or number > seen]

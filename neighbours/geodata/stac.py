@@ -37,7 +37,7 @@ class Asset:
     roles: tuple[str, ...]
     members: Document = field(default_factory=dict)
 
-    def document(self) -> Document:
+    def document(self) -> Mapping[str, object]:
         """Return the asset as it stands in an item."""
         about = {"href": self.href, "type": self.media, "title": self.title, "roles": list(self.roles)}
         return {**about, **self.members}
@@ -91,7 +91,7 @@ def instant(time: datetime) -> str:
 
 def catalogue(
     identifier: str, title: str, description: str, groups: Sequence[Group], links: Links
-) -> Document:
+) -> Mapping[str, object]:
     """Return the document of a mission's catalogue."""
     parts = [_link("child", links.parts[group.id], JSON, group.title) for group in groups]
     return {
@@ -104,7 +104,7 @@ def catalogue(
     }
 
 
-def group_document(group: Group, links: Links) -> Document:
+def group_document(group: Group, links: Links) -> Mapping[str, object]:
     """Return the document of a group: a collection if its items have a place, else a catalogue."""
     parts = [_link("item", links.parts[item.id], GEOJSON, item.title) for item in group.items]
     head = {
@@ -134,7 +134,7 @@ def is_collection(group: Group) -> bool:
     return any(item.outline for item in group.items)
 
 
-def item_document(item: Item, links: Links, collection: str | None) -> Document:
+def item_document(item: Item, links: Links, collection: str | None) -> Mapping[str, object]:
     """Return the document of an item; `collection` is the id of the collection it is in, if it is in one."""
     box = box_of(item.outline)
     here = _common(links, GEOJSON)

@@ -106,7 +106,7 @@ _TOKEN = re.compile(
 )
 
 
-def parse_pds3(data: bytes, name: str = "label") -> Label:
+def parse_pds3(data: bytes, name: str = "label") -> dict[str, object]:
     """Return the PDS3 (ODL) label at the head of `data` as nested dictionaries; units are dropped."""
     text = data[: 1 << 20].decode("latin-1")
     top: Label = {}
@@ -229,7 +229,7 @@ def _raster(
 _VICAR_ITEM = re.compile(r"\s*(\w+)\s*=\s*('(?:[^']|'')*'|\([^)]*\)|[^\s]+)")
 
 
-def parse_vicar(data: bytes, name: str = "label") -> Label:
+def parse_vicar(data: bytes, name: str = "label") -> dict[str, object]:
     """Return a VICAR label: system items at the top, each property as a dictionary under its name."""
     head = re.match(rb"LBLSIZE=\s*(\d+)", data)
     if head is None:

@@ -12,23 +12,16 @@ FAR_M = 1.0e6
 """A range at which the entrance pupil's motion is nothing: rays are compared by direction."""
 
 
-def linearised(
-    camera: CameraModel, *, width: int | None = None, height: int | None = None, inside: bool = True
-) -> CameraModel:
-    """Return the CAHV camera that replaces `camera`, of the same centre.
+def linearised(camera: CameraModel) -> CameraModel:
+    """Return the CAHV camera that replaces `camera`, of the same centre and size.
 
-    Its axis is the ray of the frame's middle and its rows are level with those of `camera`. With `inside`
-    each focal length is the shortest at which the frame's sides and corners bound the new image, so that
-    nothing beyond the old frame is shown (the missions' choice); without it the whole old frame is shown.
-
-    Raises
-    ------
-    CameraError
-        If the whole frame is wanted and reaches 85 degrees or more from the axis.
+    Its axis is the ray of the frame's middle and its rows are level with those of `camera`. Each focal length
+    is the shortest at which the frame's sides and corners bound the new image, so that nothing beyond the old
+    frame is shown (the missions' choice).
     """
-    if camera.kind is ModelKind.CAHV and width is None and height is None:
+    if camera.kind is ModelKind.CAHV:
         return camera
-    width, height = width or camera.width, height or camera.height
+    width, height = camera.width, camera.height
     x, y = camera.width - 1.0, camera.height - 1.0
     axis = camera.back_project((x / 2, y / 2))[1]
     right = camera.horizontal - (camera.horizontal @ axis) * axis
@@ -43,12 +36,8 @@ def linearised(
         rays = camera.back_project(points)[1]
         ahead = rays @ axis
         usable = ahead > np.cos(np.radians(85.0))
-        if not usable.all() and not inside:
-            raise CameraError(
-                "the frame reaches 85 degrees or more from its axis; it cannot be linearised whole"
-            )
         values = np.abs(rays @ across)[usable] / ahead[usable]
-        tangents.append(float(values.min() if inside else values.max()))
+        tangents.append(float(values.min()))
     hs, vs = width / 2.0 / tangents[0], height / 2.0 / tangents[1]
     hc, vc = (width - 1) / 2.0, (height - 1) / 2.0
     return CameraModel(

@@ -15,12 +15,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 import numpy.typing as npt
 
-from mission.codec import Document
 from rover_iface.cameras.model import Array, CameraModel, ModelKind
 from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo
 from rover_iface.errors import CameraError
@@ -254,15 +253,25 @@ def camera_document(camera: CameraModel) -> dict[str, object]:
     return document
 
 
-def camera_from_document(document: Document) -> CameraModel:
+class CameraDocument(TypedDict):
+    """A camera model as JSON; each letter of `model` is a member too, a vector."""
+
+    model: str
+    width: int
+    height: int
+    linearity: NotRequired[float]
+
+
+def camera_from_document(document: CameraDocument) -> CameraModel:
     """Return a camera model from its JSON form."""
+    vectors: Mapping[str, object] = document
     try:
         kind = ModelKind(document["model"])
         return CameraModel(
             kind,
             int(document["width"]),
             int(document["height"]),
-            **{letter: np.array(document[letter], dtype=float) for letter in kind},
+            **{letter: np.array(vectors[letter], dtype=float) for letter in kind},
             linearity=float(document.get("linearity", 1.0)),
         )
     except (KeyError, TypeError, ValueError) as err:

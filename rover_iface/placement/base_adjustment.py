@@ -24,16 +24,15 @@ def base_move(
     profile: RoverProfile,
     point: Array,
     normal: Array | None,
-    terrain: Terrain | None = None,
 ) -> BaseMove | str:
     """Return the shortest move after which the arm reaches `point`, or why there is none.
 
-    All in the rover frame. `terrain` is the ground round the rover in that frame; without one it is made of
-    the cloud, and the ground plane goes on where the cloud has no points.
+    All in the rover frame. The ground round the rover is made of the cloud; the ground plane goes on where
+    the cloud has no points.
 
     `point` [3], m, lies on the surface; `normal` [3] is its outward unit normal.
     """
-    ground = terrain if terrain is not None else terrain_of(cloud)
+    ground = terrain_of(cloud)
     if ground is None:
         return "the ground round the rover is not known"
     here = Pose(0.0, 0.0)

@@ -180,16 +180,12 @@ def cloud_of_points(
     points: npt.ArrayLike,
     *,
     sigma_m: float = 0.005,
-    covariances: npt.ArrayLike | None = None,
     eye: npt.ArrayLike | None = None,
-    up: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> SurfaceCloud:
     """Return a cloud of points (n, 3), or of a raster (height, width, 3) in which NaN is a missing pixel.
 
-    Points that are not finite are left out. Without `covariances` (..., 3, 3) every point errs by `sigma_m`
-    in all directions.
-
-    All in one frame: `eye` (3,), m, is where the cameras stood, `up` a unit vector.
+    Points that are not finite are left out; every point errs by `sigma_m` in all directions. `eye` (3,), m,
+    in the frame of the points, is where the cameras stood.
 
     Raises
     ------
@@ -202,16 +198,7 @@ def cloud_of_points(
     if not sigma_m > 0:
         raise PlacementError(f"sigma_m is {sigma_m} m; it must be positive")
     known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(array).all(axis=-1))
-    if covariances is None:
-        spread = np.broadcast_to(np.eye(3) * sigma_m**2, (int(known.sum()), 3, 3)).copy()
-    else:
-        given = np.asarray(covariances, dtype=np.float64)
-        if given.shape != (*array.shape, 3):
-            raise PlacementError(
-                f"covariances have shape {given.shape}; points of {array.shape} need {(*array.shape, 3)}"
-            )
-        known &= np.isfinite(given).all(axis=(-2, -1))
-        spread = given[known]
+    spread = np.broadcast_to(np.eye(3) * sigma_m**2, (int(known.sum()), 3, 3)).copy()
     place = None if eye is None else np.asarray(eye, dtype=np.float64)
     pixels, pitch = None, 0.0
     if array.ndim == 3:
@@ -219,7 +206,7 @@ def cloud_of_points(
         pixels = np.column_stack((samples, lines)).astype(np.int64)
         if place is not None:
             pitch = _pitch(array, known, place)
-    return SurfaceCloud(array[known], spread, place, up, pixels, pitch)
+    return SurfaceCloud(array[known], spread, place, pixels=pixels, pitch_rad=pitch)
 
 
 def _pitch(raster: Array, known: npt.NDArray[np.bool_], eye: Array) -> float:

@@ -38,7 +38,6 @@ from rover_iface.placement.segmentation import (
 )
 from rover_iface.placement.verdict import Decision, Finding, PlacementVerdict, Reason
 from rover_iface.profile import RoverProfile
-from rover_iface.terrain.terrain import Terrain
 
 ArmCheck = Callable[[Array, Array], Posture | Motion | ArmRefusal]
 """Asked for a surface point (3,) and its outward unit normal (3,), rover frame. `arm.solve` is one; so is a
@@ -59,7 +58,6 @@ def plan_placement(
     arm: ArmCheck | None = None,
     approach_axis: npt.ArrayLike | None = None,
     rock_only: bool = True,
-    terrain: Terrain | None = None,
     second: SurfaceCloud | None = None,
 ) -> PlacementVerdict:
     """Return whether and where the tool may be put on the rock that holds `designated_point`.
@@ -82,8 +80,6 @@ def plan_placement(
         along the normal, as near as the arm can.
     rock_only
         Whether a point on the ground is refused.
-    terrain
-        Ground in the rover frame for the base adjustment; made of the cloud when None.
     second
         What another pair sees of the same place, registered to `cloud` (`cloud_alignment.align`).
 
@@ -111,7 +107,7 @@ def plan_placement(
     check = _checks(cloud, found, label, at, profile, limits, axis, second)
     rock = found.rocks[label] if label != GROUND else None
     ask = arm if arm is not None else Arm(profile.arm).solve
-    return _search(check, at, ask, rock, profile, terrain)
+    return _search(check, at, ask, rock, profile)
 
 
 def _checks(
@@ -139,7 +135,6 @@ def _search(
     ask: ArmCheck,
     rock: RockSegment | None,
     profile: RoverProfile,
-    terrain: Terrain | None,
 ) -> PlacementVerdict:
     """Judge the designated point, then others of the same rock, the nearest first.
 
@@ -155,7 +150,7 @@ def _search(
         if search.asked:
             break
     close = sorted(search.close, key=lambda one: one.close_strain)
-    return search.first_reached(close) or search.not_placed(profile, terrain)
+    return search.first_reached(close) or search.not_placed(profile)
 
 
 class _Search:
@@ -270,7 +265,7 @@ class _Search:
     def _why_left(self, first: Judged) -> tuple[Finding, ...]:
         return tuple(why for why in (first.restless, self.left) if why is not None)
 
-    def not_placed(self, profile: RoverProfile, terrain: Terrain | None) -> PlacementVerdict:
+    def not_placed(self, profile: RoverProfile) -> PlacementVerdict:
         """Return the refusal, or the move that would bring a safe point into reach."""
         assert self.first is not None
         away = self.out_of_reach
@@ -283,7 +278,7 @@ class _Search:
                 tried=self.tried,
             )
         assert away.normal is not None
-        move = base_move(self.check.cloud, profile, away.point, away.normal, terrain)
+        move = base_move(self.check.cloud, profile, away.point, away.normal)
         if isinstance(move, str):
             return PlacementVerdict(
                 Decision.REFUSE,

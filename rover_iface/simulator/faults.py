@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 
-from mission.codec import Codec, Document
+from mission.codec import Codec
 from mission.errors import MissionError
 from mission.values import NotNegative, value
 from rover_iface.errors import WorldError
@@ -87,7 +87,9 @@ class Faults:
 FAULTS = Codec(Faults, "fault/1", "faults", error=WorldError)
 
 
-def load_faults(source: Path | str | Document | Sequence[Document]) -> tuple[Fault, ...]:
+def load_faults(
+    source: Path | str | Mapping[str, object] | Sequence[Mapping[str, object]],
+) -> tuple[Fault, ...]:
     """Return faults from a `fault/1` file or document, or from a list of what it holds.
 
     Raises

@@ -83,7 +83,7 @@ class AbstractModel:
         return tuple(LogNormal.of(table) for table in tables)  # type: ignore[return-value]  # four of them
 
     @staticmethod
-    def from_problem(document: Document) -> AbstractModel:
+    def from_problem(document: Mapping[str, object]) -> AbstractModel:
         """Return the model of a problem document.
 
         Raises
@@ -308,7 +308,7 @@ def _read(document: Document, *, legacy: bool) -> AbstractModel:
 
 def problem_from_targets(
     targets: Sequence[DesignatedTarget], profile: RoverProfile, start: Pose, *, loss_per_m: float = 0.004
-) -> Document:
+) -> Mapping[str, object]:
     """Return a `problem/1` document for targets with observation points, with times from a rover profile.
 
     It serves worlds that come without a planning problem: legs are straight lines, each target has one

@@ -24,6 +24,7 @@ Every member but `format` may be absent or null. A problem document by itself is
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -140,7 +141,7 @@ class World:
     progress_at_bends: bool = False
     tracker: str = ""
 
-    def problem_document(self) -> Document:
+    def problem_document(self) -> Mapping[str, object]:
         """Return the planning problem; made from the targets when the world has none."""
         if self.problem is not None:
             return self.problem
@@ -163,7 +164,7 @@ class World:
         return load_terrain(self.folder / self.terrain)
 
 
-WorldSource = World | Document | Path | str
+WorldSource = World | Mapping[str, object] | Path | str
 """A world, a `world/1` or problem document, its file, or a folder with `world.json`."""
 
 

@@ -102,18 +102,13 @@ class HeightLayer:
 
         `x`, `y` and the heights [...] are in m, site frame.
         """
+        # Only who asks for heights pays for the compiler: 0.2 s and 60 MB of a process.
+        from rover_iface.terrain.height_kernels import bilinear
+
         data = self.ground if ground and self.ground is not None else self.heights
-        rows, columns = data.shape
-        c = np.clip((x - self.west) / self.spacing, 0.0, columns - 1.0)
-        r = np.clip((y - self.south) / self.spacing, 0.0, rows - 1.0)
-        c0 = np.minimum(np.nan_to_num(c).astype(np.int64), columns - 2)
-        r0 = np.minimum(np.nan_to_num(r).astype(np.int64), rows - 2)
-        fc, fr = c - c0, r - r0
-        h00, h01 = data[r0, c0], data[r0, c0 + 1]
-        h10, h11 = data[r0 + 1, c0], data[r0 + 1, c0 + 1]
-        lower = h00 + (h01 - h00) * fc
-        upper = h10 + (h11 - h10) * fc
-        value: Array = np.asarray(lower + (upper - lower) * fr, dtype=float)
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        flat = bilinear(data, self.west, self.south, self.spacing, x.ravel(), y.ravel())
+        value: Array = flat.reshape(x.shape)
         return value
 
 

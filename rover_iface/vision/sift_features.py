@@ -106,7 +106,8 @@ def detect(image: Image, count: int, cells: int = 6) -> tuple[Array, Descriptors
     image = np.nan_to_num(image)
     low, high = np.percentile(image[::3, ::3], (0.5, 99.5))
     grey = np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255).astype(np.uint8)
-    found, descriptors = cv2.SIFT.create().detectAndCompute(grey, None)
+    # without it every feature lies 0.25 px too far right and down (OpenCV's pyramid is doubled off centre)
+    found, descriptors = cv2.SIFT.create(enable_precise_upscale=True).detectAndCompute(grey, None)
     if descriptors is None or not found:
         return np.empty((0, 2)), np.empty((0, 128), np.float32)
     pixels = np.array([k.pt for k in found], dtype=np.float64)

@@ -6,8 +6,8 @@ until the consensus is stable; covariance by bootstrap. Kept as `method="publish
 The shipped method differs in three ways, because stereo at ten metres errs by decimetres along the ray and by
 millimetres across it. Consensus is told in the images. The motion minimises image residuals weighted by what
 both pairs can know: the residual of a match has the covariance sigma^2 (I + J R P R^T J^T), P being that of
-the old point for one pixel. And the covariance is the inverse of that problem's normal matrix, scaled by the
-residuals found; bootstrap over points that carry their errors along with them cannot see those errors.
+the old point for one pixel. And the covariance comes from those residuals, one by one and by part of the
+image; bootstrap over points that carry their errors along with them cannot see those errors.
 """
 
 from __future__ import annotations
@@ -184,13 +184,8 @@ def settle(
         best = again
     fit, normal, variance = _refine(fit, p[best], unit[best], seen[best], cameras)
     now = np.asarray(fit.apply(p[best]), dtype=np.float64)
-    # few residuals tell little of the noise: the expected one counts like twenty matches in two images
-    count = max(float(seen.shape[1] * best.sum()) - 6.0, 1.0)
-    scale = (variance * count + 80.0 * sigma_px**2) / (count + 80.0)
     inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-    covariance = np.asarray(
-        scale * inverse + _disagreement(fit, p[best], unit[best], seen[best], cameras, inverse)
-    )
+    covariance = _spread(fit, p[best], unit[best], seen[best], cameras, inverse, sigma_px)
     count_in = int(best.sum())
     pixels = seen[best, :2]
     residual = math.sqrt(variance)
@@ -201,13 +196,16 @@ CELLS = 4
 """Parts of the image to a side, of which each tells for itself what the motion should be."""
 
 
-def _disagreement(
-    fit: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras, inverse: Array
+def _spread(
+    fit: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras, inverse: Array, sigma_px: float
 ) -> Array:
-    """Return the covariance (6, 6) of a motion by what the parts of the image disagree on.
+    """Return the covariance (6, 6) of a motion by the residuals: one by one, or by part of the image.
 
-    The sandwich of Liang and Zeger 1986: features that lie together err together (stereo's bias on one
-    surface, a camera model that is off at one edge), which residuals taken one by one do not show.
+    Both are sandwiches, in each direction the wider counts. One by one (White 1980) it is that of features
+    that err each for themselves, whatever the size of their errors; by parts (Liang and Zeger 1986) it sees
+    that features that lie together err together: stereo's bias on one surface, a camera model that is off at
+    one edge. The six residuals that the fit has taken up are given back at the noise that is expected, which
+    is what is left where matches are few.
     """
     from rover_iface.cameras.stereo_kernels import few_parts
 
@@ -227,7 +225,21 @@ def _disagreement(
     parts = np.zeros((CELLS * CELLS, 6))
     np.add.at(parts, index, scores)
     counts = np.bincount(index, minlength=CELLS * CELLS).astype(np.float64)
-    return np.asarray(few_parts(counts) * inverse @ (parts.T @ parts) @ inverse)
+    lost = 6.0 / r.size * sigma_px**2
+    single = few_parts(np.ones(len(r))) * (inverse @ (scores.T @ scores) @ inverse + lost * inverse)
+    return _wider(single, few_parts(counts) * inverse @ (parts.T @ parts) @ inverse)
+
+
+def _wider(one: Array, other: Array) -> Array:
+    """Return the least covariance that, in the axes that both share, is nowhere below either of two (n, n).
+
+    `one` must be positive definite.
+    """
+    root = np.linalg.cholesky(one)
+    from_unit = np.linalg.inv(root)
+    share, axes = np.linalg.eigh(from_unit @ other @ from_unit.T)
+    axes = root @ axes
+    return np.asarray((axes * np.maximum(share, 1.0)) @ axes.T)
 
 
 def find_motion_published(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -24,7 +26,8 @@ from executive.crl import (
     to_json,
     validate,
 )
-from executive.crl.nodes import FORMS, Node, Task, walk_plan
+from executive.crl.field_help import FIELD_HELP
+from executive.crl.nodes import FORMS, Node, Task, language_words, walk_plan
 from executive.crl.printer import canonical_node
 from executive.crl.syntax import codec
 from executive.crl.trees import ms_text, number_text
@@ -237,3 +240,14 @@ def test_every_syntax_that_a_form_uses_can_be_read_and_written() -> None:
     for form in FORMS.values():
         for declared in form.fields.values():
             assert declared in form.structure or codec(declared.syntax).read
+
+
+def test_every_field_has_a_line_of_help_and_the_reference_says_the_same() -> None:
+    words = language_words()
+    fields = {word for form in FORMS.values() for word in form.fields}
+    assert words["about_fields"] == FIELD_HELP
+    assert fields == set(FIELD_HELP), "a line for each field, and for no other"
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "crl.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `:([a-z-]+)` \| [^|]+ \| (.+) \|$", page, re.MULTILINE)
+    assert len(rows) == len(FORMS["block"].fields) - 1  # all but what each kind has of its own
+    assert {word: FIELD_HELP[word] for word, _ in rows} == dict(rows)

@@ -27,7 +27,7 @@ from executive.ports import (
     Update,
 )
 from executive.runtime import run_plan
-from executive.runtime.codec import Entry, Input, Json, entry_to_json, trace_line
+from executive.runtime.codec import Entry, Input, Json, effect_from_json, entry_to_json, trace_line
 from executive.runtime.journal import FileJournal, JournalFile, MemoryJournal, record_of
 from executive.runtime.lines import documents_of, line_of, lines_of
 from executive.runtime.loading import load_plan
@@ -324,3 +324,10 @@ def test_the_text_of_a_record_is_what_json_makes_of_it(number: int, records: lis
     assert [json.loads(d) for d in documents_of(number, records)] == [
         json.loads(line[: line.rindex(b',"crc"')] + b"}") for line in expected.splitlines()
     ]
+
+
+@given(record=entries)
+def test_an_effect_comes_back_from_its_record(record: Entry) -> None:
+    written = json.loads(json.dumps(entry_to_json(record)))
+    effect = not isinstance(record, dict | Input)
+    assert effect_from_json(written) == (record if effect else None)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
+
 import pytest
 
 from executive.crl import CrlValidationError
 from executive.errors import MisuseError
-from executive.ports import Operation, Operator, TraceRecord, Update
+from executive.ports import CommandId, Operation, Operator, Result, TraceRecord, Update
 from executive.runtime import run_plan
 from executive.runtime.journal import MemoryJournal
 from executive.runtime.loading import load_plan
@@ -285,3 +287,12 @@ def test_a_start_that_waits_keeps_few_timers_however_often_it_is_asked() -> None
         return most
 
     assert most_timers(200) <= most_timers(20) + 2
+
+
+def test_the_empty_values_that_all_share_take_none_and_pickle() -> None:
+    values = Result(0, CommandId("run", "a", 1), True).values
+    with pytest.raises(TypeError, match="cannot be written to"):
+        values["x"] = 1.0  # type: ignore[index]
+    with pytest.raises(TypeError, match="cannot be written to"):
+        values.update(x=1.0)  # type: ignore[attr-defined]
+    assert pickle.loads(pickle.dumps(values)) == values == {}

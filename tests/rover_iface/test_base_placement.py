@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rover_iface.errors import OutsideTerrainError, PlacementError, ProfileError
 from rover_iface.frames import Pose
 from rover_iface.mobility import settle, settled_pose
-from rover_iface.placement import check_observation_point, place_base
+from rover_iface.placement import base_placement, check_observation_point, place_base
 from rover_iface.placement.base_placement import inside_polygon
 from rover_iface.placement.room import room_to_stand
 from rover_iface.profile import load_profile
@@ -52,6 +52,14 @@ def test_a_rock_under_the_belly_takes_the_clearance_it_has_height() -> None:
 
 def test_off_the_terrain_the_pose_is_unknown() -> None:
     assert math.isnan(settled_pose(plane(), K9, 50.0, 0.0, 0.0).z)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("instrument", ["mi", "scicam"])
+def test_a_stand_with_a_wheel_off_the_terrain_is_refused_for_that(instrument: str) -> None:
+    edge = plane().bounds[2] - 0.05
+    with pytest.raises(PlacementError, match="the rover would stand off the terrain"):
+        check_observation_point(plane(), K9, Pose(edge, 0.0, 0.0), (edge, 0.0, 0.0), instrument=instrument)
 
 
 # ---- placing
@@ -196,3 +204,26 @@ def test_on_a_slope_the_ground_itself_is_no_obstacle_to_stand() -> None:
         standing = settle(ground, K9, x, x, heading)
         room = room_to_stand(ground, K9, np.array([5.0, 5.0, 0.0]), x, x, heading, standing)
         assert room[0] == 1.0
+
+
+@pytest.mark.parametrize("instrument", ["mi", "scicam"])
+@pytest.mark.parametrize("count", [1, 4])
+def test_what_is_not_looked_at_would_not_have_been_chosen(
+    instrument: str, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Poses are the same, to the bit, whether room is worked out for a few candidates first or for all."""
+    ground, rng = generated(), np.random.default_rng(11)
+
+    def poses(first: int) -> list[object]:
+        monkeypatch.setattr(base_placement, "FIRST_LOOK", first)
+        found: list[object] = []
+        for x, y in places:
+            try:
+                place = (x, y, ground.height_at(x, y))
+                found.append(place_base(ground, K9, place, instrument=instrument, count=count))
+            except PlacementError as err:
+                found.append(str(err))
+        return found
+
+    places = rng.uniform(-10.0, 10.0, (12, 2)).tolist()
+    assert poses(1) == poses(24) == poses(10**6)

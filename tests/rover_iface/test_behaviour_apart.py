@@ -12,7 +12,7 @@ from rover_iface.contract import write_contract_world
 from rover_iface.registry import find_rover
 from rover_iface.simulator.faults import Fault, FaultKind
 from studies.common.apart import ApartRepertoire, apart
-from studies.planted_errors import fly_day
+from studies.planted_errors import fly_day, went_on
 
 PLAN = """
 (plan :id day :node (block :id all :node-list (
@@ -69,3 +69,10 @@ def test_errors_planted_in_actions_end_those_alone(world: Path, tmp_path: Path) 
     assert day["last"] == "SUCCEEDED"
     run = json.loads((tmp_path / "day" / "run.json").read_text(encoding="utf-8"))
     assert run["outcome"] == "SUCCEEDED"
+
+
+def test_an_error_in_the_last_task_is_its_own_and_the_plan_went_on_to_it(world: Path, tmp_path: Path) -> None:
+    uses = int(str(fly_day("subframe", [], tmp_path / "clean", world, plan=PLANTED)["uses"]))
+    day = fly_day("subframe", [uses], tmp_path / "day", world, plan=PLANTED)
+    assert (day["tasks"], day["last"], went_on(day)) == (["last"], "FAILED", True)
+    assert not went_on({**day, "tasks": ["turn"]})

@@ -467,3 +467,20 @@ def test_hardly_any_rock_cover_is_ground_without_rocks(cover: float) -> None:
     total, share, _size = rock_density(0.1, 2.0, cover)
     assert 0.0 <= total < 1e-300
     assert np.all(np.isfinite(share))
+
+
+def test_heights_between_posts_are_bilinear_to_the_bit() -> None:
+    rng = np.random.default_rng(8)
+    data = rng.normal(0.0, 3.0, (7, 9)).astype(np.float32)
+    data[2, 3] = np.nan
+    layer = HeightLayer(data, -2.0, 1.0, 0.3)
+    x = np.concatenate([rng.uniform(-3.0, 2.0, 500), [np.nan, 0.0, np.inf, -2.0]])
+    y = np.concatenate([rng.uniform(0.5, 4.0, 500), [1.2, np.nan, 2.0, 1.0]])
+    c, r = np.clip((x - -2.0) / 0.3, 0.0, 8.0), np.clip((y - 1.0) / 0.3, 0.0, 6.0)
+    c0 = np.minimum(np.nan_to_num(c).astype(int), 7)
+    r0 = np.minimum(np.nan_to_num(r).astype(int), 5)
+    lower = data[r0, c0] + (data[r0, c0 + 1] - data[r0, c0]) * (c - c0)
+    upper = data[r0 + 1, c0] + (data[r0 + 1, c0 + 1] - data[r0 + 1, c0]) * (c - c0)
+    np.testing.assert_array_equal(layer.sample(x, y), lower + (upper - lower) * (r - r0))
+    assert layer.sample(x.reshape(4, -1), y.reshape(4, -1)).shape == (4, 126)
+    assert float(layer.sample(np.float64(-2.0), np.float64(1.0))) == data[0, 0]

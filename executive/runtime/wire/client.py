@@ -10,7 +10,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -25,7 +24,6 @@ from executive.ports import (
     Product,
     Value,
 )
-from executive.runtime.codec import Json
 from executive.runtime.wire.address import Address, Keys, dial
 from executive.runtime.wire.conversation import Complaints, Conversation, Welcome
 from executive.runtime.wire.downloads import Downloads
@@ -160,7 +158,7 @@ class WireRover:
         now_ms = self._clock.now_ms() if self._clock is not None else event.t_ms
         rate = float(getattr(self._clock, "speed", 1.0))
         age_s = self.times.age_s(event.t_ms)
-        return replace(event, t_ms=now_ms if age_s is None else max(0, round(now_ms - 1000 * rate * age_s)))
+        return event._replace(t_ms=now_ms if age_s is None else max(0, round(now_ms - 1000 * rate * age_s)))
 
     def present_state(self) -> Mapping[str, Value]:
         """Return all state values.
@@ -221,7 +219,7 @@ class WireRover:
                 raise WireError(f"{self.where}: no rover answers within {timeout_s:g} s ({why})")
             return talk.welcome
 
-    def inject(self, fault: Json) -> None:
+    def inject(self, fault: Mapping[str, object]) -> None:
         """Let a simulated rover suffer a fault.
 
         Raises
@@ -277,7 +275,7 @@ class WireRover:
 
     # --- questions ------------------------------------------------------------------------
 
-    def _ask(self, message: Json) -> Json:
+    def _ask(self, message: dict[str, object]) -> dict[str, object]:
         """Return the rover's answer; the question is said again while there is none."""
         self._line.begin()
         talk, line = self._talk, self._line

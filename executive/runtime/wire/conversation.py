@@ -18,7 +18,6 @@ from executive.ports import (
     Product,
     Result,
 )
-from executive.runtime.codec import Json
 from executive.runtime.wire.downloads import Downloads
 from executive.runtime.wire.frames import Connection
 from executive.runtime.wire.line import WireOptions
@@ -107,7 +106,7 @@ class Conversation:
         self.times = RoundTrips(complain)
         self.events: deque[Event] = deque()
         """What the rover said and nobody has taken yet."""
-        self.replies: dict[int, Json | None] = {}
+        self.replies: dict[int, dict[str, object] | None] = {}
         """Answers to questions that are open, by their number."""
         self.welcome: Welcome | None = None
         self.greeted = False
@@ -165,14 +164,14 @@ class Conversation:
 
     # --- what is heard ------------------------------------------------------------------------
 
-    def hear(self, message: Json) -> None:
+    def hear(self, message: dict[str, object]) -> None:
         """Take in a message; one that makes no sense is noted and dropped."""
         try:
             self._take(message)
         except WireError as error:
             self._complain("wire", f"dropped: {error}")
 
-    def _take(self, message: Json) -> None:
+    def _take(self, message: dict[str, object]) -> None:
         match message.get("m"):
             case "welcome":
                 self._take_welcome(message)
@@ -197,14 +196,14 @@ class Conversation:
             case other:
                 self._complain("wire", f"a message of kind {str(other)[:40]!a}, which is not known")
 
-    def _take_answer(self, message: Json) -> None:
+    def _take_answer(self, message: dict[str, object]) -> None:
         number = message.get("q")
         if isinstance(number, int) and number in self.replies:
             self.replies[number] = message
         elif message.get("m") == "status" and "q" not in message:
             self._settle_forgotten(command_id(message), status_of(message))
 
-    def _take_welcome(self, message: Json) -> None:
+    def _take_welcome(self, message: dict[str, object]) -> None:
         if message.get("protocol") != PROTOCOL:
             raise WireError(f"the rover speaks {str(message.get('protocol'))[:40]!a}, not {PROTOCOL}")
         if message.get("run") != self.run:
@@ -235,7 +234,7 @@ class Conversation:
         if ended is not None and status.state is CommandState.UNKNOWN:
             self._deliver([ended])
 
-    def _take_event(self, document: Json) -> None:
+    def _take_event(self, document: dict[str, object]) -> None:
         number = whole({"number": 0, "e": "event", **document}, "number")
         event: Event | None = None
         try:
@@ -257,7 +256,7 @@ class Conversation:
             self.events.append(event)
 
 
-def _welcome_of(message: Json) -> Welcome:
+def _welcome_of(message: dict[str, object]) -> Welcome:
     rate = message.get("rate", 1.0)
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 < rate <= 1e6:
         raise WireError(f"welcome: rate is {str(rate)[:40]!a}, no number above 0")

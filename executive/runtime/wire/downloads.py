@@ -14,7 +14,6 @@ from pathlib import Path, PurePosixPath
 
 from executive.errors import WireError
 from executive.ports import Product
-from executive.runtime.codec import Json
 from executive.runtime.wire.messages import text, whole
 
 logger = logging.getLogger(__name__)
@@ -72,7 +71,7 @@ class Downloads:
             if not (self._out / one.path).exists():
                 self._waiting.append(one)
 
-    def request(self, now: float, retry_s: float) -> Json | None:
+    def request(self, now: float, retry_s: float) -> dict[str, object] | None:
         """Return the message that asks for the next piece, if one is due at `now` (monotonic, s)."""
         if not self._waiting or now - self._waiting[0].asked < retry_s:
             return None
@@ -80,7 +79,7 @@ class Downloads:
         first.asked = now
         return {"m": "fetch", "path": first.path, "offset": first.at, "size": CHUNK}
 
-    def take(self, message: Json) -> None:
+    def take(self, message: dict[str, object]) -> None:
         """Write down a piece.
 
         Raises

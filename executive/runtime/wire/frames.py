@@ -6,9 +6,9 @@ import json
 import socket
 import ssl
 from collections import deque
+from collections.abc import Mapping
 
 from executive.errors import WireError
-from executive.runtime.codec import Json
 
 LIMIT = 1 << 20
 """Bytes of the longest frame: one that announces more is a lie or a foreign protocol, and ends the line."""
@@ -17,7 +17,7 @@ HEAD = 4
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
 
-def frame(document: Json) -> bytes:
+def frame(document: Mapping[str, object]) -> bytes:
     """Return the frame of a message.
 
     Raises
@@ -40,7 +40,7 @@ class FrameReader:
     def __init__(self) -> None:
         self._rest = bytearray()
 
-    def feed(self, data: bytes) -> list[Json]:
+    def feed(self, data: bytes) -> list[dict[str, object]]:
         """Return the messages that are whole now.
 
         Raises
@@ -51,7 +51,7 @@ class FrameReader:
         """
         rest = self._rest
         rest += data
-        found: list[Json] = []
+        found: list[dict[str, object]] = []
         at = 0
         while len(rest) - at >= HEAD:
             length = int.from_bytes(rest[at : at + HEAD], "big")
@@ -65,7 +65,7 @@ class FrameReader:
         return found
 
 
-def _object(body: bytes) -> Json:
+def _object(body: bytes) -> dict[str, object]:
     try:
         document = json.loads(body)
     except (ValueError, RecursionError) as error:
@@ -85,7 +85,7 @@ class Connection:
         self._waiting: deque[bytes] = deque()
         self._current = memoryview(b"")
 
-    def put(self, document: Json, *, urgent: bool = False) -> None:
+    def put(self, document: Mapping[str, object], *, urgent: bool = False) -> None:
         """Line up a message; an urgent one goes before all that have not begun to leave."""
         data = frame(document)
         if urgent:
@@ -106,7 +106,7 @@ class Connection:
         """Return how many messages wait."""
         return len(self._waiting)
 
-    def read(self) -> list[Json]:
+    def read(self) -> list[dict[str, object]]:
         """Return the messages that have come.
 
         Raises
@@ -114,7 +114,7 @@ class Connection:
         WireError
             If the line is closed, broken or does not speak in frames.
         """
-        found: list[Json] = []
+        found: list[dict[str, object]] = []
         while True:
             try:
                 data = self.line.recv(1 << 16)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 from executive.ports import Acknowledgement, CommandId, Event, Result, Update, Value
 from executive.runtime.wire.messages import numbered
@@ -52,7 +51,7 @@ class Kept:
             self._events[-1] = Update(event.t_ms, merged, newest.number)
             return
         self.last += 1
-        self._events.append(replace(event, number=self.last))
+        self._events.append(event._replace(number=self.last))
 
     def fresh(self, limit: int) -> list[Event]:
         """Return up to so many events that have not left yet; they count as having left."""
@@ -76,7 +75,7 @@ class Kept:
         """Number everything anew behind what the executive has of an earlier life of this rover."""
         shift = number - self.boot
         self._events = deque(
-            replace(numbered(event), number=numbered(event).number + shift) for event in self._events
+            numbered(event)._replace(number=numbered(event).number + shift) for event in self._events
         )
         self.boot += shift
         self.last += shift

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from executive.errors import WireError
-from executive.runtime.codec import Json
 from executive.runtime.wire.frames import Connection
 
 logger = logging.getLogger(__name__)
@@ -52,7 +51,7 @@ class Talk(Protocol):
     def say(self, connection: Connection, now: float) -> None:
         """Line up what is due at an instant of the monotonic clock, s."""
 
-    def hear(self, message: Json) -> None: ...
+    def hear(self, message: dict[str, object]) -> None: ...
 
     def end(self, why: str) -> None:
         """The line is gone."""

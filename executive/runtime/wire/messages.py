@@ -61,7 +61,7 @@ def text(document: Json, member: str) -> str:
     return value
 
 
-def mapping(document: Json, member: str) -> Json:
+def mapping(document: Json, member: str) -> dict[str, object]:
     """Return an object member, empty where it is absent.
 
     Raises
@@ -90,7 +90,7 @@ def command_id(document: Json, member: str = "id") -> CommandId:
             raise WireError(f"{_name(document)}: {member} is {_show(value)}, not [run, task, attempt]")
 
 
-def send_message(command: Command) -> Json:
+def send_message(command: Command) -> dict[str, object]:
     return {"m": "send", **command_to_json(command)}
 
 
@@ -106,12 +106,12 @@ def command_of(message: Json) -> Command:
     )
 
 
-def about(kind: str, command: CommandId) -> Json:
+def about(kind: str, command: CommandId) -> dict[str, object]:
     """Return a message that is about a command."""
     return {"m": kind, "id": command_id_to_json(command)}
 
 
-def event_message(event: Event) -> Json:
+def event_message(event: Event) -> dict[str, object]:
     return {"m": "event", "event": event_to_json(event)}
 
 
@@ -165,7 +165,7 @@ def status_of(message: Json) -> CommandStatus:
     return CommandStatus(state, event)
 
 
-def status_message(command: CommandId, status: CommandStatus) -> Json:
+def status_message(command: CommandId, status: CommandStatus) -> dict[str, object]:
     message = {**about("status", command), "state": status.state.value}
     return message if status.result is None else {**message, "result": event_to_json(status.result)}
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from executive.ports import Acknowledgement, Command, CommandId, CommandState, CommandStatus, Result
-from executive.runtime.codec import Json
 from executive.runtime.wire.frames import frame
 from executive.runtime.wire.messages import about, send_message
 
@@ -21,7 +20,7 @@ STOP_AGAIN_S = 0.25
 class _Open:
     """A command that is not over: its message, when it was last said, in which life of the rover first."""
 
-    message: Json
+    message: dict[str, object]
     state: str = "sent"
     said: float = 0.0
     boot: int | None = None
@@ -138,7 +137,7 @@ class Outbox:
         self._stop_said = now
         return True
 
-    def due(self, now: float, retry_s: float) -> Iterator[Json]:
+    def due(self, now: float, retry_s: float) -> Iterator[dict[str, object]]:
         """Yield what has to be said now (again)."""
         asked, self._asked_about = self._asked_about, []
         for command in asked:

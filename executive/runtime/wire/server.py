@@ -28,7 +28,7 @@ from executive.ports import (
     Rover,
     Update,
 )
-from executive.runtime.codec import Json, command_id_to_json
+from executive.runtime.codec import command_id_to_json
 from executive.runtime.wire.address import Keys
 from executive.runtime.wire.downloads import CHUNK
 from executive.runtime.wire.frames import LIMIT, Connection
@@ -86,7 +86,7 @@ class RoverServer:
         clock: Clock,
         *,
         out: Path | None = None,
-        inject: Callable[[Json], None] | None = None,
+        inject: Callable[[dict[str, object]], None] | None = None,
     ) -> None:
         self.about, self.clock = about, clock
         self._out, self._fault = out, inject
@@ -234,7 +234,7 @@ class RoverServer:
 
     # --- messages of the executive --------------------------------------------------------
 
-    def _take(self, connection: Connection, message: Json) -> None:
+    def _take(self, connection: Connection, message: dict[str, object]) -> None:
         kind = message.get("m")
         if kind == "stop":
             self._lead.stop(connection)
@@ -262,7 +262,7 @@ class RoverServer:
             self.over.set()
             self._drop(connection, "the run is over")
 
-    def _hello(self, connection: Connection, message: Json) -> None:
+    def _hello(self, connection: Connection, message: dict[str, object]) -> None:
         run, have = text(message, "run"), whole(message, "have")
         if message.get("protocol") != PROTOCOL:
             connection.put({"m": "bye", "reason": f"this rover speaks {PROTOCOL}"})
@@ -286,7 +286,7 @@ class RoverServer:
             self._kept.move_behind(have)
         self._active = connection
         self._kept.rewind(have)
-        welcome: Json = {
+        welcome: dict[str, object] = {
             "m": "welcome",
             "protocol": PROTOCOL,
             "rover": self.about.name,
@@ -302,7 +302,7 @@ class RoverServer:
             welcome["dictionary"] = dict(self.about.dictionary)
         connection.put(welcome)
 
-    def _take_command(self, connection: Connection, message: Json) -> None:
+    def _take_command(self, connection: Connection, message: dict[str, object]) -> None:
         kind = message["m"]
         wanted = command_id(message)
         if kind == "send":
@@ -327,11 +327,11 @@ class RoverServer:
                 self._active.put({"m": "command", "id": command_id_to_json(command), "state": "running"})
         self._wake()
 
-    def _give(self, connection: Connection, message: Json) -> None:
+    def _give(self, connection: Connection, message: dict[str, object]) -> None:
         """Answer with a piece of a product, or that there is no such file."""
         path, offset = text(message, "path"), whole(message, "offset")
         size = min(whole({"size": CHUNK, **message}, "size", least=1), CHUNK)
-        answer: Json = {"m": "chunk", "q": message.get("q"), "path": path, "offset": offset}
+        answer: dict[str, object] = {"m": "chunk", "q": message.get("q"), "path": path, "offset": offset}
         known = path in self._lead.products or path.removesuffix(".json") in self._lead.products
         try:
             if self._out is None or not known:
@@ -344,8 +344,8 @@ class RoverServer:
             answer.update(total=None, data="")
         connection.put(answer)
 
-    def _suffer(self, connection: Connection, message: Json) -> None:
-        answer: Json = {"m": "fault", "q": message.get("q"), "ok": False}
+    def _suffer(self, connection: Connection, message: dict[str, object]) -> None:
+        answer: dict[str, object] = {"m": "fault", "q": message.get("q"), "ok": False}
         if self._fault is None:
             answer["reason"] = "this rover takes no faults"
         else:

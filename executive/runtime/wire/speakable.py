@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from executive.ports import Acknowledgement, Event, Product, Result, Update, Value
 from executive.runtime.sanitize import sanitized
@@ -25,14 +24,14 @@ def speakable(event: Event) -> tuple[Event | None, list[str]]:
         return None, left_out
     match clean[0]:
         case Update() as one:
-            return replace(one, values=fitting(one.values, left_out)), left_out
+            return one._replace(values=fitting(one.values, left_out)), left_out
         case Result() as one:
             values, updates = fitting(one.values, left_out), fitting(one.updates, left_out)
-            return replace(one, reason=_plain(one.reason)[:1000], values=values, updates=updates), left_out
+            return one._replace(reason=_plain(one.reason)[:1000], values=values, updates=updates), left_out
         case Acknowledgement() as one:
-            return replace(one, updates=fitting(one.updates, left_out)), left_out
+            return one._replace(updates=fitting(one.updates, left_out)), left_out
         case Product() as one:
-            return replace(one, label=fitting(one.label, left_out)), left_out
+            return one._replace(label=fitting(one.label, left_out)), left_out
         case other:
             return other, left_out
 

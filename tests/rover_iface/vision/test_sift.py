@@ -17,6 +17,7 @@ from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.vision.sift import SiftOptions, SiftTracker, horn
 from rover_iface.vision.sift_features import detect, mutual
+from rover_iface.vision.sift_motion import settle
 from rover_iface.vision.tracker import StereoView, Tracker, TrackState
 from tests.rover_iface.render.scenes import picture
 
@@ -194,6 +195,65 @@ def test_features_are_kept_from_all_parts_of_the_image() -> None:
     pixels, _ = detect(image, 100)
     assert len(pixels) == 100
     assert ((pixels > 80).any(axis=1)).sum() > 60
+
+
+def test_features_lie_where_a_half_turn_of_the_picture_puts_them() -> None:
+    image = frames(-6.0)[0].unit
+    pixels, _ = detect(image, 800)
+    turned, _ = detect(np.ascontiguousarray(image[::-1, ::-1]), 800)
+    back = np.array([image.shape[1] - 1.0, image.shape[0] - 1.0]) - turned
+    away = pixels[:, None, :] - back[None]
+    nearest = away[np.arange(len(pixels)), np.abs(away).max(axis=2).argmin(axis=1)]
+    both = nearest[np.abs(nearest).max(axis=1) < 2.0]
+    assert len(both) > 0.5 * len(pixels)
+    assert np.abs(np.median(both, axis=0)) == pytest.approx([0.0, 0.0], abs=0.02)
+
+
+def test_a_motion_is_as_unsure_as_its_features_whether_they_err_alone_or_together() -> None:
+    together, alone = [], []
+    for seed in range(40):
+        alone.append(_squared_error_of_a_motion(seed, together_px=0.0))
+        together.append(_squared_error_of_a_motion(seed, together_px=0.3))
+    # 6 expected, 0.55 the deviation of a mean of 40; residuals taken one by one would tell 21 of the second:
+    # patches that lie across the border of two parts are seen only in half
+    assert 4.0 < np.mean(alone) < 7.5
+    assert 4.0 < np.mean(together) < 11.0
+
+
+def _squared_error_of_a_motion(seed: int, *, together_px: float) -> float:
+    """Return squared error over what is told: features err by 0.3 px, patches of them by `together_px`."""
+    rng = np.random.default_rng([seed, 0xE1])
+    first = view(-6.0)
+    cameras = (first.left_camera, first.right_camera)
+    pixels = rng.uniform(5.0, 2.0 * HALF - 5.0, (240, 2))
+    origins, rays = cameras[0].back_project(pixels)
+    points = origins + rng.uniform(4.0, 8.0, (240, 1)) * rays
+    true = Transform.from_rpy(*rng.normal(0, 0.01, 3), rng.normal(0, 0.1, 3))
+    seen = np.hstack([camera.project(true.apply(points)) for camera in cameras])
+    patch = (pixels // 30.0).astype(np.int64) @ np.array([1, 10])
+    seen += rng.normal(0, 0.3, seen.shape) + together_px * rng.normal(0, 1.0, (100, 4))[patch]
+    settled = settle(
+        Transform.identity(),
+        points,
+        np.zeros((240, 3, 3)),
+        seen,
+        cameras,
+        np.ones(240, np.bool_),
+        inlier_px=3.0,
+        sigma_px=0.3,
+    )
+    assert settled is not None
+    motion, _ = settled
+    off = true * motion.new_from_old.inverse()
+    turn = 0.5 * np.array(
+        [
+            off.rotation[2, 1] - off.rotation[1, 2],
+            off.rotation[0, 2] - off.rotation[2, 0],
+            off.rotation[1, 0] - off.rotation[0, 1],
+        ]
+    )
+    error = np.concatenate((turn, np.asarray(off.apply(motion.centre)) - motion.centre))
+    return float(error @ np.linalg.solve(motion.covariance, error))
 
 
 def test_misuse_is_refused() -> None:

@@ -1,0 +1,51 @@
+"""A line of help for each field of CRL, for programs that show one beside a text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+FIELD_HELP: Mapping[str, str] = {
+    "id": "a symbol; nodes, options, contingencies and alternates share one name space",
+    "name": "a string for people",
+    "start-conditions": "asked once at the start; not all true: the node fails",
+    "wait-for-conditions": "the node waits until all are true",
+    "maintain-conditions": "asked at the start and while it runs; one false: the node fails",
+    "end-conditions": "asked once at the end; not all true: the node fails",
+    "start-temporal-conditions": "when it may start",
+    "end-temporal-conditions": "when it may end",
+    "duration": "`(lo hi)`, short for the end condition `(:relative (lo hi))`",
+    "continue-on-failure": "if it fails, what follows goes on; may stand without a value",
+    "uses": "unit or capacity resources held while it runs: `(arm (power 20))`",
+    "requires": "what a consumable must still hold at its start: `((energy 5000))`",
+    "priority": "of several that could start, the smallest starts first",
+    "reward": "what success earns",
+    "probability": "of success, for people; never used",
+    "expectations": "predicted change: `((time 60 5) (energy -1200 90))`, mean and spread",
+    "metadata": "`(key = value ...)`, carried along",
+    "action": "an action of the rover's dictionary",
+    "parameters": "`(name = value ...)`, as the dictionary has them for the action",
+    "retries": "how often an action that failed is tried again",
+    "retry-delay": "seconds before it is tried again",
+    "interruptible": "whether a contingency may interrupt it",
+    "on-resume": "what becomes of an action that was under way when the executive stopped",
+    "node-list": "the nodes in it",
+    "options": "of those that are eligible the one with the highest utility is taken",
+    "if-none": "what becomes of the branch when no option is eligible",
+    "on-option-failure": "what becomes of the branch when the option that was taken fails",
+    "utility": "a number, or a table over the plan clock: `((0 20) (3000 20) (3600 0))`",
+    "eligible-conditions": "it competes while all are true",
+    "node": "the node that it holds",
+    "trigger-conditions": "the node is inserted when all are true",
+    "mode": "whether it waits for the end of what runs, or interrupts it",
+    "scope": "id of the node in which it may be inserted; the root without it",
+    "max-insertions": "how often it may be inserted",
+    "version": "a whole number",
+    "epoch": "UTC instant of plan time 0",
+    "resources": "`(arm :unit)`, `(power :capacity 120)`, `(energy :consumable :key KEY :floor 20000)`",
+    "floating": "contingencies that may be inserted while the plan runs",
+    "library": "plans that are tried when the root has failed",
+    "expectation-spread": "what the second number of a prediction is",
+    "overrun-penalty": "utility lost if the plan ends over a budget",
+    "budgets": "what may be used in all: `((time 14400) (energy 50000))`",
+}
+"""By the field's word, without colon."""
