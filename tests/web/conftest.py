@@ -102,10 +102,15 @@ def server(tmp_path_factory: pytest.TempPathFactory, built_ui: Path) -> Iterator
 
 
 @contextmanager
-def run_server(data: Path) -> Iterator[Server]:
-    """Give a server on a fresh database with the demo mission; its data are gone afterwards."""
+def run_server(data: Path, *, demo: bool = True, **settings: str) -> Iterator[Server]:
+    """Give a server on a fresh database with the demo mission; its data are gone afterwards.
+
+    Without the mission nothing is done before: it is `outcrop serve` on an empty folder. Settings are named
+    as variables without `OUTCROP_`.
+    """
     command, environment = _outcrop(data)
-    for arguments in (["migrate"], ["mission", "load-demo"]):
+    environment |= {f"OUTCROP_{name}": value for name, value in settings.items()}
+    for arguments in (["migrate"], ["mission", "load-demo"]) if demo else ():
         subprocess.run(
             [*command, *arguments], env=environment, check=True, cwd=data, stdout=subprocess.DEVNULL
         )

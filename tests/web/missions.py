@@ -57,3 +57,11 @@ def make_plan(server: Server, mission: str) -> str:
     """Return a plan of the mission."""
     order = {"time_limit_s": 3.0, "iterations": 2}
     return str(done(server, ask(server, f"/missions/{mission}/plans", order))["subject_id"])
+
+
+def uploaded(server: Server, name: str, content: bytes) -> str:
+    """Return the id of a file that is uploaded."""
+    headers = {"X-Outcrop-Person": "Planner", "Content-Type": "application/octet-stream"}
+    request = Request(f"{server.address}/api/v1/uploads?file_name={name}", content, headers)
+    with urlopen(request, timeout=300) as answer:
+        return str(json.load(answer)["id"])

@@ -35,7 +35,8 @@
             .filter(Boolean).length;
     };
     const covered = (e) => {
-        const r = e.getBoundingClientRect();
+        // A text in an editor is longer than the part that is shown.
+        const r = (e.closest('.cm-scroller') ?? e).getBoundingClientRect();
         const [x, y] = [r.left + r.width / 2, r.top + r.height / 2];
         if (x < 0 || y < 0 || x >= innerWidth || y >= innerHeight) return 'out of sight';
         const top = document.elementFromPoint(x, y);
@@ -79,6 +80,7 @@
         pointerOnly: () => [...scope().querySelectorAll('*')].filter((e) => listens(e) && shown(e)).filter((e) => {
             for (let up = e; up !== null; up = up.parentElement) {
                 if (up.tabIndex >= 0 && up !== document.body) return false;
+                if (up.matches('.cm-editor')) return false;  // its margins and lines: the keys of the text in it
                 if (up.closest('[data-roving]') && up.matches('button, [role=tab], [role=radio]')) return false;
                 if (up.matches('label, :disabled, button')) return false;
             }

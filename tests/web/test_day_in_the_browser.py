@@ -213,7 +213,7 @@ def test_the_papers_day_from_six_clicks_to_products_opened_from_their_targets(
         page.get_by_role("button", name="Energy").click()
         page.get_by_role("tab", name="CRL", exact=True).click()
         page.get_by_test_id("target-row").filter(has_text=names[0]).focus()
-        expect(page.get_by_test_id("crl")).to_contain_text("ipplaceinstrument")
+        expect(page.get_by_test_id("crl")).to_contain_text(":action")
         shot(page, "crl")
         page.get_by_role("button", name="Tree").click()
         page.get_by_role("tab", name="Plan", exact=True).click()

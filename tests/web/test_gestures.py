@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from tests.web.conftest import Server
-from tests.web.missions import KEEP_OUT, ask, make_plan, small_mission
+from tests.web.missions import KEEP_OUT, TARGETS, ask, make_plan, small_mission
 from tests.web.page import chromium, open_page, pixel, shot
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
@@ -50,6 +50,48 @@ def test_what_is_saved_late_takes_nobody_away_from_where_they_went(server: Serve
         page.get_by_role("tab", name=re.compile("^Keep-outs")).click()
         expect(page.get_by_role("tab", name=re.compile("^Keep-outs"))).to_contain_text(str(before + 1))
         expect(page.get_by_role("tab", name="Plan", exact=True)).to_have_attribute("aria-selected", "true")
+
+
+def test_a_click_means_what_it_meant_when_the_pointer_went_down(server: Server) -> None:
+    """The map waits a quarter of a second for a second click; who leaves a tool meanwhile selects nothing."""
+    mission = small_mission(server, "A quick hand")
+    with chromium() as browser, open_page(browser, server) as page:
+        _open(page, server, mission)
+        page.wait_for_function("() => document.querySelector('[data-testid=map]')?.dataset.terrain")
+        at_a_target = pixel(page, *TARGETS[0][1:3])
+        page.keyboard.press("m")
+        page.mouse.click(*at_a_target)
+        page.keyboard.press("Escape")
+        page.wait_for_timeout(600)
+        assert "sel=" not in page.url
+        page.mouse.click(*at_a_target)
+        page.wait_for_url(re.compile("sel=target"))
+
+
+def test_a_click_counts_while_ground_is_drawn_anew_and_a_double_click_counts_once(server: Server) -> None:
+    mission = small_mission(server, "Ground that comes")
+
+    def names() -> list[str]:
+        return [target["name"] for target in ask(server, f"/missions/{mission}/targets")["items"]]
+
+    before = names()
+    with chromium() as browser, open_page(browser, server) as page:
+        _open(page, server, mission)
+        page.wait_for_function(
+            "() => document.querySelector('[data-testid=map]')?.dataset.ground === 'sharp'"
+        )
+        page.keyboard.press("t")
+        page.mouse.move(*pixel(page, 1.0, -2.0))
+        page.mouse.down()
+        page.evaluate("() => document.querySelector('[data-testid=map] .ol-layers').replaceChildren()")
+        page.mouse.up()
+        page.wait_for_url(re.compile("sel=target"))
+        assert len(names()) == len(before) + 1
+        page.keyboard.press("t")
+        page.mouse.dblclick(*pixel(page, -1.0, -2.0))
+        expect(page.get_by_test_id("target-row")).to_have_count(len(before) + 2)
+        page.wait_for_timeout(600)
+        assert len(names()) == len(before) + 2
 
 
 def test_a_place_to_stand_is_dragged_in_3d_saved_and_undone(server: Server) -> None:

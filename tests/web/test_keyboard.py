@@ -9,22 +9,16 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.web.all_views import all_views, open_mission
 from tests.web.conftest import Server
 from tests.web.missions import ask, make_plan, small_mission
-from tests.web.page import chromium, open_page, open_scene, pixel, shot
+from tests.web.page import chromium, open_page, pixel, shot
 from tests.web.tab_walk import LISTENERS, Walk, walk
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
 ELSEWHERE = frozenset({"confidence"})
 """A click on the chart of confidence goes to a moment: so does the slider `Moment of the run`."""
-
-
-def _open(page: Page, server: Server, mission: str, query: str = "?quality=test") -> None:
-    page.goto("about:blank")
-    page.goto(f"{server.address}/{query}#/m/{mission}")
-    page.wait_for_function("() => document.querySelector('[data-testid=map]')?.dataset.terrain")
-    expect(page.get_by_test_id("target-row").first).to_be_visible()
 
 
 def test_every_control_is_reached_with_the_keyboard_and_has_a_name_and_a_focus_that_is_seen(
@@ -38,97 +32,8 @@ def test_every_control_is_reached_with_the_keyboard_and_has_a_name_and_a_focus_t
     with chromium() as browser, open_page(browser, server) as page:
         page.add_init_script(LISTENERS)
 
-        def look(view: str) -> None:
+        for view in all_views(page, server, mission, "All controls"):
             walks[view] = walk(page, view, walked, ELSEWHERE)
-
-        page.goto("about:blank")
-        page.goto(server.address)
-        expect(page.get_by_role("heading", name="Missions")).to_be_visible()
-        expect(page.get_by_role("link", name="All controls")).to_be_visible()
-        look("missions")
-        page.get_by_role("button", name="New mission").first.click()
-        for ground in ("Ground made from a seed", "A terrain of your own", "The demo site"):
-            page.get_by_label(ground).check()
-            look(f"new mission, {ground}")
-        page.keyboard.press("Escape")
-
-        _open(page, server, mission)
-        page.get_by_role("button", name="Layers").click()
-        page.get_by_label("Where the rover may be").check()
-        page.get_by_label("Over the ground").select_option("slope")
-        look("map with layers")
-        page.get_by_label("Where the rover may be").uncheck()
-        page.get_by_label("Over the ground").select_option("none")
-        page.get_by_role("button", name="Layers").click()
-
-        page.get_by_test_id("target-row").first.click()
-        page.get_by_role("button", name="Edit request").first.click()
-        page.get_by_role("button", name="More…").click()
-        look("target with its form")
-        page.get_by_role("tab", name=re.compile("^Keep-outs")).click()
-        page.locator("button.item").first.click()
-        look("keep-out")
-        page.get_by_role("tab", name=re.compile("^Targets")).click()
-        page.get_by_role("button", name="Edit in a table").click()
-        page.get_by_label("All", exact=True).check()
-        page.get_by_role("button", name="Paste targets").click()
-        look("table of requests")
-        page.keyboard.press("Escape")
-
-        page.get_by_role("tab", name="Plan", exact=True).click()
-        page.get_by_role("button", name="Settings").click()
-        page.keyboard.press("w")
-        expect(page.get_by_test_id("what-if-answer")).to_have_attribute("data-ms", re.compile(r"\d+"))
-        look("plan, settings, what-if")
-        page.get_by_test_id("compare").click()
-        expect(page.get_by_test_id("paired")).to_contain_text("Beats the other with")
-        look("compare")
-        page.keyboard.press("Escape")
-        page.get_by_test_id("merge-plans").click()
-        expect(page.get_by_test_id("merge-state")).to_be_visible()
-        look("merge")
-        page.keyboard.press("Escape")
-        page.get_by_test_id("outline").get_by_role("button").first.click()
-        page.get_by_role("tab", name="Selection").click()
-        look("line of the plan")
-
-        page.get_by_test_id("dry-run").click()
-        expect(page.get_by_test_id("run-outcome")).not_to_have_text(re.compile("queued|running"))
-        page.get_by_label("Moment of the run").fill("100000")
-        page.get_by_role("button", name="Add a fault").click()
-        page.get_by_text("State of the executive").click()
-        expect(page.get_by_test_id("snapshot")).to_be_visible()
-        page.get_by_label("what is over").check()
-        expect(page.get_by_test_id("snapshot").get_by_role("button").first).to_be_visible()
-        look("run")
-        page.get_by_role("tab", name="CRL", exact=True).click()
-        look("CRL")
-        page.get_by_role("tab", name="Review").click()
-        expect(page.locator(".rule").first).to_be_visible()
-        look("review")
-
-        page.get_by_role("tab", name=re.compile("^Products")).click()
-        page.get_by_test_id("product-row").first.click()
-        expect(page.get_by_test_id("product-image")).to_be_visible()
-        look("product")
-        page.get_by_role("button", name="Open in the image viewer").click()
-        look("image viewer")
-        page.keyboard.press("Escape")
-        page.get_by_role("tab", name=re.compile("^Targets")).click()
-
-        open_scene(page)
-        page.get_by_role("button", name="As the rover's mast camera sees it").click()
-        page.get_by_role("button", name="Layers").click()
-        expect(page.get_by_role("button", name="Turn the mast left")).to_be_visible()
-        look("3D")
-        page.get_by_role("button", name="Panorama").click()
-        expect(page.get_by_test_id("panorama")).to_be_visible()
-        look("panorama")
-        page.get_by_role("button", name="2D").click()
-        page.keyboard.press("?")
-        look("keys")
-        page.keyboard.press("Escape")
-
         wrong = [line for found in walks.values() for line in found.wrong]
         stops = {view: len(found.stops) for view, found in walks.items()}
         print(f"{sum(stops.values())} stops in {len(stops)} views: {stops}")
@@ -139,7 +44,7 @@ def test_every_control_is_reached_with_the_keyboard_and_has_a_name_and_a_focus_t
 def test_the_help_shows_what_is_bound_and_f6_goes_through_the_parts(server: Server) -> None:
     mission = small_mission(server, "Parts")
     with chromium() as browser, open_page(browser, server) as page:
-        _open(page, server, mission)
+        open_mission(page, server, mission)
         parts = []
         page.evaluate("() => document.activeElement?.blur()")
         for _ in range(6):
@@ -232,7 +137,7 @@ def near(one: Any, other: Any, far: float) -> bool:
 def test_keep_outs_are_drawn_snapped_edited_and_moved_by_pointer_and_by_keys_alike(server: Server) -> None:
     mission = small_mission(server, "Keep-outs")
     with chromium() as browser, open_page(browser, server) as page:
-        _open(page, server, mission, "?webgl=off")
+        open_mission(page, server, mission, "?webgl=off")
         area = page.get_by_test_id("map")
         first = polygon(server, mission, "K1")
         far = 1.6 * float(str(area.get_attribute("data-resolution")))
@@ -349,7 +254,7 @@ def test_map_and_plan_are_worked_with_the_keys_as_with_the_pointer(server: Serve
     mission = small_mission(server, "Map by keys")
     make_plan(server, mission)
     with chromium() as browser, open_page(browser, server) as page:
-        _open(page, server, mission, "?webgl=off")
+        open_mission(page, server, mission, "?webgl=off")
         area = page.get_by_test_id("map")
 
         # Select: a click at the crosshair is a click of the pointer.
@@ -485,7 +390,7 @@ def test_map_and_plan_are_worked_with_the_keys_as_with_the_pointer(server: Serve
 def test_the_3d_view_and_the_panorama_are_worked_with_the_keys(server: Server) -> None:
     mission = small_mission(server, "Views by keys")
     with chromium() as browser, open_page(browser, server) as page:
-        _open(page, server, mission)
+        open_mission(page, server, mission)
         page.get_by_test_id("target-row").filter(has_text="South").click()
         page.keyboard.press("3")
         scene = page.get_by_test_id("scene")

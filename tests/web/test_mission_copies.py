@@ -7,7 +7,7 @@ from typing import Any
 from urllib.request import Request, urlopen
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Route, expect
 
 from tests.web.conftest import Server
 from tests.web.missions import ask, small_mission
@@ -95,6 +95,29 @@ def test_a_copy_is_compared_with_its_original_and_merged_back_with_a_choice(serv
         page.get_by_role("button", name="Undo").click()
         expect(page.get_by_test_id("target-row").filter(has_text="East")).to_have_count(0)
         assert _targets(server, mission)["North"]["notes"] == "red"
+
+
+def test_a_slow_answer_about_the_other_way_changes_nothing(server: Server) -> None:
+    _, copy = _both_edited(server, "Gorge")
+    with chromium() as browser, open_page(browser, server) as page:
+        held: list[Route] = []
+        page.route("**/difference?*", lambda route: route.continue_() if held else held.append(route))
+        page.goto(f"{server}/?quality=test#/m/{copy}")
+        with page.expect_request("**/difference?*"):
+            page.get_by_test_id("original").click()
+        dialog = page.get_by_role("dialog", name="A copy and its original")
+        dialog.get_by_label("up to date with").check()
+        state = dialog.get_by_test_id("mission-merge-state")
+        expect(state).to_contain_text("2 open")
+        brought = dialog.get_by_test_id("mission-edits").first
+        expect(brought).to_contain_text("target South")
+        with page.expect_response("**/difference?*"):
+            held[0].continue_()
+        page.wait_for_timeout(500)
+        expect(brought).to_contain_text("target South")
+        expect(brought).not_to_contain_text("target East")
+        dialog.get_by_role("button", name="Take all of Gorge, north").click()
+        expect(state).to_have_text("All 2 conflicts are decided.")
 
 
 def test_a_copy_is_brought_up_to_date_from_the_list_of_missions(server: Server) -> None:

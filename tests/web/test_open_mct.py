@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import pytest
 from playwright.sync_api import Page, Route, expect, sync_playwright
@@ -18,7 +19,7 @@ from playwright.sync_api import Page, Route, expect, sync_playwright
 from ground.resources.runs.work import LIVE
 from tests.npm import npm_packages
 from tests.web.conftest import CHROMIUM, FLAGS, Server
-from tests.web.missions import ask, make_plan, small_mission
+from tests.web.missions import ask, done, make_plan, small_mission
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
@@ -57,6 +58,12 @@ SPANS = """async (plan) => {
 }"""
 
 
+INSIDE = """async (folder) => {
+  const found = await openmct.composition.get(await openmct.objects.get(folder)).load();
+  return found.map(({ identifier }) => identifier.key);
+}"""
+
+
 @contextmanager
 def mission_control(server: Server) -> Iterator[tuple[Page, list[str]]]:
     """Give a page with Open MCT on the server's own address, and what it complained of."""
@@ -73,7 +80,12 @@ def mission_control(server: Server) -> Iterator[tuple[Page, list[str]]]:
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         page = browser.new_page(viewport={"width": 1200, "height": 600})
-        page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+        page.on(
+            "console",
+            lambda said: (
+                complaints.append(f"{said.text} {said.location['url']}") if said.type == "error" else None
+            ),
+        )
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.route("**/mct/**", serve)
         page.route("**/mission-control", lambda r: r.fulfill(body=PAGE, content_type="text/html"))
@@ -116,6 +128,15 @@ class Written:
         self._thread.join(5)
 
 
+def edit_and_fly(server: Server, mission: str, plan: str) -> tuple[str, str]:
+    """Return an edit of a plan, which has text and no prediction, and a dry run of it."""
+    with urlopen(f"{server}/api/v1/plans/{plan}/crl") as answer:
+        crl = answer.read().decode()
+    edited = str(ask(server, f"/plans/{plan}/edits", {"crl": crl})["id"])
+    run = done(server, ask(server, f"/missions/{mission}/runs", {"plan_id": edited}))
+    return edited, str(run["subject_id"])
+
+
 def until(what: Callable[[], bool], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not what():
@@ -147,6 +168,7 @@ def test_open_mct_shows_plan_states_and_energy_of_a_live_run_within_a_second(ser
     """A machine that is busy keeps page and test waiting: the limit grows by the test's own longest wait."""
     mission = small_mission(server, "Open MCT", targets=2)
     plan = make_plan(server, mission)
+    edited, dry = edit_and_fly(server, mission, plan)
     order = {"plan_id": plan, "live": True, "pace": 60.0}
     run = str(ask(server, f"/missions/{mission}/runs", order, wait_s=0)["subject_id"])
     until(lambda: len(ask(server, f"/runs/{run}/telemetry")["t_s"]) > 0)
@@ -191,6 +213,13 @@ def test_open_mct_shows_plan_states_and_energy_of_a_live_run_within_a_second(ser
                     expect(page.get_by_text(name).first).to_be_visible(timeout=30_000)
             spans = page.evaluate(SPANS, f"outcrop:plan.{plan}")
             assert all(after - before > 60_000 for name, before, after in spans if name.startswith("observe"))
+            plans_and_runs = page.evaluate(INSIDE, f"outcrop:mission.{mission}")
+            assert f"plan.{plan}" in plans_and_runs
+            assert f"plan.{edited}" not in plans_and_runs, "there is nothing of it to draw"
+            of_the_edit = page.evaluate(INSIDE, f"outcrop:run.{dry}")
+            assert f"run.{dry}.energy_used_j" in of_the_edit
+            assert not [part for part in of_the_edit if "predicted" in part or part.endswith(".plan")]
+            assert page.evaluate(INSIDE, f"outcrop:run.{dry}.energy") == [f"run.{dry}.energy_used_j"]
             assert complaints == []
     finally:
         written.end()

@@ -101,7 +101,7 @@ def test_two_people_see_each_other_and_a_stale_edit_is_refused_with_both_version
         expect(one.get_by_test_id("save-request")).to_have_count(0)
 
         expect(other.get_by_text("Somebody changed this request meanwhile")).to_be_visible()
-        conflict = other.locator(".conflict")
+        conflict = other.get_by_test_id("meanwhile")
         expect(conflict).to_contain_text("5.5")
         expect(conflict).to_contain_text("7")
         shot(other, "conflict")

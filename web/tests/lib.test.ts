@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { RoverInstrument } from "../src/api/types";
 import { nodesOf, tokenize } from "../src/lib/crl";
-import { parseRows, parseTargets } from "../src/lib/csv";
+import { parseRows, parseTargets, wrongCells } from "../src/lib/csv";
 import * as format from "../src/lib/format";
 import { instrumentTitle, useOf } from "../src/lib/instruments";
 import { KEYS, keyList, keyName } from "../src/lib/keys";
@@ -11,6 +11,12 @@ import { formatRoute, isSamePlace, parseRoute, type Route } from "../src/lib/rou
 import { contours, contourStep, type Grid, heightAt, slopes } from "../src/lib/terrain-image";
 
 describe("numbers for people", () => {
+  it("gives durations and sizes in their largest unit", () => {
+    const times = [0, 9.94, 42, 119, 120, 7_200, 47 * 3600, 12 * 86_400].map(format.lasted);
+    expect(times).toEqual(["0.0 s", "9.9 s", "42 s", "119 s", "2 min", "2 h", "47 h", "12 days"]);
+    expect([12, 2048, 5 * 2 ** 20, 3 * 2 ** 30].map(format.bytes)).toEqual(["12 B", "2.0 KiB", "5.0 MiB", "3.0 GiB"]);
+  });
+
   it("tell times as clocks and on the Mars clock, whose second is longer", () => {
     expect(format.clock(3909)).toBe("1:05:09");
     expect(format.clock(-5)).toBe("−0:00:05");
@@ -88,7 +94,7 @@ describe("deep links", () => {
 
 describe("pasted targets", () => {
   it("are read with or without a heading, with tabs, semicolons or commas", () => {
-    const wanted = { name: "Rock 1", east_m: 4.2, north_m: -1.5, instrument: "science_camera", value: 3, problem: null };
+    const wanted = { name: "Rock 1", east_m: 4.2, north_m: -1.5, instrument: "science_camera", value: 3, wrong: null };
     for (const text of [
       "Rock 1, 4.2, -1.5, science camera, 3",
       "name;x;y;instrument;value\n\nRock 1;4.2;-1.5;Science Camera;3\n",
@@ -100,17 +106,47 @@ describe("pasted targets", () => {
 
   it("name the line and the cell that cannot be read", () => {
     const rows = parseTargets("name,east,north,value,instrument\nA,x,1\nB,1,2,-4\n,1,2\nC,1,2\nD,1,2,3,Laser", ["core_drill", "scoop"]);
-    expect(rows.map((row) => [row.line, row.problem])).toEqual([
-      [2, "east is “x”, not a number of metres"],
-      [3, "value is “-4”, not a number of at least 0"],
-      [4, "no name"],
-      [5, null],
-      [6, "the rover has no “Laser”; it has core drill, scoop"],
+    expect(rows.map(({ line, wrong }) => [line, wrong?.column, wrong?.value, wrong?.why])).toEqual([
+      [2, "east", "x", "east is “x”, not a number of metres"],
+      [3, "value", "-4", "value is “-4”, not a number of at least 0"],
+      [4, "name", "", "no name"],
+      [5, undefined, undefined, undefined],
+      [6, "instrument", "Laser", "the rover has no “Laser”; it has core drill, scoop"],
+    ]);
+  });
+
+  it("keep their lines, whatever is empty or quoted between them", () => {
+    const rows = parseTargets('name,east,north\n\n"A\nB",1,2\n\nC,1,2', []);
+    expect(rows.map(({ line, name }) => [line, name])).toEqual([[3, "A\nB"], [6, "C"]]);
+  });
+
+  it("take no name twice, and no number with words behind it", () => {
+    const rows = parseTargets("A,1,2\nB,1,2\nA,3,4\nC,1.5m,2\nD,1,", [], new Set(["B"]));
+    expect(rows.map((row) => row.wrong?.why ?? "")).toEqual([
+      "",
+      "there is a target “B” already",
+      "line 1 has the name already",
+      "east is “1.5m”, not a number of metres",
+      "north is “”, not a number of metres",
+    ]);
+  });
+
+  it("show what the server refuses in their line and column", () => {
+    const rows = parseTargets("name,east,north,value\nA,1,2,3\nB,900,2,3", []);
+    const errors = [
+      { pointer: "/create/1/target/east_m", detail: "off the terrain" },
+      { pointer: "/create/0/value", detail: "too much" },
+      { pointer: "/create/7/value", detail: "of no row" },
+      { detail: "of nothing" },
+    ];
+    expect(wrongCells(rows, errors)).toEqual([
+      { line: 3, name: "B", column: "east", value: "900", why: "off the terrain" },
+      { line: 2, name: "A", column: "value", value: "3", why: "too much" },
     ]);
   });
 
   it("may hold the separator in quotes", () => {
-    expect(parseRows('"a, ""b""",2\r\n')).toEqual([['a, "b"', "2"]]);
+    expect(parseRows('"a, ""b""",2\r\n')).toEqual([{ line: 1, cells: ['a, "b"', "2"] }]);
   });
 });
 
@@ -124,7 +160,6 @@ describe("CRL text", () => {
 
   it("is cut into tokens that make the same text again", () => {
     expect(tokenize(TEXT).map((token) => token.text).join("")).toBe(TEXT);
-    expect(tokenize(TEXT).filter((token) => token.kind === "number").map((token) => token.text)).toEqual(["0.9", "3.5e1"]);
     expect(tokenize("/ odd ' \u0000").map((token) => token.text).join("")).toBe("/ odd ' \u0000");
   });
 
@@ -300,6 +335,8 @@ describe("a sentence of the server", () => {
     expect(format.inUnits("no route makes it within 360 s and 1.5e+06 J, in its window")).toBe(
       "no route makes it within 0:06:00 and 417 Wh, in its window",
     );
+    expect(format.inUnits("no option is eligible if time is 2954.034 and T2 is lost")).toBe("no option is eligible if time is 0:49:14 and T2 is lost");
+    expect(format.inUnits("time is 2954.5 s")).toBe("time is 0:49:15");
     expect(format.inUnits("the arm reaches 0.79 m, 3 s late, S12 stays")).toBe("the arm reaches 0.79 m, 3 s late, S12 stays");
   });
 });

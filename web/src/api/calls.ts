@@ -15,6 +15,7 @@ import type {
   CameraView,
   Comment,
   Draft,
+  FaultBody,
   Event,
   Finding,
   FlightRuleResult,
@@ -22,6 +23,7 @@ import type {
   Job,
   KeepOut,
   Lineage,
+  Looker,
   Mission,
   ObservationRequest,
   ObservationRequestChange,
@@ -41,6 +43,7 @@ import type {
   RunControl,
   RunCreate,
   RunSnapshot,
+  ServiceStatus,
   Sol,
   SolChange,
   StandCheck,
@@ -88,6 +91,8 @@ export const beFirst = (token: string, name: string, password: string): Promise<
 
 export const logOut = (): Promise<unknown> => body(api.DELETE("/api/v1/session"));
 
+export const operations = (): Promise<ServiceStatus> => body(api.GET("/api/v1/operations"));
+
 export const changePassword = (old: string, changed: string): Promise<unknown> =>
   body(api.PUT("/api/v1/session/password", { body: { old, new: changed } }));
 
@@ -108,6 +113,14 @@ export const deleteApiKey = (key_id: string): Promise<unknown> =>
 
 export const people = (): Promise<Person[]> =>
   pages((cursor) => body(api.GET("/api/v1/people", { params: pageOnly(cursor) })));
+
+export const createPerson = (value: Schemas["PersonCreate"]): Promise<Person> => body(api.POST("/api/v1/people", { body: value }));
+
+export const changePerson = (person: Person, changes: Schemas["PersonChange"]): Promise<Person> =>
+  body(api.PATCH("/api/v1/people/{person_id}", { params: { path: { person_id: person.id }, header: ifMatch(person) }, body: changes }));
+
+export const resetPassword = (person: Person, password: string): Promise<unknown> =>
+  body(api.PUT("/api/v1/people/{person_id}/password", { params: { path: { person_id: person.id } }, body: { password } }));
 
 // -------------------------------------------------------------------------------------------- missions
 
@@ -131,6 +144,14 @@ export const history = (id: string): Promise<Event[]> =>
       params: { path: { mission_id: id }, query: { limit: 60, newest_first: true } },
     }),
   ).then((page) => page.items);
+
+/** Say that somebody looks at a mission on this page; hear who does. */
+export const sayPresence = (mission: string, page: string, selected: Schemas["SelectedBody"] | null): Promise<Looker[]> =>
+  body(api.PUT("/api/v1/missions/{mission_id}/presence/{page}", { params: { path: { mission_id: mission, page } }, body: { selected } }));
+
+/** Say that nobody looks any more; it goes out although the page is closed. */
+export const leavePresence = (mission: string, page: string): Promise<unknown> =>
+  body(api.DELETE("/api/v1/missions/{mission_id}/presence/{page}", { params: { path: { mission_id: mission, page } }, keepalive: true }));
 
 export const undo = (id: string): Promise<Event[]> =>
   body(api.POST("/api/v1/missions/{mission_id}/undo", { params: inMission(id), body: { anyone: false } }));
@@ -329,6 +350,10 @@ export const requests = (id: string): Promise<ObservationRequest[]> =>
 export const createRequest = (id: string, value: ObservationRequestCreate): Promise<ObservationRequest> =>
   body(api.POST("/api/v1/missions/{mission_id}/observation-requests", { params: inMission(id), body: value }));
 
+/** Many requests made, changed and deleted as one act: all of them, or none. */
+export const bulkRequests = (id: string, rows: Schemas["ObservationRequestBulk"]): Promise<Schemas["BulkDone"]> =>
+  body(api.POST("/api/v1/missions/{mission_id}/observation-requests/bulk", { params: inMission(id), body: rows }));
+
 export const changeRequest = (
   request: ObservationRequest,
   changes: ObservationRequestChange,
@@ -413,6 +438,7 @@ export const planTree = async (id: string): Promise<PlanTree> =>
 /** The best plan so far of a search that goes on. */
 export interface PlanDraft {
   number: number;
+  found_utc: string;
   value: number;
   upper: number | null;
   branches: number;
@@ -425,6 +451,13 @@ export const planDraft = async (id: string): Promise<PlanDraft | null> =>
 
 export const planCrl = (id: string): Promise<string> =>
   body(api.GET("/api/v1/plans/{plan_id}/crl", { params: planPath(id), parseAs: "text" }));
+
+/** What the validator has against a text, as if it were an edit of the plan. */
+export const checkCrl = (id: string, crl: string): Promise<Schemas["CrlFinding"][]> =>
+  body(api.POST("/api/v1/plans/{plan_id}/crl-check", { params: planPath(id), body: { crl } }));
+
+export const editPlan = (id: string, crl: string, name: string): Promise<Plan> =>
+  body(api.POST("/api/v1/plans/{plan_id}/edits", { params: planPath(id), body: { crl, notes: "", ...(name === "" ? {} : { name }) } }));
 
 export const planFindings = (id: string): Promise<Finding[]> =>
   body(api.GET("/api/v1/plans/{plan_id}/findings", { params: planPath(id) }));
@@ -498,7 +531,7 @@ export const jobEventsUrl = (id: string): string => `${V1}/jobs/${id}/events`;
 const JOB_TITLES: Record<string, string> = { plan: "Planning", path_network: "Path network", run: "Dry run" };
 
 const OTHER_TITLES: Record<string, string> = {
-  [CALIBRATE]: "Learning from runs", [EXECUTE]: "Executing", import_recording: "Taking in a recording",
+  [CALIBRATE]: "Learning from runs", [EXECUTE]: "Executing", import_recording: "Taking in a recording", live: "Live run",
 };
 
 export const jobTitle = (value: Job): string =>
@@ -544,6 +577,9 @@ export const telemetry = (id: string): Promise<Telemetry> =>
 
 export const controlRun = (id: string, wish: Schemas["RunControlBody"]): Promise<RunControl> =>
   body(api.POST("/api/v1/runs/{run_id}/control", { params: runPath(id), body: wish }));
+
+export const injectFault = (id: string, value: FaultBody): Promise<Run> =>
+  body(api.POST("/api/v1/runs/{run_id}/faults", { params: runPath(id), body: value }));
 
 /** The executive as it stood at a plan time. */
 export const snapshot = (id: string, t_s: number): Promise<RunSnapshot> =>

@@ -28,12 +28,17 @@ export function pointText(point: readonly number[], crs: string | null): string 
   return point.map((value) => value.toFixed(crs === "lonlat" ? 8 : 3)).join(", ");
 }
 
-/** The two numbers of a text `x, y`, `x y` or `x; y`, also with the minus of print; null when there are not just two. */
-export function pointFrom(text: string): [number, number] | null {
+/** So many numbers of a text `x, y`, `x y` or `x; y`, also with the minus of print; null when there are not just as many. */
+export function numbersFrom(text: string, count: number): number[] | null {
   const parts = text.trim().replaceAll("−", "-").split(/\s*[,;]\s*|\s+/);
-  const [x, y] = parts.map((part) => (part === "" ? Number.NaN : Number(part)));
-  if (parts.length !== 2 || x === undefined || y === undefined) return null;
-  return Number.isFinite(x) && Number.isFinite(y) ? [x, y] : null;
+  const found = parts.map((part) => (part === "" ? Number.NaN : Number(part)));
+  return found.length === count && found.every(Number.isFinite) ? found : null;
+}
+
+/** The two numbers of a text. */
+export function pointFrom(text: string): [number, number] | null {
+  const [x, y] = numbersFrom(text, 2) ?? [];
+  return x === undefined || y === undefined ? null : [x, y];
 }
 
 /** Corners, one a line; the error names the first line that is none. */

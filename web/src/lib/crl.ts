@@ -1,10 +1,10 @@
-/** CRL text cut into tokens for the eye, and the place of every node in it. */
+/** CRL text cut into tokens, and the place of every node in it. */
 
 import words from "./crl-words.json";
 
 export interface Token {
   text: string;
-  kind: "space" | "comment" | "paren" | "number" | "string" | "keyword" | "head" | "symbol" | "operator";
+  kind: "space" | "comment" | "paren" | "string" | "keyword" | "head" | "symbol" | "operator";
   start: number;
 }
 
@@ -27,8 +27,7 @@ export function tokenize(text: string): Token[] {
     else if (string !== undefined) kind = "string";
     else if (operator !== undefined) kind = "operator";
     else if (word !== undefined) {
-      if (/^[+-]?\d+(\.\d+)?([eE][+-]?\d+)?$/.test(word)) kind = "number";
-      else if (word.startsWith(":")) kind = "keyword";
+      if (word.startsWith(":")) kind = "keyword";
       else if (HEADS.has(word)) kind = "head";
     }
     tokens.push({ text: whole, kind, start: match.index });

@@ -82,7 +82,17 @@ export function length(metres: number | null | undefined): string {
 export function bytes(count: number): string {
   if (count < 1024) return `${count} B`;
   if (count < 1024 * 1024) return `${(count / 1024).toFixed(1)} KiB`;
-  return `${(count / 1024 / 1024).toFixed(1)} MiB`;
+  if (count < 1024 ** 3) return `${(count / 1024 ** 2).toFixed(1)} MiB`;
+  return `${(count / 1024 ** 3).toFixed(1)} GiB`;
+}
+
+/** How long something took or is past, to its largest unit: `42 s`, `7 min`, `3 h`, `12 days`. */
+export function lasted(seconds: number): string {
+  if (seconds < 9.95) return `${number(Math.max(0, seconds), 1)} s`;
+  if (seconds < 119.5) return `${Math.round(seconds)} s`;
+  if (seconds < 119.5 * 60) return `${Math.round(seconds / 60)} min`;
+  if (seconds < 48 * 3600) return `${Math.round(seconds / 3600)} h`;
+  return `${Math.round(seconds / 86_400)} days`;
 }
 
 /** A word of the API as people read it: `carried_over` becomes `carried over`. */
@@ -108,9 +118,10 @@ export function standardDeviations(matrix: readonly (readonly number[])[]): [num
   return [root(0), root(2), root(1)];
 }
 
-/** A sentence of the server with times and energies as people write them: `360 s` becomes `0:06:00`. */
+/** A sentence of the server with times and energies as people write them: `360 s` becomes `0:06:00`, and so does `time is 360`. */
 export function inUnits(text: string): string {
   return text
+    .replace(/\b(time is) (\d{2,}(?:\.\d+)?)(?![\d.]*\d| s\b)/g, (_, said: string, seconds: string) => `${said} ${clock(Number(seconds))}`)
     .replace(/\b(\d+(?:\.\d+)?(?:e[+-]?\d+)?) J\b/g, (_, joules: string) => energy(Number(joules)))
     .replace(/\b(\d{2,}(?:\.\d+)?(?:e[+-]?\d+)?) s\b/g, (_, seconds: string) => clock(Number(seconds)));
 }

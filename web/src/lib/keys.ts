@@ -38,6 +38,7 @@ export const KEYS = {
       play: { keys: [" "], text: "play or pause the replay; hold or resume a live run" },
       before: { keys: ["["], text: "to the event before" },
       next: { keys: ["]"], text: "to the next event; let a held run take one" },
+      stop: { keys: ["ctrl+."], text: "STOP the live runs of the mission at once", shown: "Ctrl ." },
       crl: { keys: ["c"], text: "CRL text" },
       review: { keys: ["a"], text: "review and approval" },
       forward: { keys: ["f6"], text: "to the next part of the page" },
@@ -96,6 +97,16 @@ export const KEYS = {
     keys: {
       walk: { keys: ["arrowup", "arrowdown"], text: "the one before, the next one" },
       ends: { keys: ["home", "end"], text: "the first, the last" },
+    },
+  },
+  text: {
+    title: "In CRL text",
+    keys: {
+      find: { keys: ["ctrl+f"], text: "find in the text" },
+      finding: { keys: ["f8"], text: "to the next finding" },
+      suggest: { keys: ["ctrl+ "], text: "what may stand here, while the text is edited", shown: "Ctrl Space" },
+      fold: { keys: ["f9"], text: "fold or unfold the node" },
+      unfold: { keys: ["shift+f9"], text: "unfold everything" },
     },
   },
   row: {

@@ -1,5 +1,7 @@
 /** A run at any moment: columns of telemetry and records of the trace, asked by plan time. */
 
+import { clock, degrees, energy, number, percent, solarTime } from "./format";
+
 export interface Columns {
   t_s: number[];
   east_m: (number | null)[];
@@ -82,6 +84,19 @@ export function momentAt(columns: Columns, t: number): Moment {
   };
 }
 
+/** All that is known of a moment, a line each; `startHour` is the local mean solar time at which the sol begins. */
+export function momentLines(moment: Moment, startHour: number, taskName: (id: string) => string, targetName: (id: string) => string): string[] {
+  const { battery_j, east_m, energy_used_j, heading_rad, north_m, t_s, task, trackers } = moment;
+  const tracked = Object.entries(trackers).filter(([, { state }]) => state !== null);
+  return [
+    `${clock(t_s)} (${solarTime(startHour, t_s)} LMST)`,
+    task === null ? "no task" : taskName(task),
+    `E ${number(east_m, 2)} m, N ${number(north_m, 2)} m, ${degrees(heading_rad)} from east`,
+    `energy used ${energy(energy_used_j)}, battery ${energy(battery_j)}`,
+    ...tracked.map(([id, { state, confidence }]) => `${targetName(id)}: ${state}${confidence === null ? "" : `, ${percent(confidence)}`}`),
+  ];
+}
+
 /** One sample as a live run sends it. */
 export interface Sample {
   t_s: number;
@@ -141,6 +156,43 @@ export function nodeStates(records: readonly TraceRecord[], t: number): Map<stri
     else if (record.event === "end") states.set(node, (record.arguments[1] ?? "").toLowerCase() as NodeState);
   }
   return states;
+}
+
+/** A rover's width is twenty times as much; a day's drive has a few thousand of these. */
+const TRAIL_M = 0.04;
+
+/** Where the rover has been: places at least `TRAIL_M` apart, each with the sample it is from. */
+export interface Trail {
+  samples: number[];
+  points: [number, number][];
+}
+
+export function trailOf(columns: Columns): Trail {
+  const trail: Trail = { samples: [], points: [] };
+  let last: [number, number] | null = null;
+  for (let k = 0; k < columns.t_s.length; k += 1) {
+    const [east, north] = [columns.east_m[k] ?? null, columns.north_m[k] ?? null];
+    if (east === null || north === null) continue;
+    if (last !== null && Math.hypot(last[0] - east, last[1] - north) <= TRAIL_M) continue;
+    last = [east, north];
+    trail.samples.push(k);
+    trail.points.push(last);
+  }
+  return trail;
+}
+
+/** The last records that began at or before plan time `t`, newest first, with their numbers; `times` are theirs. */
+export function newestUntil(
+  records: readonly TraceRecord[],
+  times: readonly number[],
+  t: number,
+  most: number,
+): { record: TraceRecord; index: number }[] {
+  const found: { record: TraceRecord; index: number }[] = [];
+  for (let index = indexAt(times, t); index >= 0 && found.length < most; index -= 1) {
+    found.push({ record: records[index] as TraceRecord, index });
+  }
+  return found;
 }
 
 /** Times at which something happened, ascending and without repeats: where `[` and `]` step to. */

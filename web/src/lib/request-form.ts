@@ -3,7 +3,7 @@
 import type { ConstraintKind, ObservationRequest, ObservationRequestChange, RoverInstrument } from "../api/types";
 import { addable, type ConstraintDocument, type ConstraintFields, documentOf, fieldsOfDocument, partsOf, problemOf } from "./constraints";
 import { planSeconds, solarTime } from "./format";
-import { usualValue } from "./instruments";
+import { instrumentTitle, usualValue } from "./instruments";
 
 export interface RequestFields {
   instrument: string;
@@ -49,6 +49,31 @@ export function fieldsOf(request: ObservationRequest, startHour: number, kinds: 
     constraints: documents.flatMap((one) => (known.has(one.kind) ? [fieldsOfDocument(one, known.get(one.kind) ?? [])] : [])),
     others: documents.filter((one) => !known.has(one.kind)),
   };
+}
+
+/** What a mission tells a form of the request: names of others, the start of the sol, the kinds of condition. */
+export interface FormMission {
+  readonly startHour: number;
+  readonly kinds: readonly ConstraintKind[];
+  requestName(id: string): string;
+}
+
+/** Where what was typed differs from what somebody else saved: name, mine, theirs; without theirs, what was typed. */
+export function differences(mine: RequestFields, theirs: ObservationRequest | null, m: FormMission): [string, string, string][] {
+  const told = (fields: RequestFields): [string, string][] => [
+    ["Instrument", instrumentTitle(fields.instrument)],
+    ["Value", String(fields.value ?? "–")],
+    ["Tracked", fields.tracked ? "yes" : "no"],
+    ["Window", fields.from || fields.until ? `${fields.from} ${fields.until}` : "–"],
+    ["Must do", fields.mustDo ? "yes" : "no"],
+    ["Dwell, s", String(fields.dwell ?? "–")],
+    ["After", fields.after.map((id) => m.requestName(id)).join(", ") || "–"],
+    ["Conditions", [...fields.constraints.map((one) => `${one.kind} ${Object.values(one.values).join(" ")}`), ...fields.others.map((one) => one.kind)].join(", ") || "–"],
+    ["Notes", fields.notes || "–"],
+  ];
+  const other = theirs === null ? null : told(fieldsOf(theirs, m.startHour, m.kinds));
+  const rows = told(mine).map(([name, text], k): [string, string, string] => [name, text, other?.[k]?.[1] ?? "deleted"]);
+  return other === null ? rows.filter(([, a]) => a !== "–" && a !== "no") : rows.filter(([, a, b]) => a !== b);
 }
 
 /** Say what the server would refuse, in the words of the form. */

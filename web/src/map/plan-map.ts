@@ -56,6 +56,8 @@ export interface StandLook {
 }
 
 const CROWD = 80;
+/** Longest side of the picture that is shown until the sharp one has come. */
+const FIRST_PX = 512;
 
 export class PlanMap {
   readonly map: OlMap;
@@ -119,7 +121,8 @@ export class PlanMap {
       view: new View({ projection: this.projection, center: [0, 0], resolution: 0.05, minResolution: 0.002 }),
     });
     this.overlay.setZIndex(1);
-    this.map.on("singleclick", (event) => this.clicked(event.pixel, event.coordinate as Point));
+    // Not "singleclick", which is told a quarter of a second late, when another tool may be in the hand.
+    this.map.on("click", (event) => this.clicked(event.pixel, event.coordinate as Point));
     this.map.on("pointermove", (event) => {
       const [east, north] = event.coordinate as Point;
       this.events.hovered(east, north);
@@ -188,28 +191,62 @@ export class PlanMap {
     else this.events.selected(feature.get("kind"), String(feature.get("ref")), feature.get("step") ?? null);
   }
 
-  setTerrain(terrain: Terrain, orthoUrl: (layer: string) => string): void {
+  /** Show the ground: a small picture first, and the sharp one in its place when that has come. */
+  setTerrain(terrain: Terrain, orthoUrl: (layer: string, pixels?: number) => string): void {
     for (const layer of this.images.splice(0)) this.map.removeLayer(layer);
+    delete this.element.dataset.ground;
     const coarseFirst = [...terrain.layers].sort((a, b) => b.spacing_m - a.spacing_m);
-    coarseFirst.forEach((layer, k) => {
-      if (!layer.has_ortho) return;
-      const b = layer.bounds_m;
-      const image = new ImageLayer({
-        zIndex: k === 0 ? 0 : 0.5,
-        source: new ImageStatic({
-          url: orthoUrl(layer.name),
-          projection: this.projection,
-          imageExtent: [b.east_min_m, b.north_min_m, b.east_max_m, b.north_max_m],
-          interpolate: true,
-        }),
+    const finestLayer = coarseFirst.at(-1);
+    const pictured = coarseFirst.filter((layer) => layer.has_ortho);
+    let waiting = pictured.length;
+    let sharp = 0;
+    const drawn = (how: string, then = (): void => {}): void => {
+      this.map.once("postrender", () => {
+        this.element.dataset.ground = how;
+        then();
       });
-      this.images.push(image);
-      this.map.addLayer(image);
-    });
+      this.map.render();
+    };
+    const first = pictured.map((layer) => this.picture(layer, orthoUrl(layer.name, layer === finestLayer ? FIRST_PX : FIRST_PX / 2), layer === coarseFirst[0] ? 0 : 0.5));
+    const sharpen = (): void =>
+      pictured.forEach((layer, k) => {
+        const under = first[k] as ImageLayer<ImageStatic>;
+        const image = this.picture(layer, orthoUrl(layer.name), (under.getZIndex() ?? 0) + 0.1);
+        image.setVisible(under.getVisible());
+        image.getSource()?.once("imageloadend", () => {
+          sharp += 1;
+          if (sharp === pictured.length) drawn("sharp");
+        });
+      });
+    const shown = (): void => {
+      waiting -= 1;
+      if (waiting === 0) drawn("first", sharpen);
+    };
+    for (const image of first) {
+      image.getSource()?.once("imageloadend", shown);
+      image.getSource()?.once("imageloaderror", shown);
+    }
+    if (pictured.length === 0) drawn("sharp");
     const finest = coarseFirst[coarseFirst.length - 1]?.bounds_m ?? terrain.bounds_m;
     this.bounds = [finest.east_min_m, finest.north_min_m, finest.east_max_m, finest.north_max_m];
     this.fit();
     this.element.dataset.terrain = terrain.id;
+  }
+
+  private picture(layer: Terrain["layers"][number], url: string, z: number): ImageLayer<ImageStatic> {
+    const b = layer.bounds_m;
+    const image = new ImageLayer({
+      zIndex: z,
+      source: new ImageStatic({
+        url,
+        projection: this.projection,
+        imageExtent: [b.east_min_m, b.north_min_m, b.east_max_m, b.north_max_m],
+        interpolate: true,
+      }),
+    });
+    this.images.push(image);
+    this.map.addLayer(image);
+    return image;
   }
 
   fit(points: Point[] = []): void {
@@ -402,6 +439,7 @@ export class PlanMap {
     source.clear();
     cones.clear();
     this.looks = looks;
+    this.element.dataset.others = looks.flatMap((look) => (look.others === "" ? [] : [`${look.target.name} ${look.others}`])).join(", ");
     this.placeLabels();
     for (const look of looks) {
       const { target } = look;

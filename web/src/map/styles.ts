@@ -17,6 +17,7 @@ export const COLORS = {
   main: "#58d0f5",
   branch: ["#ff9d3c", "#ffc46b", "#ff7a59", "#f7b0c2"],
   select: "#ffe14d",
+  other: "#d9a6ff",
   keepOut: "#ff5d52",
   track: "#8ff0a8",
   reached: "#7ee2a0",
@@ -80,6 +81,8 @@ export interface TargetLook {
   reach: number | null;
   products: number;
   selected: boolean;
+  /** Initials of others who have it, or a request on it, selected; empty for nobody. */
+  others: string;
   problem: boolean;
   tracker: string | null;
 }
@@ -158,6 +161,16 @@ export function targetStyle(look: TargetLook): Style[] {
       new Style({
         zIndex: 19,
         image: new CircleStyle({ radius: radius + 5, stroke: new Stroke({ color: COLORS.select, width: 2.4 }) }),
+      }),
+    );
+  }
+  if (look.others !== "") {
+    const far = radius + 9;
+    styles.push(
+      new Style({
+        zIndex: 19,
+        image: new CircleStyle({ radius: far, stroke: new Stroke({ color: COLORS.other, width: 2, lineDash: [5, 3] }) }),
+        text: words(look.others, COLORS.other, [0, far + 8]),
       }),
     );
   }

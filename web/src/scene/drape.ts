@@ -34,6 +34,7 @@ export class Drape {
   readonly mesh: Mesh;
   private readonly canvas = document.createElement("canvas");
   private readonly texture: CanvasTexture;
+  private readonly others: Mesh[] = [];
 
   constructor(
     geometry: BufferGeometry,
@@ -58,6 +59,15 @@ export class Drape {
     );
     this.mesh.visible = false;
     this.mesh.renderOrder = 1;
+  }
+
+  /** The same painting over other triangles of the same ground. */
+  over(geometry: BufferGeometry): Mesh {
+    const mesh = new Mesh(geometry, this.mesh.material);
+    mesh.visible = this.mesh.visible;
+    mesh.renderOrder = 1;
+    this.others.push(mesh);
+    return mesh;
   }
 
   paint({ raster, areas, lines }: Painting): void {
@@ -97,6 +107,7 @@ export class Drape {
       g.stroke();
     }
     this.mesh.visible = raster !== null || areas.length > 0 || lines.length > 0;
+    for (const other of this.others) other.visible = this.mesh.visible;
     this.texture.needsUpdate = true;
   }
 }

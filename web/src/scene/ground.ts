@@ -24,11 +24,11 @@ export function groundGeometry(grid: Grid, extent: Extent, hole: Extent | null):
       const east = grid.west + c * dx;
       const north = grid.north - r * dy;
       const up = heights[k] ?? Number.NaN;
-      position.set([east, Number.isFinite(up) ? up : 0, -north], 3 * k);
-      uv.set(
-        [(east - extent.west) / (extent.east - extent.west), (north - extent.south) / (extent.north - extent.south)],
-        2 * k,
-      );
+      position[3 * k] = east;
+      position[3 * k + 1] = Number.isFinite(up) ? up : 0;
+      position[3 * k + 2] = -north;
+      uv[2 * k] = (east - extent.west) / (extent.east - extent.west);
+      uv[2 * k + 1] = (north - extent.south) / (extent.north - extent.south);
     }
   }
   const index = new Uint32Array((rows - 1) * (columns - 1) * 6);
@@ -44,7 +44,10 @@ export function groundGeometry(grid: Grid, extent: Extent, hole: Extent | null):
       }
       const sum = (heights[a] ?? Number.NaN) + (heights[b] ?? Number.NaN) + (heights[d] ?? Number.NaN) + (heights[e] ?? Number.NaN);
       if (!Number.isFinite(sum)) continue;
-      index.set([a, d, b, b, d, e], used);
+      index[used] = a;
+      index[used + 1] = index[used + 4] = d;
+      index[used + 2] = index[used + 3] = b;
+      index[used + 5] = e;
       used += 6;
     }
   }

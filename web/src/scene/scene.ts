@@ -9,6 +9,7 @@ import {
   DoubleSide,
   Fog,
   Group,
+  ImageBitmapLoader,
   LineBasicMaterial,
   LineSegments,
   Matrix4,
@@ -22,8 +23,7 @@ import {
   Scene,
   Sprite,
   SRGBColorSpace,
-  type Texture,
-  TextureLoader,
+  Texture,
   Vector2,
   Vector3,
   WebGLRenderer,
@@ -37,6 +37,7 @@ import { Drape, NOTHING, type Painting } from "./drape";
 import { type Extent, groundGeometry, stripGeometry, surface, toScene, wallGeometry } from "./ground";
 import { Lens } from "./lens";
 import { clear, dot, ellipsoid, nameSprite } from "./marks";
+import { Pace } from "./pace";
 import { frustum, makeRover, mounted, type Tint } from "./rover-body";
 
 const COLORS = { main: 0x58d0f5, branch: [0xff9d3c, 0xffc46b, 0xff7a59, 0xf7b0c2], select: 0xffe14d, keepOut: 0xff5d52, track: 0x8ff0a8 };
@@ -44,11 +45,26 @@ const SKY = new Color(0xc9ab8d);
 const NIGHT = new Color(0x1b1613);
 const FRUSTUM_M = 2.5;
 const NAMED = 60;
+/** Of the page's pixels each way, while the view is turned and the machine is slow; a little more than half. */
+const HALF = 0.52;
+/** After the last movement, until all is drawn again. */
+const REST_MS = 200;
 
 export interface Layer {
   grid: Grid;
+  /** Fewer heights of the same ground, for while the view is turned. */
+  coarse: Grid;
   extent: Extent;
-  ortho: string | null;
+  ortho: Texture | null;
+}
+
+/** Whether the graphics are computed by the processor, where every sample of a pixel costs. */
+function inSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const told = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl !== null && told != null ? String(gl.getParameter(told.UNMASKED_RENDERER_WEBGL)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(name);
 }
 
 export interface SceneTarget {
@@ -74,6 +90,11 @@ export class SiteScene {
   private readonly sky = new AmbientLight(0xffe7cf, 1.7);
   private readonly fog = new Fog(SKY.getHex(), 90, 260);
   private readonly ground = new Group();
+  private readonly coarse = new Group();
+  private readonly software = inSoftware();
+  private readonly pace = new Pace(this.software);
+  private turning = false;
+  private rest: ReturnType<typeof setTimeout> | null = null;
   private readonly drapes: Drape[] = [];
   private readonly targets = new Group();
   private readonly stand = new Group();
@@ -97,12 +118,12 @@ export class SiteScene {
     private readonly low: boolean,
     private readonly onDrawn: (count: number) => void,
   ) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: !low, powerPreference: "high-performance", preserveDrawingBuffer: low });
-    this.renderer.setPixelRatio(low ? 0.5 : Math.min(2, devicePixelRatio));
+    this.renderer = new WebGLRenderer({ canvas, antialias: !low && !this.software, powerPreference: "high-performance", preserveDrawingBuffer: low });
+    this.setEffort();
     this.scene.background = SKY.clone();
     this.scene.fog = this.fog;
     this.scene.add(this.sky, this.sun);
-    this.scene.add(this.ground, this.targets, this.stand, this.plan, this.keepOuts, this.track, this.measure, this.rover);
+    this.scene.add(this.ground, this.coarse, this.targets, this.stand, this.plan, this.keepOuts, this.track, this.measure, this.rover);
     this.camera.position.set(-9, 12, 17);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.maxPolarAngle = Math.PI * 0.495;
@@ -110,6 +131,36 @@ export class SiteScene {
     this.controls.maxDistance = 160;
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.invalidate());
+    this.controls.addEventListener("start", () => this.turn(true));
+    this.controls.addEventListener("end", () => this.turn(false));
+  }
+
+  /** Less may be drawn while the view is turned; all is drawn again soon after. */
+  private turn(turning: boolean): void {
+    if (this.rest !== null) clearTimeout(this.rest);
+    this.rest = null;
+    if (!turning) {
+      this.rest = setTimeout(() => {
+        this.rest = null;
+        this.turning = false;
+        this.setEffort();
+      }, REST_MS);
+      return;
+    }
+    if (this.turning) return;
+    this.turning = true;
+    this.pace.begin(performance.now());
+    this.setEffort();
+  }
+
+  private setEffort(): void {
+    const effort = this.turning ? this.pace.effort : 0;
+    const full = this.low ? 0.5 : Math.min(2, devicePixelRatio);
+    const ratio = effort > 0 && !this.low ? Math.min(full, HALF * devicePixelRatio) : full;
+    if (ratio !== this.renderer.getPixelRatio()) this.renderer.setPixelRatio(ratio);
+    this.coarse.visible = effort === 2;
+    this.ground.visible = effort < 2;
+    this.invalidate();
   }
 
   /** Ask for one frame. */
@@ -118,6 +169,7 @@ export class SiteScene {
     this.frame = requestAnimationFrame(() => {
       this.frame = 0;
       if (this.disposed) return;
+      if (this.turning && this.pace.frame(performance.now())) this.setEffort();
       if (this.lens === null) {
         this.keepAbove();
         this.renderer.render(this.scene, this.camera);
@@ -143,33 +195,47 @@ export class SiteScene {
     if (this.camera.position.y < floor) this.camera.position.y = floor;
   }
 
-  /** Show the ground, finest layer first. */
+  /** Read a picture of the ground. */
+  async picture(url: string): Promise<Texture> {
+    // Decoded beside the main thread, and standing on its head as textures do.
+    const loader = new ImageBitmapLoader().setOptions({ imageOrientation: "flipY", premultiplyAlpha: "none" });
+    const texture = new Texture(await loader.loadAsync(url));
+    texture.flipY = false;
+    texture.needsUpdate = true;
+    texture.colorSpace = SRGBColorSpace;
+    texture.anisotropy = this.low || this.software ? 1 : Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
+    return texture;
+  }
+
+  /** Show the ground, finest layer first, in the place of what was shown; the view stays where it is. */
   setGround(layers: readonly Layer[]): void {
+    const first = this.ground.children.length === 0;
+    const kept = new Set(layers.map((layer) => layer.ortho));
+    for (const child of [...this.ground.children, ...this.coarse.children]) {
+      const { material } = child as Mesh<BufferGeometry, MeshLambertMaterial>;
+      if (material.map !== null && kept.has(material.map)) material.map = null; // not given up with its mesh
+    }
     clear(this.ground);
+    clear(this.coarse);
     this.drapes.length = 0;
     this.up = surface(layers.map((layer) => layer.grid));
     layers.forEach((layer, k) => {
-      const finer = layers[k - 1];
-      const geometry = groundGeometry(layer.grid, layer.extent, finer?.extent ?? null);
-      const material = new MeshLambertMaterial({ color: layer.ortho === null ? 0xb08a68 : 0xffffff });
-      if (layer.ortho !== null) {
-        new TextureLoader().load(layer.ortho, (texture: Texture) => {
-          texture.colorSpace = SRGBColorSpace;
-          texture.anisotropy = this.low ? 1 : Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
-          material.map = texture;
-          material.needsUpdate = true;
-          this.invalidate();
-        });
-      }
-      const mesh = new Mesh(geometry, material);
+      const hole = layers[k - 1]?.extent ?? null;
+      const material = new MeshLambertMaterial({ color: layer.ortho === null ? 0xb08a68 : 0xffffff, map: layer.ortho });
+      const geometry = groundGeometry(layer.grid, layer.extent, hole);
+      const thin = layer.coarse === layer.grid ? geometry : groundGeometry(layer.coarse, layer.extent, hole);
       const drape = new Drape(geometry, layer.extent, this.low ? 1024 : 2048);
-      if (k > 0) mesh.position.y = drape.mesh.position.y = -0.02;
+      const meshes = [new Mesh(geometry, material), drape.mesh, new Mesh(thin, material), drape.over(thin)];
+      if (k > 0) for (const mesh of meshes) mesh.position.y = -0.02;
       this.drapes.push(drape);
-      this.ground.add(mesh, drape.mesh);
+      this.ground.add(...meshes.slice(0, 2));
+      this.coarse.add(...meshes.slice(2));
     });
     this.paint(this.painting);
-    this.controls.target.copy(toScene(0, 0, this.up(0, 0)));
-    this.controls.update();
+    if (first) {
+      this.controls.target.copy(toScene(0, 0, this.up(0, 0)));
+      this.controls.update();
+    }
     this.invalidate();
   }
 

@@ -20,8 +20,10 @@ import type {
   RoverShape,
   Run,
   RunCreate,
+  Selected,
   Sol,
   SolChange,
+  Statement,
   Target,
   Terrain,
 } from "../api/types";
@@ -29,16 +31,20 @@ import { crsOf } from "../lib/coordinates";
 import { type CrlNode, nodesOf } from "../lib/crl";
 import { withRule } from "../lib/drives";
 import { inUnits, words } from "../lib/format";
+import { liveRunsOf } from "../lib/live";
 import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
 import type { Marks, Names } from "../lib/plan-versions";
 import { reasonsOf } from "../lib/planning";
 import type { Selection } from "../lib/route";
 import { app } from "./app.svelte";
+import { PresenceState } from "./presence.svelte";
 import type { WhatIfState } from "./what-if.svelte";
 
 const RELOAD_MS = 120;
 /** Between two looks at the best plan so far: it is drawn within 0.3 s after it was found. */
-const DRAFT_MS = 200;
+const DRAFT_MS = 80;
+/** Ids of the server: three letters for the kind, and 13 of chance. */
+const IDS = /\b(req|tgt|run|pln)-[0-9a-z]{13}\b/g;
 const ACTIVE = new Set(["queued", "running"]);
 
 /** What a selection means for the other views. */
@@ -78,8 +84,9 @@ const NO_FOCUS: Focus = {
   task: null,
 };
 
-/** Whether a plan was joined from two others: it has a text, and no tree and no prediction. */
-export const isMerged = (plan: Plan): boolean => plan.strategy === "merged";
+/** How a plan came about that no search made: it has a text, and no tree and no prediction. Null for all others. */
+export const writtenHow = (plan: Plan): string | null =>
+  ({ merged: "merged from others", edited: "edited by hand" })[plan.strategy] ?? null;
 
 export class MissionState {
   mission = $state.raw<Mission | null>(null);
@@ -124,10 +131,14 @@ export class MissionState {
   /** Values of the better and better plans, by the seconds since the first was seen; the bound where it is known. */
   course = $state.raw<readonly Found[]>([]);
   crl = $state.raw<string | null>(null);
+  /** The plan that the text is of: another one may be open already while its own is read. */
+  crlOf = $state("");
   findings = $state.raw<Finding[]>([]);
   /** What the planner says of the open plan: why it is empty, or has no branches. */
   reasons = $state.raw<readonly string[]>([]);
   planError = $state<string | null>(null);
+  /** The text of a plan as it is being edited; kept while other sheets are open. */
+  edit = $state.raw<{ plan: string; text: string } | null>(null);
   /** What is open on the plan sheet beside the plan. */
   asked = $state<"what-if" | "compare" | "merge" | "campaign" | null>(null);
   /** What differs from another plan, marked on outline and timeline; null where nothing is marked. */
@@ -192,17 +203,26 @@ export class MissionState {
     if (job.state === "succeeded") return null;
     return this.reasonOf(job) || "Planning failed.";
   });
+  /** How many comments there are on each step of the open plan that has any. */
+  readonly saidOfSteps = $derived.by<ReadonlyMap<string, number>>(() => {
+    const said = this.comments.filter((one) => one.subject_kind === "plan" && one.subject_id === app.route.plan);
+    const parts = said.flatMap((one) => (one.part === null ? [] : [one.part]));
+    return new Map([...Map.groupBy(parts, (part) => part)].map(([part, list]) => [part, list.length]));
+  });
   readonly nodes = $derived<CrlNode[]>(this.crl === null ? [] : nodesOf(this.crl));
   readonly nodeById = $derived(new Map(this.nodes.map((node) => [node.id, node])));
   readonly focus = $derived<Focus>(this.focusOf(app.selection));
 
+  readonly presence: PresenceState;
   private stream: Stream | null = null;
   private readonly jobStreams = new Map<string, Stream>();
   private readonly pending = new Map<string, ReturnType<typeof setTimeout>>();
   private closed = false;
   private planLoaded = "";
 
-  constructor(readonly id: string) {}
+  constructor(readonly id: string) {
+    this.presence = new PresenceState(id);
+  }
 
   /** Load everything; collections come at once and the page fills as they arrive. */
   async open(): Promise<void> {
@@ -213,7 +233,7 @@ export class MissionState {
     } catch (error) {
       this.missing =
         error instanceof ProblemError && error.status === 404
-          ? `There is no mission ${this.id}.`
+          ? "There is no such mission."
           : error instanceof Error
             ? error.message
             : String(error);
@@ -237,7 +257,11 @@ export class MissionState {
     }
     this.stream = listen(
       calls.changesUrl(this.id),
-      { change: (data) => this.changed(data), job: (data) => this.jobChanged(data as Job) },
+      {
+        change: (data) => this.changed(data),
+        job: (data) => this.jobChanged(data as Job),
+        presence: (data) => this.presence.take(data),
+      },
       (open) => {
         app.connected = open;
       },
@@ -283,6 +307,8 @@ export class MissionState {
   }
 
   async reload(kind: string): Promise<void> {
+    clearTimeout(this.pending.get(kind)); // what was to be read soon is read now
+    this.pending.delete(kind);
     switch (kind) {
       case "mission":
         this.mission = await calls.mission(this.id);
@@ -375,7 +401,7 @@ export class MissionState {
     if (this.against?.plan !== plan.id) this.against = null;
     try {
       const [tree, crl, findings, summary] = await Promise.all([
-        isMerged(plan) ? null : calls.planTree(plan.id),
+        writtenHow(plan) !== null ? null : calls.planTree(plan.id),
         calls.planCrl(plan.id),
         calls.planFindings(plan.id),
         calls.planSummary(plan.id),
@@ -384,6 +410,7 @@ export class MissionState {
       this.dropDraft();
       this.tree = tree;
       this.crl = crl;
+      this.crlOf = plan.id;
       this.findings = findings;
       this.reasons = reasonsOf(summary);
     } catch (error) {
@@ -526,10 +553,10 @@ export class MissionState {
   /** What a task of the plan does, for people: its action and target instead of its id. */
   taskName(id: string): string {
     const node = this.nodeById.get(id);
-    if (node === undefined) return id;
+    if (node === undefined) return this.named(id);
     const target = this.targetOf(node.metadata.target ?? null)?.name ?? this.requestById.get(node.metadata.request ?? "")?.target_name;
     const action = node.action ?? node.kind;
-    return target === undefined ? (node.action === null ? id : action) : `${action} ${target}`;
+    return target === undefined ? (node.action === null ? this.named(id) : action) : `${action} ${target}`;
   }
 
   /**
@@ -545,6 +572,40 @@ export class MissionState {
     return now + chance * (task?.probability ?? 1) * (value - request.value);
   }
 
+  /** What a step of the open plan is called: what is done, and of what. */
+  stepName(key: string): string {
+    const step = this.steps.get(key);
+    return step === undefined ? "a step" : `${step.op.replaceAll("_", " ")} ${this.targetName(step.target ?? step.request)}`;
+  }
+
+  /** What something that somebody has selected is called. */
+  nameOf({ kind, id }: Selected): string {
+    switch (kind) {
+      case "target":
+        return this.targetName(id);
+      case "observation_request":
+        return this.requestName(id);
+      case "keep_out":
+        return this.keepOuts.find((known) => known.id === id)?.name ?? "a keep-out";
+      case "product":
+        return this.named(this.products.find((known) => known.id === id)?.file_name ?? "a product");
+      case "run":
+        return this.runName(id);
+      default:
+        return this.planName(id);
+    }
+  }
+
+  private runName(id: string): string {
+    const place = this.runs.findIndex((known) => known.id === id);
+    return place < 0 ? "a run" : `run ${place + 1}`;
+  }
+
+  private planName(id: string): string {
+    const plan = this.plans.find((known) => known.id === id);
+    return plan === undefined ? "a plan" : `plan #${plan.number}`;
+  }
+
   /** What a request is called: its target and instrument. */
   requestName(id: string | null): string {
     const request = id === null ? undefined : this.requestById.get(id);
@@ -555,7 +616,7 @@ export class MissionState {
   /** Why a job failed, for people. */
   private reasonOf(job: Job): string {
     const detail = typeof job.problem?.detail === "string" ? job.problem.detail : job.message;
-    const text = inUnits(this.named(detail.replace(/^no plan: /, "")));
+    const text = this.told(detail.replace(/^no plan: /, ""));
     return text.slice(0, 1).toUpperCase() + text.slice(1);
   }
 
@@ -565,9 +626,20 @@ export class MissionState {
     request: (id) => (this.requestById.has(id) ? this.requestName(id) : "a deleted request"),
   };
 
-  /** A text of the server with names in the place of ids of targets and requests. */
+  /** A text of the server, or of a file, with names in the place of ids. */
   named(text: string): string {
-    return text.replace(/\b(req|tgt)-[a-z0-9]+/g, (id) => (id.startsWith("req-") ? this.requestName(id) : this.targetName(id)));
+    const { names } = this;
+    return text.replace(IDS, (id, kind: string) => {
+      if (kind === "req") return names.request(id);
+      if (kind === "tgt") return names.target(id);
+      if (kind === "run") return this.runName(id);
+      return kind === "pln" ? this.planName(id) : id;
+    });
+  }
+
+  /** A sentence of the server as people write it: with names, times and energies in their units. */
+  told(text: string): string {
+    return inUnits(this.named(text));
   }
 
   /** Take back one's own last act, or do it again. */
@@ -635,12 +707,14 @@ export class MissionState {
     this.soon("plan");
   }
 
-  async changeSol(changes: SolChange): Promise<void> {
+  /** Change the newest sol; return whether it was. */
+  async changeSol(changes: SolChange): Promise<boolean> {
     const sol = this.sol;
-    if (sol === null) return;
-    await app.attempt("The budget", () => calls.changeSol(sol, changes));
+    if (sol === null) return false;
+    const done = await app.attempt(changes.start_pose === undefined ? "The budget" : "The start pose", () => calls.changeSol(sol, changes));
     await app.attempt("Reading the sol", () => this.reload("sol"));
     this.soon("plan");
+    return done !== null;
   }
 
   /** Ask for a plan and open it when its job is under way. */
@@ -658,6 +732,37 @@ export class MissionState {
       if (job.subject_id !== "") app.goOn(from, { plan: job.subject_id, tab: "plan", run: null });
       return job;
     });
+  }
+
+  /** Carry out the open plan once on the planner's own model. */
+  async rehearse(): Promise<void> {
+    if (this.plan !== null) {
+      await this.dryRun({ plan_id: this.plan.id, rover: "abstract", seed: this.nextSeed(), faults: [], pace: 0, notes: "" });
+    }
+  }
+
+  /** Keep an edited text of a plan as a new plan and open that. */
+  async saveEdit(plan: Plan, text: string, name: string): Promise<void> {
+    const from = app.route;
+    await app.attempt("The edited plan", async () => {
+      const made = await calls.editPlan(plan.id, text, name);
+      if (this.edit?.plan === plan.id) this.edit = null;
+      await this.reload("plan");
+      app.toast("ok", `Plan #${made.number} is saved`, "A dry run that ends well verifies it; then it goes to review.");
+      app.goOn(from, { plan: made.id, run: null, selection: null, tab: "crl" });
+    });
+  }
+
+  /** Sign the open plan as it is shown here, in each of these roles that the person has. */
+  async sign(title: string, roles: readonly calls.Role[], note: string, done: string): Promise<Statement | null> {
+    const plan = this.plan;
+    const person = app.person?.name;
+    if (plan?.crl_sha256 == null || person === undefined) return null;
+    const sha = plan.crl_sha256;
+    const found = await app.attempt(title, () => calls.signPlan(plan.id, sha, person, roles, note));
+    if (found !== null) app.toast("ok", done, "Signed with the key that this browser keeps for you.");
+    await this.reload("plan");
+    return found;
   }
 
   /** Run the open plan on a simulated rover and look at it. */
@@ -693,6 +798,16 @@ export class MissionState {
 
   async cancel(job: Job): Promise<void> {
     await app.attempt("Cancelling", () => calls.cancelJob(job.id));
+  }
+
+  /** Stop every live run of the mission, whatever is looked at; one that waits to begin is cancelled. */
+  async stopLive(): Promise<void> {
+    const stop = async (run: Run): Promise<void> => {
+      const job = this.jobs.find((other) => other.id === run.job_id);
+      if (run.state === "queued" && job?.state === "queued") await this.cancel(job);
+      else await app.attempt("STOP", () => calls.controlRun(run.id, { stop: true }));
+    };
+    await Promise.all(liveRunsOf(this.runs).map(stop));
   }
 
   /** Each dry run of a plan draws another future. */

@@ -2,7 +2,8 @@
 
 import * as calls from "../api/calls";
 import { listen, type Stream } from "../api/stream";
-import type { Product, Run } from "../api/types";
+import type { FaultBody, Product, Run } from "../api/types";
+import { type Link, type Note, wishTold } from "../lib/live";
 import {
   appended,
   type Columns,
@@ -13,6 +14,7 @@ import {
   type Sample,
   stepTimes,
   type TraceRecord,
+  trailOf,
 } from "../lib/replay";
 import { app } from "./app.svelte";
 import type { MissionState } from "./mission.svelte";
@@ -20,6 +22,8 @@ import type { MissionState } from "./mission.svelte";
 export const SPEEDS = [60, 300, 900, 3600] as const;
 /** Tracker states that say nothing of a track: not begun, or ended on purpose. */
 export const NOT_TRACKED = new Set(["none", "idle", "stopped"]);
+/** Notes that are kept: a rover that talks nonsense may give many. */
+const NOTES = 200;
 const EMPTY: Columns = {
   t_s: [],
   east_m: [],
@@ -45,6 +49,12 @@ export class RunState {
   held = $state(false);
   pace = $state(0);
   following = $state(true);
+  /** Of a live run: how its link stands, when that was heard (`performance.now`), what was noted. */
+  link = $state.raw<Link | null>(null);
+  linkHeard = $state(0);
+  notes = $state.raw<Note[]>([]);
+  /** It was stopped or aborted, and ends. */
+  stopping = $state(false);
   /** Looking back at a run that goes on. */
   readonly behind = $derived.by(() => this.live && !this.following);
 
@@ -53,16 +63,13 @@ export class RunState {
   readonly moment = $derived<Moment | null>(this.columns.t_s.length === 0 ? null : momentAt(this.columns, this.t));
   readonly nodes = $derived(nodeStates(this.trace, this.t));
   readonly steps = $derived(stepTimes(this.trace));
+  /** When each record of the trace is from. */
+  readonly times = $derived(this.trace.map((record) => record.t_s));
+  private readonly trail = $derived(trailOf(this.columns));
   /** Where the rover has been until now, site metres. */
   readonly track = $derived.by<[number, number][]>(() => {
     const until = indexAt(this.columns.t_s, this.t);
-    const points: [number, number][] = [];
-    for (let k = 0; k <= until; k += 1) {
-      const [east, north] = [this.columns.east_m[k] ?? null, this.columns.north_m[k] ?? null];
-      if (east === null || north === null) continue;
-      const last = points[points.length - 1];
-      if (last === undefined || Math.hypot(last[0] - east, last[1] - north) > 0.01) points.push([east, north]);
-    }
+    const points = this.trail.points.slice(0, indexAt(this.trail.samples, until) + 1);
     if (this.moment?.east_m != null && this.moment.north_m != null) points.push([this.moment.east_m, this.moment.north_m]);
     return points;
   });
@@ -105,17 +112,26 @@ export class RunState {
     if (from === "end") this.t = this.end;
   }
 
-  private controlled(wish: { pace: number; paused: boolean }): void {
+  private controlled(wish: { pace: number; paused: boolean; abort?: boolean }): void {
     this.held = wish.paused;
     this.pace = wish.pace;
+    this.stopping = wish.abort === true;
   }
 
-  /** Hold, let go, step, speed up or abort the run that goes on. */
-  async control(wish: { paused?: boolean; pace?: number; step?: boolean; abort?: boolean }): Promise<void> {
+  /** Hold, let go, step, speed up, abort or stop the run that goes on. */
+  async control(wish: { paused?: boolean; pace?: number; step?: boolean; abort?: boolean; stop?: boolean }): Promise<void> {
     const id = this.id;
     if (id === null || !this.live) return;
-    const now = await app.attempt(wish.abort === true ? "The abort" : "Holding the run", () => calls.controlRun(id, wish));
+    const now = await app.attempt(wishTold(wish), () => calls.controlRun(id, wish));
     if (now !== null && id === this.id) this.controlled(now);
+  }
+
+  /** Let the simulated rover of a live run suffer a fault now. */
+  async inject(fault: FaultBody): Promise<void> {
+    const id = this.id;
+    if (id === null || !this.live) return;
+    const done = await app.attempt("The fault", () => calls.injectFault(id, fault));
+    if (done !== null) await app.attempt("Reading the run", () => this.m.reload("run"));
   }
 
   private follow(id: string): void {
@@ -131,8 +147,15 @@ export class RunState {
         this.records.push(data as TraceRecord);
         this.arrived();
       },
-      control: (data) => this.controlled(data as { pace: number; paused: boolean }),
+      control: (data) => this.controlled(data as { pace: number; paused: boolean; abort?: boolean }),
       product: (data) => this.m.announce(data as Product),
+      link: (data) => {
+        this.link = data as Link;
+        this.linkHeard = performance.now();
+      },
+      note: (data) => {
+        this.notes = [...this.notes, data as Note].slice(-NOTES);
+      },
       end: () => void this.ended(id),
     });
   }
@@ -153,6 +176,7 @@ export class RunState {
     this.stream = null;
     this.live = false;
     this.held = false;
+    this.stopping = false;
     const quick = this.columns.t_s.length < 3;
     await app.attempt("Reading the run", async () => {
       await Promise.all([this.m.reload("run"), this.m.reload("product"), this.m.reload("observation_request")]);
@@ -230,6 +254,9 @@ export class RunState {
     this.t = 0;
     this.error = null;
     this.held = false;
+    this.stopping = false;
+    this.link = null;
+    this.notes = [];
     this.following = true;
     this.id = null;
   }

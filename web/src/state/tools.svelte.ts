@@ -19,6 +19,7 @@ export class Tools {
   readonly measuredText = $derived(measureText(this.measured, this.measuredUp));
   /** The drive whose path is drawn; the start is null. */
   way = $state.raw<{ from: string | null; to: string } | null>(null);
+  private making = false;
   readonly stand: StandState;
   readonly overlays: Overlays;
 
@@ -46,12 +47,15 @@ export class Tools {
   }
 
   private async created(make: () => Promise<Target>): Promise<Target | null> {
+    if (this.making) return null; // the second half of a double click
+    this.making = true;
     const from = app.route;
     const created = await app.attempt("The new target", async () => {
       const target = await make();
       await this.m.reload("target");
       return target;
     });
+    this.making = false;
     if (created === null) return null;
     this.mode = "select";
     app.goOn(from, { selection: { kind: "target", id: created.id }, tab: "selection" });
