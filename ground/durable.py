@@ -12,7 +12,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 FILE_MODE, FOLDER_MODE = 0o600, 0o700
 DRAFT = ".draft-"
@@ -107,27 +107,46 @@ def seal_folder(folder: Path) -> None:
     (folder / SUMS).write_text(f"{_HEAD}{own}\n{listed}", encoding="utf-8")
 
 
+def read_sums(content: bytes) -> dict[str, str] | None:
+    """Return names and hashes in the list of a folder; None if the list itself is damaged.
+
+    Lists of older versions do not say what they were.
+    """
+    try:
+        text = content.decode("utf-8")
+    except ValueError:
+        return None
+    head, _, listed = text.partition("\n") if text.startswith(_HEAD) else ("", "", text)
+    if head and head != _HEAD + hashlib.sha256(listed.encode()).hexdigest():
+        return None
+    said = {}
+    for line in listed.splitlines(keepends=True):
+        digest, gap, name = line[:64], line[64:66], line[66:-1]
+        if len(digest) != 64 or gap != "  " or line[-1] != "\n" or not _is_inside(name):
+            return None
+        said[name] = digest
+    return said
+
+
+def _is_inside(name: str) -> bool:
+    """Return whether a name leads to a place below its folder: whoever owns a store writes its lists."""
+    path = PurePosixPath(name)
+    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts
+
+
 def damaged_in(folder: Path) -> list[str]:
     """Return the names of files that are not what was written down; none where nothing was.
 
-    Where the list itself is damaged it alone is named. Lists of older versions do not say what they were.
+    Where the list itself is damaged it alone is named.
     """
     try:
-        text = (folder / SUMS).read_text(encoding="utf-8")
+        said = read_sums((folder / SUMS).read_bytes())
     except FileNotFoundError:
         return []
-    except (OSError, ValueError):
+    except OSError:
         return [SUMS]
-    head, _, listed = text.partition("\n") if text.startswith(_HEAD) else ("", "", text)
-    if head and head != _HEAD + hashlib.sha256(listed.encode()).hexdigest():
+    if said is None:
         return [SUMS]
-    lines = listed.splitlines(keepends=True)
-    said = {}
-    for line in lines:
-        digest, gap, name = line[:64], line[64:66], line[66:-1]
-        if len(digest) != 64 or gap != "  " or line[-1] != "\n":
-            return [SUMS]
-        said[name] = digest
     found = _sums(folder)
     odd = {name for name in said.keys() | found.keys() if said.get(name) != found.get(name)}
     return sorted(odd)

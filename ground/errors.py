@@ -23,6 +23,8 @@ GroundError
 ├── TooLargeError            a body over the limit
 ├── UnavailableError         a part that is needed is not there
 │   ├── BusyError            the database is taken up by other writes
+│   ├── OtherProgramError    a worker of the cluster runs another version of this program
+│   ├── StoreAwayError       the object store that keeps the files does not answer
 │   └── DamagedDataError     a row holds what the server never writes
 │       └── DamagedFileError a stored file is not what was stored
 └── JobFailedError           the work of a job ended with an expected failure
@@ -129,6 +131,14 @@ class UnavailableError(GroundError):
 
 class BusyError(UnavailableError):
     """The database is taken up by other writes; the same may go well in a moment."""
+
+
+class OtherProgramError(UnavailableError):
+    """A worker of the cluster runs another version, or has other dictionaries or profiles."""
+
+
+class StoreAwayError(UnavailableError):
+    """The object store that keeps the files does not answer; nothing is lost by it."""
 
 
 class DamagedDataError(UnavailableError):

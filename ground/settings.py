@@ -13,6 +13,11 @@ from typing import Literal
 from pydantic import Field, SecretStr, ValidationError, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from ground.cluster import Cluster
+
+MARK = "!"
+"""Between the parts of an address of a file or folder (`ground.gdr.store`)."""
+
 
 class SettingsError(Exception):
     """A setting cannot be used; the message names the variable, its value and what is allowed."""
@@ -51,6 +56,8 @@ class Settings(BaseSettings):
     """Folder of the embedded database, terrains, products and runs."""
     profiles: Path | None = None
     """Folder of rover profiles of one's own, found by name beside those of the program."""
+    objects: str = ""
+    """URL of an object store (`s3://bucket/folder`) that keeps files and folders; empty = the data folder."""
     database_url: str = ""
     """SQLAlchemy address; empty = SQLite file `outcrop.db` in the data folder."""
     auth: Authentication = Authentication.PROFILES
@@ -62,6 +69,10 @@ class Settings(BaseSettings):
     executor: ExecutorKind = ExecutorKind.PROCESS
     dask_scheduler: str = ""
     """Address of a Dask scheduler; needed by `executor=distributed`."""
+    dask_certificate: str = ""
+    dask_key: str = ""
+    dask_ca: str = ""
+    """PEM files for TLS with the cluster: our certificate, its key, the authority that signed both sides'."""
     serve_worker: bool = True
     """Whether `outcrop serve` also does jobs; false where `outcrop worker` runs beside it."""
     workers: int = Field(default=2, ge=1, le=256)
@@ -70,7 +81,7 @@ class Settings(BaseSettings):
     """Whether the planner is got ready in the background when the server starts."""
     job_lease_s: float = Field(default=15.0, gt=0.1, le=3600.0)
     job_time_limit_s: float = Field(default=1800.0, gt=0.1, le=86400.0)
-    job_attempts: int = Field(default=3, ge=1, le=20)
+    job_attempts: int = Field(default=3, ge=1, le=100)
     approval_runs: int = Field(default=0, ge=0, le=1_000_000)
     """Runs of a campaign that an approval needs (flight rule FR-CAMPAIGN); 0 asks for none."""
     spice_kernels: str = ""
@@ -125,6 +136,16 @@ class Settings(BaseSettings):
             raise ValueError("use sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME")
         return url
 
+    @field_validator("objects")
+    @classmethod
+    def _known_store(cls, url: str) -> str:
+        if not url:
+            return url
+        scheme, mark, place = url.partition("://")
+        if not mark or not place.strip("/") or MARK in url:
+            raise ValueError("use SCHEME://BUCKET/FOLDER, such as s3://rovers/outcrop")
+        return f"{scheme}://{place.strip('/')}"
+
     @field_validator("trusted_proxies")
     @classmethod
     def _named_proxies(cls, given: str) -> str:
@@ -170,6 +191,11 @@ class Settings(BaseSettings):
         return self.database_url or f"sqlite:///{self.data_dir / 'outcrop.db'}"
 
     @property
+    def cluster(self) -> Cluster:
+        """Return how the Dask cluster is reached."""
+        return Cluster(self.dask_scheduler, self.dask_certificate, self.dask_key, self.dask_ca)
+
+    @property
     def kernels(self) -> tuple[Path, ...]:
         """Return the SPICE kernels in the order in which they are loaded."""
         return tuple(Path(part.strip()) for part in self.spice_kernels.split(",") if part.strip())
@@ -208,6 +234,14 @@ def load_settings(**given: object) -> Settings:
         raise SettingsError(
             "OUTCROP_EXECUTOR='distributed': the package distributed is not installed (extra `cluster`)"
         )
+    if settings.executor is ExecutorKind.DISTRIBUTED and (refusal := settings.cluster.refusal()):
+        raise SettingsError(refusal)
+    if settings.objects:
+        if MARK in str(settings.data_dir):
+            raise SettingsError(
+                f"OUTCROP_DATA_DIR={str(settings.data_dir)!r}: with OUTCROP_OBJECTS, without {MARK!r}"
+            )
+        _check_objects(settings.objects)
     if settings.oidc_issuer:
         _check_provider(settings)
     if settings.auth is Authentication.PROFILES and not settings.is_loopback:
@@ -216,6 +250,20 @@ def load_settings(**given: object) -> Settings:
             "OUTCROP_AUTH=accounts"
         )
     return settings
+
+
+def _check_objects(url: str) -> None:
+    scheme = url.partition("://")[0]
+    if find_spec("fsspec") is None or (scheme == "s3" and find_spec("s3fs") is None):
+        raise SettingsError(f"OUTCROP_OBJECTS={url!r}: the package s3fs is not installed (extra `objects`)")
+    from fsspec import available_protocols, get_filesystem_class
+
+    if scheme not in available_protocols():
+        raise SettingsError(f"OUTCROP_OBJECTS={url!r}: the file system {scheme!r} is unknown to fsspec")
+    try:
+        get_filesystem_class(scheme)
+    except ImportError as err:
+        raise SettingsError(f"OUTCROP_OBJECTS={url!r}: {err}") from err
 
 
 def _check_provider(settings: Settings) -> None:

@@ -22,14 +22,17 @@ from pydantic.fields import FieldInfo
 from sqlalchemy import Connection, select
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
 from starlette.responses import FileResponse, Response, StreamingResponse
 
 from ground.api.etags import etag_of, revision_wanted
 from ground.api.hub import Hub
+from ground.api.parts import part_answer
 from ground.api.problems import Answers, responses
 from ground.api.shared_reads import RowReads
 from ground.errors import GroundError, InvalidInputError
 from ground.gdr.database import in_act
+from ground.gdr.files import FarFile
 from ground.gdr.history import SYSTEM
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
@@ -467,12 +470,14 @@ class StoredProduct(Protocol):
     def file_name(self) -> str: ...
 
 
-def product_file(product: StoredProduct, path: FilePath) -> FileResponse:
-    """Answer with the file of a data product; its ETag is the SHA-256 of the content."""
+def product_file(asked: Headers, product: StoredProduct, file: FilePath | FarFile) -> Response:
+    """Answer with the file of a data product, or the part asked for; its ETag is the SHA-256 of all of it."""
     headers = {"ETag": f'"{product.sha256}"', "Cache-Control": "private, max-age=31536000, immutable"}
     headers["Content-Security-Policy"] = "default-src 'none'; sandbox"
+    if isinstance(file, FarFile):
+        return part_answer(file, asked, headers, product.media)
     return FileResponse(
-        path,
+        file,
         media_type=product.media,
         filename=product.file_name.rsplit("/", 1)[-1],
         content_disposition_type="inline",

@@ -12,16 +12,22 @@ from typing import NamedTuple
 from ground.errors import GroundError
 from ground.gdr.notices import Watch
 from ground.gdr.repository import Repository
+from ground.records.lookers import CHANNEL, Lookers, Word
 
 logger = logging.getLogger(__name__)
 
 
 class Part(NamedTuple):
-    """One event: its number, what is sent of it, and whether nothing comes after it."""
+    """One event: its number, what is sent of it, and whether nothing comes after it.
+
+    A part that is `aside` has no place in the order of a stream: whoever follows now gets it, whatever its
+    number.
+    """
 
     number: int
     text: bytes
     last: bool = False
+    aside: bool = False
 
 
 Read = Callable[[int], Sequence[Part]]
@@ -79,7 +85,15 @@ class Hub:
         self._topics: dict[str, _Topic] = {}
         self._lock = threading.Lock()
         self._every_s = repo.settings.stream_seconds
-        self._watch = Watch(repo.database.url, self._look, lambda: bool(self._topics), self._moved)
+        self.lookers = Lookers(lambda mission: self._look({lookers_topic(mission)}))
+        """Who looks at which mission; other servers tell of theirs while anything is followed here."""
+        self._watch = Watch(
+            repo.database.url,
+            self._look,
+            lambda: bool(self._topics),
+            self._moved,
+            others={CHANNEL: lambda text: self.lookers.take(Word.read(text))},
+        )
 
     def seen(self, topic: str) -> int | None:
         """Return the number of the newest event of a topic, None if nobody follows it."""
@@ -101,6 +115,11 @@ class Hub:
             self._watch.poke()
             listener.loop.call_later(self._every_s, self._pulse, topic, followed)
         return listener
+
+    def join_beside(self, topic: str, seen: int, read: Read, listener: Listener) -> None:
+        """Let a listener follow a second topic, with parts `aside` alone; the first gives signs of life."""
+        with self._lock:
+            self._topics.setdefault(topic, _Topic(read, seen, None)).listeners.add(listener)
 
     def _pulse(self, name: str, followed: _Topic) -> None:
         """Give all who follow a topic a sign of life, again and again while anybody does.
@@ -163,6 +182,11 @@ class Hub:
         if listeners:
             listeners[0].loop.call_soon_threadsafe(_hand_out, listeners, parts)
         return parts is not None and not parts[-1].last and bool(listeners)
+
+
+def lookers_topic(mission_id: str) -> str:
+    """Return the topic of who looks at a mission."""
+    return f"lookers {mission_id}"
 
 
 def _hand_out(listeners: Sequence[Listener], parts: Sequence[Part] | None) -> None:

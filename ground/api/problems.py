@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import errno
 import logging
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, cast
 
 import orjson
 from fastapi import FastAPI, Request
@@ -17,18 +17,16 @@ from starlette.responses import Response
 
 from ground import errors
 from ground.api.etags import etag_of
-from ground.api.request_id import REQUEST_ID
+from ground.api.openapi_form import Answer, Media, OpenApi, Schema
 from ground.extras import missing_extra
+from ground.logs import REQUEST_ID
 from ground.records.forms import MEMBER_FAULT
 
 logger = logging.getLogger(__name__)
 
 MEDIA = "application/problem+json"
 BASE = "urn:outcrop:problem:"
-Members = dict[str, Any]
-"""Members of a JSON document."""
-
-Answers = dict[int | str, dict[str, Any]]
+Answers = dict[int | str, dict[str, object]]
 """Answers of an operation by their status, as the framework takes them."""
 
 STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
@@ -54,6 +52,8 @@ STATUS: dict[type[errors.GroundError], tuple[int, str, str]] = {
     errors.TooLargeError: (413, "too-large", "The body is too large"),
     errors.UnavailableError: (503, "unavailable", "A part that is needed is not there"),
     errors.BusyError: (503, "unavailable", "A part that is needed is not there"),
+    errors.OtherProgramError: (503, "unavailable", "A part that is needed is not there"),
+    errors.StoreAwayError: (503, "unavailable", "A part that is needed is not there"),
     errors.DamagedDataError: (503, "data-damaged", "What is stored is damaged"),
     errors.DamagedFileError: (503, "data-damaged", "What is stored is damaged"),
     errors.JobFailedError: (422, "job-failed", "The work ended without a result"),
@@ -97,7 +97,7 @@ def problem(
     detail: str,
     *,
     instance: str = "",
-    wrong: list[Members] | None = None,
+    wrong: Sequence[Mapping[str, object]] = (),
     headers: dict[str, str] | None = None,
     **extra: Any,
 ) -> Response:
@@ -109,36 +109,35 @@ def problem(
         "detail": detail,
         "instance": instance,
         "request_id": REQUEST_ID.get(),
-        "errors": wrong or [],
+        "errors": wrong,
         **extra,
     }
     return Response(orjson.dumps(content, default=str), status, media_type=MEDIA, headers=headers)
 
 
-def describe_error(error: errors.GroundError) -> tuple[int, Members]:
-    """Return the status and the members of the problem document of an error."""
+def refusal(error: errors.GroundError, path: str) -> Response:
+    """Return the answer to a request that is refused."""
     status, kind, title = next(STATUS[c] for c in type(error).__mro__ if c in STATUS)
     wrong = [{"detail": error.message, "pointer": error.pointer}] if error.pointer else []
-    return status, {"kind": kind, "title": title, "detail": error.message, "wrong": wrong, **error.extra}
+    headers, extra = {}, {"wrong": wrong, **error.extra}
+    if status == 401:
+        headers["WWW-Authenticate"] = "Bearer"
+    if status == 429:
+        headers["Retry-After"] = str(extra.pop("retry_after_s", 60))
+    current = extra.get("current")
+    if status == 412 and current is not None:
+        headers["ETag"] = etag_of(current.revision, orjson.dumps(current))
+    return problem(status, kind, title, error.message, instance=path, headers=headers, **extra)
 
 
 def _from_ground(request: Request, error: Exception) -> Response:
     assert isinstance(error, errors.GroundError)
-    status, members = describe_error(error)
-    headers = {}
-    if status == 401:
-        headers["WWW-Authenticate"] = "Bearer"
-    if status == 429:
-        headers["Retry-After"] = str(members.pop("retry_after_s", 60))
-    current = members.get("current")
-    if status == 412 and current is not None:
-        headers["ETag"] = etag_of(current.revision, orjson.dumps(current))
-    return problem(status, instance=request.url.path, headers=headers, **members)
+    return refusal(error, request.url.path)
 
 
 def _from_validation(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    wrong: list[dict[str, Any]] = []
+    wrong: list[dict[str, str | None]] = []
     malformed = False
     for item in error.errors():
         where = list(item["loc"])
@@ -151,8 +150,8 @@ def _from_validation(request: Request, error: Exception) -> Response:
             pointer = str(where[-1]) if where else None
         message = str(item["msg"]).removeprefix("Value error, ")
         wrong.append({"detail": message, "pointer": pointer})
-    first: dict[str, Any] = wrong[0] if wrong else {"detail": "", "pointer": None}
-    detail = f"{first['pointer']}: {first['detail']}" if first["pointer"] else first["detail"]
+    first = wrong[0] if wrong else {"detail": "", "pointer": None}
+    detail = f"{first['pointer']}: {first['detail']}" if first["pointer"] else str(first["detail"])
     if malformed:
         text = str(error.errors()[0].get("ctx", {}).get("error", ""))
         return problem(
@@ -247,30 +246,34 @@ _TITLES = {
 
 def responses(*statuses: int) -> Answers:
     """Return the documentation of problem answers, for a router's `responses`."""
-    return {
-        status: {
-            "description": _TITLES[status],
-            "content": {MEDIA: {"schema": {"$ref": "#/components/schemas/ProblemDocument"}}},
-        }
-        for status in statuses
-    }
+    return {status: dict(_answer(status)) for status in statuses}
 
 
-def state_once(document: Members) -> None:
-    """Put the problem answers of an OpenAPI document under its components; the operations refer to them."""
+def _answer(status: int) -> Answer:
+    content: dict[str, Media] = {MEDIA: {"schema": {"$ref": "#/components/schemas/ProblemDocument"}}}
+    return {"description": _TITLES[status], "content": content}
+
+
+def state_once(document: OpenApi) -> None:
+    """Put the problem answers of an OpenAPI document under its components; the operations refer to them.
+
+    Whatever takes a body refuses one that is too large (`ground.app.gate`), so that is stated here for all.
+    """
     components = document.setdefault("components", {})
     schemas = components.setdefault("schemas", {})
-    schema = ProblemDocument.model_json_schema(ref_template="#/components/schemas/{model}")
-    schemas.update(schema.pop("$defs", {}))
-    schemas["ProblemDocument"] = schema
+    made = ProblemDocument.model_json_schema(ref_template="#/components/schemas/{model}")
+    schemas.update(made.pop("$defs", {}))
+    schemas["ProblemDocument"] = cast("Schema", made)
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
     stated = components.setdefault("responses", {})
     for path in document["paths"].values():
         for operation in path.values():
             answers = operation["responses"]
+            if "requestBody" in operation:
+                answers.setdefault("413", _answer(413))
             if "application/json" in answers.get("422", {}).get("content", {}):  # the framework's own form
-                answers.update({"422": responses(422)[422]})
+                answers["422"] = _answer(422)
             for status, answer in answers.items():
                 if MEDIA in answer.get("content", {}):
                     name = answer["description"].replace(" ", "-")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 import secrets
-from contextvars import ContextVar
 
-REQUEST_ID: ContextVar[str] = ContextVar("request_id", default="")
 HEADER = "X-Request-Id"
 _TAKEN = re.compile(r"[A-Za-z0-9._-]{8,64}", re.ASCII)
 

@@ -121,7 +121,7 @@ def resource_routes(
         add("DELETE", path, told, (404, 409, 412, 422, 428), status_code=204)
     if mission and makes is not None and changes and deletes:
         told = _writing_many(kind, makes[0])
-        add("POST", f"{inside}/bulk", told, (400, 404, 409, 413, 422, *away), response_model=BulkDone)
+        add("POST", f"{inside}/bulk", told, (400, 404, 409, 422, *away), response_model=BulkDone)
     return router
 
 

@@ -12,7 +12,7 @@ from starlette.responses import StreamingResponse
 
 from ground.api import metrics
 from ground.api.context import call, look
-from ground.api.hub import Hub, Part, Probe, Read
+from ground.api.hub import Hub, Part, Probe, Read, lookers_topic
 from ground.api.problems import Answers
 from ground.gdr.repository import Repository
 from ground.jobs.kind import JOB
@@ -65,13 +65,17 @@ async def follow(
     *,
     shared: Read | None = None,
     probe: Probe | None = None,
+    beside: tuple[str, int, Read] | None = None,
 ) -> AsyncGenerator[bytes, None]:
     """Yield what comes to a topic behind a number, and a sign of life where one is due, until its last part.
 
     What is missing up to where the others are is read for this listener alone, with `read`, some at a time;
-    from there on all who follow the topic share one reader (`shared`, else `read`).
+    from there on all who follow the topic share one reader (`shared`, else `read`). What comes `beside`, on a
+    second topic whose newest number and reader are given, is sent as it comes.
     """
     listener = hub.join(topic, seen, shared or read, probe)
+    if beside is not None:
+        hub.join_beside(*beside, listener)
     try:
         while after < listener.since and (missed := await call(read, after)):
             after = missed[-1].number
@@ -80,9 +84,9 @@ async def follow(
                 return
         after = max(after, listener.since)
         while (parts := await listener.next()) is not None:
-            new = [part for part in parts if part.number > after]
+            new = [part for part in parts if part.aside or part.number > after]
             if new:
-                after = new[-1].number
+                after = max([after, *(part.number for part in new if not part.aside)])
                 yield _text(new)
                 if new[-1].last:
                     return
@@ -90,6 +94,8 @@ async def follow(
                 yield ALIVE
     finally:
         hub.leave(topic, listener)
+        if beside is not None:
+            hub.leave(beside[0], listener)
 
 
 def _text(parts: Sequence[Part]) -> bytes:
@@ -134,5 +140,13 @@ async def mission_stream(
         found = list_history(repo, SYSTEM_ACTOR, mission_id, after=after, limit=PAGE, newest_first=False)
         return [Part(item.seq, sse("change", item, item.seq)) for item in found.items]
 
+    lookers = hub.lookers
+
+    def who_looks(after: int) -> list[Part]:
+        number = lookers.number(mission_id)
+        here = lookers.of(mission_id)
+        return [Part(number, sse("presence", here), aside=True)] if number > after else []
+
     after = newest if last_event_id is None else int(last_event_id)
-    return stream(follow(hub, mission_id, newest, after, read))
+    beside = (lookers_topic(mission_id), lookers.number(mission_id), who_looks)
+    return stream(follow(hub, mission_id, newest, after, read, beside=beside))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from importlib.metadata import version
-from typing import Any
+from typing import Any, cast
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from ground.api import problems as problem_answers
 from ground.api.context import PREFIX
+from ground.api.openapi_form import OpenApi
 from ground.app import health
 from ground.app.openapi_details import describe
 from ground.resources.approvals.routes import router as approvals
@@ -31,10 +32,12 @@ from ground.resources.mission_merges.routes import router as mission_merges
 from ground.resources.mission_setup.routes import router as mission_setup
 from ground.resources.missions.routes import router as missions
 from ground.resources.observation_requests.routes import router as observation_requests
+from ground.resources.operations.routes import router as operations
 from ground.resources.packages.routes import router as packages
 from ground.resources.path_networks.routes import router as path_networks
 from ground.resources.people.routes import router as people
 from ground.resources.plans.routes import router as plans
+from ground.resources.presence.routes import router as presence
 from ground.resources.problems.routes import router as problems
 from ground.resources.products.routes import router as products
 from ground.resources.reports.routes import router as reports
@@ -90,6 +93,8 @@ ROUTERS = (
     executions,
     product_files,
     webhooks,
+    operations,
+    presence,
 )
 """Those asked most come first: a request is checked against one route after the other."""
 
@@ -130,7 +135,8 @@ def _document(app: FastAPI) -> dict[str, Any]:
             routes=app.routes,
             openapi_version="3.1.0",
         )
-        problem_answers.state_once(document)
-        describe(document)
+        form = cast("OpenApi", document)
+        problem_answers.state_once(form)
+        describe(form)
         app.openapi_schema = document
     return app.openapi_schema

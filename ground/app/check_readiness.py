@@ -20,21 +20,43 @@ DEGRADED = "degraded: "
 
 
 def check_readiness(repo: Repository, worker: Worker | None = None) -> dict[str, str]:
-    """Return `ok` or what is wrong for each part: database, schema, data folder, worker and engine.
+    """Return `ok` or what is wrong for each part: database, schema, folder, object store, worker and engine.
 
     Workers of other processes say themselves how they fare (`ground.jobs.presence`).
     """
     repo.database.ping()
-    found, needed = current_revision(repo.database), newest_revision()
     return {
         "database": "ok",
-        "schema": "ok"
-        if found == needed
-        else f"the database is at revision {found or 'none'}, {needed} is needed: run `outcrop migrate`",
+        "schema": _schema(repo),
         **({} if worker is None else worker_checks(worker)),
         **other_workers(repo, worker),
+        **_objects(repo),
         "data_dir": "ok" if os.access(repo.data_dir, os.W_OK) else f"{repo.data_dir} cannot be written",
     }
+
+
+def _schema(repo: Repository) -> str:
+    """Return how schema and program agree.
+
+    While a deployment goes on, servers of the version before answer on the new schema: a migration only adds
+    what they do not need to know (`tests/ground/test_rolling_upgrade.py`).
+    """
+    found, needed = current_revision(repo.database), newest_revision()
+    if found == needed:
+        return OK
+    if found is not None and found > needed:
+        return (
+            f"{DEGRADED}the database is at revision {found}, newer than this program's {needed}: upgrade it"
+        )
+    return f"the database is at revision {found or 'none'}, {needed} is needed: run `outcrop migrate`"
+
+
+def _objects(repo: Repository) -> dict[str, str]:
+    """Return how the object store fares; nothing where a disk keeps the files."""
+    if repo.files.store.is_local:
+        return {}
+    trouble = repo.files.store.trouble()
+    return {"files": f"{DEGRADED}{trouble}" if trouble else OK}
 
 
 def worker_checks(worker: Worker) -> dict[str, str]:

@@ -6,11 +6,9 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ground.api.openapi_form import Media, Schema
 from ground.api.streams import sse
 from ground.resources.kinds import KINDS
-
-Members = dict[str, Any]
-"""Members of a JSON document."""
 
 DEEP = 6
 """Schemas within schemas that an example shows; trees go on for ever."""
@@ -31,7 +29,7 @@ PREFIXES = {
 }
 """What the ids of a thing begin with, by its name or that of its schema."""
 
-WORDS: Members = {
+WORDS: dict[str, Any] = {
     "name": "Rock1",
     "author": "Planner",
     "actor": "Planner",
@@ -76,6 +74,7 @@ WORDS: Members = {
     "detail": f"there is no target tgt-{SERIAL}",
     "url": f"/api/v1/targets/tgt-{SERIAL}",
     "secret": "whsec_C2FVsBQIhrscChlQIMV+b5sSYspob7oD",
+    "crl": "(plan :id sol5 :node (task :id pan :action imagepanorama))",
     "east_m": 4.2,
     "north_m": -1.5,
     "up_m": 0.1,
@@ -99,7 +98,7 @@ AMOUNTS = {"_s": 3600.0, "_j": 250_000.0, "_rad": 0.35, "_m": 1.5, "_h": 9.5, "_
 """What a number of that unit is."""
 CODED = (f"tgt-{SERIAL}", "0a1b2c3d4e5f6071", f"{'A' * 43}=", f"{'A' * 86}==")
 """Texts of the patterns that there are: an id, the id of a key, a public key, a signature."""
-FILES: Members = {
+FILES: dict[str, object] = {
     "get_plan_crl": "(plan :id sol5 :node (task :id pan :action imagepanorama))\n",
     "metrics": "outcrop_event_streams 2.0\n",
     "get_campaign_table": "seed,utility\n7,31.5\n",
@@ -129,12 +128,12 @@ STREAMS = {
 class Examples:
     """Examples that fit the schemas of a document; those of named schemas are kept once."""
 
-    def __init__(self, schemas: Mapping[str, Members]) -> None:
+    def __init__(self, schemas: Mapping[str, Schema]) -> None:
         self._schemas = schemas
-        self.stated: Members = {}
+        self.stated: dict[str, object] = {}
         """By the name of their schema."""
 
-    def show(self, operation: str, media: str, content: Members) -> None:
+    def show(self, operation: str, media: str, content: Media) -> None:
         """Give a body its example, unless it has one or is a file of bytes."""
         if {"example", "examples"} & content.keys():
             return
@@ -151,7 +150,7 @@ class Examples:
         else:
             content["example"] = self.of(schema)
 
-    def has(self, content: Members, member: str) -> bool:
+    def has(self, content: Media, member: str) -> bool:
         """Return whether a body is an object with such a member."""
         name = content.get("schema", {}).get("$ref", "").rpartition("/")[2]
         return member in self._schemas.get(name, {}).get("properties", {})
@@ -162,7 +161,7 @@ class Examples:
             return sse(event, self.of(self._schemas[name]), 7).decode()
         return FILES.get(operation, FILES.get(media))
 
-    def of(self, schema: Members, name: str = "", depth: int = 0) -> Any:
+    def of(self, schema: Schema, name: str = "", depth: int = 0) -> Any:
         """Return a value that fits a schema; `name` is that of the member it stands in."""
         if "$ref" in schema:
             return self.of(self._schemas[schema["$ref"].rpartition("/")[2]], name, depth)
@@ -188,7 +187,7 @@ class Examples:
             return number_of(schema, name)
         return WORDS.get(name, False) if kind == "boolean" else None
 
-    def _object(self, schema: Members, depth: int) -> Members:
+    def _object(self, schema: Schema, depth: int) -> dict[str, object]:
         """Return an object: near the top with all its members, farther below with those it must have."""
         needed = schema.get("required", ())
         found = {
@@ -200,7 +199,7 @@ class Examples:
             found["id"] = f"{PREFIXES[schema['title']]}-{SERIAL}"
         return found
 
-    def _array(self, schema: Members, name: str, depth: int) -> list[Any]:
+    def _array(self, schema: Schema, name: str, depth: int) -> list[Any]:
         """Return an array with one item, or as many as it must have."""
         items = schema.get("prefixItems")
         item = schema.get("items", {}) if items is None else items[0]
@@ -220,7 +219,7 @@ def is_table(word: list[Any]) -> bool:
     return isinstance(word[0], list)
 
 
-def number_of(schema: Members, name: str) -> float:
+def number_of(schema: Mapping[str, object], name: str) -> float:
     """Return a number within the bounds of its schema."""
     word = WORDS.get(name)
     units = (amount for unit, amount in AMOUNTS.items() if name.endswith(unit))
@@ -233,7 +232,7 @@ def number_of(schema: Members, name: str) -> float:
     return int(value) if schema["type"] == "integer" else float(value)
 
 
-def text_of(schema: Members, name: str) -> str:
+def text_of(schema: Schema, name: str) -> str:
     """Return a text that fits its schema."""
     if schema.get("format") == "date-time" or name.endswith("_utc"):
         return "2026-11-22T08:31:26Z"

@@ -11,19 +11,20 @@ from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
-from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ground.api import metrics
 from ground.api.context import ONCE, call, replayed
-from ground.api.problems import MEDIA, describe_error, from_anything, problem
-from ground.api.request_id import HEADER, REQUEST_ID, request_id
+from ground.api.problems import from_anything, refusal
+from ground.api.request_id import HEADER, request_id
 from ground.errors import AuthenticationError, ForbiddenError, GroundError, InvalidInputError, TooLargeError
 from ground.gdr.repository import Repository
+from ground.logs import REQUEST_ID
 from ground.records.idempotency import Once
 from ground.resources.people.authentication import SAFE, Identities
 from ground.resources.people.log_in_limits import address_of
 from ground.settings import Authentication
+from ground.tracing import begin_request
 
 logger = logging.getLogger(__name__)
 
@@ -147,6 +148,7 @@ class Gate:
         status = 0
         name = request_id(headers.get(HEADER))
         mark = REQUEST_ID.set(name)
+        span = begin_request(method, headers.get("traceparent"))
 
         async def safe_send(message: Message) -> None:
             nonlocal status
@@ -161,7 +163,7 @@ class Gate:
             try:
                 await self._pass(scope, receive, safe_send, headers, method, path)
             except GroundError as err:
-                await self._refuse(err, path)(scope, receive, safe_send)
+                await refusal(err, path)(scope, receive, safe_send)
             except Exception as err:
                 if status:
                     raise
@@ -174,6 +176,8 @@ class Gate:
             if logger.isEnabledFor(_level(status)):
                 told = {"method": method, "path": path, "status": status, "took_s": round(took_s, 4)}
                 logger.log(_level(status), "answered", extra=told)
+            if span is not None:
+                span.end(method, place, status)
             REQUEST_ID.reset(mark)
 
     async def _pass(
@@ -288,12 +292,3 @@ class Gate:
             ONCE.reset(mark)
         if not once.answered and start is not None and start["status"] < 500:
             await call(once.keep, start["status"], list(start["headers"]), b"".join(parts))
-
-    def _refuse(self, error: GroundError, path: str) -> Response:
-        status, members = describe_error(error)
-        headers = {"WWW-Authenticate": "Bearer"} if status == 401 else {}
-        if "retry_after_s" in members:
-            headers["Retry-After"] = str(members.pop("retry_after_s"))
-        response = problem(status, instance=path, headers=headers, **members)
-        response.headers["Content-Type"] = MEDIA
-        return response

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ground.api.etags import etag_of
+from ground.api.openapi_form import Answer, OpenApi, Operation, Schema
 from ground.api.problems import BASE, MEDIA, STATUS
 from ground.api.request_id import HEADER
 from ground.app.examples import Examples
 from ground.app.gate import API, OPEN, REPEATABLE
 from ground.resources.people.authentication import COOKIE, CSRF_HEADER, PROFILE_HEADER, SAFE
 
-Members = dict[str, Any]
-"""Members of a JSON document."""
-
-SCHEMES: Members = {
+SCHEMES = {
     "key": {"type": "http", "scheme": "bearer", "description": "An API key"},
     "session": {
         "type": "apiKey",
@@ -36,9 +32,9 @@ SCHEMES: Members = {
     },
 }
 _TEXT = {"type": "string"}
-_ETAG: Members = {"type": "string", "pattern": '^(W/)?"[^"]+"$', "examples": [etag_of(3, b"")]}
-_ID: Members = {"type": "string", "pattern": "^[A-Za-z0-9._-]{8,64}$", "examples": ["0a1b2c3d4e5f6071"]}
-HEADERS: Members = {
+_ETAG: Schema = {"type": "string", "pattern": '^(W/)?"[^"]+"$', "examples": [etag_of(3, b"")]}
+_ID: Schema = {"type": "string", "pattern": "^[A-Za-z0-9._-]{8,64}$", "examples": ["0a1b2c3d4e5f6071"]}
+HEADERS = {
     HEADER: {
         "description": "Id of the request: what was sent, or a new one; problem and log name it",
         "required": True,
@@ -68,7 +64,7 @@ HEADERS: Members = {
     "Content-Disposition": {"description": "The name of the file", "schema": _TEXT},
     "Set-Cookie": {"description": f"`{COOKIE}`: the secret of the session", "schema": _TEXT},
 }
-PARAMETERS: Members = {
+PARAMETERS: dict[str, dict[str, object]] = {
     "If-None-Match": {
         "description": "ETags of what the client has, or `*`: 304 if what it would get is among them",
         "schema": {"type": "string", "maxLength": 1000},
@@ -107,7 +103,7 @@ OF_PROBLEM = {401: ["WWW-Authenticate"], 412: ["ETag"], 429: ["Retry-After"], 50
 NOT_MODIFIED = "Not-modified"
 
 
-def describe(document: Members) -> None:
+def describe(document: OpenApi) -> None:
     """Add them to a document whose problem answers are stated."""
     components = document["components"]
     components["securitySchemes"] = SCHEMES
@@ -130,7 +126,7 @@ def describe(document: Members) -> None:
     components["examples"] = examples.stated
 
 
-def _statuses(document: Members) -> dict[str, int]:
+def _statuses(document: OpenApi) -> dict[str, int]:
     """Return the status with which each stated answer is given."""
     return {
         answer["$ref"].rpartition("/")[2]: int(status)
@@ -141,19 +137,19 @@ def _statuses(document: Members) -> dict[str, int]:
     }
 
 
-def _problem(status: int) -> Members:
+def _problem(status: int) -> dict[str, object]:
     """Return the problem document of a status."""
     known = ((kind, title) for of, kind, title in STATUS.values() if of == status)
     kind, title = next(known, ("malformed-request", "The request cannot be read"))
     return {"type": f"{BASE}{kind}", "title": title, "status": status, "detail": title}
 
 
-def _describe(path: str, method: str, operation: Members, examples: Examples) -> None:
+def _describe(path: str, method: str, operation: Operation, examples: Examples) -> None:
     if path in OPEN or not path.startswith(API):
         operation["security"] = [{}]
     else:
-        session: Members = {"session": []} if method.upper() in SAFE else {"session": [], "token": []}
-        operation["security"] = [{"key": []}, session, {"profile": []}]
+        names = ("session",) if method.upper() in SAFE else ("session", "token")
+        operation["security"] = [{"key": []}, {name: [] for name in names}, {"profile": []}]
     name, answers = operation["operationId"], operation["responses"]
     parameters = operation.setdefault("parameters", [])
     for parameter in parameters:
@@ -175,7 +171,7 @@ def _describe(path: str, method: str, operation: Members, examples: Examples) ->
         answers["304"] = {"$ref": f"#/components/responses/{NOT_MODIFIED}"}
 
 
-def _taken(path: str, method: str, answers: Members) -> list[str]:
+def _taken(path: str, method: str, answers: dict[str, Answer]) -> list[str]:
     """Return the names of the headers that many operations take and this one too."""
     names = [HEADER]
     if method == "post" and path.startswith(API) and path not in REPEATABLE:
@@ -187,12 +183,12 @@ def _taken(path: str, method: str, answers: Members) -> list[str]:
     return names
 
 
-def _ends(answer: Members) -> bool:
+def _ends(answer: Answer) -> bool:
     """Return whether an answer can be kept as a whole: a stream has no end."""
     return "text/event-stream" not in answer.get("content", {})
 
 
-def _given(method: str, status: str, operation: Members, answer: Members, examples: Examples) -> list[str]:
+def _given(method: str, status: str, operation: Operation, answer: Answer, examples: Examples) -> list[str]:
     """Return the names of the headers that an answer has, or may have."""
     name, names = operation["operationId"], [HEADER]
     content = answer.get("content", {})
@@ -215,5 +211,5 @@ def _given(method: str, status: str, operation: Members, answer: Members, exampl
     return names
 
 
-def _headers(names: list[str]) -> Members:
+def _headers(names: list[str]) -> dict[str, dict[str, str]]:
     return {name: {"$ref": f"#/components/headers/{name}"} for name in names}

@@ -23,6 +23,9 @@
     states: { name: "Activity states", states: true },
   };
 
+  /** Whether a planner made it, so that it has a plan tree and a prediction; a merged or edited one has text alone. */
+  const predicted = (plan) => Boolean(plan.crl_sha256) && plan.expected_utility !== null;
+
   const identifier = (key) => ({ namespace: NAMESPACE, key });
 
   /** An answer that is none; one that will be the same the next time is `final`. */
@@ -310,7 +313,8 @@
         return this.planObject(await this.client.get(`/plans/${run.plan_id}`), (t_s) => feed.utc(t_s), location);
       }
       if (part === "energy") {
-        const drawn = ["energy_used_j", ...Object.keys(QUANTILES)].map((m) => identifier(`run.${id}.${m}`));
+        const energies = ["energy_used_j", ...Object.keys(QUANTILES)];
+        const drawn = (await this.parts(id)).filter((m) => energies.includes(m)).map((m) => identifier(`run.${id}.${m}`));
         const series = drawn.map((one) => ({ identifier: one }));
         const configuration = { series, objectStyles: {}, yAxis: {}, additionalYAxes: [] };
         return { name: "Energy, predicted and used", type: "telemetry.plot.overlay", composition: drawn, configuration, location };
@@ -318,6 +322,14 @@
       if (part) return { ...measureObject(part), location };
       const name = `Run ${run.kind} on ${run.rover}, seed ${run.seed}`;
       return { name, type: "outcrop.folder", location: `${NAMESPACE}:mission.${run.mission_id}` };
+    }
+
+    /** What there is of a run: nothing predicted where its plan has no prediction. */
+    async parts(id) {
+      const { run } = await this.feed(id);
+      const all = ["plan", "energy", ...Object.keys(MEASURES)];
+      if (predicted(await this.client.get(`/plans/${run.plan_id}`))) return all;
+      return all.filter((part) => part !== "plan" && !MEASURES[part]?.predicted);
     }
 
     async update(object) {
@@ -334,8 +346,8 @@
       if (kind === "missions") {
         return (await this.client.list("/missions")).map((m) => identifier(`mission.${m.id}`));
       }
-      if (kind === "run") return ["plan", "energy", ...Object.keys(MEASURES)].map((m) => identifier(`run.${id}.${m}`));
-      const plans = (await this.client.list(`/missions/${id}/plans`)).filter((p) => p.crl_sha256);
+      if (kind === "run") return (await this.parts(id)).map((m) => identifier(`run.${id}.${m}`));
+      const plans = (await this.client.list(`/missions/${id}/plans`)).filter(predicted);
       const runs = await this.client.list(`/missions/${id}/runs`);
       return [...plans.map((p) => identifier(`plan.${p.id}`)), ...runs.map((r) => identifier(`run.${r.id}`))];
     }

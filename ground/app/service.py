@@ -20,18 +20,19 @@ from ground.app.conditional import Conditional
 from ground.app.courier import Courier
 from ground.app.gate import Gate
 from ground.app.job_kinds import job_kinds
-from ground.app.logs import set_up_logging
 from ground.app.pages import install_pages
 from ground.app.warm_up import warm_up_quietly
 from ground.gdr.repository import Repository, open_repository
 from ground.jobs.queue import JobKind
 from ground.jobs.worker import Worker
+from ground.logs import set_up_logging
 from ground.resources.kinds import KINDS
 from ground.resources.mission_archives.copy_mission import sweep_copies
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.people.authentication import Identities
 from ground.resources.people.first_administrator import invite
 from ground.resources.people.log_in_limits import LogInLimits
+from ground.resources.upkeep.store_size import StoreSize
 from ground.settings import Settings, load_settings
 
 logger = logging.getLogger(__name__)
@@ -82,6 +83,8 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
     app.state.identities = identities
     app.state.limits = LogInLimits()
     app.state.worker = worker
+    app.state.job_kinds = JOB_KINDS
+    app.state.store_size = StoreSize(repo.data_dir)
     install_pages(app)
     app.add_middleware(Gate, repo=repo, identities=identities)
     app.add_middleware(Conditional)
@@ -103,7 +106,7 @@ def say_how_to_begin(repo: Repository) -> None:
 def create_app() -> FastAPI:
     """Return the service as `outcrop serve` runs it: settings from the environment, the database migrated."""
     settings: Settings = load_settings()
-    set_up_logging(settings)
+    set_up_logging(settings.log_format, settings.log_level)
     repo = open_repository(settings)
     ensure_profiles(repo)
     say_how_to_begin(repo)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-
-from mission.codec import Document
+from collections.abc import Mapping
 
 _TOKEN = re.compile(r"[A-Za-z0-9_.:+/-]{1,64}")
 """Ids, states, hashes and times; words with a space between them, and all other characters, are text."""
@@ -17,7 +16,7 @@ LONGEST = 4000
 """Characters of one text that are handed on."""
 
 
-def handed(value: object) -> Document:
+def handed(value: object) -> Mapping[str, object]:
     """Return an answer for an assistant: the notice, and the value with each text marked."""
     return {"notice": NOTICE, "value": marked(value)}
 

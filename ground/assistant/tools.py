@@ -6,7 +6,7 @@ The key decides, not this list: a server holds a key with the role `assistant` t
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -39,45 +39,47 @@ class Tools:
 
     # ---- reading
 
-    def list_missions(self) -> Document:
+    def list_missions(self) -> Mapping[str, object]:
         """List the missions that can be seen."""
         return self._all(self._client.list_missions(), 500)
 
-    def list_targets(self, mission_id: Id, limit: Many = 200) -> Document:
+    def list_targets(self, mission_id: Id, limit: Many = 200) -> Mapping[str, object]:
         """List targets of a mission with their places (site frame, metres)."""
         return self._all(self._client.list_targets(mission_id), limit)
 
-    def list_requests(self, mission_id: Id, limit: Many = 200) -> Document:
+    def list_requests(self, mission_id: Id, limit: Many = 200) -> Mapping[str, object]:
         """List observation requests of a mission with their states and the reasons of those."""
         return self._all(self._client.list_observation_requests(mission_id), limit)
 
-    def list_plans(self, mission_id: Id, limit: Many = 50) -> Document:
+    def list_plans(self, mission_id: Id, limit: Many = 50) -> Mapping[str, object]:
         """List plans of a mission with their states, values and bounds."""
         return self._all(self._client.list_plans(mission_id), limit)
 
-    def read_plan(self, plan_id: Id) -> Document:
+    def read_plan(self, plan_id: Id) -> Mapping[str, object]:
         """Read a plan and its summary: what it does, and why requests are left out."""
         plan = self._client.get_plan(plan_id)
         summary = self._client.get_plan_summary(plan_id) if plan["problem_id"] else {}
         return handed({"plan": plan, "summary": summary})
 
-    def why_not(self, plan_id: Id, request_id: Id) -> Document:
+    def why_not(self, plan_id: Id, request_id: Id) -> Mapping[str, object]:
         """Say why a plan leaves a request out, or how it stands in it."""
         return handed(self._client.explain_request(plan_id, request_id))
 
-    def list_runs(self, mission_id: Id, limit: Many = 50) -> Document:
+    def list_runs(self, mission_id: Id, limit: Many = 50) -> Mapping[str, object]:
         """List dry runs and executions of a mission with their outcomes."""
         return self._all(self._client.list_runs(mission_id), limit)
 
-    def read_terrain(self, mission_id: Id) -> Document:
+    def read_terrain(self, mission_id: Id) -> Mapping[str, object]:
         """Read the summary of a mission's terrain: extent, layers, where the rover starts."""
         return handed(self._client.get_terrain(mission_id))
 
-    def list_drafts(self, mission_id: Id, limit: Many = 200) -> Document:
+    def list_drafts(self, mission_id: Id, limit: Many = 200) -> Mapping[str, object]:
         """List drafts of a mission: open, accepted or rejected, by whom and why."""
         return self._all(self._client.list_drafts(mission_id), limit)
 
-    def check_plan(self, plan_id: Id, runs: Annotated[int, Field(ge=10, le=1000)] = 200) -> Document:
+    def check_plan(
+        self, plan_id: Id, runs: Annotated[int, Field(ge=10, le=1000)] = 200
+    ) -> Mapping[str, object]:
         """Hold validator, futures and flight rules against a plan, as `outcrop plan ci` does."""
         from ground.campaigns.engines import HereEngine
         from ground.checks.check_plan import CheckOrder, check_plan
@@ -104,7 +106,7 @@ class Tools:
         name: Name = "",
         notes: Words = "",
         why: Words = "",
-    ) -> Document:
+    ) -> Mapping[str, object]:
         """Propose a target at a place of the site frame; a person takes it over or not."""
         target: dict[str, Any] = {"east_m": east_m, "north_m": north_m, "notes": notes}
         return self._draft(mission_id, why, target=target | ({"name": name} if name else {}))
@@ -118,7 +120,7 @@ class Tools:
         window_s: Window | None = None,
         rationale: Words = "",
         why: Words = "",
-    ) -> Document:
+    ) -> Mapping[str, object]:
         """Propose an observation of a target; `window_s` is the earliest and latest start, plan seconds."""
         request: dict[str, Any] = {
             "target_id": target_id,
@@ -130,7 +132,7 @@ class Tools:
 
     def draft_keep_out(
         self, mission_id: Id, polygon_m: Corners, notes: Words = "", why: Words = ""
-    ) -> Document:
+    ) -> Mapping[str, object]:
         """Propose a polygon (east, north) that the rover must not enter."""
         return self._draft(mission_id, why, keep_out={"polygon_m": polygon_m, "notes": notes})
 
@@ -141,16 +143,16 @@ class Tools:
         seed: Annotated[int, Field(ge=0, le=2**53 - 1)] = 1,
         strategy: Literal["optimal", "pico2005"] = "optimal",
         why: Words = "",
-    ) -> Document:
+    ) -> Mapping[str, object]:
         """Propose to ask the planner for a plan; nothing is computed until a person takes it over."""
         order = {"max_branches": max_branches, "seed": seed, "strategy": strategy}
         return self._draft(mission_id, why, plan=order)
 
-    def preview_sentence(self, mission_id: Id, text: Words) -> Document:
+    def preview_sentence(self, mission_id: Id, text: Words) -> Mapping[str, object]:
         """Say what a plain sentence would draft, or what has to be asked."""
         return handed(self._client.read_sentence(mission_id, text=text))
 
-    def draft_sentence(self, mission_id: Id, text: Words) -> Document:
+    def draft_sentence(self, mission_id: Id, text: Words) -> Mapping[str, object]:
         """Draft what a plain sentence asks for."""
         return handed(self._client.draft_sentence(mission_id, text=text))
 

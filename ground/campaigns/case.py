@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
-
-from mission.codec import Document
+from typing import TYPE_CHECKING, TypedDict, cast
 
 if TYPE_CHECKING:
     from executive.crl import Plan
+    from planner.problem_document import ObservationDocument, ProblemDocument, TargetDocument
 
 
 def sha256_of(*texts: str) -> str:
@@ -21,6 +20,18 @@ def sha256_of(*texts: str) -> str:
     for text in texts:
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()
+
+
+class World(TypedDict, total=False):
+    """What the ground itself reads of a `world/1` document; paths are absolute."""
+
+    format: str
+    name: str
+    terrain: str
+    profile: str
+    battery_j: float
+    sun: Mapping[str, float]
+    problem: ProblemDocument
 
 
 @dataclass(frozen=True)
@@ -47,16 +58,15 @@ class Case:
         return sha256_of(self.crl_text, self.world_text, self.rover)
 
     @cached_property
-    def world(self) -> Document:
+    def world(self) -> World:
         """Return the world's document."""
-        found: dict[str, Any] = json.loads(self.world_text)
+        found: World = json.loads(self.world_text)
         return found
 
     @property
-    def problem(self) -> Document:
+    def problem(self) -> ProblemDocument:
         """Return the planning problem of the world; empty where it has none."""
-        found: Document = self.world.get("problem") or {}
-        return found
+        return cast("ProblemDocument", self.world.get("problem") or {})
 
     def plan(self) -> Plan:
         """Return the plan as CRL's value."""
@@ -74,6 +84,11 @@ def _parsed(crl_text: str) -> Plan:
     return parse(crl_text)
 
 
-def world_text(document: Document) -> str:
+def observations_of(target: TargetDocument) -> Sequence[ObservationDocument]:
+    """Return the observations of a target; in a `contingency/1` document it is its only one itself."""
+    return target["observations"] if "observations" in target else [cast("ObservationDocument", target)]
+
+
+def world_text(document: Mapping[str, object]) -> str:
     """Return a world as canonical JSON."""
     return json.dumps(document, sort_keys=True, separators=(",", ":"))

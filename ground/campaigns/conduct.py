@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from ground.campaigns.case import Case, sha256_of
+from ground.campaigns.case import Case, observations_of, sha256_of
 from ground.campaigns.causes import Causes
 from ground.campaigns.compare import paired
 from ground.campaigns.engines import Engine
@@ -275,5 +275,5 @@ def result_of(
 def futures_of(case: Case) -> str:
     """Return a digest of what gives a seed its meaning: the rover, the places and the observations."""
     targets = case.problem.get("targets", ())
-    names = [f"{t['id']}:{','.join(o['id'] for o in t.get('observations', (t,)))}" for t in targets]
+    names = [f"{t['id']}:{','.join(o['id'] for o in observations_of(t))}" for t in targets]
     return sha256_of(case.rover, *map(str, names))

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from ground.campaigns.case import Cases
-from ground.campaigns.units import Unit, fly_unit
+from ground.campaigns.case import Case, Cases
+from ground.campaigns.engines import Engine, HereEngine
+from ground.campaigns.units import Unit, fly_noted
+from ground.cluster import Cluster, do_as, program
 from ground.errors import UnavailableError
+from ground.tracing import Part, note_part
 
 WAIT_S = 30.0
 """For the scheduler to answer, and for a first worker."""
 AHEAD = 4
 """Units on the way for each thread of the cluster."""
 
+Bring = Callable[[], object]
 
-def program_version() -> str:
-    """Return the version of this program, as each worker must have it."""
-    from importlib.metadata import version
 
-    return version("outcrop")
+def nothing() -> None:
+    """Bring nothing: a case of the abstract rover needs no files."""
 
 
 class DaskEngine:
@@ -28,12 +31,16 @@ class DaskEngine:
     Raises
     ------
     UnavailableError
-        If `distributed` is not installed, nothing answers at the address, or a worker runs another version.
+        If `distributed` is not installed, nothing answers at the address, it is beyond loopback without
+        TLS, or a worker runs another program.
     """
 
-    def __init__(self, scheduler: str) -> None:
+    def __init__(self, cluster: Cluster) -> None:
+        scheduler = cluster.address
         if not scheduler:
             raise UnavailableError("--engine dask needs OUTCROP_DASK_SCHEDULER, the scheduler's address")
+        if refusal := cluster.refusal():
+            raise UnavailableError(refusal)
         try:
             from distributed import Client
         except ImportError as err:
@@ -41,7 +48,7 @@ class DaskEngine:
                 "--engine dask needs the extra cluster: pip install outcrop[cluster]"
             ) from err
         try:
-            self._client: Any = Client(scheduler, timeout=WAIT_S, set_as_default=False)
+            self._client: Any = Client(scheduler, timeout=WAIT_S, set_as_default=False, **cluster.options())
         except (OSError, TimeoutError, ValueError) as err:
             raise UnavailableError(f"no Dask scheduler answers at {scheduler} within {WAIT_S:g} s") from err
         try:
@@ -55,9 +62,9 @@ class DaskEngine:
             self._client.wait_for_workers(1, timeout=WAIT_S)
         except TimeoutError as err:
             raise UnavailableError(f"the Dask scheduler at {scheduler} has no worker") from err
-        ours = program_version()
+        ours = program()
         try:
-            found = self._client.run(program_version)
+            found = self._client.run(program)
         except Exception as err:  # whatever the worker's import raises is sent here
             raise UnavailableError(f"a Dask worker cannot import outcrop: {err}") from err
         for worker, theirs in sorted(found.items()):
@@ -69,31 +76,8 @@ class DaskEngine:
     def fly(
         self, cases: Cases, units: Iterable[Unit], should_stop: Callable[[], bool]
     ) -> Iterator[tuple[Unit, str]]:
-        from distributed import as_completed
-
-        held = {name: self._client.scatter(case, broadcast=False, hash=False) for name, case in cases.items()}
-        left = iter(units)
-        threads = max(1, sum(self._client.nthreads().values()))
-        open_: dict[str, Unit] = {}
-        done = as_completed(loop=self._client.loop)
-
-        def more() -> None:
-            while len(open_) < AHEAD * threads and not should_stop():
-                unit = next(left, None)
-                if unit is None:
-                    return
-                future = self._client.submit(fly_unit, held[unit.series], unit, pure=False)
-                open_[future.key] = unit
-                done.add(future)
-
         try:
-            more()
-            while open_:
-                future = next(done)
-                unit = open_.pop(future.key)
-                text = future.result()
-                more()
-                yield unit, text
+            yield from _fly_on(self._client, cases, units, should_stop, nothing)
         except Exception as err:
             raise self._told(err) from err
 
@@ -115,3 +99,81 @@ class DaskEngine:
                 f"the Dask cluster was lost ({name}); --resume goes on with what is there"
             )
         return err
+
+
+class AroundEngine:
+    """Flies on the cluster whose worker this is done by, which has its thread free meanwhile.
+
+    What is lost there is not told in words: the worker of the service knows such errors of an engine.
+
+    Parameters
+    ----------
+    bring
+        Called before each unit where it is flown: brings to that machine what it has not got.
+    """
+
+    def __init__(self, bring: Bring) -> None:
+        self._bring = bring
+
+    def close(self) -> None: ...
+
+    def fly(
+        self, cases: Cases, units: Iterable[Unit], should_stop: Callable[[], bool]
+    ) -> Iterator[tuple[Unit, str]]:
+        from distributed import worker_client
+
+        with worker_client() as client:
+            yield from _fly_on(client, cases, units, should_stop, self._bring)
+
+
+def engine_here(bring: Bring) -> Engine:
+    """Return the engine of the cluster whose worker this is done by; without one that of this process.
+
+    `bring` brings what a machine needs of files; it is sent to others.
+    """
+    distributed = sys.modules.get("distributed")
+    if distributed is not None:
+        try:
+            distributed.get_worker()
+        except ValueError:
+            pass
+        else:
+            return AroundEngine(bring)
+    bring()
+    return HereEngine()
+
+
+def _fly_on(
+    client: Any, cases: Cases, units: Iterable[Unit], should_stop: Callable[[], bool], bring: Bring
+) -> Iterator[tuple[Unit, str]]:
+    from distributed import as_completed
+
+    held = {name: client.scatter(case, broadcast=False, hash=False) for name, case in cases.items()}
+    ours = program()
+    left = iter(units)
+    threads = max(1, sum(client.nthreads().values()))
+    open_: dict[str, Unit] = {}
+    done = as_completed(loop=client.loop)
+
+    def more() -> None:
+        while len(open_) < AHEAD * threads and not should_stop():
+            unit = next(left, None)
+            if unit is None:
+                return
+            future = client.submit(do_as, ours, _fly_there, held[unit.series], unit, bring, pure=False)
+            open_[future.key] = unit
+            done.add(future)
+
+    more()
+    while open_:
+        future = next(done)
+        unit = open_.pop(future.key)
+        text, part = future.result()
+        note_part(part)
+        more()
+        yield unit, text
+
+
+def _fly_there(case: Case, unit: Unit, bring: Bring) -> tuple[str, Part]:
+    bring()
+    return fly_noted(case, unit)

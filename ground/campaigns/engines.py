@@ -7,8 +7,9 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from typing import Protocol
 
 from ground.campaigns.case import Cases
-from ground.campaigns.units import Unit, fly_unit
+from ground.campaigns.units import Unit, fly_noted, fly_unit
 from ground.errors import UnavailableError
+from ground.tracing import note_part
 
 DEATHS = 5
 """A pool whose processes die so often without a unit in between has a unit that kills them."""
@@ -40,7 +41,9 @@ class HereEngine:
         for unit in units:
             if should_stop():
                 return
-            yield unit, fly_unit(cases[unit.series], unit)
+            text, part = fly_noted(cases[unit.series], unit)
+            note_part(part)
+            yield unit, text
 
 
 class PoolEngine:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ground.campaigns.case import Case
+from ground.campaigns.case import Case, observations_of
 from ground.campaigns.variant import NamedCase, Variant, varied
 
 MORE_TIME_S = 600.0
@@ -24,12 +24,9 @@ def help_cases(base: Case) -> tuple[NamedCase, ...]:
     if "energy" in budgets:
         asked.append(Variant(f"energy-plus-{MORE_ENERGY_J:g}-j", add_energy_j=MORE_ENERGY_J))
     legs = base.problem.get("legs", ())
-    if any(chance > 0 for leg in legs for chance in leg.get("p_lose", {}).values()):
+    if any(chance > 0 for leg in legs for chance in (leg.get("p_lose") or {}).values()):
         asked.append(Variant("half-the-losses-of-tracks", loss_factor=FEWER))
-    if any(
-        o.get("p_success", 1.0) < 1.0
-        for t in base.problem.get("targets", ())
-        for o in t.get("observations", (t,))
-    ):
+    made = (o for t in base.problem.get("targets", ()) for o in observations_of(t))
+    if any((1.0 if (p := o.get("p_success")) is None else p) < 1.0 for o in made):
         asked.append(Variant("half-the-spoilt-observations", failure_factor=FEWER))
     return tuple(NamedCase(v.name, varied(v, base)) for v in asked)

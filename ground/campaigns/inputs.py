@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
-from ground.campaigns.case import Case, world_text
+from ground.campaigns.case import Case, World, observations_of, world_text
 from ground.campaigns.variant import canonical, read_plan
 from ground.errors import InvalidInputError
-from mission.codec import Document, read_object
+from mission.codec import read_object
 
 if TYPE_CHECKING:
     from executive.crl import Plan
+    from planner.problem_document import ProblemDocument
 
 WORLD = "world/1"
 TREE = "plan_tree.json"
@@ -40,10 +41,9 @@ def read_case(plan_file: Path, world_file: Path, rover: str, *, any_world: bool 
 
     find_rover(rover)
     plan = read_plan(plan_file)
-    document = dict(world_document(world_file))
+    document = world_document(world_file)
     try:
-        world = load_world(document)
-        problem = dict(world.problem_document())
+        problem = cast("ProblemDocument", load_world(document).problem_document())
     except RoverError as err:
         raise InvalidInputError(f"{world_file}: {err}") from err
     document["problem"] = problem
@@ -53,13 +53,14 @@ def read_case(plan_file: Path, world_file: Path, rover: str, *, any_world: bool 
     return Case(canonical(plan), world_text(document), rover)
 
 
-def world_document(path: Path) -> Document:
+def world_document(path: Path) -> World:
     """Return the `world/1` document in a file or folder, with everything inside and absolute paths."""
     if path.is_dir():
         path = path / "world.json"
     document = dict(read_object(path, InvalidInputError, "world"))
     if document.get("format") in ("problem/1", "contingency/1"):
-        return {"format": WORLD, "name": str(document.get("name", "")), "problem": document}
+        problem = cast("ProblemDocument", document)
+        return {"format": WORLD, "name": str(document.get("name", "")), "problem": problem}
     folder = path.parent.resolve()
     for member in ("problem", "faults"):
         if isinstance(document.get(member), str):
@@ -70,10 +71,10 @@ def world_document(path: Path) -> Document:
         held = document.get(member)
         if isinstance(held, str) and (member == "terrain" or held.endswith(".toml")):
             document[member] = str(folder / held)
-    return document
+    return cast("World", document)
 
 
-def check_targets(plan: Plan, problem: Document, plan_name: str, world_name: str) -> None:
+def check_targets(plan: Plan, problem: ProblemDocument, plan_name: str, world_name: str) -> None:
     """Refuse a plan that goes to targets, or makes observations, that the world does not have.
 
     Raises
@@ -82,7 +83,7 @@ def check_targets(plan: Plan, problem: Document, plan_name: str, world_name: str
         With the first of them and what the world has.
     """
     targets = [str(t["id"]) for t in problem.get("targets", ())]
-    made = {str(o["id"]) for t in problem.get("targets", ()) for o in t.get("observations", (t,))}
+    made = {str(o["id"]) for t in problem.get("targets", ()) for o in observations_of(t)}
     for task, target, observation in _named(plan):
         if target is not None and target not in targets:
             known = ", ".join(targets[:12]) + (", ..." if len(targets) > 12 else "")
@@ -111,7 +112,7 @@ def _named(plan: Plan) -> Iterator[tuple[str, str | None, str | None]]:
             )
 
 
-def _check_tree(plan_file: Path, problem: Mapping[str, Any], world_file: Path) -> None:
+def _check_tree(plan_file: Path, problem: Mapping[str, object], world_file: Path) -> None:
     """Refuse a world whose problem is not the one for which the plan tree beside the plan was made."""
     tree = read_tree(plan_file)
     wanted = None if tree is None else tree.get("problem_sha256")
@@ -131,7 +132,7 @@ def _check_tree(plan_file: Path, problem: Mapping[str, Any], world_file: Path) -
         )
 
 
-def read_tree(plan_file: Path) -> Document | None:
+def read_tree(plan_file: Path) -> Mapping[str, object] | None:
     """Return the plan tree that lies beside a plan, or None."""
     path = plan_file.with_name(TREE)
     return read_object(path, InvalidInputError, "plan tree") if path.is_file() else None

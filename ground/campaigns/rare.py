@@ -33,7 +33,6 @@ Draw = tuple[str, tuple[int, ...]]
 """A draw by its array in `Future` and its index there."""
 
 NORMAL = ("leg_time_s", "leg_energy_j", "obs_time_s", "obs_energy_j")
-COIN = ("leg_loss_u", "obs_success_u")
 
 
 @dataclass(frozen=True, slots=True)

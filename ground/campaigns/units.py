@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ground.campaigns.case import Case
 from ground.campaigns.pilot import pilot_of
+from ground.tracing import Part, now_ns, this_place
 
 FAST_UNIT, SLOW_UNIT = 100, 1
 """Runs of a unit: a quarter of a second of the abstract rover, one run of a rover in a terrain. What is lost
@@ -39,3 +40,10 @@ def fly_unit(case: Case, unit: Unit) -> str:
     """Return the rows of a unit, a line each. Pure: the same on every machine that runs this program."""
     pilot = pilot_of(case)
     return "".join(pilot.row(seed).line() + "\n" for seed in range(unit.first, unit.first + unit.count))
+
+
+def fly_noted(case: Case, unit: Unit) -> tuple[str, Part]:
+    """Return the rows of a unit, and when and in which process it was flown."""
+    began_ns = now_ns()
+    text = fly_unit(case, unit)
+    return text, Part(f"unit {unit.series or 'main'} {unit.index}", began_ns, now_ns(), this_place())

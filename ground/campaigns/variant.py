@@ -123,7 +123,7 @@ def varied(variant: Variant, base: Case, folder: Path = Path()) -> Case:
     """
     where = f'variant "{variant.name}"'
     plan = read_plan(folder / variant.plan) if variant.plan else base.plan()
-    world = dict(base.world)
+    world: dict[str, Any] = {**base.world}
     touched = [name for name in ODDS if getattr(variant, name) != 1.0]
     if touched and base.rover != "abstract":
         raise InvalidInputError(

@@ -12,11 +12,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
+from ground.campaigns.case import observations_of
 from ground.campaigns.result import CampaignResult
 from ground.campaigns.tally import OVER
 from ground.checks.used_observations import OpenUse
-from mission.codec import Document
+
+if TYPE_CHECKING:
+    from planner.problem_document import ObservationDocument, PoseDocument, ProblemDocument, TargetDocument
 
 MARS_HOUR_S = 88_775.244 / 24
 """Seconds of an hour of local mean solar time."""
@@ -57,7 +61,7 @@ class Facts:
         What the largest campaign of the plan says, and how many runs are asked for.
     """
 
-    problem: Document | None
+    problem: ProblemDocument | None
     planned: frozenset[str]
     errors: tuple[str, ...]
     instruments: frozenset[str]
@@ -70,7 +74,7 @@ class Facts:
     least_runs: int
     open_uses: tuple[OpenUse, ...] = ()
 
-    def day(self) -> Document:
+    def day(self) -> ProblemDocument:
         """Return the problem, which every rule reads that holds of the day or of runs in its world.
 
         Raises
@@ -82,10 +86,10 @@ class Facts:
             raise UndecidedError("the problem came with an archive and counts for no rule; plan anew here")
         return self.problem
 
-    def observations(self) -> Iterator[tuple[Document, Document]]:
+    def observations(self) -> Iterator[tuple[TargetDocument, ObservationDocument]]:
         """Yield each planned observation with its target."""
         for target in self.day().get("targets", ()):
-            for observation in target.get("observations", (target,)):
+            for observation in observations_of(target):
                 if observation["id"] in self.planned:
                     yield target, observation
 
@@ -98,15 +102,14 @@ Verdict = tuple[bool, float | None, str]
 """Whether the rule holds, the value found, and what to say about it."""
 
 
-def _name(target: Document) -> str:
-    return str(target.get("refs", {}).get("name", target["id"]))
+def _name(target: TargetDocument) -> str:
+    return (target.get("refs") or {}).get("name", target["id"])
 
 
-def _stand(target: Document) -> Document:
-    try:
-        found: Document = target["observation_point"]
-    except KeyError as err:
-        raise UndecidedError(f"the problem has no observation_point of {target['id']}") from err
+def _stand(target: TargetDocument) -> PoseDocument:
+    found = target.get("observation_point")
+    if found is None:
+        raise UndecidedError(f"the problem has no observation_point of {target['id']}")
     return found
 
 
@@ -149,9 +152,9 @@ def _arm(facts: Facts, limit: float) -> Verdict:
         if observation.get("kind") != "place":
             continue
         pose = _stand(target)
-        if "point_m" not in target:
+        point = target.get("point_m")
+        if point is None:
             raise UndecidedError(f"the problem has no point_m of {target['id']}")
-        point = target["point_m"]
         distance = math.hypot(point[0] - pose["east_m"], point[1] - pose["north_m"])
         if distance > farthest:
             farthest, where = distance, f"farthest is {_name(target)}"

@@ -7,7 +7,7 @@ what was made before, so it is left open here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -39,7 +39,7 @@ class UsedObservations:
     open: tuple[OpenUse, ...]
 
 
-def used_observations(plan: Plan, problem: Document, profile: RoverProfile) -> UsedObservations:
+def used_observations(plan: Plan, problem: Mapping[str, object], profile: RoverProfile) -> UsedObservations:
     """Return what the tasks of a plan observe, in its tree, its contingencies and its library."""
     from executive.crl.nodes import Task, walk_plan
 

@@ -86,9 +86,11 @@ def _engine(name: str, workers: int) -> Engine:
 
     from ground.campaigns.dask_engine import DaskEngine
     from ground.campaigns.engines import HereEngine, PoolEngine
+    from ground.cluster import Cluster
 
     if name == "dask":
-        return DaskEngine(os.environ.get("OUTCROP_DASK_SCHEDULER", ""))
+        names = ("SCHEDULER", "CERTIFICATE", "KEY", "CA")
+        return DaskEngine(Cluster(*(os.environ.get(f"OUTCROP_DASK_{name}", "") for name in names)))
     return HereEngine() if workers == 1 else PoolEngine(workers)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ground.cli.failure import BAD_INPUT
+from ground.cli.help_text import tell_whole
 from ground.extras import missing_extra
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,
+    rich_markup_mode=None,  # drawing the help with rich takes 0.09 s of the 0.25 s that a start may
+    context_settings={"max_content_width": 120},
 )
 
 
@@ -74,6 +77,7 @@ def main() -> None:
     """Run the command line."""
     register_all()
     only_asked(app.registered_groups, sys.argv[1:])
+    tell_whole(app)
     try:
         app()
     except ModuleNotFoundError as err:

@@ -37,11 +37,40 @@ def require_migrated(settings: Settings) -> None:
         fail(f"cannot reach the database {where}: {str(err.__cause__ or err).splitlines()[0]}")
     finally:
         repo.database.dispose()
+    if found is not None and found > newest_revision():
+        fail(
+            f"the database is at revision {found}, newer than this program's {newest_revision()}: install "
+            "the newer version"
+        )
     if found != newest_revision():
         fail(
             f"the database is at revision {found or 'none'}, {newest_revision()} is needed: run "
             "`outcrop migrate`"
         )
+
+
+def make_if_empty(settings: Settings) -> bool:
+    """Give an empty database the schema of this version; return whether it was empty.
+
+    One that holds anything is left alone: what is older is brought forward by who runs `outcrop migrate`.
+    """
+    from sqlalchemy import inspect
+    from sqlalchemy.exc import SQLAlchemyError
+
+    from ground.gdr.migrate import migrate
+    from ground.gdr.repository import open_repository
+
+    repo = open_repository(settings)
+    try:
+        if inspect(repo.database.engine).get_table_names():
+            return False
+        migrate(repo.database)
+        return True
+    except SQLAlchemyError as err:
+        where = repo.database.url.render_as_string(hide_password=True)
+        fail(f"cannot make the database {where}: {str(err.__cause__ or err).splitlines()[0]}")
+    finally:
+        repo.database.dispose()
 
 
 def open_or_fail() -> Repository:

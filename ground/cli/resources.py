@@ -22,6 +22,7 @@ from typer.core import TyperGroup
 from ground.cli.connection import PERSON, SERVER, connected, follow, show, uploaded, written
 from ground.cli.failure import fail
 from ground.cli.forms.at import CRS, LONLAT, LONLAT_HELP, at_of, reference_of
+from ground.cli.help_text import first_paragraph
 
 if TYPE_CHECKING:
     from ground.client.interface import Member, Operation
@@ -46,6 +47,7 @@ ABOUT = {
     "product": "Data products.",
     "campaign": "One plan flown many times: what goes wrong, how often, and why.",
     "job": "Jobs.",
+    "operations": "How the service fares.",
     "approval": "Approvals.",
     "person": "People and their roles.",
     "history": "Changes of a mission.",
@@ -59,6 +61,8 @@ ABOUT = {
 KINDS = {"observation-requests": "request", "plans": "review", "path-networks": "network", "people": "person"}
 """Collections whose group has another name than their own in the singular."""
 PLACES = {
+    "say_presence": "mission say-presence",
+    "leave_presence": "mission leave-presence",
     "undo": "history undo",
     "redo": "history redo",
     "list_history": "history list",
@@ -66,6 +70,8 @@ PLACES = {
     "create_path_network": "network make",
     "compare_plans": "review compare",
     "differ_plans": "review diff",
+    "check_crl": "review check",
+    "edit_plan": "review edit",
     "create_waiver": "review waive",
     "make_statement": "review prepare",
     "export_geometry": "exchange export-geometry",
@@ -93,6 +99,7 @@ PLACES = {
     "export_frames": "frame export",
     "get_traverse_picture": "traverse picture",
     "get_site_map_file": "site-map get",
+    "get_operations": "operations show",
 }
 """Commands whose name does not follow from the path."""
 LINES = {
@@ -128,6 +135,7 @@ LINES = {
     "undo": "{action} {kind} {subject_id}",
     "redo": "{action} {kind} {subject_id}",
     "get_plan_findings": "{severity} {code} line {line}: {message}",
+    "check_crl": "{severity} {code} line {line} column {column}: {message}",
     "import_geometry": "{targets:n} targets, {keep_outs:n} keep-outs",
     "list_traverses": "{id}  {name}",
     "create_api_key": "{id}  {secret}",
@@ -213,9 +221,9 @@ class ResourceGroup(TyperGroup):
         operation = generated().get(self.name or "", {}).get(cmd_name)
         if found is not None or operation is None:
             return found
-        program = typer.Typer(add_completion=False)
+        program = typer.Typer(add_completion=False, rich_markup_mode=None)
         about = f"{operation.about.strip()} Needs a server."
-        program.command(cmd_name, help=about)(_command(operation))
+        program.command(cmd_name, help=about, short_help=first_paragraph(about))(_command(operation))
         return typer.main.get_command(program)
 
 
@@ -354,13 +362,14 @@ def _values_of(known: Sequence[Member], words: Sequence[str], by_place: Sequence
 
 
 def _value(member: Member, text: str) -> Any:
-    if member.types == {"string"}:
-        return text
-    if text.startswith("@"):
+    of_file = text.startswith("@") and (member.types != {"string"} or member.name == "crl")
+    if of_file:
         try:
             text = Path(text[1:]).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as err:
             fail(f"{text[1:]}: {err}")
+    if member.types == {"string"}:
+        return text
     try:
         return json.loads(text)
     except ValueError:

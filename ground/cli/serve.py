@@ -6,6 +6,22 @@ import typer
 
 from ground.cli.failure import fail
 
+KEEP_ALIVE_S = 150
+"""Longer than clients keep an idle connection (httpx 5 s, nginx 60 s, Caddy 120 s): a request that meets
+the server's closing of it gets no answer, and what is not idempotent is not sent again by itself.
+"""
+
+
+def _trace() -> None:
+    """Trace if the environment says where to."""
+    from ground import tracing
+    from ground.errors import UnavailableError
+
+    try:
+        tracing.set_up()
+    except UnavailableError as err:
+        fail(err.message)
+
 
 def register(app: typer.Typer) -> None:
     @app.command("serve")
@@ -14,7 +30,7 @@ def register(app: typer.Typer) -> None:
         port: int | None = typer.Option(None, min=0, max=65535, help="port; default OUTCROP_PORT or 8000"),
         worker: bool = typer.Option(True, "--worker/--no-worker", help="also do the jobs"),
     ) -> None:
-        """Serve the API and the UI, and do the jobs. Is the server."""
+        """Serve the API and the UI, and do the jobs; an empty database is made ready. Is the server."""
         import os
         import socket
 
@@ -39,9 +55,11 @@ def register(app: typer.Typer) -> None:
                 f"cannot listen on {settings.host} port {settings.port}: {err.strerror}; choose "
                 "another --port"
             )
-        from ground.cli.repository import require_migrated
+        from ground.cli.repository import make_if_empty, require_migrated
 
+        make_if_empty(settings)
         require_migrated(settings)
+        _trace()
         import uvicorn
 
         from ground.app.calm_server import CalmServer
@@ -54,6 +72,7 @@ def register(app: typer.Typer) -> None:
             log_config=None,
             access_log=False,
             timeout_graceful_shutdown=5,
+            timeout_keep_alive=KEEP_ALIVE_S,
             server_header=False,
             proxy_headers=bool(settings.trusted_proxies),
             forwarded_allow_ips=settings.trusted_proxies or None,
@@ -69,12 +88,13 @@ def register(app: typer.Typer) -> None:
 
         from ground.app.courier import Courier
         from ground.app.job_kinds import job_kinds
-        from ground.app.logs import set_up_logging
         from ground.cli.repository import open_or_fail
         from ground.jobs.worker import Worker
+        from ground.logs import set_up_logging
 
         repo = open_or_fail()
-        set_up_logging(repo.settings)
+        set_up_logging(repo.settings.log_format, repo.settings.log_level)
+        _trace()
         hands = Worker(repo, job_kinds())
         if once:
             count = hands.run_until_idle()

@@ -13,7 +13,7 @@ from ground.cli.connection import PERSON, SERVER, connected
 from ground.cli.failure import fail, refusals
 
 if TYPE_CHECKING:
-    from ground.uplink.trust import Document
+    from ground.uplink.trust import TrustDocument
 
 ROOTS = typer.Option(..., "--root", help="private root key; repeat for as many as the root threshold asks")
 DAYS = typer.Option(365, min=1, max=3650, help="how long this version is good for")
@@ -151,7 +151,7 @@ def _change(group: typer.Typer) -> None:
         file: Path,
         roots: list[Path],
         days: int,
-        edit: Callable[[Document], None],
+        edit: Callable[[TrustDocument], None],
         root_new: Path | None = None,
     ) -> None:
         from ground.uplink.keys import load_key
@@ -224,7 +224,7 @@ def _change(group: typer.Typer) -> None:
         with refusals():
             public = public_text(load_key(new))
 
-        def edit(document: Document) -> None:
+        def edit(document: TrustDocument) -> None:
             allow(document, person, public, ["root"])
             take_out(document, old)
 

@@ -11,7 +11,6 @@ import typer
 from ground.cli.failure import fail, refusals
 
 if TYPE_CHECKING:
-    from executive.runtime.codec import Json
     from ground.uplink.flight import Flight
     from ground.uplink.verify import Package
 
@@ -155,7 +154,7 @@ def _live(app: typer.Typer) -> None:
         from ground.uplink.live import stop_run
 
         with refusals():
-            typer.echo(stop_run(run))
+            typer.echo(stop_run(run, by=_who()))
 
     runs = group_of(app, "run")
 
@@ -172,7 +171,7 @@ def _live(app: typer.Typer) -> None:
 
         if what not in ("hold", "go", "step", "abort", "state"):
             fail(f"{what!r} is nothing a run can be asked; hold, go, step, abort and state are")
-        typer.echo(json.dumps(_ask(run, {"m": what})))
+        typer.echo(json.dumps(_ask(run, {"m": what, "by": _who()})))
 
     @runs.command("export")
     def export(
@@ -207,10 +206,20 @@ def _live(app: typer.Typer) -> None:
     ) -> None:
         """Let the simulated rover of a live run suffer a fault. Needs no server."""
         given = {"kind": kind, "target": target, "amount": amount, "task": task}
-        _ask(run, {"m": "inject", "fault": {k: v for k, v in given.items() if v is not None}})
+        _ask(run, {"m": "inject", "fault": {k: v for k, v in given.items() if v is not None}, "by": _who()})
 
 
-def _ask(run: Path, request: Json) -> Json:
+def _who() -> str:
+    """Return who is at the machine, for the journal."""
+    import getpass
+
+    try:
+        return f"{getpass.getuser()} at the machine"
+    except (KeyError, OSError):  # a user without a name, as in some containers
+        return "somebody at the machine"
+
+
+def _ask(run: Path, request: dict[str, object]) -> dict[str, object]:
     from executive.runtime.control import ask_run
 
     with refusals():

@@ -15,7 +15,6 @@ import httpx
 
 from ground.client.interface import PREFIX, Operation, Record
 from ground.client.operations import Operations
-from mission.codec import Document
 
 DEFAULT_ADDRESS = "http://127.0.0.1:8000"
 PAGE = 200
@@ -26,7 +25,7 @@ OVER = {"succeeded", "failed", "cancelled"}
 class ApiError(Exception):
     """The server answered with a problem document; `kind` is the last part of its type."""
 
-    def __init__(self, status: int, document: Document) -> None:
+    def __init__(self, status: int, document: Mapping[str, object]) -> None:
         super().__init__(str(document.get("detail") or document.get("title") or f"status {status}"))
         self.status, self.document = status, dict(document)
         self.kind = str(document.get("type", "")).rsplit(":", 1)[-1]

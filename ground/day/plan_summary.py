@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
-
-from mission.codec import Document
 
 if TYPE_CHECKING:
     from planner.problem import Problem
     from planner.solve import PlanResult
 
 
-def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> Document:
+def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> Mapping[str, object]:
     """Return the planner's summary, `plan-summary/1`; infinite values become null."""
     check = result.check
     return {

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 from ground.day.prepare import PreparedDay, Report, prepare_day
 from ground.errors import InvalidInputError, JobFailedError
+from ground.gdr.places import fetched
 from ground.gdr.terrain_folders import load_cached
 from mission import Day
 from mission.codec import Document
 from mission.values import value
-
-Payload = dict[str, Any]
-"""Members of a job's order, as a database holds them."""
 
 
 @value
@@ -23,7 +21,7 @@ class Worksite:
     Parameters
     ----------
     terrain_dir
-        Folder of the terrain (`terrain/1`).
+        Folder of the terrain (`terrain/1`), or its address (`ground.gdr.store`).
     rover_profile
         Name of a rover profile, or the path of one.
     calibration
@@ -51,7 +49,7 @@ class Worksite:
         try:
             learned = self.calibration
             return prepare_day(
-                load_cached(Path(self.terrain_dir)),
+                load_cached(fetched(self.terrain_dir)),
                 load_profile(self.rover_profile),
                 day,
                 calibration=None if learned is None else CALIBRATIONS.from_document(learned),
@@ -63,9 +61,10 @@ class Worksite:
             raise JobFailedError(err.message) from err
 
 
-def from_version_0(payload: Payload) -> Payload:
+def from_version_0(payload: Mapping[str, object]) -> dict[str, object]:
     """Return the members `site` and `day` of a job that version 0.1 left in a database without a format."""
-    limits = payload["limits"]
+    limits = cast("Mapping[str, object]", payload["limits"])
+    requests = cast("Sequence[Mapping[str, Any]]", payload["requests"])
     return {
         "site": {
             "mission_id": payload["mission_id"],
@@ -84,7 +83,7 @@ def from_version_0(payload: Payload) -> Payload:
                 "max_overrun_probability": limits.get("max_overrun_probability"),
             },
             "targets": payload["targets"],
-            "requests": [_request_of_version_0(request) for request in payload["requests"]],
+            "requests": [_request_of_version_0(request) for request in requests],
             "keep_outs": payload["keep_outs"],
             "drive_rules": payload.get("drive_rules", []),
             "refs": limits["refs"],
@@ -92,8 +91,8 @@ def from_version_0(payload: Payload) -> Payload:
     }
 
 
-def _request_of_version_0(request: dict[str, Any]) -> dict[str, Any]:
-    constraints: list[dict[str, Any]] = [{"kind": "after", "request_id": i} for i in request["after"]]
+def _request_of_version_0(request: Mapping[str, Any]) -> dict[str, object]:
+    constraints: list[dict[str, object]] = [{"kind": "after", "request_id": i} for i in request["after"]]
     for member, kind in (("tracked", "tracked"), ("must_do", "must_do")):
         if request[member]:
             constraints.append({"kind": kind})

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from ground.day.plan_summary import summary_of
 from ground.day.prepare import PreparedDay, prepare_day
@@ -23,10 +23,11 @@ from ground.uplink.package import json_text, manifest_text
 from ground.uplink.training import PEOPLE, make_team, sign_package
 from ground.uplink.verify import read_trust, verify_package
 from mission import Day
-from mission.codec import Document
 
 if TYPE_CHECKING:
     from ground.uplink.verify import Package
+    from planner.plan_tree_document import OptionDocument, StepDocument, TreeDocument
+    from planner.problem_document import ProblemDocument
     from planner.solve import PlanResult
     from rover_iface.profile import RoverProfile
     from rover_iface.terrain import Terrain
@@ -49,7 +50,7 @@ class DayRecord:
     asked: Day
     prepared: PreparedDay
     plan: PlanResult
-    tree: Mapping[str, Any]
+    tree: TreeDocument
     flight: Flight
     fault: Mapping[str, Any] | None
     products: Mapping[str, tuple[Mapping[str, Any], ...]]
@@ -108,7 +109,7 @@ def run_day(
     with clock.stage("observation points and path network") as tell:
         prepared = prepare_day(terrain, profile, asked, report=lambda share, _what: tell(share))
         problem = prepared.problem
-        document = problem_to_dict(problem)
+        document = cast("ProblemDocument", problem_to_dict(problem))
         out.mkdir(parents=True, exist_ok=True)
         _write_json(out / "problem.json", document)
         write_world(out / "world", seed, asked, document, terrain, terrain_folder)
@@ -121,7 +122,7 @@ def run_day(
             seed=seed,
             report=lambda progress: tell(progress.fraction),
         )
-        tree = plan_tree_to_dict(plan.tree, problem)
+        tree = cast("TreeDocument", plan_tree_to_dict(plan.tree, problem))
         _write_json(out / "plan_tree.json", tree)
     with clock.stage("CRL"):
         crl = emit(problem, plan.tree, plan_id="demo")
@@ -175,7 +176,12 @@ def run_day(
 
 
 def write_world(
-    folder: Path, seed: int, asked: Day, problem: Document, terrain: Terrain, terrain_folder: Path | None
+    folder: Path,
+    seed: int,
+    asked: Day,
+    problem: Mapping[str, object],
+    terrain: Terrain,
+    terrain_folder: Path | None,
 ) -> None:
     """Write a day's world, so that any rover can execute its package: a `world/1` with its terrain.
 
@@ -263,11 +269,11 @@ def _check_folder(out: Path) -> None:
         )
 
 
-def _write_json(path: Path, document: Mapping[str, Any]) -> None:
+def _write_json(path: Path, document: Mapping[str, object]) -> None:
     path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
-def loss_to_inject(problem: Document, tree: Document) -> Document | None:
+def loss_to_inject(problem: ProblemDocument, tree: TreeDocument) -> Mapping[str, object] | None:
     """Return a fault that makes the plan show what it holds: a track lost in the middle of the first drive.
 
     Preferred is the target whose loss has the branch that gains most, then one on whose track a branch asks,
@@ -277,7 +283,7 @@ def loss_to_inject(problem: Document, tree: Document) -> Document | None:
     if not tracked:
         return None
     asked = [t for t, _ in sorted(_asked_tracks(tree["plan"]), key=lambda a: -a[1]) if t in tracked]
-    visits = [s.get("to", s.get("target")) for s in tree["plan"] if s["op"] in ("visit", "navigate")]
+    visits = [str(s.get("to", s.get("target"))) for s in tree["plan"] if s["op"] in ("visit", "navigate")]
     later = [t for t in visits[1:] if t in tracked]
     target = next(iter([*asked, *reversed(later), *tracked]))
     first = visits[0] if visits else None
@@ -290,17 +296,17 @@ def loss_to_inject(problem: Document, tree: Document) -> Document | None:
     }
 
 
-def _asked_tracks(steps: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, float]]:
+def _asked_tracks(steps: Sequence[StepDocument]) -> Iterator[tuple[str, float]]:
     """Yield targets on whose track a branch asks, and what it gains; 0 if it asks that they are tracked."""
     for step in steps:
-        for option in step.get("options", ()):
+        for option in step["options"] if step["op"] == "branch" else ():
             for condition in option["when"]:
                 if condition["var"] == "tracked":
                     yield condition["target"], 0.0 if condition["is"] else option.get("gain") or 0.0
             yield from _asked_tracks(option["plan"])
 
 
-def tie_products(folder: Path, asked: Day) -> tuple[dict[str, tuple[Document, ...]], int]:
+def tie_products(folder: Path, asked: Day) -> tuple[dict[str, tuple[Mapping[str, object], ...]], int]:
     """Return the data products of a run by observation request, and how many match none."""
     known = {request.id for request in asked.requests}
     tied: dict[str, list[Mapping[str, Any]]] = {}
@@ -372,8 +378,8 @@ def _request_lines(day: DayRecord, names: Mapping[str, str]) -> Iterator[str]:
         yield f"  {day.orphans} products match no request"
 
 
-def _options(steps: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+def _options(steps: Sequence[StepDocument]) -> Iterator[OptionDocument]:
     for step in steps:
-        for option in step.get("options", ()):
+        for option in step["options"] if step["op"] == "branch" else ():
             yield option
             yield from _options(option["plan"])

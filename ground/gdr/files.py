@@ -1,17 +1,19 @@
-"""Files by the hash of their content: data products, uploads, traces; and the terrains' folders."""
+"""Files by the hash of their content: data products, uploads, packages, traces."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-import secrets
-from collections.abc import Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ground.durable import DRAFT, FILE_MODE, make_folder, put_in_place
+from ground.durable import FILE_MODE, make_folder
 from ground.errors import DamagedFileError
-from ground.gdr.packed import SUFFIX, is_kept, packed_path, read_kept, write_packed
+from ground.gdr.packed import SUFFIX, pack, packed_path, read_kept, unpack
+from ground.gdr.places import JOB_PATIENCE_S, bring_checked, open_store
+from ground.gdr.store import Disk, Store, scratch_name
 
 
 def _private(path: str, flags: int) -> int:
@@ -24,8 +26,16 @@ class StoredFile:
     size_bytes: int
 
 
+@dataclass(frozen=True, slots=True)
+class FarFile:
+    """A stored file of which nothing lies on this machine; `part(start, stop)` yields bytes of it."""
+
+    size_bytes: int
+    part: Callable[[int, int], Iterator[bytes]]
+
+
 class FileStore:
-    """Content-addressed files under one folder, `ab/cd/<sha256>`.
+    """Content-addressed files, `ab/cd/<sha256>`, in a store (a folder stands for that on its disk).
 
     A file is written beside its place, synchronised and renamed, and its name is synchronised too: it is
     there whole or not at all, and takes the place of one that was damaged. Files come before the rows that
@@ -34,25 +44,60 @@ class FileStore:
     Text that only programs read may lie packed, as `<sha256>.br`; its name is the hash of what was packed.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, store: Store | Path) -> None:
+        self.store: Store = Disk(store) if isinstance(store, Path) else store
+
+    @property
+    def folder(self) -> Path:
+        """Return where files lie on this machine: all of them, or those that were brought."""
+        return self.store.root
+
+    @property
+    def address(self) -> str:
+        """Return what an order of a job calls this store."""
+        return self.store.address
+
+    def _place(self, sha256: str) -> Path:
+        return self.store.root / key_of(sha256)
 
     def path(self, sha256: str) -> Path:
-        """Return where the file with this hash lies, whether or not it is there.
+        """Return where on this machine the file with this hash lies; it is brought if need be.
+
+        One that lies packed is at this path with `.br`. One that is in no store is not there.
 
         Raises
         ------
         DamagedFileError
-            If it is not a hash: the row that names it was changed.
+            If it is not a hash: the row that names it was changed; or if what was brought is damaged.
+        StoreAwayError
+            If it must be brought and the object store does not answer.
         """
-        if len(sha256) != 64 or any(c not in "0123456789abcdef" for c in sha256):
-            raise DamagedFileError(f"not a SHA-256 in lower-case hexadecimal: {sha256!r}")
-        return self.folder / sha256[:2] / sha256[2:4] / sha256
+        place = self._place(sha256)
+        if not self.store.is_local and not packed_path(place).is_file():
+            key = key_of(sha256)
+            if not bring_checked(self.store, key, sha256):
+                self.store.bring(key + SUFFIX)  # checked by whoever unpacks it
+        return place
+
+    def far(self, sha256: str) -> FarFile | None:
+        """Return a file that would have to be brought, to be read in parts; None if it is here or nowhere."""
+        key = key_of(sha256)
+        if self.store.is_local or self._place(sha256).is_file():
+            return None
+        try:
+            size = self.store.size(key)
+        except FileNotFoundError:
+            return None
+        return FarFile(size, lambda start, stop: self.store.chunks(key, start, stop))
+
+    def address_of(self, sha256: str) -> str:
+        """Return what an order of a job calls a file."""
+        return self.store.at(key_of(sha256)).address
 
     def put(self, chunks: Iterable[bytes]) -> StoredFile:
         """Store a file and return its hash and size."""
         make_folder(self.folder)
-        draft = self.folder / f"{DRAFT}{os.getpid()}-{secrets.token_hex(6)}"
+        draft = self.folder / scratch_name()
         digest, size = hashlib.sha256(), 0
         try:
             with open(draft, "wb", opener=_private) as out:
@@ -60,7 +105,7 @@ class FileStore:
                     digest.update(chunk)
                     size += len(chunk)
                     out.write(chunk)
-            put_in_place(draft, self.path(digest.hexdigest()))
+            self.store.put(key_of(digest.hexdigest()), draft)
         finally:
             draft.unlink(missing_ok=True)
         return StoredFile(digest.hexdigest(), size)
@@ -76,11 +121,18 @@ class FileStore:
     def put_packed(self, content: bytes) -> StoredFile:
         """Store text packed and return its hash and size as it was; `read` alone returns it."""
         sha256 = hashlib.sha256(content).hexdigest()
-        write_packed(self.path(sha256), content)
+        make_folder(self.folder)
+        draft = self.folder / scratch_name()
+        try:
+            draft.touch(FILE_MODE)
+            draft.write_bytes(pack(content))
+            self.store.put(key_of(sha256) + SUFFIX, draft)
+        finally:
+            draft.unlink(missing_ok=True)
         return StoredFile(sha256, len(content))
 
     def read(self, sha256: str) -> bytes:
-        """Return what a file holds, packed or not.
+        """Return what a file holds, packed or not. What was brought and is damaged is brought again.
 
         Raises
         ------
@@ -88,7 +140,18 @@ class FileStore:
             If it is not there.
         DamagedFileError
             If it is not what was stored.
+        StoreAwayError
+            If it must be brought and the object store does not answer.
         """
+        try:
+            return self._read(sha256)
+        except DamagedFileError:
+            key = key_of(sha256)
+            if not (self.store.forget(key) and self.store.forget(key + SUFFIX)):
+                raise
+        return self._read(sha256)
+
+    def _read(self, sha256: str) -> bytes:
         content = read_kept(self.path(sha256))
         if hashlib.sha256(content).hexdigest() != sha256:
             raise DamagedFileError(f"the file {sha256} is damaged: it does not hold what its name says")
@@ -96,30 +159,60 @@ class FileStore:
 
     def holds(self, sha256: str) -> bool:
         """Return whether a file is there, packed or not."""
-        return is_kept(self.path(sha256))
+        key = key_of(sha256)
+        return self.store.holds(key) or self.store.holds(key + SUFFIX)
 
     def is_sound(self, sha256: str) -> bool:
-        """Return whether the file is there and has the content that its name says."""
+        """Return whether the store has the file with the content that its name says."""
+        key = key_of(sha256)
+        digest = hashlib.sha256()
         try:
-            if not self.path(sha256).is_file():
-                return hashlib.sha256(self.read(sha256)).hexdigest() == sha256
-            with self.path(sha256).open("rb") as file:
-                return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+            if self.store.holds(key):
+                for chunk in self.store.chunks(key):
+                    digest.update(chunk)
+            else:
+                digest.update(unpack(b"".join(self.store.chunks(key + SUFFIX))))
         except OSError:
             return False
+        return digest.hexdigest() == sha256
+
+    def _forms(self) -> dict[str, list[tuple[str, float]]]:
+        """Return key and time of each form of each file."""
+        found: dict[str, list[tuple[str, float]]] = defaultdict(list)
+        for key, when in self.store.pieces():
+            name = key.rpartition("/")[2].removesuffix(SUFFIX)
+            if len(name) == 64 and key.count("/") == 2:
+                found[name].append((key, when))
+        return found
 
     def hashes(self) -> Iterator[str]:
         """Yield the hash of every stored file."""
-        names = {path.name.removesuffix(SUFFIX) for path in self.folder.glob("??/??/*")}
-        yield from (name for name in names if len(name) == 64)
+        yield from self._forms()
 
     def sweep(self, wanted: set[str], older_than_utc_s: float) -> list[str]:
         """Remove files that no record names and that are older than a moment; return their hashes."""
         gone = []
-        for sha256 in list(self.hashes()):
-            forms = [p for p in (self.path(sha256), packed_path(self.path(sha256))) if p.is_file()]
-            if sha256 not in wanted and all(p.stat().st_mtime < older_than_utc_s for p in forms):
-                for path in forms:
-                    path.unlink()
+        for sha256, forms in self._forms().items():
+            if sha256 not in wanted and all(when < older_than_utc_s for _, when in forms):
+                for key, _ in forms:
+                    self.store.remove(key)
                 gone.append(sha256)
         return gone
+
+
+def files_at(address: str) -> FileStore:
+    """Return the files that an order of a job names; see `ground.gdr.store`."""
+    return FileStore(open_store(address, JOB_PATIENCE_S))
+
+
+def key_of(sha256: str) -> str:
+    """Return the key of the file with this hash.
+
+    Raises
+    ------
+    DamagedFileError
+        If it is not a hash: the row that names it was changed.
+    """
+    if len(sha256) != 64 or any(c not in "0123456789abcdef" for c in sha256):
+        raise DamagedFileError(f"not a SHA-256 in lower-case hexadecimal: {sha256!r}")
+    return f"{sha256[:2]}/{sha256[2:4]}/{sha256}"

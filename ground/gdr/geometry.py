@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mission.codec import Document
-
 
 @dataclass(frozen=True, slots=True)
 class Point:
@@ -33,8 +31,3 @@ class Bounds:
     north_min_m: float
     east_max_m: float
     north_max_m: float
-
-
-def pose_of(document: Document) -> Pose:
-    """Return a pose from its JSON form."""
-    return Pose(float(document["east_m"]), float(document["north_m"]), float(document["heading_rad"]))

@@ -7,7 +7,7 @@ the hash of the one before, and the head stands apart, so that an altered, remov
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -25,7 +25,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from ground.gdr.as_stored import stored_rows
-from ground.gdr.base import Base, Columns, table_of, utc_now
+from ground.gdr.base import Base, table_of, utc_now
 from ground.gdr.ids import new_id
 from ground.gdr.seals import SYSTEM as SYSTEM
 from ground.gdr.seals import drain, pending_of
@@ -51,7 +51,7 @@ class Change:
     undoes: int | None = None
 
 
-def dump_row(row: Base) -> Columns:
+def dump_row(row: Base) -> dict[str, object]:
     """Return the columns of a row as JSON values."""
     out: dict[str, Any] = {}
     for column in row.__mapper__.column_attrs:
@@ -247,7 +247,7 @@ def verify_chains(session: Session) -> tuple[int, list[ChainFault]]:
     return count, faults
 
 
-def event_of(values: Columns) -> EventRow:
+def event_of(values: Mapping[str, object]) -> EventRow:
     """Return an event from the columns of its row."""
     return EventRow(**{"group" if name == "group_id" else name: value for name, value in values.items()})
 

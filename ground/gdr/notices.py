@@ -11,7 +11,7 @@ import logging
 import sqlite3
 import threading
 import time
-from collections.abc import Callable, Set
+from collections.abc import Callable, Mapping, Set
 from selectors import EVENT_READ, DefaultSelector
 from typing import Any
 
@@ -64,7 +64,10 @@ class Watch:
         moved: Moved = lambda: None,
         wait_s: float = 4 * TICK_S,
         channel: str = CHANNEL,
+        others: Mapping[str, Callable[[str], object]] | None = None,
     ) -> None:
+        """`others` take what PostgreSQL tells on channels of their own."""
+        self._others = dict(others or {})
         self._address, self._heard, self._wanted, self._moved = address, heard, wanted, moved
         self._channel = channel
         self._wait_s = wait_s
@@ -126,7 +129,8 @@ class Watch:
 
         address = self._address.set(drivername="postgresql").render_as_string(hide_password=False)
         with psycopg.connect(address, autocommit=True) as connection, DefaultSelector() as selector:
-            connection.execute(f"LISTEN {self._channel}")
+            for channel in (self._channel, *self._others):
+                connection.execute(f"LISTEN {channel}")
             selector.register(connection.fileno(), EVENT_READ)
             self._heard(None)  # what was told before somebody listened
             looked = time.monotonic()
@@ -135,7 +139,11 @@ class Watch:
                 wait_s = self._wait_s if moved is None else TICK_S
                 topics = set(moved or ())
                 if selector.select(wait_s):  # psycopg's own waiting wakes ten times a second
-                    topics |= {told.payload for told in connection.notifies(timeout=TICK_S / 2)}
+                    for told in list(connection.notifies(timeout=TICK_S / 2)):
+                        if told.channel == self._channel:
+                            topics.add(told.payload)
+                        else:
+                            self._tell_other(told.channel, told.payload)
                 now = time.monotonic()
                 if self._poked.is_set() or now - looked > AGAIN_S:
                     self._poked.clear()
@@ -143,3 +151,10 @@ class Watch:
                     self._heard(None)
                 elif topics:
                     self._heard(topics)
+
+    def _tell_other(self, channel: str, payload: str) -> None:
+        """Give what was told to its channel's taker; a word of another version is passed over."""
+        try:
+            self._others[channel](payload)
+        except Exception:
+            logger.exception("what was told is not understood", extra={"channel": channel})

@@ -18,7 +18,7 @@ from sqlalchemy import JSON, Boolean, Column, Float, Integer, Table, event, sele
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.schema import ScalarElementColumnDefault
 
-from ground.gdr.base import Base, Columns, Utc, table_of
+from ground.gdr.base import Base, Utc, table_of
 
 UNSEALED = frozenset(
     {
@@ -66,7 +66,7 @@ def row_digest(table: Table, values: Values) -> str:
     return content_digest(content)
 
 
-def content_digest(content: Columns) -> str:
+def content_digest(content: Mapping[str, object]) -> str:
     """Return the SHA-256 of what a seal covers of a row, by the names of its columns."""
     options = orjson.OPT_SORT_KEYS | orjson.OPT_NON_STR_KEYS
     try:
@@ -112,7 +112,7 @@ def _number(value: Any) -> Any:
     return value.item()  # of numpy
 
 
-def values_of(row: Base) -> Columns:
+def values_of(row: Base) -> dict[str, object]:
     """Return the values of a row by the names of its columns."""
     return {
         attribute.columns[0].name: getattr(row, attribute.key) for attribute in row.__mapper__.column_attrs
@@ -157,7 +157,7 @@ def seal_digests(
     pending |= zip(map(f"{table.name}/".__add__, ids), digests, strict=True)
 
 
-def seal_values(session: Session, chain_id: str, table: Table, rows: list[Columns]) -> None:
+def seal_values(session: Session, chain_id: str, table: Table, rows: list[dict[str, object]]) -> None:
     """Seal rows of a chain that are written by their columns, and not through the session."""
     pending = pending_of(session).setdefault(chain_id, {})
     for values in rows:

@@ -7,6 +7,7 @@ from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from datetime import datetime
 
+from ground.errors import OtherProgramError, StoreAwayError
 from ground.gdr.base import utc_now
 
 
@@ -39,8 +40,11 @@ class EngineState:
 
 
 def of_engine(error: BaseException) -> bool:
-    """Return whether an error is the engine's and not the work's: a lost cluster, a cancelled future."""
-    return isinstance(error, CancelledError) or (_is_dask(error) and not killed_its_workers(error))
+    """Return whether an error is the engine's and not the work's: a lost cluster, a cancelled future, a
+    worker of another version, or an object store that is away.
+    """
+    lost = isinstance(error, CancelledError | OtherProgramError | StoreAwayError)
+    return lost or (_is_dask(error) and not killed_its_workers(error))
 
 
 def killed_its_workers(error: BaseException) -> bool:

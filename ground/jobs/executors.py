@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from ground.cluster import Cluster, do_as, program
 from ground.errors import JobFailedError
 from ground.jobs.queue import Work
+from ground.logs import set_up_logging
 from ground.settings import ExecutorKind, Settings
+from ground.tracing import Part, noting_parts, now_ns, this_place, within
 from mission import MissionError
-from mission.codec import Codec, Document
+from mission.codec import Codec
 
 
 @dataclass(slots=True)
@@ -34,6 +38,7 @@ class _Channel:
             return
         self.last = now
         path = Path(self.folder) / f"{self.name}.progress"
+        path.parent.mkdir(parents=True, exist_ok=True)  # on a machine of a cluster nobody may have made it
         draft = path.with_suffix(".draft")
         draft.write_text(json.dumps([progress, message]), encoding="utf-8")
         draft.replace(path)
@@ -42,8 +47,44 @@ class _Channel:
         return (Path(self.folder) / f"{self.name}.stop").exists()
 
 
-def run_work(work: Work, orders: Codec[Any], payload: Document, folder: str, name: str) -> Document:
-    """Do the work in this process; BLAS keeps to one thread.
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What work came to, and beside it when and in which process it was done, the most that this held, and
+    where it is traced its parts.
+    """
+
+    result: Mapping[str, object]
+    began_ns: int
+    ended_ns: int
+    place: str
+    peak_bytes: int
+    parts: tuple[Part, ...] = ()
+
+
+def forget_peak() -> None:
+    """Have the most memory that this process ever held counted from now on, where its system can (Linux)."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+def peak_bytes() -> int:
+    """Return the most memory that this process held; 0 where its system does not say."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    return 0
+
+
+def run_work(
+    work: Work,
+    orders: Codec[Any],
+    payload: Mapping[str, object],
+    folder: str,
+    name: str,
+    traceparent: str = "",
+) -> Done:
+    """Do the work in this process, within the trace that it belongs to; BLAS keeps to one thread.
 
     Raises
     ------
@@ -57,8 +98,11 @@ def run_work(work: Work, orders: Codec[Any], payload: Document, folder: str, nam
         order = orders.from_document(payload)
     except MissionError as err:
         raise JobFailedError(str(err)) from err
-    with threadpool_limits(limits=1):
-        return work(order, channel.report, channel.should_stop)
+    forget_peak()
+    began_ns = now_ns()
+    with threadpool_limits(limits=1), within(traceparent), noting_parts(bool(traceparent)) as parts:
+        result = work(order, channel.report, channel.should_stop)
+    return Done(result, began_ns, now_ns(), this_place(), peak_bytes(), tuple(parts))
 
 
 class InlineExecutor(Executor):
@@ -99,15 +143,22 @@ class ClusterExecutor(Executor):
     Raises
     ------
     OSError
-        If no scheduler answers at the address, within seconds.
+        If no scheduler answers at the address within seconds, or it is beyond loopback without TLS.
     """
 
-    def __init__(self, address: str) -> None:
-        knock(address)
+    def __init__(self, cluster: Cluster) -> None:
+        if refusal := cluster.refusal():
+            raise OSError(refusal)
+        knock(cluster.address)
         from distributed import Client
 
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # the worker tells it in a line
-        self._client = Client(address, timeout=HELLO_S, set_as_default=False)
+        options: dict[str, Any] = {"timeout": HELLO_S, "set_as_default": False, **cluster.options()}
+        try:
+            self._client = Client(cluster.address, **options)
+        except OSError as err:  # such as a certificate that another authority signed
+            reason = (str(err) or type(err).__name__).splitlines()[0]
+            raise OSError(f"the Dask scheduler {cluster.address} cannot be used ({reason})") from err
         self._inner: Executor = self._client.get_executor(pure=False)
 
     @property
@@ -116,17 +167,18 @@ class ClusterExecutor(Executor):
         return bool(self._client.status != "running")
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        return self._inner.submit(fn, *args, **kwargs)
+        return self._inner.submit(do_as, program(), fn, *args, **kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         self._inner.shutdown(wait=wait and not cancel_futures)
         self._client.close(timeout=CLOSE_S)
 
 
-def _quiet() -> None:
-    """Leave Ctrl-C to the server: it hands its jobs back itself."""
+def _begin_process(form: str, level: str) -> None:
+    """Log as the server does, and leave Ctrl-C to it: it hands its jobs back itself."""
     import signal
 
+    set_up_logging(form, level)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -136,10 +188,11 @@ def make_executor(settings: Settings) -> Executor:
         case ExecutorKind.INLINE:
             return InlineExecutor()
         case ExecutorKind.DISTRIBUTED:
-            return ClusterExecutor(settings.dask_scheduler)
+            return ClusterExecutor(settings.cluster)
         case ExecutorKind.PROCESS:
             import multiprocessing
             from concurrent.futures import ProcessPoolExecutor
 
             context = multiprocessing.get_context("forkserver")
-            return ProcessPoolExecutor(1, mp_context=context, initializer=_quiet)
+            logs = (settings.log_format, settings.log_level)
+            return ProcessPoolExecutor(1, mp_context=context, initializer=_begin_process, initargs=logs)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ground.gdr.repository import Repository
 from ground.jobs.queue import Claim, extend
+from ground.tracing import within
 
 logger = logging.getLogger(__name__)
 
@@ -64,7 +65,8 @@ class LeaseKeeper:
                 self._renew(lease)
 
     def _renew(self, lease: Held) -> None:
-        try:
-            lease.ours, lease.cancel = extend(self._repo, lease.claim)
-        except Exception:
-            logger.exception("a lease cannot be renewed", extra={"job_id": lease.claim.job_id})
+        with within(lease.claim.traceparent):
+            try:
+                lease.ours, lease.cancel = extend(self._repo, lease.claim)
+            except Exception:
+                logger.exception("a lease cannot be renewed", extra={"job_id": lease.claim.job_id})

@@ -10,6 +10,7 @@ import contextlib
 import json
 import re
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,6 +24,8 @@ GONE_S = 45.0
 FORGOTTEN_S = 2 * 86_400.0
 """What dead workers and their work left so long ago is removed; no job takes longer than a day."""
 SUFFIX = ".worker"
+TALLY = ".tally"
+"""What it counts (`ground.jobs.tally`); a file of its own, so that servers of an older version hear of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,37 +52,56 @@ class Beat:
         self._last: Presence | None = None
         self._at = 0.0
 
-    def say(self, presence: Presence) -> None:
-        """Write the file if it is time; a folder that takes none leaves it undone."""
+    def say(self, presence: Presence, tally: Callable[[], str] | None = None) -> None:
+        """Write the file if it is time, and beside it what was counted; a folder that takes none has none."""
         now = time.monotonic()
         if presence == self._last and now - self._at < BEAT_S:
             return
-        path = _path(self._folder, presence.name)
-        draft = path.with_suffix(".draft")
         with contextlib.suppress(OSError):
             make_folder(self._folder)
-            draft.write_text(json.dumps(asdict(presence)) + "\n", encoding="utf-8")
-            draft.replace(path)
+            if tally is not None:
+                self._write(presence.name, TALLY, tally())
+            self._write(presence.name, SUFFIX, json.dumps(asdict(presence)) + "\n")
             self._last, self._at = presence, now
             for old in self._folder.iterdir():
                 if old.is_file() and time.time() - old.stat().st_mtime > FORGOTTEN_S:
                     old.unlink(missing_ok=True)
 
+    def _write(self, name: str, suffix: str, text: str) -> None:
+        path = _path(self._folder, name, suffix)
+        draft = path.with_name(f"{path.name}.draft")
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(path)
+
     def leave(self) -> None:
-        """Remove the file: the worker ended in order."""
+        """Remove the files: the worker ended in order."""
         if self._last is not None:
             with contextlib.suppress(OSError):
-                _path(self._folder, self._last.name).unlink(missing_ok=True)
+                for suffix in (SUFFIX, TALLY):
+                    _path(self._folder, self._last.name, suffix).unlink(missing_ok=True)
 
 
 def present(folder: Path) -> list[Presence]:
     """Return the workers that are there, by name."""
+    return [presence for presence, _ in heard(folder)]
+
+
+def heard(folder: Path) -> list[tuple[Presence, float]]:
+    """Return the workers that are there, by name, with the seconds since each was heard of."""
     found = []
-    for path in sorted(folder.glob(f"*{SUFFIX}")):
+    for path, age_s in still_heard(folder, SUFFIX):
         with contextlib.suppress(OSError, ValueError, TypeError):
-            if time.time() - path.stat().st_mtime < GONE_S:
-                found.append(Presence(**json.loads(path.read_text(encoding="utf-8"))))
+            found.append((Presence(**json.loads(path.read_text(encoding="utf-8"))), age_s))
     return found
+
+
+def still_heard(folder: Path, suffix: str) -> Iterator[tuple[Path, float]]:
+    """Yield the files of workers that are there, by name, with the seconds since each was written."""
+    for path in sorted(folder.glob(f"*{suffix}")):
+        with contextlib.suppress(OSError):
+            age_s = time.time() - path.stat().st_mtime
+            if age_s < GONE_S:
+                yield path, age_s
 
 
 def utc_text(moment: datetime | None) -> str:
@@ -87,5 +109,5 @@ def utc_text(moment: datetime | None) -> str:
     return "" if moment is None else f"{moment.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def _path(folder: Path, name: str) -> Path:
-    return folder / f"{re.sub(r'[^A-Za-z0-9_.-]', '-', name)}{SUFFIX}"
+def _path(folder: Path, name: str, suffix: str) -> Path:
+    return folder / f"{re.sub(r'[^A-Za-z0-9_.-]', '-', name)}{suffix}"

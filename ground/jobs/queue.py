@@ -16,12 +16,14 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any
+from functools import cache
+from typing import Any, TypedDict
 
-from sqlalchemy import ColumnElement, and_, case, event, func, or_, select
+from sqlalchemy import ColumnElement, Select, and_, bindparam, case, event, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from ground.errors import GroundError, JobFailedError
@@ -32,6 +34,7 @@ from ground.gdr.notices import WORK, tell
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.settings import Settings
+from ground.tracing import TRACEPARENT
 from mission.codec import Codec, Document
 
 logger = logging.getLogger(__name__)
@@ -43,10 +46,10 @@ Report = Callable[[float, str], None]
 ShouldStop = Callable[[], bool]
 
 
-Work = Callable[[Any, Report, ShouldStop], Document]
+Work = Callable[[Any, Report, ShouldStop], Mapping[str, object]]
 
 
-Settle = Callable[[Repository, Session, JobRow, Document], str | None]
+Settle = Callable[[Repository, Session, JobRow, Any], str | None]
 
 
 Abandon = Callable[[Session, JobRow], None]
@@ -67,17 +70,26 @@ WAKE = threading.Event()
 """Set when a job was queued in this process, so that its worker need not wait for the next look."""
 
 QUEUED = "jobs"
-"""What the database tells when a job was queued, so that no worker elsewhere need wait either."""
+"""What the database tells when a job was queued or is to stop, so that no worker elsewhere need wait."""
 
 
 def wake_after(session: Session) -> None:
-    """Wake the workers as soon as the transaction is committed."""
+    """Wake the workers as soon as the transaction is committed: one waits, or one is to stop."""
     tell(session, QUEUED, WORK)
     event.listen(session, "after_commit", lambda _session: WAKE.set())
 
 
 class WorkStoppedError(Exception):
     """Raised by work that was asked to stop and did."""
+
+
+class JobProblem(TypedDict):
+    """Why a job failed, as a problem document (RFC 9457)."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
 
 
 def _nothing(_session: Session, _row: JobRow) -> None:
@@ -113,7 +125,7 @@ def enqueue(
     mission_id: str | None,
     subject_kind: str,
     subject_id: str,
-    payload: Document,
+    payload: Mapping[str, object],
     author: str,
     job_id: str | None = None,
 ) -> JobRow:
@@ -130,6 +142,7 @@ def enqueue(
         max_attempts=settings.job_attempts,
         time_limit_s=settings.job_time_limit_s,
         log=[],
+        traceparent=TRACEPARENT.get() or None,
     )
     session.add(row)
     session.flush()
@@ -147,6 +160,11 @@ class Claim:
     attempt: int
     payload: dict[str, Any]
     time_limit_s: float
+    traceparent: str = ""
+
+
+def _unheard(_kind: str) -> None:
+    """Count nothing."""
 
 
 def _log(row: JobRow, text: str) -> None:
@@ -161,27 +179,25 @@ def _end(row: JobRow, state: str, message: str, problem: Document | None = None)
     _log(row, message or state)
 
 
-def claim_job(repo: Repository, kinds: Mapping[str, JobKind], worker: str) -> Claim | None:
+def claim_job(
+    repo: Repository, kinds: Mapping[str, JobKind], worker: str, lost: Callable[[str], None] = _unheard
+) -> Claim | None:
     """Return the next job that waits or whose lease has run out, now leased to `worker`; None without one.
 
     Interactive work comes first, then missions take turns: the one with the fewest jobs running, and of its
     jobs the oldest.
 
-    A job that was begun too often is ended as failed; one that was to be cancelled is cancelled.
+    A job that was begun too often is ended as failed; one that was to be cancelled is cancelled. `lost` is
+    told the kind of each whose lease had run out.
     """
     with repo.database.write() as session:
         while True:
             now = utc_now()
-            query = (
-                select(JobRow)
-                .where(_claimable(kinds))
-                .order_by(*turn(kinds))
-                .limit(1)
-                .with_for_update(skip_locked=True, of=JobRow)
-            )
-            row = session.scalars(query).first()
+            row = session.scalars(_first(*_names(kinds)), {"now": now}).first()
             if row is None:
                 return None
+            if row.state == "running":
+                lost(row.kind)
             if row.cancel_requested:
                 _end(row, "cancelled", "cancelled before it began")
                 kinds[row.kind].abandon(session, row)
@@ -205,22 +221,46 @@ def claim_job(repo: Repository, kinds: Mapping[str, JobKind], worker: str) -> Cl
             begin = kinds[row.kind].begin
             if begin is not None:
                 begin(session, row)
-            return Claim(row.id, row.kind, row.token, row.attempt, dict(row.payload), row.time_limit_s)
+            order, trace = dict(row.payload), row.traceparent or ""
+            return Claim(row.id, row.kind, row.token, row.attempt, order, row.time_limit_s, trace)
 
 
-def waiting(repo: Repository, kinds: Mapping[str, JobKind]) -> frozenset[str]:
-    """Return the kinds of which there is a job to be claimed."""
+def waiting(repo: Repository, kinds: Mapping[str, JobKind]) -> Counter[str]:
+    """Return how many jobs of each kind are there to be claimed."""
     with repo.database.read() as session:
-        return frozenset(session.scalars(select(JobRow.kind).where(_claimable(kinds)).distinct()))
+        return Counter(dict(session.execute(_waiting(_names(kinds)[0]), {"now": utc_now()}).all()))
 
 
-def _claimable(kinds: Mapping[str, JobKind]) -> ColumnElement[bool]:
-    over = and_(JobRow.state == "running", JobRow.lease_until_utc < utc_now())
-    return and_(JobRow.kind.in_(list(kinds)), or_(JobRow.state == "queued", over))
+def _names(kinds: Mapping[str, JobKind]) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the names of kinds, and of those that are interactive."""
+    return frozenset(kinds), frozenset(kind.name for kind in kinds.values() if kind.interactive)
+
+
+# A statement takes longer to put together than to carry out, and workers ask these two all day.
+
+
+@cache
+def _waiting(kinds: frozenset[str]) -> Select[str, int]:
+    return select(JobRow.kind, func.count()).where(_claimable(kinds)).group_by(JobRow.kind)
+
+
+@cache
+def _first(kinds: frozenset[str], interactive: frozenset[str]) -> Select[JobRow]:
+    query = select(JobRow).where(_claimable(kinds)).order_by(*_turn(interactive)).limit(1)
+    return query.with_for_update(skip_locked=True, of=JobRow)
+
+
+def _claimable(kinds: frozenset[str]) -> ColumnElement[bool]:
+    over = and_(JobRow.state == "running", JobRow.lease_until_utc < bindparam("now"))
+    return and_(JobRow.kind.in_(sorted(kinds)), or_(JobRow.state == "queued", over))
 
 
 def turn(kinds: Mapping[str, JobKind]) -> tuple[ColumnElement[Any], ...]:
     """Return the order in which waiting jobs are taken."""
+    return _turn(_names(kinds)[1])
+
+
+def _turn(interactive: frozenset[str]) -> tuple[ColumnElement[Any], ...]:
     other = aliased(JobRow)
     running = (
         select(func.count())
@@ -228,8 +268,7 @@ def turn(kinds: Mapping[str, JobKind]) -> tuple[ColumnElement[Any], ...]:
         .where(other.state == "running", other.mission_id == JobRow.mission_id, other.id != JobRow.id)
         .scalar_subquery()
     )
-    interactive = [kind.name for kind in kinds.values() if kind.interactive]
-    return case((JobRow.kind.in_(interactive), 0), else_=1), running, JobRow.id.expression
+    return case((JobRow.kind.in_(sorted(interactive)), 0), else_=1), running, JobRow.id.expression
 
 
 def extend(repo: Repository, claim: Claim) -> tuple[bool, bool]:
@@ -265,7 +304,7 @@ def _ours(session: Session, claim: Claim) -> JobRow | None:
     return session.scalars(query.with_for_update()).first()
 
 
-def settle(repo: Repository, kind: JobKind, claim: Claim, result: Document) -> bool:
+def settle(repo: Repository, kind: JobKind, claim: Claim, result: Mapping[str, object]) -> bool:
     """Write a result if the claim still holds; return whether it did.
 
     Work that was asked to stop may still have a result; then its member `stopped` says in words what it is.
@@ -277,12 +316,17 @@ def settle(repo: Repository, kind: JobKind, claim: Claim, result: Document) -> b
             return False
         row.result_url = kind.settle(repo, session, row, result)
         row.progress = 1.0
-        _end(row, "succeeded", result.get("stopped") or "done")
+        _end(row, "succeeded", str(result.get("stopped") or "done"))
         return True
 
 
 def give_up(
-    repo: Repository, kind: JobKind, claim: Claim, state: str, message: str, problem: Document | None
+    repo: Repository,
+    kind: JobKind,
+    claim: Claim,
+    state: str,
+    message: str,
+    problem: Mapping[str, object] | None,
 ) -> bool:
     """End a job without a result if the claim still holds; return whether it did."""
     with repo.database.write() as session:
@@ -311,7 +355,7 @@ def hand_back(repo: Repository, claim: Claim, reason: str, *, tried: bool = True
             wake_after(session)
 
 
-def problem_of(error: BaseException) -> Document:
+def problem_of(error: BaseException) -> JobProblem:
     """Return the problem document of work that failed."""
     if isinstance(error, GroundError):
         kind, detail = str(error.extra.get("type", "job-failed")), error.message
@@ -344,5 +388,6 @@ def requeue(row: JobRow) -> None:
     """Queue a job that ended without a result once more, with its attempts counted from zero."""
     row.state, row.attempt, row.cancel_requested = "queued", 0, False
     row.problem, row.finished_utc, row.progress, row.message = None, None, 0.0, "queued again"
+    row.traceparent = TRACEPARENT.get() or None
     row.revision += 1
     _log(row, "queued again")

@@ -44,6 +44,8 @@ class JobRow(Row):
     log: Mapped[list[Any]]
     started_utc: Mapped[datetime | None]
     finished_utc: Mapped[datetime | None]
+    traceparent: Mapped[str | None] = mapped_column(String(60))
+    """Of the request that asked for it, where that was traced."""
 
     @property
     def topic(self) -> str:

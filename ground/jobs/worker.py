@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import random
 import socket
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Set
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from dataclasses import dataclass
@@ -21,7 +23,7 @@ from ground.errors import BusyError, GroundError, JobFailedError
 from ground.gdr.notices import WORK, Watch
 from ground.gdr.repository import Repository
 from ground.jobs.engine import EngineState, killed_its_workers, of_engine
-from ground.jobs.executors import _Channel, make_executor, run_work
+from ground.jobs.executors import Done, _Channel, make_executor, run_work
 from ground.jobs.leases import Held, LeaseKeeper
 from ground.jobs.presence import Beat, Presence, utc_text
 from ground.jobs.queue import (
@@ -39,8 +41,9 @@ from ground.jobs.queue import (
     waiting,
 )
 from ground.jobs.row import JobRow
+from ground.jobs.tally import Tally
 from ground.settings import ExecutorKind
-from mission.codec import Document
+from ground.tracing import Attributes, now_ns, record, within
 
 UNREACHABLE = (OperationalError, NoConnectionError, BusyError)
 """Of a database that is away, full, locked or in a deadlock: the same may go well in a moment."""
@@ -49,14 +52,18 @@ UNREACHABLE = (OperationalError, NoConnectionError, BusyError)
 @dataclass(slots=True)
 class _Running:
     claim: Claim
-    future: Future[Document]
+    future: Future[Done]
     channel: _Channel
     deadline: float
     renewed: float
     lease: Held
+    began: float
+    began_ns: int
     seen: tuple[float, str] = (0.0, "begun")
     stopping_since: float | None = None
     timed_out: bool = False
+    rung: int = 0
+    """How often the database had told of something when it was last asked whether this is to stop."""
 
 
 class Worker:
@@ -74,7 +81,15 @@ class Worker:
     LOOK_S = 0.5
 
     TOLD_LOOK_S = 5.0
-    """Where the database tells of what is queued: then only leases that ran out are looked for."""
+    """Where the database tells what waits and what is to stop: for leases that ran out, and words lost."""
+
+    CANCEL_S = 0.3
+    """Least time between two looks whether a job is to stop."""
+
+    SPREAD_S = 0.05
+    """Workers that hear of one job look within so long of each other: a claim takes 5 to 10 ms, and who comes
+    after it asks one question instead of claiming in vain. Of three the first looks after 12 ms in the mean.
+    """
 
     LIVE_SLOTS = 4
     """Rovers that a control room has in hand at once; a slot that waits has no process."""
@@ -99,8 +114,13 @@ class Worker:
         self._thread: threading.Thread | None = None
         self.folder = repo.job_dir()
         self._beat = Beat(self.folder)
+        self._tally = Tally()
         self._look_at = 0.0
         """When jobs are looked for again: at once when one was queued or a slot became free."""
+        self._rung = 0
+        """How often the database has told that a job waits or is to stop."""
+        self._heard = 0
+        """How much of that has been heeded."""
         self._bell: Watch | None = None
         if not repo.database.is_sqlite:
             self._bell = Watch(repo.database.url, self._told, lambda: True, wait_s=0.5, channel=WORK)
@@ -134,7 +154,7 @@ class Worker:
                 try:
                     self.folder.mkdir(parents=True, exist_ok=True)
                     busy = self.step()
-                    self._beat.say(self._presence())
+                    self._beat.say(self._presence(), self._tally.text)
                 except (SQLAlchemyError, BusyError):
                     logger.exception("the worker cannot reach the database")
                     busy = False
@@ -145,7 +165,8 @@ class Worker:
                     self._stop.wait(1.0)
                 if WAKE.wait(0.05 if busy else self._rest_s()):
                     WAKE.clear()
-                    self._look_at = 0.0
+                    told, self._heard = self._rung != self._heard, self._rung
+                    self._look_at = time.monotonic() + random.uniform(0.0, self.SPREAD_S) if told else 0.0
         finally:
             if self._bell is not None:
                 self._bell.stop()
@@ -161,6 +182,7 @@ class Worker:
 
     def _told(self, topics: Set[str] | None) -> None:
         if topics is None or QUEUED in topics:
+            self._rung += 1
             WAKE.set()
 
     def run_until_idle(self) -> int:
@@ -182,32 +204,37 @@ class Worker:
                 WAKE.clear()
 
     def step(self) -> bool:
-        """Claim what there is room for, attend to what runs; return whether anything runs."""
+        """Attend to what runs, claim what there is room for; return whether anything runs."""
         self._look_after_engine()
+        for index, running in enumerate(self._slots):
+            if running is not None:
+                self._attend(index, running)
         if time.monotonic() >= self._look_at:
             told = self._bell is not None and not self.engine.trouble
             self._look_at = time.monotonic() + (self.TOLD_LOOK_S if told else self.LOOK_S)
             self._claim()
-        for index, running in enumerate(self._slots):
-            if running is not None:
-                self._attend(index, running)
         return any(r is not None for r in self._slots)
 
     # ---- parts
 
     def _claim(self) -> int:
         count = 0
-        there = waiting(self.repo, self.kinds) if None in self._slots else frozenset()
+        there = waiting(self.repo, self.kinds) if None in self._slots else Counter[str]()
         for index, running in enumerate(self._slots):
             kinds = self._kinds_of[index]
-            if running is not None or there.isdisjoint(kinds):
+            if running is not None or not any(there[kind] > 0 for kind in kinds):
                 continue
             if not self._ready(index):
                 break
-            claim = claim_job(self.repo, kinds, self.name)
-            # where another worker was first, nothing is left for a slot of the same kinds either
-            there = there - kinds.keys() if claim is None else waiting(self.repo, self.kinds)
-            if claim is not None and self._begin(index, claim):
+            claim = claim_job(self.repo, kinds, self.name, self._lease_lost)
+            if claim is None:  # another worker was first: nothing is left for a slot of the same kinds either
+                for kind in kinds:
+                    there[kind] = 0
+                continue
+            there[claim.kind] -= 1
+            with within(claim.traceparent):
+                taken = self._begin(index, claim)
+            if taken:
                 count += 1
                 begun = self._slots[index]
                 if (
@@ -215,6 +242,9 @@ class Worker:
                 ):  # work in this process: over before the next begins
                     self._finish(index, begun)
         return count
+
+    def _lease_lost(self, kind: str) -> None:
+        self._tally[kind].leases_lost += 1
 
     def _ready(self, index: int) -> bool:
         """Return whether a slot has an executor, making one if it is time to try."""
@@ -274,7 +304,7 @@ class Worker:
         channel = _Channel(str(self.folder), f"{claim.job_id}-{claim.token}")
         if claim.token > 1:
             self._call_off(f"{claim.job_id}-{claim.token - 1}")
-        now = time.monotonic()
+        now, began_ns = time.monotonic(), now_ns()
         kind = self.kinds[claim.kind]
         logger.info("job begun", extra={"job_id": claim.job_id, "kind": claim.kind, "attempt": claim.attempt})
         lease = self._leases.hold(claim)
@@ -288,18 +318,20 @@ class Worker:
                 self.repo, claim, f"its engine failed ({self.engine.trouble}); queued again", tried=False
             )
             return False
+        self._tally[claim.kind].attempts += 1
         future.add_done_callback(lambda _: WAKE.set())
-        self._slots[index] = _Running(claim, future, channel, now + claim.time_limit_s, now, lease)
+        self._slots[index] = _Running(
+            claim, future, channel, now + claim.time_limit_s, now, lease, now, began_ns
+        )
         return True
 
-    def _sent(self, index: int, kind: JobKind, claim: Claim, channel: _Channel) -> Future[Document]:
+    def _sent(self, index: int, kind: JobKind, claim: Claim, channel: _Channel) -> Future[Done]:
         for last in (False, True):
             executor = self._executors[index] or make_executor(self.repo.settings)
             self._executors[index] = executor
             try:
-                return executor.submit(
-                    run_work, kind.work, kind.orders, claim.payload, channel.folder, channel.name
-                )
+                given = (claim.payload, channel.folder, channel.name, claim.traceparent)
+                return executor.submit(run_work, kind.work, kind.orders, *given)
             except BrokenExecutor:  # the process died while it had nothing to do
                 self._replace_executor(index)
                 if last:
@@ -328,9 +360,10 @@ class Worker:
             self._replace_executor(index)
 
     def _cancel_wanted(self, running: _Running, now: float) -> bool:
-        if now - running.renewed < 0.3:
+        told = self._bell is not None and running.rung == self._rung
+        if now - running.renewed < (self.TOLD_LOOK_S if told else self.CANCEL_S):
             return False
-        running.renewed = now
+        running.renewed, running.rung = now, self._rung
         with self.repo.database.read() as session:
             return bool(
                 session.scalar(select(JobRow.cancel_requested).where(JobRow.id == running.claim.job_id))
@@ -359,7 +392,12 @@ class Worker:
 
         Where the database does not answer, slot and lease stay as they are, and it is tried again.
         """
-        self._conclude(index, running)
+        with within(running.claim.traceparent):
+            self._conclude(index, running)
+        done = _done(running.future)
+        _trace(running, done, "" if done else "it has no result")
+        took_s = time.monotonic() - running.began
+        self._tally[running.claim.kind].ended(took_s, 0 if done is None else done.peak_bytes)
         self._slots[index] = None
         self._look_at = 0.0
         self._leases.release(running.lease)
@@ -376,7 +414,7 @@ class Worker:
             error = err
         try:
             if error is None:
-                settle(self.repo, kind, claim, running.future.result())
+                settle(self.repo, kind, claim, running.future.result().result)
             elif running.timed_out:
                 detail = f"stopped: the time limit of {claim.time_limit_s:g} s is over"
                 give_up(self.repo, kind, claim, "failed", detail, problem_of(JobFailedError(detail)))
@@ -428,7 +466,25 @@ class Worker:
                     self._leases.release(running.lease)
                     self._replace_executor(index)
                     hand_back(self.repo, running.claim, "its server stopped; queued again")
+                    _trace(running, None, "its server stopped")
                     self._slots[index] = None
             except UNREACHABLE:
                 logger.exception("a job stays claimed until its lease runs out")
                 self._replace_executor(index)
+
+
+def _done(future: Future[Done]) -> Done | None:
+    """Return what work came to; None where it has no result."""
+    return None if future.cancelled() or future.exception() is not None else future.result()
+
+
+def _trace(running: _Running, done: Done | None, fault: str) -> None:
+    """Make the spans of an attempt that ended, without a result by some `fault`, and of its work."""
+    claim = running.claim
+    told: Attributes = {"outcrop.job.id": claim.job_id, "outcrop.job.attempt": claim.attempt}
+    job = record(f"job {claim.kind}", claim.traceparent, running.began_ns, now_ns(), told, fault)
+    if done is not None:
+        where: Attributes = {"outcrop.work.place": done.place, "outcrop.work.peak_bytes": done.peak_bytes}
+        work = record(f"work {claim.kind}", job, done.began_ns, done.ended_ns, where)
+        for part in done.parts:
+            record(part.name, work, part.began_ns, part.ended_ns, {"outcrop.work.place": part.place})

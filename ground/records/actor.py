@@ -37,6 +37,8 @@ class Action(StrEnum):
     """Missions, sols, keep-outs, undo."""
     PLAN = "plan"
     """Path networks, plans, dry runs."""
+    STOP = "stop"
+    """Stop a live run and its rover at once: whoever may plan and run, approve, or execute."""
     APPROVE = "approve"
     """Approval and waivers."""
     UPLINK = "uplink"
@@ -47,7 +49,7 @@ class Action(StrEnum):
 
 _READER = frozenset({Action.READ})
 _SCIENTIST = _READER | {Action.COMMENT, Action.DRAFT, Action.EDIT_SCIENCE}
-_PLANNER = _SCIENTIST | {Action.EDIT_MISSION, Action.PLAN}
+_PLANNER = _SCIENTIST | {Action.EDIT_MISSION, Action.PLAN, Action.STOP}
 ALLOWED: Mapping[Role, frozenset[Action]] = {
     Role.NONE: frozenset(),
     Role.VIEWER: _READER,
@@ -55,7 +57,7 @@ ALLOWED: Mapping[Role, frozenset[Action]] = {
     Role.SCIENTIST: _SCIENTIST,
     Role.PLANNER: _PLANNER,
     Role.FLIGHT_DIRECTOR: _PLANNER | {Action.APPROVE, Action.UPLINK},
-    Role.OPERATOR: _READER | {Action.COMMENT, Action.UPLINK},
+    Role.OPERATOR: _READER | {Action.COMMENT, Action.UPLINK, Action.STOP},
     Role.ADMIN: frozenset(Action),
 }
 """What each role may do. An administrator may do everything, but never approve a plan of their own."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from sqlalchemy import func, select
@@ -10,14 +11,13 @@ from sqlalchemy.orm import Session
 from ground.errors import (
     StaleRevisionError,
 )
-from ground.gdr.base import Columns, Row, fill_defaults, utc_now
+from ground.gdr.base import Row, fill_defaults, utc_now
 from ground.gdr.history import Change, batch_of, dump_row, hold_chain, record
 from ground.gdr.ids import new_id
 from ground.records.actor import Actor
 from ground.records.forms import Body
 from ground.records.get_resource import chain_of, find_row, mission_of
 from ground.records.kind import Kind, plain
-from mission.codec import Document
 
 
 def new_row(kind: Kind[Any], actor: Actor, mission_id: str, given: Body, /, **columns: object) -> Any:
@@ -65,7 +65,7 @@ def update(
     actor: Actor,
     kind: Kind[Any],
     row: Row,
-    changes: Document,
+    changes: Mapping[str, object],
     *,
     action: str = "change",
     reason: str = "",
@@ -101,7 +101,7 @@ BULKY = SECRET | {"tree", "summary", "crl_text", "document", "geometry", "payloa
 """Columns of computed results and secrets: the history has their digest, not their content."""
 
 
-def public(row: Row) -> Columns:
+def public(row: Row) -> dict[str, object]:
     """Return a row as it stands in the history: without secrets and without the bulk of computed results."""
     return {name: value for name, value in dump_row(row).items() if name not in BULKY}
 

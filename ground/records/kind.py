@@ -31,7 +31,7 @@ class Prepared:
     points: Mapping[tuple[str, str], Mapping[str, Any] | None] = field(default_factory=dict)
 
 
-Follower: TypeAlias = "tuple[Kind[Any], Any, Mapping[str, Any]]"
+Follower: TypeAlias = "tuple[Kind[Any], Any, Mapping[str, object]]"
 """A row that changes with another, and its new columns."""
 
 

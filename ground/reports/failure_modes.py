@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
-from mission.codec import Document
+if TYPE_CHECKING:
+    from planner.plan_tree_document import StepDocument, TreeDocument
+    from planner.problem_document import ObservationDocument, ProblemDocument
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,7 @@ class _Walk:
     """What is collected along the tree. Names of targets are those of people."""
 
     legs: Mapping[tuple[str, str], Mapping[str, float]]
-    observations: Mapping[str, tuple[str, Mapping[str, Any]]]
+    observations: Mapping[str, tuple[str, ObservationDocument]]
     names: Mapping[str, str]
     lost: dict[tuple[str, str, str], list[tuple[float, frozenset[str]]]] = field(
         default_factory=lambda: defaultdict(list)
@@ -39,7 +41,7 @@ class _Walk:
 
     def steps(
         self,
-        steps: Sequence[Mapping[str, Any]],
+        steps: Sequence[StepDocument],
         place: str,
         tracked: frozenset[str],
         chance: float,
@@ -55,10 +57,10 @@ class _Walk:
                 case "navigate":
                     place = self.drive(place, step["to"], tracked, reached, made)
                 case "observe":
-                    self.observe(step["observation"], reached)
-                    made |= {step["observation"]}
+                    self.observe(str(step["observation"]), reached)
+                    made |= {str(step["observation"])}
                 case "visit":
-                    place = self.drive(place, step["target"], tracked, reached, made)
+                    place = self.drive(place, str(step["target"]), tracked, reached, made)
                     for name, (target, _) in self.observations.items():
                         if target == step["target"]:
                             self.observe(name, reached)
@@ -80,11 +82,12 @@ class _Walk:
     def observe(self, name: str, chance: float) -> None:
         if name in self.observations:
             self.attempted[name] += chance
-            self.spoilt[name] += chance * (1.0 - float(self.observations[name][1].get("p_success", 1.0)))
+            p_success = self.observations[name][1].get("p_success")
+            self.spoilt[name] += chance * (0.0 if p_success is None else 1.0 - p_success)
 
 
 def failure_modes(
-    tree: Document, problem: Document, names: Mapping[str, str], *, most: int = 10
+    tree: TreeDocument, problem: ProblemDocument, names: Mapping[str, str], *, most: int = 10
 ) -> list[FailureMode]:
     """Return the ways to lose value, the largest expected loss first.
 
@@ -92,7 +95,7 @@ def failure_modes(
     (a mean over the ways there, where they differ); an observation may bring nothing
     usable (its success probability); and one that the plan holds may not be come to.
     """
-    legs = {(leg["from"], leg["to"]): leg.get("p_lose", {}) for leg in problem.get("legs", ())}
+    legs = {(leg["from"], leg["to"]): leg.get("p_lose") or {} for leg in problem.get("legs", ())}
     observations = {
         o["id"]: (t["id"], o) for t in problem.get("targets", ()) for o in t.get("observations", ())
     }
@@ -100,7 +103,7 @@ def failure_modes(
     walk.steps(tree.get("plan", ()), "start", frozenset(), 1.0)
 
     def worth(name: str) -> float:
-        return float(observations[name][1].get("utility", 0.0))
+        return float(observations[name][1]["utility"])
 
     def needs_track(name: str) -> bool:
         observation = observations[name][1]

@@ -7,14 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ground.extras import how_to_get
-from mission.codec import Document
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from planner.plan_tree_document import StepDocument, TreeDocument
+    from planner.problem_document import PoseDocument, ProblemDocument, TargetDocument
     from rover_iface.terrain import Terrain
 
 MAINLINE, BRANCH, DRIVEN = "#5ad1ff", "#ff9d2e", "#ffffff"
@@ -33,21 +34,21 @@ class Ribbon:
     branch: bool
 
 
-def ribbons(problem: Document, tree: Document) -> Iterator[Ribbon]:
+def ribbons(problem: ProblemDocument, tree: TreeDocument) -> Iterator[Ribbon]:
     """Yield the drives of a plan tree along the routes of its problem."""
     routes = {
-        (leg["from"], leg["to"]): tuple((float(x), float(y)) for x, y in leg.get("route", ()))
+        (leg["from"], leg["to"]): tuple((float(x), float(y)) for x, y in leg.get("route") or ())
         for leg in problem["legs"]
     }
 
-    def follow(steps: Sequence[Mapping[str, Any]], place: str, branch: bool) -> Iterator[Ribbon]:
+    def follow(steps: Sequence[StepDocument], place: str, branch: bool) -> Iterator[Ribbon]:
         for step in steps:
             match step["op"]:
                 case "branch":
                     for option in step["options"]:
                         yield from follow(option["plan"], place, True)
                 case "navigate" | "visit":
-                    to = step.get("to", step.get("target"))
+                    to = str(step.get("to", step.get("target")))
                     corners = routes.get((place, to), ())
                     if len(corners) > 1:
                         yield Ribbon(corners, float(step.get("p_reached", 1.0)), branch)
@@ -64,8 +65,8 @@ def undrawn() -> str:
 def draw_day(
     path: Path,
     terrain: Terrain,
-    problem: Document,
-    tree: Document,
+    problem: ProblemDocument,
+    tree: TreeDocument,
     *,
     driven_m: Sequence[tuple[float, float]] = (),
     observed: Mapping[str, int] | None = None,
@@ -83,11 +84,11 @@ def draw_day(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Polygon
 
-    start = problem.get("start", {"east_m": 0.0, "north_m": 0.0})
+    start: PoseDocument = problem.get("start") or {"east_m": 0.0, "north_m": 0.0}
     corners = [(start["east_m"], start["north_m"])]
-    corners += ((target["point_m"][0], target["point_m"][1]) for target in problem["targets"])
+    corners += map(_point, problem["targets"])
     for leg in problem["legs"]:
-        corners.extend((x, y) for x, y in leg.get("route", ()))
+        corners.extend((x, y) for x, y in leg.get("route") or ())
     corners.extend(corner for ring in keep_outs for corner in ring)
     west, east = min(c[0] for c in corners) - MARGIN_M, max(c[0] for c in corners) + MARGIN_M
     south, north = min(c[1] for c in corners) - MARGIN_M, max(c[1] for c in corners) + MARGIN_M
@@ -99,7 +100,7 @@ def draw_day(
     axes = figure.add_axes((0.07, 0.11, 0.91, 0.83))
     _ortho(axes, terrain, (west, south, east, north))
     for leg in problem["legs"]:
-        route = leg.get("route", ())
+        route = leg.get("route") or ()
         axes.plot([p[0] for p in route], [p[1] for p in route], color="white", lw=0.5, alpha=0.35, zorder=2)
     for ring in keep_outs:
         axes.add_patch(
@@ -156,6 +157,13 @@ def draw_day(
     figure.savefig(path)
 
 
+def _point(target: TargetDocument) -> tuple[float, float]:
+    """Return where a target lies, east and north."""
+    point = target.get("point_m")
+    assert point is not None  # the targets of a day all lie somewhere
+    return point[0], point[1]
+
+
 def _ortho(axes: Axes, terrain: Terrain, window: tuple[float, float, float, float]) -> None:
     """Show what lies of each ortho layer in `window` (west, south, east, north), coarse ones below."""
     for layer in sorted(terrain.orthos, key=lambda ortho: ortho.spacing, reverse=True):
@@ -182,17 +190,17 @@ def _ortho(axes: Axes, terrain: Terrain, window: tuple[float, float, float, floa
         )
 
 
-def _targets(axes: Axes, problem: Mapping[str, Any], observed: Mapping[str, int], lost: set[str]) -> None:
+def _targets(axes: Axes, problem: ProblemDocument, observed: Mapping[str, int], lost: set[str]) -> None:
     from matplotlib.patheffects import withStroke
 
     for target in problem["targets"]:
-        east, north = target["point_m"][:2]
+        east, north = _point(target)
         count = observed.get(target["id"], 0)
         colour = "#6fe06f" if count else "#e8e8e8"
         if target["id"] in lost:
             axes.plot(east, north, marker="o", ms=14, mfc="none", mec="#ff5050", mew=2.0, zorder=8)
         axes.plot(east, north, marker="o", ms=8, color=colour, mec="black", zorder=9)
-        name = target.get("refs", {}).get("name", target["id"])
+        name = (target.get("refs") or {}).get("name", target["id"])
         value = sum(o["utility"] for o in target["observations"])
         axes.annotate(
             f"{name} ({value:g})",

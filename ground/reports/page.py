@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 from ground.reports.failure_modes import failure_modes
 from ground.reports.figures import draw_day, undrawn
 from ground.reports.plan_drawing import boxes, target_names, to_svg
-from mission.codec import Document
 
 if TYPE_CHECKING:
+    from planner.plan_tree_document import TreeDocument
+    from planner.problem_document import ProblemDocument
     from rover_iface.terrain import Terrain
 
 STYLE = """body{font:14px/1.45 sans-serif;color:#14202a;max-width:70em;margin:2em auto;padding:0 1em}
@@ -64,7 +65,9 @@ def number(value: float | None, unit: str = "") -> str:
     return "-" if value is None else f"{value:.1f}{unit}"
 
 
-def map_picture(terrain: Terrain, problem: Document, tree: Document, alt: str, **shown: Any) -> str:
+def map_picture(
+    terrain: Terrain, problem: ProblemDocument, tree: TreeDocument, alt: str, **shown: Any
+) -> str:
     """Return the map as an image inside the page, or why there is none; `shown` goes to `draw_day`."""
     if reason := undrawn():
         return f"<p>{safe(reason)}</p>"
@@ -75,12 +78,12 @@ def map_picture(terrain: Terrain, problem: Document, tree: Document, alt: str, *
     return f'<img alt="{safe(alt)}" src="data:image/png;base64,{image}">'
 
 
-def tree_drawing(tree: Document, problem: Document) -> str:
+def tree_drawing(tree: TreeDocument, problem: ProblemDocument) -> str:
     """Return the plan tree as a drawing."""
     return f'<div class="tree">{to_svg(boxes(tree, target_names(problem)), outline=True)}</div>'
 
 
-def failure_table(tree: Document, problem: Document) -> str:
+def failure_table(tree: TreeDocument, problem: ProblemDocument) -> str:
     """Return what is most likely to go wrong with a plan, with what hangs on it."""
     modes = failure_modes(tree, problem, target_names(problem))
     rows = [

@@ -6,14 +6,15 @@ import html
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
-from mission.codec import Document
+if TYPE_CHECKING:
+    from planner.plan_tree_document import ConditionDocument, StepDocument, TreeDocument
+    from planner.problem_document import ProblemDocument
 
 BOX_W, LINE_H, PAD, GAP_X, GAP_Y = 210.0, 15.0, 7.0, 18.0, 46.0
 WIDE_W, INDENT, GAP_OUTLINE = 300.0, 34.0, 26.0
 """Of an outline: width of a box, how far options stand to the right of their box, room for a label."""
-COMPARED = {"ge": "≥", "lt": "<", "le": "≤", "gt": ">"}
 
 
 @dataclass(slots=True)
@@ -39,14 +40,14 @@ class Box:
         return [self, *(box for option in self.options for box in option.walk())]
 
 
-def target_names(problem: Document) -> dict[str, str]:
+def target_names(problem: ProblemDocument) -> dict[str, str]:
     """Return the names that people gave to the targets of a problem."""
-    return {t["id"]: str(t.get("refs", {}).get("name", t["id"])) for t in problem.get("targets", ())}
+    return {t["id"]: (t.get("refs") or {}).get("name", t["id"]) for t in problem.get("targets", ())}
 
 
-def describe_step(step: Document, names: Mapping[str, str]) -> str:
+def describe_step(step: StepDocument, names: Mapping[str, str]) -> str:
     """Return a step in a few words."""
-    place = step.get("to", step.get("target", step.get("observation", "")))
+    place = str(step.get("to", step.get("target", step.get("observation", ""))))
     words = {"track_start": "track", "track_stop": "stop tracking", "navigate": "drive to"}
     text = f"{words.get(step['op'], str(step['op']).replace('_', ' '))} {names.get(place, place)}"
     if "p_reached" in step:
@@ -54,12 +55,12 @@ def describe_step(step: Document, names: Mapping[str, str]) -> str:
     return text.strip()
 
 
-def describe_when(when: Sequence[Document], names: Mapping[str, str]) -> str:
+def describe_when(when: Sequence[ConditionDocument], names: Mapping[str, str]) -> str:
     """Return an option's condition in a few words; `else` where there is none."""
     return " and ".join(_describe_term(term, names) for term in when) or "else"
 
 
-def _describe_term(term: Document, names: Mapping[str, str]) -> str:
+def _describe_term(term: ConditionDocument, names: Mapping[str, str]) -> str:
     match term["var"]:
         case "tracked":
             return f"{names.get(term['target'], term['target'])} {'tracked' if term['is'] else 'lost'}"
@@ -67,9 +68,8 @@ def _describe_term(term: Document, names: Mapping[str, str]) -> str:
             return f"{term.get('observation', term.get('target'))} {'done' if term['is'] else 'not done'}"
         case name:
             what, show = ("time", _clock) if name == "time_s" else ("energy used", _watt_hours)
-            return " and ".join(
-                f"{what} {sign} {show(float(term[key]))}" for key, sign in COMPARED.items() if key in term
-            )
+            bounds = (("≥", term.get("ge")), ("<", term.get("lt")))
+            return " and ".join(f"{what} {sign} {show(x)}" for sign, x in bounds if x is not None)
 
 
 def _clock(seconds: float) -> str:
@@ -81,10 +81,10 @@ def _watt_hours(joules: float) -> str:
     return f"{joules / 3600:.4g} Wh"
 
 
-def boxes(tree: Document, names: Mapping[str, str]) -> Box:
+def boxes(tree: TreeDocument, names: Mapping[str, str]) -> Box:
     """Return the tree as boxes: a branch ends one; its options, and what follows else, begin others."""
 
-    def build(steps: Sequence[Mapping[str, Any]], box: Box) -> Box:
+    def build(steps: Sequence[StepDocument], box: Box) -> Box:
         for number, step in enumerate(steps):
             if step["op"] != "branch":
                 box.lines.append(describe_step(step, names))

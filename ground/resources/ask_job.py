@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -12,7 +13,6 @@ from ground.jobs.queue import enqueue
 from ground.jobs.value import Job
 from ground.records.actor import Actor
 from ground.records.kind import Kind
-from mission.codec import Document
 
 
 def ask_job(
@@ -22,7 +22,7 @@ def ask_job(
     kind: str,
     mission_id: str,
     subject: tuple[Kind[Any], str],
-    payload: Document,
+    payload: Mapping[str, object],
     job_id: str | None = None,
     time_limit_s: float | None = None,
 ) -> Job:

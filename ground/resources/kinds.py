@@ -25,6 +25,7 @@ from ground.resources.observation_requests.change_request import (
     prepare_request,
 )
 from ground.resources.observation_requests.change_target import change_target, forget_requests, prepare_target
+from ground.resources.observation_requests.create_request import foresee_requests
 from ground.resources.observation_requests.kind import OBSERVATION_REQUEST
 from ground.resources.path_networks.kind import PATH_NETWORK
 from ground.resources.people.kind import PERSON
@@ -57,6 +58,7 @@ _ALL = (
     ),
     replace(
         OBSERVATION_REQUEST,
+        foresee=foresee_requests,
         prepare=prepare_request,
         apply=change_request,
         forget=(forget_precedence,),

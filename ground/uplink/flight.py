@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from executive.ports import (
     Acknowledgement,
@@ -36,6 +36,38 @@ from ground.errors import StateError
 FORMAT = "run/1"
 
 
+class TrackerLine(TypedDict):
+    """A tracker in a line of `telemetry.jsonl`."""
+
+    state: str
+    confidence: float
+
+
+class SampleLine(TypedDict):
+    """A line of `telemetry.jsonl`: see `Sample`."""
+
+    t_s: float
+    east_m: float
+    north_m: float
+    heading_rad: float
+    battery_j: float
+    energy_used_j: float
+    task: str
+    trackers: dict[str, TrackerLine]
+
+
+class ProductLine(TypedDict):
+    """A line of `products.jsonl`: when and by which attempt of which task a file was made, and its digest."""
+
+    t_s: float
+    task: str
+    attempt: int
+    kind: str
+    path: str
+    sha256: str
+    label: dict[str, str | float | bool]
+
+
 @dataclass(frozen=True, slots=True)
 class Sample:
     """State of the rover at one time: pose in the site frame, energy, and the trackers by target."""
@@ -49,8 +81,8 @@ class Sample:
     task: str
     trackers: Mapping[str, tuple[str, float]]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the JSON form."""
+    def line(self) -> SampleLine:
+        """Return what `telemetry.jsonl` holds of it."""
         return {
             "t_s": self.t_s,
             "east_m": round(self.east_m, 4),
@@ -256,7 +288,7 @@ def write_run(
         **about,
     }
     _write_lines(folder / "trace.jsonl", ([r.t_ms / 1000, r.event, *r.arguments] for r in outcome.trace))
-    _write_lines(folder / "telemetry.jsonl", (s.as_dict() for s in samples))
+    _write_lines(folder / "telemetry.jsonl", (s.line() for s in samples))
     _write_lines(folder / "products.jsonl", map(product_line, products))
     draft, done = folder / f"{DRAFT}run.json", folder / "run.json"
     draft.write_text(json.dumps(document, indent=1, sort_keys=True) + "\n", encoding="utf-8")
@@ -292,7 +324,7 @@ class _Repeating:
         self._journal.close()
 
 
-def product_line(product: Product) -> dict[str, Any]:
+def product_line(product: Product) -> ProductLine:
     """Return what `products.jsonl` holds of a product."""
     return {
         "t_s": product.t_ms / 1000,

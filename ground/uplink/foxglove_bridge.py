@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from executive.errors import JournalError
-from executive.runtime.codec import Json
 from executive.runtime.journal import record_of
 from ground.errors import InvalidInputError, UnavailableError
 from ground.uplink.run_messages import JOURNAL, Message, messages, schema_text, zero_of
@@ -30,7 +29,7 @@ BACKLOG = 65_536
 """Messages that wait for one client before the oldest are dropped."""
 
 
-def follow(path: Path, over: Callable[[], bool]) -> Iterator[Json]:
+def follow(path: Path, over: Callable[[], bool]) -> Iterator[dict[str, object]]:
     """Yield the whole records of a journal as they come, until `over`; a line still being written waits.
 
     Raises

@@ -10,18 +10,18 @@ import json
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from ground.errors import InvalidInputError
+from mission.values import value
 
 FORMAT = "ground-view/1"
 LONGEST_LIGHT_TIME_S = 36_000.0
 """Ten hours: beyond Pluto."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Pass:
     """A time of contact; `data_mbit` is what it can bring down."""
 
@@ -35,7 +35,7 @@ class Pass:
         return self.data_mbit / (self.end_s - self.start_s)
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Link:
     """One-way light time and the passes in order; without passes there is contact at all times, and room.
 
@@ -127,19 +127,6 @@ class Link:
             volume -= room
         return None
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        passes = [
-            {"name": p.name, "start_s": p.start_s, "end_s": p.end_s, "data_mbit": p.data_mbit}
-            for p in self.passes
-        ]
-        return {"light_time_s": self.light_time_s, "passes": passes}
-
-    @classmethod
-    def from_dict(cls, document: Mapping[str, Any]) -> Link:
-        """Return the link of its JSON form."""
-        return cls(float(document["light_time_s"]), tuple(Pass(**p) for p in document["passes"]))
-
 
 def read_passes(path: Path) -> tuple[Pass, ...]:
     """Return the passes of a JSON file: a list of them, or a sol as `outcrop sol show` prints it.
@@ -168,15 +155,60 @@ def read_passes(path: Path) -> tuple[Pass, ...]:
     return tuple(passes)
 
 
+@dataclass(frozen=True, slots=True)
+class KnownCommand:
+    """A command of the operator: when it was sent, and when the rover heard it, None where it never did."""
+
+    operation: str
+    sent_s: float
+    heard_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class KnownRecord:
+    """A record of the trace, and when the ground knows of it."""
+
+    t_s: float
+    event: str
+    known_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class KnownProduct:
+    """A product, and when it is whole on the ground."""
+
+    path: str
+    t_s: float
+    mbit: float
+    known_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class GroundView:
+    """What the ground knows of a run and when."""
+
+    link: Link
+    commands: tuple[KnownCommand, ...]
+    end_known_s: float | None
+    records: tuple[KnownRecord, ...]
+    products: tuple[KnownProduct, ...]
+
+    def text(self) -> str:
+        """Return the JSON text, the form `ground-view/1`."""
+        members = asdict(self)
+        members["records"] = [[r.t_s, r.event, r.known_s] for r in self.records]
+        return json.dumps({"format": FORMAT, **members.pop("link"), **members}) + "\n"
+
+
 def ground_view(
     link: Link,
     records: Iterable[tuple[float, str]],
     products: Sequence[tuple[float, str, int]],
     *,
     end_s: float | None,
-    commands: Sequence[Mapping[str, Any]] = (),
-) -> dict[str, Any]:
-    """Return what the ground knows of a run and when, the form `ground-view/1`.
+    commands: Iterable[KnownCommand] = (),
+) -> GroundView:
+    """Return what the ground knows of a run and when.
 
     Parameters
     ----------
@@ -186,18 +218,15 @@ def ground_view(
         Time, path and size in bytes of each product.
     end_s
         When the run ended, if it did.
-    commands
-        What the operator sent: operation, when it was sent and when it arrived.
     """
     arrive = link.products_known_s([(t_s, 8e-6 * size) for t_s, _, size in products])
-    return {
-        "format": FORMAT,
-        **link.as_dict(),
-        "commands": list(commands),
-        "end_known_s": None if end_s is None else link.record_known_s(end_s),
-        "records": [[t_s, event, link.record_known_s(t_s)] for t_s, event in records],
-        "products": [
-            {"path": path, "t_s": t_s, "mbit": round(8e-6 * size, 6), "known_s": known}
+    return GroundView(
+        link,
+        tuple(commands),
+        None if end_s is None else link.record_known_s(end_s),
+        tuple(KnownRecord(t_s, event, link.record_known_s(t_s)) for t_s, event in records),
+        tuple(
+            KnownProduct(path, t_s, round(8e-6 * size, 6), known)
             for (t_s, path, size), known in zip(products, arrive, strict=True)
-        ],
-    }
+        ),
+    )

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executive.errors import WireError
-from executive.ports import Command, CommandId, Operator, Product
-from executive.runtime.codec import Json, event_from_json
+from executive.ports import Command, Operator, Product
+from executive.runtime.codec import effect_from_json, events_from_json
 from executive.runtime.control import CONTROL_SOCKET, ControlSocket, RunControl, Stopped, ask_run
-from executive.runtime.journal import JournalFile, never_began, plan_time
+from executive.runtime.journal import JournalFile, Record, never_began, plan_time
 from executive.runtime.live import LiveRuntime, LiveSettings, stop_on_signals
 from executive.runtime.session import RunOutcome
 from executive.runtime.wire.address import Address, Keys
@@ -294,14 +294,13 @@ def run_live(
     return _flight(out, outcome, {"stopped": control.stopped, **about})
 
 
-def journal_events(records: Sequence[Json]) -> Iterator[Sample | Product]:
+def journal_events(records: Sequence[Record]) -> Iterator[Sample | Product]:
     """Yield the samples and products of a journal in order."""
     book = SampleBook()
     for record in records:
-        if record["k"] == "send":
-            book.sent(CommandId(*record["id"]))
-        for document in record["events"] if record["k"] == "step" else ():
-            event = event_from_json(document)
+        if isinstance(effect := effect_from_json(record), Command):
+            book.sent(effect.id)
+        for event in events_from_json(record):
             if isinstance(event, Product):
                 yield event
             elif not isinstance(event, Operator) and (sample := book.heard(event)) is not None:
@@ -323,8 +322,8 @@ def complete(flight: Flight) -> Flight:
     return write_run(flight.folder, flight.outcome, flight.samples, there, about)
 
 
-def stop_run(out: Path, *, rover_s: float = 5.0) -> str:
-    """Stop the live run in a folder, and its rover; return in a sentence how.
+def stop_run(out: Path, *, rover_s: float = 5.0, by: str = "") -> str:
+    """Stop the live run in a folder, and its rover; return in a sentence how. The journal notes `by` whom.
 
     The run is asked first: its plan must end before its rover stops, or it would look for another way. If
     within a tenth of a second it does not say that its rover has stopped, the rover is told directly, and the
@@ -336,7 +335,7 @@ def stop_run(out: Path, *, rover_s: float = 5.0) -> str:
         If nobody says that the rover has stopped, or the folder holds no live run.
     """
     with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(ask_run, out, {"m": "stop"})
+        asked = pool.submit(ask_run, out, {"m": "stop", "by": by})
         with contextlib.suppress(TimeoutError, WireError):
             answer = asked.result(PATIENCE_S)
             if answer.get("rover") != Stopped.ASKED:

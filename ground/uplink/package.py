@@ -21,7 +21,6 @@ import json
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from ground.uplink.verify import CRL, LANDMARKS, MANIFEST, PACKAGE, SIGNATURES
 
@@ -37,12 +36,12 @@ class Signature:
     signature: str
 
 
-def json_text(document: Mapping[str, Any]) -> str:
+def json_text(document: Mapping[str, object]) -> str:
     """Return a document as it is stored, signed and sent."""
     return json.dumps(document, sort_keys=True, indent=1, ensure_ascii=False) + "\n"
 
 
-def manifest_text(about: Mapping[str, Any], crl_text: str, landmarks: str) -> str:
+def manifest_text(about: Mapping[str, object], crl_text: str, landmarks: str) -> str:
     """Return the text that people sign: what the package is about, bound to its files."""
     files = {CRL: crl_text, LANDMARKS: landmarks}
     digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-
-from mission.codec import Document
 
 MAX_LABEL_BYTES = 64 * 1024
 
 
-def whole_label(file: Path, sha256: str) -> Document:
+def whole_label(file: Path, sha256: str) -> Mapping[str, object]:
     """Return the label a rover left beside a product: with the camera model and the pose, which the journal's
     flat label has no room for. A file of another form, or of another product, counts for nothing.
     """

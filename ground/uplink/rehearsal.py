@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from pathlib import Path
 from executive.ports import Operation, Operator
 from ground.errors import InvalidInputError
 from ground.uplink.flight import Flight
-from ground.uplink.link import Link, ground_view
+from ground.uplink.link import KnownCommand, Link, ground_view
 
 GROUND_VIEW = "ground.json"
 """In the folder of a rehearsal with a link: when the ground knows what."""
@@ -68,12 +67,8 @@ def write_ground_view(
         [(p.t_ms / 1000, p.path, (out / p.path).stat().st_size) for p in run.products],
         end_s=run.end_s,
         commands=[
-            {
-                "operation": sent.operation.value,
-                "sent_s": sent.sent_s,
-                "heard_s": None if event is None else event.t_ms / 1000,
-            }
+            KnownCommand(sent.operation.value, sent.sent_s, None if event is None else event.t_ms / 1000)
             for sent, event in reach
         ],
     )
-    (out / GROUND_VIEW).write_text(json.dumps(view) + "\n", encoding="utf-8")
+    (out / GROUND_VIEW).write_text(view.text(), encoding="utf-8")

@@ -15,8 +15,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from executive.ports import CommandId, Product
-from executive.runtime.codec import Json, event_from_json
+from executive.ports import Command, Product, TraceRecord
+from executive.runtime.codec import effect_from_json, events_from_json
+from executive.runtime.journal import Record, plan_time, require
 from executive.runtime.wire.downloads import safe_path
 from ground.uplink.flight import Sample, SampleBook, product_line
 
@@ -72,7 +73,7 @@ class Message:
     topic: str
     schema: str
     t_ms: int
-    content: Json
+    content: dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,45 +90,43 @@ def schema_text(name: str) -> bytes:
     return json.dumps({"type": "object", "properties": SCHEMAS[name]}).encode()
 
 
-def zero_of(header: Json) -> int:
+def zero_of(header: Record) -> int:
     """Return plan time 0 in nanoseconds of UTC; 0 for a virtual clock, which has no instant."""
-    instant = header.get("instant")
+    instant = plan_time(header).instant
     return 0 if instant is None else round(datetime.fromisoformat(instant).timestamp() * 1000) * 1_000_000
 
 
-def messages(run: Path, records: Iterable[Json], zero_ns: int) -> Iterator[Message]:
+def messages(run: Path, records: Iterable[Record], zero_ns: int) -> Iterator[Message]:
     """Yield the messages of a journal, in its order."""
     book, trail, t_ms = SampleBook(), Trail(zero_ns), 0
     for record in records:
-        t_ms = max(t_ms, record.get("t", t_ms))
-        match record["k"]:
-            case "trace":
-                node, *detail = record["a"] or [""]
-                told = {"t_s": t_ms / 1000, "event": record["e"], "node": node, "detail": detail}
+        t_ms = max(t_ms, require({"t": t_ms, **record}, "t", int))
+        match effect_from_json(record):
+            case TraceRecord(_, what, arguments):
+                node, *detail = arguments or [""]
+                told = {"t_s": t_ms / 1000, "event": what, "node": node, "detail": detail}
                 yield Message("/plan", "outcrop.PlanEvent", t_ms, told)
-                if record["e"] in STATES:
-                    state = str(detail[0]) if record["e"] == "end" and detail else STATES[record["e"]]
+                if what in STATES:
+                    state = str(detail[0]) if what == "end" and detail else STATES[what]
                     about = {"t_s": t_ms / 1000, "node": node, "state": state}
                     yield Message("/nodes", "outcrop.NodeState", t_ms, about)
-            case "send":
-                command = CommandId(*record["id"])
+            case Command(command, action, parameters):
                 book.sent(command)
-                about = {"task": command.task, "attempt": command.attempt, "action": record["action"]}
-                sent = {"t_s": t_ms / 1000, **about, "parameters": _finite(record["parameters"])}
+                about = {"task": command.task, "attempt": command.attempt, "action": action}
+                sent = {"t_s": t_ms / 1000, **about, "parameters": _finite(parameters)}
                 yield Message("/commands", "outcrop.Command", t_ms, sent)
-            case "note":
-                level = WARNING if record["kind"] in WARNINGS else INFO
-                log = {"level": level, "message": record["text"], "name": record["kind"]}
+            case _ if record["k"] == "note":
+                kind, text = require(record, "kind", str), require(record, "text", str)
+                level = WARNING if kind in WARNINGS else INFO
+                log = {"level": level, "message": text, "name": kind}
                 yield Message("/log", "foxglove.Log", t_ms, {**_stamp(zero_ns, t_ms), **log})
-            case "step":
-                for document in record["events"]:
-                    event = event_from_json(document)
-                    sample = book.heard(event)
-                    if sample is not None:
-                        yield from _sample(sample, zero_ns, t_ms)
-                        yield from trail.goes_on(sample, t_ms)
-                    elif isinstance(event, Product):
-                        yield from _product(run, event, zero_ns, t_ms)
+        for event in events_from_json(record):
+            sample = book.heard(event)
+            if sample is not None:
+                yield from _sample(sample, zero_ns, t_ms)
+                yield from trail.goes_on(sample, t_ms)
+            elif isinstance(event, Product):
+                yield from _product(run, event, zero_ns, t_ms)
 
 
 class Trail:
@@ -174,13 +173,13 @@ class Trail:
         yield Message("/trail", "foxglove.SceneUpdate", t_ms, {"deletions": [], "entities": [entity]})
 
 
-def _stamp(zero_ns: int, t_ms: int) -> Json:
+def _stamp(zero_ns: int, t_ms: int) -> dict[str, object]:
     seconds, nanoseconds = divmod(zero_ns + 1_000_000 * t_ms, 1_000_000_000)
     return {"timestamp": {"sec": seconds, "nsec": nanoseconds}}
 
 
 def _sample(sample: Sample, zero_ns: int, t_ms: int) -> Iterator[Message]:
-    told = sample.as_dict()
+    told = sample.line()
     yield Message("/telemetry", "outcrop.Telemetry", t_ms, _finite(told))
     if not _is_pose(sample):
         log = {"level": WARNING, "message": "the rover told a pose that is not a number", "name": "telemetry"}

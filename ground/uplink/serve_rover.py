@@ -12,16 +12,12 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from executive.errors import WireError
 from executive.runtime.clocks import MonotonicClock
 from executive.runtime.wire.address import Address, Keys, bound_address, dial, listen
 from executive.runtime.wire.server import About, RoverServer
 from ground.errors import InvalidInputError
-
-if TYPE_CHECKING:
-    from executive.runtime.codec import Json
 
 ROVER_SOCKET = "rover.sock"
 """Where the rover of a run listens that is made for it, in the folder of the run."""
@@ -91,7 +87,7 @@ def _end_when_alone(server: RoverServer, linger_s: float) -> None:
     server.stop_serving()
 
 
-def _inject(rover: object) -> Callable[[Json], None] | None:
+def _inject(rover: object) -> Callable[[dict[str, object]], None] | None:
     """Return how a rover is made to suffer a fault: now, unless it is tied to a task."""
     from rover_iface.simulator.engine import SimulatedRover
     from rover_iface.simulator.faults import load_faults
@@ -99,7 +95,7 @@ def _inject(rover: object) -> Callable[[Json], None] | None:
     if not isinstance(rover, SimulatedRover):
         return None
 
-    def suffer(document: Json) -> None:
+    def suffer(document: dict[str, object]) -> None:
         named = "task" in document or "at_s" in document
         for fault in load_faults([document if named else {**document, "at_s": rover.t_s}]):
             rover.add_fault(fault)

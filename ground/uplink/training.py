@@ -12,7 +12,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from ground.durable import put_in_place
 from ground.uplink.keys import id_of, load_key, make_key, public_text, sign
 from ground.uplink.package import Signature, signing_keys, write_package
-from ground.uplink.trust import Document, allow, change_trust, checked, new_trust, revoke, write_trust
+from ground.uplink.trust import TrustDocument, allow, change_trust, checked, new_trust, revoke, write_trust
 from ground.uplink.verify import PACKAGE, PERSON, SIGNERS
 
 TRUST_FILE, ROOT, AUTHOR, APPROVER = "trust.json", "root.key", "author.key", "approver.key"
@@ -29,9 +29,7 @@ class Team:
     trust: Path
 
 
-def make_team(
-    folder: Path, *, rover: str = "training", people: tuple[str, str] = PEOPLE, training: bool = True
-) -> Team:
+def make_team(folder: Path, *, rover: str = "training", training: bool = True) -> Team:
     """Return a new team; keys and trust file are written into the folder.
 
     Raises
@@ -41,16 +39,11 @@ def make_team(
     """
     root, author, approver = (make_key(folder / name) for name in (ROOT, AUTHOR, APPROVER))
     document = new_trust(rover, {"Root": root}, training=training)
-    allow(document, people[0], public_text(author), ("author", "verifier"))
-    allow(document, people[1], public_text(approver), ("approver",))
+    allow(document, PEOPLE[0], public_text(author), ("author", "verifier"))
+    allow(document, PEOPLE[1], public_text(approver), ("approver",))
     trust = folder / TRUST_FILE
     trust.write_bytes(write_trust(document, [root]))
     return Team(author, approver, trust)
-
-
-def load_team(folder: Path) -> Team:
-    """Return the team of a folder that `make_team` wrote."""
-    return Team(load_key(folder / AUTHOR), load_key(folder / APPROVER), folder / TRUST_FILE)
 
 
 def sign_package(team: Team, manifest: str, crl_text: str, landmarks: str) -> bytes:
@@ -84,7 +77,7 @@ def training_trust(folder: Path, mission: str, people: Sequence[TrainedSigner]) 
     place = folder / TRUST_FILE
     root = load_key(folder / ROOT) if (folder / ROOT).exists() else make_key(folder / ROOT)
 
-    def enter(document: Document) -> None:
+    def enter(document: TrustDocument) -> None:
         for name in set(document["keys"]) - set(document["roles"]["root"]["keys"]):
             revoke(document, name)
         for signer in people:

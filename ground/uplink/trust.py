@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
@@ -15,13 +15,36 @@ from ground.errors import ArchiveError, InvalidInputError
 from ground.uplink.keys import id_of, public_text, sign
 from ground.uplink.verify import OLD_PACKAGE, SIGNERS, TRUST, RefusedError, Trust, read_trust
 
-Document = dict[str, Any]
-"""One version as it is signed; `docs/formats/trust-1.schema.json` describes it."""
-
 LIFE = timedelta(days=365)
 """How long a version is good for unless asked otherwise; who withholds newer ones gains no more than this."""
 
 ROLES = ("root", *SIGNERS, OLD_PACKAGE)
+
+
+class KeyHolder(TypedDict):
+    """A public key and the person whose it is."""
+
+    person: str
+    public: str
+
+
+class RoleRule(TypedDict):
+    """How many people have to sign for a role, and by which keys, by their names."""
+
+    threshold: int
+    keys: list[str]
+
+
+class TrustDocument(TypedDict):
+    """One version as it is signed; `docs/formats/trust-1.schema.json` describes it."""
+
+    rover: str
+    version: int
+    training: bool
+    missions: list[str]
+    expires_utc: str
+    keys: dict[str, KeyHolder]
+    roles: dict[str, RoleRule]
 
 
 def new_trust(
@@ -31,9 +54,9 @@ def new_trust(
     missions: Iterable[str] = (),
     training: bool = False,
     life: timedelta = LIFE,
-) -> Document:
+) -> TrustDocument:
     """Return the first version of a trust file, with nobody in it but the people of the root keys."""
-    keys = {id_of(public_text(k)): {"person": p, "public": public_text(k)} for p, k in roots.items()}
+    keys = {id_of(public_text(k)): KeyHolder(person=p, public=public_text(k)) for p, k in roots.items()}
     return {
         "rover": rover,
         "version": 1,
@@ -47,7 +70,7 @@ def new_trust(
     }
 
 
-def allow(document: Document, person: str, public: str, roles: Iterable[str]) -> None:
+def allow(document: TrustDocument, person: str, public: str, roles: Iterable[str]) -> None:
     """Let the key of a person count for roles.
 
     Raises
@@ -66,7 +89,7 @@ def allow(document: Document, person: str, public: str, roles: Iterable[str]) ->
         rule["keys"] = sorted({*rule["keys"], name})
 
 
-def revoke(document: Document, name: str) -> None:
+def revoke(document: TrustDocument, name: str) -> None:
     """Take a key out of every role.
 
     Raises
@@ -83,14 +106,16 @@ def revoke(document: Document, name: str) -> None:
             del document["roles"][role]
 
 
-def require(document: Document, role: str, threshold: int) -> None:
+def require(document: TrustDocument, role: str, threshold: int) -> None:
     """Say how many people have to sign for a role."""
     if role not in document["roles"]:
         raise InvalidInputError(f"there is no role {role!r}; there are {', '.join(document['roles'])}")
     document["roles"][role]["threshold"] = threshold
 
 
-def write_trust(document: Document, roots: Iterable[Ed25519PrivateKey], earlier: bytes = b"") -> bytes:
+def write_trust(
+    document: Mapping[str, object], roots: Iterable[Ed25519PrivateKey], earlier: bytes = b""
+) -> bytes:
     """Return a trust file that ends in a version signed by the root keys given.
 
     Raises
@@ -116,12 +141,12 @@ def write_trust(document: Document, roots: Iterable[Ed25519PrivateKey], earlier:
 def change_trust(
     earlier: bytes,
     roots: Iterable[Ed25519PrivateKey],
-    edit: Callable[[Document], None],
+    edit: Callable[[TrustDocument], None],
     life: timedelta = LIFE,
 ) -> bytes:
     """Return a trust file with one more version, made by `edit` and signed by the root keys given."""
     checked(earlier)
-    document: Document = json.loads(json.loads(earlier)["versions"][-1]["signed"])
+    document: TrustDocument = json.loads(json.loads(earlier)["versions"][-1]["signed"])
     document["version"] += 1
     document["expires_utc"] = (datetime.now(UTC) + life).isoformat(timespec="seconds")
     edit(document)

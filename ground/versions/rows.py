@@ -20,7 +20,7 @@ from mission.values import value
 
 Key = tuple[str, str]
 """Kind and id of a row."""
-Fields = Mapping[str, Any]
+Fields = Mapping[str, object]
 Rows = Mapping[Key, Fields]
 ConflictKey = tuple[str, str, str]
 """Kind of the conflict, id of the row, field."""

@@ -34,6 +34,7 @@ from ground.resources.missions.value import Mission
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.sols.create_sol import create_sol
 from ground.settings import Settings, load_settings
+from tests.ground.s3 import s3_server  # noqa: F401 - a fixture; one server for all modules
 
 PLANNER = Actor("Planner", Role.PLANNER)
 

@@ -153,3 +153,81 @@ def test_rows_of_one_act_that_others_rest_on_are_named_however_many_there_are(
     api.post(f"/missions/{mission.id}/undo", {}, status=200)
     api.post(f"/missions/{mission.id}/undo", {}, status=200)
     assert targets(api, mission) == {}
+
+
+def on_new(count: int, name: str = "N") -> list[dict[str, Any]]:
+    return [{"target": place, "instrument": "science_camera", "value": 2.0} for place in places(count, name)]
+
+
+def test_a_request_makes_its_target_and_one_undo_takes_both_back(api: Api, mission: Mission) -> None:
+    url = f"/missions/{mission.id}/observation-requests"
+    made = api.post(url, {**on_new(1)[0], "target": {"east_m": 4.0, "north_m": 1.0}})
+    (target,) = targets(api, mission).values()
+    assert (made["target_id"], made["target_name"]) == (target["id"], "T1")
+    api.post(f"/missions/{mission.id}/undo", {}, status=200)
+    assert (targets(api, mission), api.get(url)["items"]) == ({}, [])
+    api.post(f"/missions/{mission.id}/redo", {}, status=200)
+    assert list(targets(api, mission)) == ["T1"]
+    assert [r["id"] for r in api.get(url)["items"]] == [made["id"]]
+
+
+def test_a_new_target_that_cannot_be_reached_is_named_in_the_reason(api: Api, mission: Mission) -> None:
+    url = f"/missions/{mission.id}/observation-requests"
+    ring = {"polygon_m": [[2, -1], [6, -1], [6, 3], [2, 3]]}
+    api.post(f"/missions/{mission.id}/keep-outs", ring)
+    asked = {"instrument": "microscopic_imager", "value": 1.0}
+    made = api.post(url, {**asked, "target": {"east_m": 4.0, "north_m": 1.0}})
+    by_hand = api.post(f"/missions/{mission.id}/targets", {"name": "Same", "east_m": 4.0, "north_m": 1.0})
+    other = api.post(url, {**asked, "target_id": by_hand["id"]})
+    told = [r["observation_point"]["reason"] for r in (made, other)]
+    assert told[0].startswith("target T1 has no observation point")
+    assert told[1] == told[0].replace("T1", "Same")
+
+
+def test_many_targets_with_requests_are_one_act(api: Api, mission: Mission) -> None:
+    url, key = f"/missions/{mission.id}/observation-requests/bulk", {"Idempotency-Key": "k-2"}
+    first = api("POST", url, {"create": on_new(40)}, headers=key)
+    assert api("POST", url, {"create": on_new(40)}, headers=key).json() == first.json()
+    events = api.get(f"/missions/{mission.id}/history?newest_first=true&limit=100")["items"]
+    assert len([e for e in events if e["kind"] in {"target", "observation_request"}]) == 80
+    there = targets(api, mission)
+    requests = {r["id"]: r for r in api.get(url.replace("/bulk", "?limit=100"))["items"]}
+    assert [requests[r["id"]]["target_name"] for r in first.json()["created"]] == [f"N{k}" for k in range(40)]
+    one = api.post(f"/missions/{mission.id}/targets", {**places(1)[0], "name": "By hand"})
+    asked = {"target_id": one["id"], "instrument": "science_camera", "value": 2.0}
+    alone = api.post(url.replace("/bulk", ""), asked)
+    assert alone["observation_point"] == requests[first.json()["created"][0]["id"]]["observation_point"]
+    for _ in range(3):
+        api.post(f"/missions/{mission.id}/undo", {}, status=200)
+    assert (len(there), targets(api, mission)) == (40, {})
+    with api.repo.database.read() as session:
+        assert verify_chains(session)[1] == []
+
+
+def test_a_row_that_cannot_be_used_keeps_all_targets_and_requests_away(api: Api, mission: Mission) -> None:
+    api.post(f"/missions/{mission.id}/targets", {"name": "Kept", "east_m": 1.0, "north_m": 1.0})
+    rows = on_new(8)
+    rows[1]["target"]["name"] = "Kept"
+    rows[3]["target"]["east_m"] = 900.0
+    rows[5]["instrument"] = "laser"
+    rows[6]["target"]["name"] = "N0"
+    url = f"/missions/{mission.id}/observation-requests"
+    told = problem(api("POST", f"{url}/bulk", {"create": rows}), 422, "invalid-input")
+    assert [w["pointer"] for w in told["errors"]] == [
+        "/create/1/target/name",
+        "/create/3/target/east_m",
+        "/create/5/instrument",
+        "/create/6/target/name",
+    ]
+    assert "900.00" in told["errors"][1]["detail"]
+    assert (list(targets(api, mission)), api.get(url)["items"]) == (["Kept"], [])
+
+
+def test_a_request_is_on_one_target(api: Api, mission: Mission) -> None:
+    url = f"/missions/{mission.id}/observation-requests"
+    row = on_new(1)[0]
+    both = problem(api("POST", url, {**row, "target_id": "tgt-none"}), 422, "invalid-input")
+    none = problem(api("POST", url, {"instrument": "science_camera", "value": 1.0}), 422, "invalid-input")
+    assert [both["errors"][0]["pointer"], none["errors"][0]["pointer"]] == ["/target", "/target_id"]
+    problem(api("POST", f"{url}/bulk", {"create": [row]}, who="Viewer"), 403, "forbidden")
+    assert targets(api, mission) == {}

@@ -148,7 +148,7 @@ def test_what_holds_no_legs_is_named(
 def test_over_the_interface_it_is_a_job_that_gives_the_mission_its_calibration(
     api: Api, mission: Mission, folders: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(service, "run_folders", lambda *_args: folders)
+    monkeypatch.setattr(service, "run_folders", lambda *_args: [str(folder) for folder in folders])
     path = f"/missions/{mission.id}"
     job = api.post(f"{path}/calibrate", {"name": "yard"}, 202)
     assert (job["kind"], job["subject_kind"], job["subject_id"]) == (
@@ -179,7 +179,8 @@ def test_the_work_tells_how_far_it_is_and_stops_when_asked(
     repo: Repository, mission: Mission, folders: list[Path]
 ) -> None:
     with repo.database.read() as session:
-        order = service.calibration_order(repo, session, mission.id, folders, strict=True, name="")
+        places = [str(folder) for folder in folders]
+        order = service.calibration_order(repo, session, mission.id, places, strict=True, name="")
     said: list[float] = []
     work(order, lambda share, _what: said.append(share), lambda: False)
     assert said == sorted(said)

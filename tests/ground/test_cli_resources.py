@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,11 +75,9 @@ def test_every_command_about_resources_says_that_it_needs_a_server(program: type
     assert silent == []
 
 
-@pytest.fixture
-def server(sqlite_repo: Repository) -> Iterator[str]:
+@contextmanager
+def serving(repo: Repository) -> Iterator[str]:
     """Serve a repository over a socket; give the address."""
-    settings = sqlite_repo.settings.model_copy(update={"webhook_hosts": "hooks.example"})
-    repo = replace(sqlite_repo, settings=settings)
     config = uvicorn.Config(build_app(repo, with_worker=False), port=0, log_level="error")
     running = uvicorn.Server(config)
     thread = threading.Thread(target=running.run, daemon=True)
@@ -90,6 +89,13 @@ def server(sqlite_repo: Repository) -> Iterator[str]:
     yield f"http://127.0.0.1:{port}"
     running.should_exit = True
     thread.join(20.0)
+
+
+@pytest.fixture
+def server(sqlite_repo: Repository) -> Iterator[str]:
+    settings = sqlite_repo.settings.model_copy(update={"webhook_hosts": "hooks.example"})
+    with serving(replace(sqlite_repo, settings=settings)) as address:
+        yield address
 
 
 @pytest.fixture

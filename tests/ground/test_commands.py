@@ -6,8 +6,12 @@ import json
 import os
 import re
 import socket
+import sqlite3
 import subprocess
 import sys
+import time
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
@@ -48,9 +52,53 @@ def test_a_second_server_on_the_same_port_ends_with_one_line(sqlite_repo: Reposi
     )
 
 
-def test_a_database_that_is_not_migrated_says_what_to_do(tmp_path: Path) -> None:
+def test_a_connection_that_was_idle_longer_than_clients_keep_theirs_is_still_good(
+    sqlite_repo: Repository,
+) -> None:
+    environment = {**os.environ, "OUTCROP_DATA_DIR": str(sqlite_repo.data_dir), "PYTHONUNBUFFERED": "1"}
+    order = [sys.executable, "-m", "ground.cli", "serve", "--no-worker", "--port", "0"]
+    with subprocess.Popen(order, env=environment, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            address = next(line for line in server.stdout if "Outcrop is at" in line)
+            connection = HTTPConnection("127.0.0.1", int(address.split(":")[2].split("/")[0]), timeout=60.0)
+            connection.connect()
+            kept = connection.sock
+            for idle_s in (0.0, 6.0):
+                time.sleep(idle_s)
+                connection.request("GET", "/healthz")
+                assert connection.getresponse().read()
+                assert connection.sock is kept
+        finally:
+            server.terminate()
+
+
+@pytest.mark.parametrize("revision", ["none", "0003"])
+def test_a_database_that_is_not_migrated_says_what_to_do(tmp_path: Path, revision: str) -> None:
+    with closing(sqlite3.connect(tmp_path / "outcrop.db")) as database, database:
+        database.execute("CREATE TABLE alembic_version (version_num VARCHAR(32) NOT NULL)")
+        if revision != "none":
+            database.execute("INSERT INTO alembic_version VALUES (?)", [revision])
     ended = outcrop("serve", "--port", "0", data_dir=tmp_path)
     assert (ended.returncode, "run `outcrop migrate`" in ended.stderr) == (2, True)
+    with closing(sqlite3.connect(tmp_path / "outcrop.db")) as database:
+        tables = database.execute("SELECT name FROM sqlite_master").fetchall()
+    assert tables == [("alembic_version",)], "a database that holds something was changed"
+
+
+def test_an_empty_folder_is_all_that_a_server_needs(tmp_path: Path) -> None:
+    environment = {**os.environ, "OUTCROP_DATA_DIR": str(tmp_path), "PYTHONUNBUFFERED": "1"}
+    environment.pop("OUTCROP_DATABASE_URL", None)
+    order = [sys.executable, "-m", "ground.cli", "serve", "--no-worker", "--port", "0"]
+    with subprocess.Popen(order, env=environment, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            address = next(line for line in server.stdout if "Outcrop is at" in line)
+            connection = HTTPConnection("127.0.0.1", int(address.split(":")[2].split("/")[0]), timeout=60.0)
+            connection.request("GET", "/api/v1/missions")
+            assert json.loads(connection.getresponse().read())["items"] == []
+        finally:
+            server.terminate()
 
 
 def test_a_wrong_setting_names_itself(tmp_path: Path) -> None:

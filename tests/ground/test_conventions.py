@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ground.app.logs import JsonFormatter, TextFormatter
+from ground.logs import JsonFormatter, TextFormatter
 from tests.ground.conftest import Api, yard
 
 TARGET = {"name": "Rock1", "east_m": 4.0, "north_m": 1.0}

@@ -130,7 +130,7 @@ def test_what_is_left_of_a_copy_goes_when_a_server_starts(
             row.in_making, row.modified_utc = True, row.modified_utc - timedelta(hours=hours)
     monkeypatch.setattr(service, "open_repository", lambda _settings: api.repo)
     monkeypatch.setattr(service, "load_settings", lambda: api.repo.settings)
-    monkeypatch.setattr(service, "set_up_logging", lambda _settings: None)
+    monkeypatch.setattr(service, "set_up_logging", lambda _form, _level: None)
     service.create_app()
     with api.repo.database.read() as session:
         there = [copy for copy in left if session.get(MissionRow, copy) is not None]

@@ -269,3 +269,13 @@ def test_a_draft_of_a_kind_that_is_not_known_is_refused(site: Site) -> None:
     with site.api.repo.database.write() as session:
         session.get_one(DraftRow, draft).kind = "teleport"
     assert "unknown kind 'teleport'" in site.accept(draft, 409)["detail"]
+
+
+def test_a_sentence_in_a_mission_without_a_sol_is_refused_as_the_document_says(site: Site) -> None:
+    for sol in site.api("GET", f"{site.mission}/sols").json()["items"]:
+        tag = site.api("GET", f"/sols/{sol['id']}").headers["ETag"]
+        assert site.api("DELETE", f"/sols/{sol['id']}", headers={"If-Match": tag}).status_code == 204
+    text = {"text": "image the rock at 12, 30 in the morning with the mast camera"}
+    assert "has no sol" in site.api.post(f"{site.mission}/sentences", text, 409)["detail"]
+    document = site.api("GET", "/openapi.json").json()
+    assert "409" in document["paths"]["/api/v1/missions/{mission_id}/sentences"]["post"]["responses"]

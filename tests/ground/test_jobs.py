@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from datetime import timedelta
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
 from hypothesis.strategies import integers
-from sqlalchemy import select, update
+from sqlalchemy import event, select, update
 from sqlalchemy.orm import Session
 
 from ground.gdr import notices
@@ -298,7 +299,7 @@ def test_a_worker_that_is_told_asks_nothing_in_silence_and_hears_of_a_job_of_ano
     monkeypatch.setattr(Worker, "_told", heard)
     real = worker_module.waiting
 
-    def counted(*given: Any) -> frozenset[str]:
+    def counted(*given: Any) -> Counter[str]:
         looks.append(time.monotonic())
         return real(*given)
 
@@ -315,6 +316,35 @@ def test_a_worker_that_is_told_asks_nothing_in_silence_and_hears_of_a_job_of_ano
         monkeypatch.setattr(queue_module, "WAKE", threading.Event())  # as in another process
         wait_for(repo, queue(repo, "succeed"), "succeeded")
         assert len(looks) > before
+    finally:
+        worker.stop()
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize("database_address", ["postgresql"], indirect=True)
+def test_a_worker_that_is_told_does_not_ask_whether_its_work_is_to_stop(
+    repo: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Worker, "TOLD_LOOK_S", 600.0)
+    monkeypatch.setattr(notices, "AGAIN_S", 600.0)
+    worker = Worker(with_settings(repo, executor=ExecutorKind.PROCESS, job_lease_s=600.0), KINDS, slots=1)
+    asked: list[str] = []
+
+    def seen(_: Any, __: Any, statement: str, *rest: Any) -> None:
+        asked.append(statement)
+
+    worker.start()
+    try:
+        job = queue(repo, "wait")
+        wait_for(repo, job, "running")
+        time.sleep(2.0)  # what was told of the job itself is heeded
+        event.listen(repo.database.engine, "before_cursor_execute", seen)
+        time.sleep(2.0)
+        event.remove(repo.database.engine, "before_cursor_execute", seen)
+        assert [statement for statement in asked if "jobs" in statement] == []
+        monkeypatch.setattr(queue_module, "WAKE", threading.Event())  # as in another process
+        cancel_job(repo, PLANNER, job)
+        assert wait_for(repo, job, "cancelled", "failed", "succeeded").state == "cancelled"
     finally:
         worker.stop()
 

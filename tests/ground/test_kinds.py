@@ -23,7 +23,7 @@ from ground.resources.targets.bodies import TargetChange
 
 def test_a_form_of_change_has_the_members_of_the_form_of_making_but_those_named() -> None:
     made, changed = set(ObservationRequestCreate.model_fields), set(ObservationRequestChange.model_fields)
-    assert made - changed == {"target_id"}
+    assert made - changed == {"target_id", "target"}
     assert changed - made == {"state"}
     assert ObservationRequestChange().model_fields_set == set()
     assert all(not member.is_required() for member in ObservationRequestChange.model_fields.values())

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from ground.cli.main import app, register_all
 from ground.errors import InvalidInputError
 from ground.resources.reports.report_run import known_on_the_ground
+from ground.resources.runs.order import ORDERS
 from ground.resources.runs.trace_value import Trace
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.link import Link, Pass, read_passes
@@ -145,6 +146,19 @@ def test_the_command_line_rehearses_and_refuses_in_one_line(site: tuple[Path, Pl
     assert (done.exit_code, "ABORTED after 8 s" in done.output) == (1, True), done.output
     view = json.loads((tmp_path / "run" / GROUND_VIEW).read_text())
     assert view["end_known_s"] == 10.5
+
+
+def test_an_order_that_was_stored_when_its_link_was_a_plain_document_is_read() -> None:
+    held = {
+        "light_time_s": 60,
+        "passes": [{"name": "noon", "start_s": 100, "end_s": 200.0, "data_mbit": 50.0}],
+    }
+    folders = {"run_dir": "runs/run-1", "files_dir": "files", "terrain_dir": "terrains/trn-1"}
+    plan = {"run_id": "run-1", "crl_text": "", "problem": {}, "rover": "abstract", "seed": 1}
+    stored = {"format": "run-order/1", **folders, **plan, "link": held}
+    assert ORDERS.from_document(stored).link == Link(60.0, TWO[:1])
+    assert ORDERS.document(ORDERS.from_document(stored))["link"] == held
+    assert ORDERS.from_document({**stored, "link": None}).link is None
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "ground-view/1"}', "\xff"])

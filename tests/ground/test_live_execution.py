@@ -92,13 +92,14 @@ def test_a_package_runs_on_the_real_clock_and_its_products_come_down(tmp_path: P
 
 
 def test_a_live_run_goes_back_to_ground_like_any_other(tmp_path: Path) -> None:
+    from ground.gdr.files import FileStore
     from ground.resources.runs.work import read_run_folder
 
     site = live_site(tmp_path)
     with rover_process(site.address):
         execute_live(site.package, place_of(site), site.run, signals=False)
     (tmp_path / "files").mkdir()
-    result = read_run_folder(site.run, tmp_path / "files")
+    result = read_run_folder(site.run, FileStore(tmp_path / "files"))
     assert result["outcome"] == "SUCCEEDED"
     assert len(result["products"]) == 1
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 from pathlib import Path
 
@@ -55,15 +56,48 @@ def test_a_live_run_is_held_stepped_given_a_fault_and_stopped(sqlite_api: Api, t
         api.post(f"{run}/faults", {"kind": "novelty", "amount": 0.5}, status=200)
         wrong = api("POST", f"{run}/faults", {"kind": "lose-target"})
         assert "target" in problem(wrong, 409, "wrong-state")["detail"]
+        [kept] = api.get(run)["faults"]
+        assert (kept["kind"], kept["amount"], kept["task"]) == ("novelty", 0.5, None)
+        assert kept["at_s"] > 0.0  # when it came
         live = api.repo.run_dir(second) / LIVE
         _until(lambda: any(w["paused"] for w in live_lines_of(live, "control")))
-        stopped = api.post(f"{run}/control", {"stop": True}, status=200)
+        for who, wish in (
+            ("Scientist", {"stop": True}),
+            ("Viewer", {"stop": True}),
+            ("Operator", {"paused": True}),
+            ("Operator", {"stop": True, "step": True}),
+        ):
+            problem(api("POST", f"{run}/control", wish, who=who), 403, "forbidden")
+        stopped = api.post(f"{run}/control", {"stop": True}, status=200, who="Operator")
         assert stopped["abort"] is True
         done = _until(lambda: _over(api, second), 60)
         assert (done["state"], done["outcome"]) == ("succeeded", "ABORTED")
         assert json.loads((live.parent / "run.json").read_text())["stopped"] is True
+        told = [(note["kind"], note["text"]) for note in live_lines_of(live, "note")]
+        assert ("operator", "fault 'novelty' injected by Planner") in told
+        assert ("operator", "STOP by Operator") in told
+        assert len(done["faults"]) == 1  # what the refused one would have been is not kept
+        first_line, last_line = done["notes"].splitlines()
+        assert re.search(r"UTC: fault novelty at \d+ s, injected by Planner$", first_line)
+        assert re.match(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC: STOP by Operator$", last_line)
+        acts = api.get(f"/missions/{mission.id}/history?limit=1000")["items"]
+        assert ("stop", "Operator", second) in {(e["action"], e["actor"], e["subject_id"]) for e in acts}
     finally:
         for run_id in (first, second):
             if not _over(api, run_id):
                 stop_run(api.repo.run_dir(run_id))
         worker.join(60.0)
+
+
+def test_a_live_run_that_waits_is_stopped_by_whoever_may_stop(sqlite_api: Api, terrain_folder: Path) -> None:
+    api = sqlite_api
+    mission = yard(api.repo, terrain_folder)
+    file_requests(api, mission)
+    plan = planned(api, mission)
+    order = {"plan_id": plan["id"], "live": True, "pace": 200.0}
+    live = api.post(f"/missions/{mission.id}/runs", order, status=202)
+    dry = api.post(f"/missions/{mission.id}/runs", {"plan_id": plan["id"]}, status=202)
+    problem(api("POST", f"/jobs/{dry['id']}/cancel", who="Operator"), 403, "forbidden")
+    problem(api("POST", f"/jobs/{live['id']}/cancel", who="Scientist"), 403, "forbidden")
+    cancelled = api("POST", f"/jobs/{live['id']}/cancel", who="Operator")
+    assert cancelled.json()["state"] == "cancelled"

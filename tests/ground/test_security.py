@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import json
 import logging
 import re
 import shutil
@@ -21,13 +22,13 @@ from argon2 import PasswordHasher
 from sqlalchemy import select, text, update
 
 from ground.app.api import build_api
-from ground.app.logs import JsonFormatter
 from ground.errors import ArchiveError, TooManyAttemptsError
 from ground.gdr.archives import extract_zip
 from ground.gdr.base import utc_now
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository, open_repository
 from ground.jobs.row import JobRow
+from ground.logs import JsonFormatter
 from ground.records.actor import ALLOWED, SYSTEM_ACTOR, Action, Role
 from ground.resources.comments.row import CommentRow
 from ground.resources.drafts.row import DraftRow
@@ -110,6 +111,18 @@ def test_an_oversized_body_is_refused(sqlite_api: Api) -> None:
         "POST", "/missions", content=b" " * (9 * 2**20), headers={"content-type": "application/json"}
     )
     problem(answer, 413, "too-large")
+
+
+def test_the_document_says_of_all_that_takes_a_body_that_a_large_one_is_refused() -> None:
+    document = json.loads((Path(__file__).parents[2] / "ground/openapi.json").read_text())
+    taking = [
+        operation
+        for path in document["paths"].values()
+        for operation in path.values()
+        if "requestBody" in operation
+    ]
+    assert len(taking) > 50
+    assert [operation["operationId"] for operation in taking if "413" not in operation["responses"]] == []
 
 
 def test_an_oversized_body_without_a_length_is_refused(sqlite_api: Api) -> None:
@@ -369,6 +382,7 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("POST", r"/geometry$", Action.EDIT_SCIENCE),
     ("(POST|PATCH|DELETE)", r"/(sols|keep-outs|site-maps)(/\{[a-z_]+\}|/bulk)?$", Action.EDIT_MISSION),
     ("(POST|PATCH|DELETE)", r"/comments(/\{[a-z_]+\})?$", Action.COMMENT),
+    ("(PUT|DELETE)", r"/presence/\{page\}$", Action.READ),  # of oneself, and nobody keeps it
     ("POST", r"/(drafts|sentences/draft)$", Action.DRAFT),
     ("POST", r"/mission-merges$", Action.EDIT_SCIENCE),  # and of what it changes, as by hand
     ("POST", r"/sentences$", Action.READ),
@@ -377,7 +391,8 @@ RULES: tuple[tuple[str, str, Action], ...] = (
     ("POST", r"/(path-networks|plans|plan-merges|sol-paths|runs|campaigns)$", Action.PLAN),
     ("(PATCH|DELETE)", r"/(plans|runs)/\{[a-z_]+\}$", Action.PLAN),
     ("POST", r"/runs/\{[a-z_]+\}/(control|faults)$", Action.PLAN),
-    ("POST", r"/plans/\{[a-z_]+\}/what-if$", Action.READ),
+    ("POST", r"/plans/\{[a-z_]+\}/(what-if|crl-check)$", Action.READ),
+    ("POST", r"/plans/\{[a-z_]+\}/edits$", Action.PLAN),
     ("POST", r"/jobs/.*(cancel|retry)$", Action.PLAN),
     ("POST", r"/(frames|solutions|frame-files|site-maps)$", Action.EDIT_MISSION),
     ("PATCH", r"/frames/\{[a-z_]+\}$", Action.EDIT_MISSION),
@@ -434,6 +449,8 @@ BODIES: dict[str, Any] = {
     "create_path_network": {},
     "create_plan": {"iterations": 1},
     "create_sol_path": {"sols": 2, "time_limit_s": 1.0},
+    "check_crl": {"crl": "(task :id a :action safemode)"},
+    "edit_plan": {"crl": "(task :id a :action safemode)"},
     "create_run": {"plan_id": "P"},
     "control_run": {"paused": True},
     "inject_fault": {"kind": "novelty", "amount": 0.5},

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground import durable
-from ground.gdr import files, packed
+from ground.gdr import packed, store
 from studies.crash_points import study_of_the_store
 
 
@@ -34,6 +34,6 @@ def _name_not_synchronised(draft: Path, target: Path) -> None:
     [(_content_not_synchronised, "silent damage"), (_name_not_synchronised, "lost")],
 )
 def test_a_careless_store_is_found_out(careless: object, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (files, packed):
+    for module in (store, packed):
         monkeypatch.setattr(module, "put_in_place", careless)
     assert study_of_the_store(60, seed=1)[told] > 0

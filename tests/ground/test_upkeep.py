@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from sqlalchemy import select, text
 
+from ground.app.exposition import exposition
 from ground.gdr.history import verify_chains
 from ground.gdr.repository import Repository, open_repository
 from ground.jobs.row import JobRow
@@ -26,6 +27,7 @@ from ground.resources.sols.row import SolRow
 from ground.resources.upkeep.diagnose import diagnose
 from ground.resources.upkeep.noted import FILE, note
 from ground.resources.upkeep.prune import prune
+from ground.resources.upkeep.store_size import StoreSize
 from tests.ground.conftest import Api, settings_for
 
 LONG_AGO = datetime.now(UTC) - timedelta(days=60)
@@ -248,6 +250,23 @@ def test_metrics_tell_the_age_of_the_last_backup_and_of_the_job_that_waits_longe
     assert value["outcrop_database_bytes"] > 100_000
     assert value["outcrop_disk_free_bytes"] > 0
     assert value["outcrop_history_events"] >= 2
+
+
+def test_metrics_tell_how_large_the_files_of_the_data_folder_are(repo: Repository) -> None:
+    size = StoreSize(repo.data_dir)
+    size.known()
+    size.wait()
+    before = size.known()
+    assert before is not None
+    (repo.data_dir / "runs" / "deep").mkdir(parents=True)
+    (repo.data_dir / "runs" / "deep" / "trace").write_bytes(bytes(12_345))
+    assert size.known() == before, "it is not counted for each who asks"
+    size.EVERY_S = 0.0
+    size.known()
+    size.wait()
+    assert size.known() == before + 12_345
+    told = exposition(repo, size)[0].decode()
+    assert f"outcrop_store_bytes {float(before + 12_345)}" in told
 
 
 # ---- prune

@@ -37,7 +37,7 @@ NO_MISSION = {"person_id", "key_id", "session_id"}
 """Ids of what belongs to no mission."""
 WITHIN = {"item_id": "product", "feature_id": "target"}
 """Ids that count within the mission that their path names, with a kind that has such ids."""
-WORDS = {"collection_id": "targets", "group": "products", "index": "0", "file": "dem.tif"}
+WORDS = {"collection_id": "targets", "group": "products", "index": "0", "file": "dem.tif", "page": "p1"}
 """What else a path names; none of it is an id of a row."""
 OPERATIONS = [
     (method.upper(), path, operation["operationId"])

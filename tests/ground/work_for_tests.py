@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import time
@@ -54,6 +55,10 @@ def count(order: Count, report: Callable[[float, str], None], stop: Callable[[],
         case "hang-once":
             if Path(order.log).read_text().count("\n") == 2:  # a first job was before
                 time.sleep(60.0)
+        case "log":
+            (handler,) = logging.getLogger().handlers
+            record = logging.LogRecord("work", logging.INFO, "", 0, "nearly done", (), None)
+            return {"line": handler.format(record)}
         case "hang":
             time.sleep(60.0)
     return {"answer": 42}

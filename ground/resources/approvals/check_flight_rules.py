@@ -29,7 +29,7 @@ from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow, came_with_an_archive
 from ground.resources.sols.row import SolRow
 from ground.settings import Settings
-from mission.codec import Document
+from planner.problem_document import ProblemDocument
 
 logger = logging.getLogger(__name__)
 
@@ -56,12 +56,12 @@ def _largest_campaign(session: Session, plan: PlanRow) -> CampaignResult | None:
     return max(found, key=lambda result: result.runs, default=None)
 
 
-def _used(plan: PlanRow, problem: Document) -> UsedObservations:
+def _used(plan: PlanRow, problem: ProblemDocument) -> UsedObservations:
     """Return what the text observes; the list beside it may have come in with an archive."""
     return used_observations(parsed_plan(plan), problem, profile_of(plan.rover_profile))
 
 
-def _problem(session: Session, plan: PlanRow) -> Document | None:
+def _problem(session: Session, plan: PlanRow) -> ProblemDocument | None:
     """Return the problem of a plan; None where whoever wrote an archive wrote it."""
     row = session.get_one(ProblemRow, plan.problem_id)
     return None if plan.elsewhere or came_with_an_archive(row) else row.document

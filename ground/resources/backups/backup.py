@@ -14,7 +14,7 @@ from sqlalchemy import select, text
 from sqlalchemy.orm import Session
 
 from ground.durable import DRAFT
-from ground.errors import NotFoundError
+from ground.errors import DamagedFileError, NotFoundError
 from ground.gdr.base import utc_now
 from ground.gdr.migrate import current_revision
 from ground.gdr.packed import packed_path
@@ -86,18 +86,29 @@ def _parts(
     yield Part(ROWS, rows)
     if secret is not None:
         yield Part(SECRETS, secret)
-    paths = [p for name in FOLDERS for p in sorted((repo.data_dir / name).rglob("*"))]
-    paths += [p for name in over["campaigns"] for p in sorted(repo.campaign_dir(name).rglob("*"))]
-    paths += [form for run in over["runs"] for form in _forms(repo.run_dir(run) / JOURNAL)]
-    for path in paths:
+    for path in _paths(repo, over):
         name = path.relative_to(repo.data_dir)
         drafts = (part for part in name.parts if part.startswith(DRAFT) or part.endswith(UNFINISHED))
         if path.is_file() and not any(drafts):
             yield Part(name.as_posix(), path)
 
 
-def _forms(path: Path) -> tuple[Path, Path]:
-    return path, packed_path(path)
+def _paths(repo: Repository, over: Mapping[str, Sequence[str]]) -> Iterator[Path]:
+    """Yield what goes into a backup, on the disk of this machine: brought one after the other if need be."""
+    for sha256 in sorted(repo.files.hashes()):
+        try:
+            path = repo.files.path(sha256)
+        except DamagedFileError:  # named already, and nobody has another
+            continue
+        yield from (path, packed_path(path))
+    terrains = repo.folders("terrains")
+    for name in terrains.names():
+        yield from sorted(repo.terrain_dir(name).rglob("*"))
+    for name in over["campaigns"]:
+        yield from sorted(repo.campaign_dir(name).rglob("*"))
+    for name in over["runs"]:
+        journal = repo.run_dir(name) / JOURNAL
+        yield from (journal, packed_path(journal))
 
 
 def _secrets(session: Session) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,9 @@ from typing import Any
 from sqlalchemy import select
 
 from ground.durable import SUMS, damaged_in
-from ground.gdr.repository import Repository
+from ground.gdr.places import damaged_pieces, remove_folder
+from ground.gdr.repository import FOLDERS_KEPT, Folders, Repository
+from ground.gdr.store import Store
 from ground.resources.campaigns.row import CampaignRow
 from ground.resources.missions.row import MissionRow
 from ground.resources.packages.row import PackageRow
@@ -21,7 +22,7 @@ from ground.resources.products.row import ProductRow
 from ground.resources.runs.row import RunRow
 from ground.resources.site_maps.row import SiteMapRow
 from ground.resources.terrains.row import TerrainRow
-from ground.resources.traverses.row import TraverseRow
+from ground.resources.traverses.row import Localization, TraverseRow
 from ground.resources.uploads.row import UploadRow
 
 FRESH_S = 3600.0
@@ -48,9 +49,9 @@ _NAMED = (
 )
 
 
-def pictures_of(document: Mapping[str, Any] | None) -> list[str]:
+def pictures_of(document: Localization | None) -> list[str]:
     """Return the hashes of the pictures of a traverse's stops."""
-    return [] if document is None else [str(stop["picture"]["sha256"]) for stop in document["stops"]]
+    return [] if document is None else [stop["picture"]["sha256"] for stop in document["stops"]]
 
 
 def named_files(repo: Repository) -> dict[str, str]:
@@ -66,18 +67,30 @@ def named_files(repo: Repository) -> dict[str, str]:
         return named
 
 
-def stray_folders(repo: Repository) -> list[Path]:
+def stray_folders(repo: Repository) -> list[Store]:
     """Return the folders of runs and campaigns that are in no record: left by a downlink that did not come to
     its end, or by a mission that was deleted.
     """
-    kept = {"runs": RunRow.id, "campaigns": CampaignRow.id}
+    columns: dict[Folders, Any] = {"runs": RunRow.id, "campaigns": CampaignRow.id}
     found = {}
-    for name in kept:  # before the rows: who is faster is in them
-        folder = repo.data_dir / name
-        found[name] = sorted(folder.iterdir()) if folder.is_dir() else []
+    for kind in columns:  # before the rows: who is faster is in them
+        folder = repo.data_dir / kind
+        here = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+        found[kind] = sorted(here.union(repo.folders(kind).names()))
     with repo.database.read() as session:
-        known = {name: set(session.scalars(select(column))) for name, column in kept.items()}
-    return [path for name, paths in found.items() for path in paths if path.name not in known[name]]
+        known = {kind: set(session.scalars(select(column))) for kind, column in columns.items()}
+    return [
+        repo.folders(kind).at(name)
+        for kind, names in found.items()
+        for name in names
+        if name not in known[kind]
+    ]
+
+
+def _newest(folder: Store) -> float:
+    """Return when a folder, here or in its store, was last changed."""
+    here = [folder.root.stat().st_mtime] if folder.root.exists() else []
+    return max([*here, *(() if folder.is_local else (when for _, when in folder.pieces()))], default=0.0)
 
 
 def check_files(repo: Repository) -> FileReport:
@@ -85,7 +98,7 @@ def check_files(repo: Repository) -> FileReport:
     named = named_files(repo)
     present = set(repo.files.hashes())
     missing = sorted(owner for sha256, owner in named.items() if sha256 not in present)
-    strays = [path.name for path in stray_folders(repo)]
+    strays = [folder.root.name for folder in stray_folders(repo)]
     return FileReport(missing, sorted(present - set(named)), len(present), strays)
 
 
@@ -103,6 +116,8 @@ def damaged_files(repo: Repository) -> list[str]:
     """
     unsound = [sha256 for sha256 in sorted(repo.files.hashes()) if not repo.files.is_sound(sha256)]
     found = [f"files/{sha256}" for sha256 in unsound if repo.files.holds(sha256)]  # else just swept
+    if not repo.files.store.is_local:
+        return found + _damaged_objects(repo)
     for name in ("terrains", "runs"):
         folder = repo.data_dir / name
         for kept in sorted(folder.iterdir()) if folder.is_dir() else ():
@@ -116,6 +131,19 @@ def damaged_files(repo: Repository) -> list[str]:
         if not (kept / SUMS).is_file() and _terrain_sha256(kept) != sha256:
             found.append(f"terrains/{identifier}")
     return found
+
+
+def _damaged_objects(repo: Repository) -> list[str]:
+    """Return files of kept folders that are not what was kept in the object store, and terrains it lacks."""
+    found = []
+    for kind in FOLDERS_KEPT:
+        folders = repo.folders(kind)
+        for name in folders.names():
+            found += [f"{kind}/{name}/{odd}" for odd in damaged_pieces(folders.at(name))]
+    with repo.database.read() as session:
+        terrains = list(session.scalars(select(TerrainRow.id)))
+    there = set(repo.folders("terrains").names())
+    return found + [f"terrains/{name}" for name in terrains if name not in there]
 
 
 def _terrain_sha256(folder: Path) -> str:
@@ -132,10 +160,10 @@ def sweep_files(repo: Repository) -> list[str]:
     """Remove files and folders that no record names and that are older than an hour; return their names."""
     old = time.time() - FRESH_S
     gone = repo.files.sweep(set(named_files(repo)), old)
-    for path in stray_folders(repo):
-        if path.stat().st_mtime < old:
-            shutil.rmtree(path, ignore_errors=True)
-            gone.append(path.name)
+    for folder in stray_folders(repo):
+        if _newest(folder) < old:
+            remove_folder(folder)
+            gone.append(folder.root.name)
     with repo.database.read() as session:
         missions = set(session.scalars(select(MissionRow.id)))
     for path in repo.training_dir("any").parent.glob("*"):

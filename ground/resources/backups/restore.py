@@ -19,7 +19,8 @@ from ground.gdr.database import Database
 from ground.gdr.files import FileStore
 from ground.gdr.history import SYSTEM, ChainRow, Change, record, verify_chains
 from ground.gdr.migrate import migrate
-from ground.gdr.repository import Repository
+from ground.gdr.places import keep_folder
+from ground.gdr.repository import FOLDERS_KEPT, Repository
 from ground.resources.backups.backup import FOLDERS, ROWS, SECRETS
 from ground.resources.backups.check_files import check_files, damaged_files
 from ground.resources.backups.container import FORMAT, LIST, Listing, read_list
@@ -80,6 +81,7 @@ def restore(
             for path in sorted((folder / name).rglob("*")):
                 if path.is_file():
                     copy_file(path, repo.data_dir / path.relative_to(folder))
+        _keep(repo, folder)
         with repo.database.write() as session:
             fill(session, METADATA, records)
             if until is not None:
@@ -89,6 +91,18 @@ def restore(
                 if last is not None:
                     record(session, SYSTEM, Change("system", "restore", "repository", SYSTEM, None, after))
     return Restored(dict(head.rows), missing)
+
+
+def _keep(repo: Repository, folder: Path) -> None:
+    """Have what lies in the data folder now kept, where an object store does that."""
+    if repo.files.store.is_local:
+        return
+    for path in sorted((folder / "files").rglob("*")):
+        if path.is_file():
+            repo.files.store.keep(path.relative_to(folder / "files").as_posix())
+    for kind in FOLDERS_KEPT:
+        for path in sorted((folder / kind).glob("*")):
+            keep_folder(repo.folders(kind).at(path.name))
 
 
 def _unpack(source: Path, folder: Path) -> Listing:
@@ -153,7 +167,7 @@ def drill(
     """
     with tempfile.TemporaryDirectory(prefix="outcrop-drill-") as work:
         place = Path(work)
-        settings = repo.settings.model_copy(update={"data_dir": place, "database_url": ""})
+        settings = repo.settings.model_copy(update={"data_dir": place, "database_url": "", "objects": ""})
         scratch = replace(
             repo,
             settings=settings,

@@ -31,7 +31,7 @@ Record = tuple[str, Columns]
 """A table's name, and a row of it as JSON values."""
 
 
-def plain(row: Any) -> Columns:
+def plain(row: Any) -> dict[str, object]:
     """Return a row as JSON values."""
     return {k: v.isoformat() if isinstance(v, datetime) else v for k, v in row.items()}
 

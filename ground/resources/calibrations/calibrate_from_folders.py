@@ -35,7 +35,7 @@ def calibrate_from_folders(
             repo,
             session,
             mission_id,
-            folders or run_folders(repo, session, mission_id),
+            [str(folder) for folder in folders] or run_folders(repo, session, mission_id),
             strict=bool(folders),
             name=name,
         )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -23,7 +22,6 @@ from ground.resources.missions.kind import MISSION
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import terrain_row
 from ground.resources.runs.row import RunRow
-from mission.codec import Document
 
 KIND = "calibrate_mission"
 ACTION = Action.EDIT_MISSION
@@ -52,8 +50,8 @@ def calibrate_mission(repo: Repository, actor: Actor, mission_id: str, given: Mi
 
 def run_folders(
     repo: Repository, session: Session, mission_id: str, run_ids: Sequence[str] = ()
-) -> list[Path]:
-    """Return the folders of these runs of a mission, of all that were made here when there are none.
+) -> list[str]:
+    """Return the addresses of the folders of these runs of a mission; without any, of all made here.
 
     Raises
     ------
@@ -73,14 +71,14 @@ def run_folders(
                 f"run {wanted} was made elsewhere and calibrates nothing", pointer=f"/run_ids/{index}"
             )
     own = [run_id for run_id, elsewhere in known.items() if not elsewhere]
-    return [repo.run_dir(run_id) for run_id in run_ids or own]
+    return [repo.address("runs", run_id) for run_id in run_ids or own]
 
 
 def calibration_order(
     repo: Repository,
     session: Session,
     mission_id: str,
-    folders: Sequence[Path],
+    folders: Sequence[str],
     *,
     strict: bool,
     name: str,
@@ -94,15 +92,15 @@ def calibration_order(
     """
     mission = find_row(session, MISSION, mission_id)
     return CalibrationOrder(
-        folders=tuple(str(folder) for folder in folders),
+        folders=tuple(folders),
         strict=strict,
         name=name or f"runs of {mission.name}",
         rover_profile=mission.rover_profile,
-        terrain_dir=str(repo.terrain_dir(terrain_row(session, mission_id).id)),
+        terrain_dir=repo.address("terrains", terrain_row(session, mission_id).id),
     )
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: Mapping[str, object]) -> str | None:
     """Give the mission its calibration, unless it is gone."""
     hold_chain(session, job.subject_id)
     row = session.get(MissionRow, job.subject_id, with_for_update=True, populate_existing=True)

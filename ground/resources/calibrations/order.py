@@ -8,7 +8,7 @@ from mission.values import value
 
 @value
 class CalibrationOrder:
-    """Run folders to learn from; unless `strict`, those without a leg are passed over."""
+    """Addresses of run folders to learn from; unless `strict`, those without a leg are passed over."""
 
     folders: tuple[str, ...]
     strict: bool

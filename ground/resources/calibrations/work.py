@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Mapping
 
 from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
+from ground.gdr.places import fetched, place_of
 from ground.gdr.terrain_folders import load_cached
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
 from ground.resources.calibrations.order import CalibrationOrder
-from mission.codec import Document
 
 READING = 0.3
 """Share of the work that reading the runs is."""
 
 
-def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> Document:
+def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> Mapping[str, object]:
     """Return `calibration`, the document `calibration/1` that run folders bear out.
 
     Raises
@@ -33,7 +32,7 @@ def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool
         raise JobFailedError(err.message) from err
 
 
-def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> Document:
+def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> Mapping[str, object]:
     """Return the document; see above, but wrong runs are an `InvalidInputError`."""
     from planner.path_network import CALIBRATIONS
     from rover_iface.profile import load_profile
@@ -43,11 +42,11 @@ def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], boo
             raise WorkStoppedError
         report(share, what)
 
-    folders = [Path(folder) for folder in order.folders]
     legs: list[DrivenLeg] = []
     used = 0
-    for index, folder in enumerate(folders):
-        tell(READING * index / len(folders), f"legs of {folder.name}")
+    for index, address in enumerate(order.folders):
+        tell(READING * index / len(order.folders), f"legs of {place_of(address).name}")
+        folder = fetched(address)
         try:
             found = legs_of_run(folder)
         except ArchiveError as err:
@@ -62,7 +61,7 @@ def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], boo
     fitted = calibrate(
         legs,
         profile,
-        load_cached(Path(order.terrain_dir)),
+        load_cached(fetched(order.terrain_dir)),
         name=order.name,
         source=f"{len(legs)} legs of {runs} of rover profile {profile.name} {profile.version}",
         report=lambda share: tell(READING + (1.0 - READING) * share, "metres in and out of view"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -24,7 +25,6 @@ from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow
 from ground.resources.sols.row import SolRow
 from ground.resources.sols.sol_sky import sol_sky
-from mission.codec import Document
 
 KIND = "fly_campaign"
 
@@ -69,8 +69,8 @@ def fly_campaign(repo: Repository, actor: Actor, mission_id: str, given: Campaig
         )
         insert(session, actor, CAMPAIGN, row)
         work = CampaignWork(
-            folder=str(repo.campaign_dir(row.id)),
-            terrain_dir=str(repo.terrain_dir(terrain_row(session, mission_id).id)),
+            folder=repo.address("campaigns", row.id),
+            terrain_dir=repo.address("terrains", terrain_row(session, mission_id).id),
             crl_text=plan.crl_text,
             problem=problem.document,
             rover=given.rover,
@@ -91,7 +91,7 @@ def begin(session: Session, job: JobRow) -> None:
     _set(session, job, state=JobState.RUNNING.value)
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: Mapping[str, object]) -> str | None:
     """Write what the runs say."""
     _set(session, job, state=JobState.SUCCEEDED.value, result=result["result"])
     return f"/api/v1/campaigns/{job.subject_id}"

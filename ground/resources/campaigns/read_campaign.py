@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,12 @@ from ground.resources.campaigns.kind import CAMPAIGN
 from ground.resources.campaigns.row import CampaignRow
 from ground.resources.campaigns.value import FlownRun, FlownRuns
 from ground.resources.campaigns.work import LIVE
-from mission.codec import Document, read_object
+from mission.codec import read_object
 
 MOST_RUNS = 500
 
 
-def read_result(repo: Repository, actor: Actor, campaign_id: str) -> Document:
+def read_result(repo: Repository, actor: Actor, campaign_id: str) -> Mapping[str, object]:
     """Return `campaign/1`; of a campaign that goes on or was stopped, what the runs so far say.
 
     Raises

@@ -5,17 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
-from pathlib import Path
+from functools import partial
 
 from ground.campaigns.case import Case, Cases, world_text
 from ground.campaigns.conduct import Conduct, Plan, make_order, result_of, tally_of
-from ground.campaigns.engines import HereEngine
+from ground.campaigns.dask_engine import engine_here, nothing
+from ground.campaigns.engines import Engine
 from ground.campaigns.folder import MAIN, CampaignFolder, CampaignOrder, write_whole
 from ground.campaigns.result import RESULTS
 from ground.campaigns.row import Row
 from ground.campaigns.units import Unit, cut
 from ground.campaigns.variant import canonical
 from ground.errors import JobFailedError
+from ground.gdr.places import JOB_PATIENCE_S, fetched, keep_folder, open_store, place_of
 from ground.jobs.queue import Report, WorkStoppedError
 from ground.resources.campaigns.order import CampaignWork
 
@@ -24,10 +26,11 @@ LIVE_S = 1.0
 """Between two looks at the runs so far; each costs time in proportion to them."""
 
 
-class LiveEngine(HereEngine):
-    """Flies here, and writes what the main series says so far, with the runs of attempts before this one."""
+class LiveEngine:
+    """Writes what the main series says so far while an engine flies, with the runs of attempts before."""
 
-    def __init__(self, folder: CampaignFolder, order: CampaignOrder, runs: int) -> None:
+    def __init__(self, engine: Engine, folder: CampaignFolder, order: CampaignOrder, runs: int) -> None:
+        self._engine = engine
         self._path, self._order = folder.path / LIVE, order
         self._case = order.case()
         self._tally = tally_of(self._case)
@@ -41,10 +44,13 @@ class LiveEngine(HereEngine):
         for line in text.splitlines():
             self._tally.add(Row.read(line))
 
+    def close(self) -> None:
+        self._engine.close()
+
     def fly(
         self, cases: Cases, units: Iterable[Unit], should_stop: Callable[[], bool]
     ) -> Iterator[tuple[Unit, str]]:
-        for unit, text in super().fly(cases, units, should_stop):
+        for unit, text in self._engine.fly(cases, units, should_stop):
             if unit.series == MAIN:
                 self._take(text)
                 self._tell()
@@ -65,7 +71,7 @@ def case_of(order: CampaignWork) -> Case:
         "profile": order.rover_profile,
         "problem": order.problem,
         "sun": asdict(order.sky),
-        "terrain": order.terrain_dir,
+        "terrain": str(place_of(order.terrain_dir)),
     }
     return Case(canonical(order.crl_text), world_text(world), order.rover)
 
@@ -81,7 +87,8 @@ def work(order: CampaignWork, report: Report, should_stop: Callable[[], bool]) -
     from executive.errors import ExecutiveError
     from rover_iface.errors import RoverError
 
-    folder = CampaignFolder(Path(order.folder))
+    kept = open_store(order.folder, JOB_PATIENCE_S)
+    folder = CampaignFolder(kept.root)
     try:
         asked = make_order(
             case_of(order),
@@ -97,9 +104,12 @@ def work(order: CampaignWork, report: Report, should_stop: Callable[[], bool]) -
             lambda done, of: report(min(0.99, done / of), f"{done:,} of {of:,} runs"),
             should_stop,
         )
-        flown = conduct.run(LiveEngine(folder, asked, order.runs))
+        bring = nothing if order.rover == "abstract" else partial(fetched, order.terrain_dir)
+        engine = engine_here(bring)
+        flown = conduct.run(LiveEngine(engine, folder, asked, order.runs))
     except (RoverError, ExecutiveError) as err:
         raise JobFailedError(str(err)) from err
     if flown is None:
         raise WorkStoppedError
+    keep_folder(kept)
     return {"result": RESULTS.document(flown)}

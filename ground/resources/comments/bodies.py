@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ground.records.forms import Body, Id, Text, unset
+from ground.records.forms import Body, Id, Line, Text, unset
 
 
 class CommentCreate(Body):
@@ -23,6 +23,9 @@ class CommentCreate(Body):
     ]
     subject_id: Id
     text: Annotated[Text, Field(min_length=1)]
+    part: Annotated[Line, Field(min_length=1)] | None = Field(
+        default=None, description="of a plan: the step, as its line and number, `main/3`"
+    )
 
 
 class CommentChange(Body):

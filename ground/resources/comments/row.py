@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy import Index
 from sqlalchemy.orm import Mapped
 
-from ground.gdr.base import Long, Row, Text40, mission_column
+from ground.gdr.base import Long, Row, Text40, Text200, mission_column
 
 
 class CommentRow(Row):
@@ -16,3 +16,4 @@ class CommentRow(Row):
     subject_kind: Mapped[Text40]
     subject_id: Mapped[Text40]
     text: Mapped[Long]
+    part: Mapped[Text200 | None]

@@ -9,8 +9,9 @@ from ground.records.stored import OfMission
 
 @dataclass(frozen=True, slots=True)
 class Comment(OfMission):
-    """A remark on any resource of a mission."""
+    """A remark on any resource of a mission; on a step of a plan, `part` is the step: its line and number."""
 
     subject_kind: str
     subject_id: str
     text: str
+    part: str | None

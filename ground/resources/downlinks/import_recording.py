@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from ground.durable import removed_on_failure
 from ground.errors import ArchiveError, NotFoundError, StateError
 from ground.gdr.ids import new_id
+from ground.gdr.places import keep_folder, place_of
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.jobs.value import Job, JobState
@@ -28,6 +29,7 @@ from ground.resources.runs.dry_run import record_run
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Run, RunKind
+from ground.resources.runs.work import RunResult
 from ground.resources.uploads.store_upload import find_upload
 from mission import MissionError
 from mission.codec import Document
@@ -65,11 +67,11 @@ def import_upload(repo: Repository, actor: Actor, given: RunImport) -> Job:
         run_id = new_id("run")
         work = RecordingWork(
             run_id,
-            path=str(source),
+            path=repo.files.address_of(upload.sha256),
             name=upload.file_name,
             mapping=given.mapping.model_dump(),
-            run_dir=str(repo.run_dir(run_id)),
-            files_dir=str(repo.files.folder),
+            run_dir=repo.address("runs", run_id),
+            files_dir=repo.files.address,
         )
         return ask_job(session, repo, actor, KIND, plan.mission_id, (PLAN, plan.id), ORDERS.document(work))
 
@@ -94,15 +96,17 @@ def import_recording(
     with repo.database.read() as session:
         _driven_plan(session, actor, plan_id)
     run_id = new_id("run")
-    folder = repo.run_dir(run_id)
+    kept = repo.folders("runs").at(run_id)
     named = name or source.name
-    result, recording = keep_recording(folder, repo.files.folder, source, named, mapping, lambda _share: None)
-    with repo.database.write() as session, removed_on_failure(folder):
+    result, recording = keep_recording(kept.root, repo.files, source, named, mapping, lambda _share: None)
+    with removed_on_failure(kept.root):
+        keep_folder(kept)
+    with repo.database.write() as session, removed_on_failure(kept.root):
         row = _record(session, actor, plan_id, run_id, result)
         return RUN.show_one(session, row), recording
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: RunResult) -> str | None:
     """Write the run of a recording; where its plan is gone the job fails."""
     order = ORDERS.from_document(job.payload)
     row = _record(session, Actor(job.author, Role.OPERATOR), job.subject_id, order.run_id, result)
@@ -115,7 +119,7 @@ def abandon(_session: Session, job: JobRow) -> None:
         order = ORDERS.from_document(job.payload)
     except MissionError:
         return
-    shutil.rmtree(order.run_dir, ignore_errors=True)
+    shutil.rmtree(place_of(order.run_dir), ignore_errors=True)
 
 
 def _driven_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
@@ -128,7 +132,7 @@ def _driven_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
     return plan
 
 
-def _record(session: Session, actor: Actor, plan_id: str, run_id: str, result: Document) -> RunRow:
+def _record(session: Session, actor: Actor, plan_id: str, run_id: str, result: RunResult) -> RunRow:
     plan: PlanRow = find_row(session, PLAN, plan_id)
     row = RunRow(
         id=run_id,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from ground.durable import copy_folder, removed_on_failure
 from ground.errors import AlreadyExecutedError, ArchiveError
 from ground.gdr.archives import extract_zip, is_zip
 from ground.gdr.ids import new_id
+from ground.gdr.places import keep_folder
 from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
 from ground.records.actor import SYSTEM_ACTOR, Action, Actor
@@ -28,10 +28,10 @@ from ground.resources.plans.value import PlanState
 from ground.resources.runs.dry_run import record_run
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
+from ground.resources.runs.run_form import RunDocument
 from ground.resources.runs.value import Run, RunKind
-from ground.resources.runs.work import read_run_folder
+from ground.resources.runs.work import RunResult, read_run_folder
 from ground.resources.uploads.store_upload import find_upload
-from mission.codec import Document
 
 if TYPE_CHECKING:
     from executive.crl.nodes import Plan
@@ -68,7 +68,7 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
     AlreadyExecutedError
         If the run of that package was taken in before.
     """
-    result = read_run_folder(folder, repo.files.folder)
+    result = read_run_folder(folder, repo.files)
     document = result["document"]
     package = document.get("package_sha256")
     if not isinstance(package, str) or not isinstance(document.get("plan"), str):
@@ -76,15 +76,17 @@ def ingest_run(repo: Repository, actor: Actor, folder: Path) -> Run:
             f"{folder.name}: run.json names no package; only executions of a package are taken in"
         )
     run_id = new_id("run")
-    kept = repo.run_dir(run_id)
-    copy_folder(folder, kept)
-    with repo.database.write() as session, removed_on_failure(kept):
+    kept = repo.folders("runs").at(run_id)
+    copy_folder(folder, kept.root)
+    with removed_on_failure(kept.root):
+        keep_folder(kept)
+    with repo.database.write() as session, removed_on_failure(kept.root):
         plan = _executed_plan(session, actor, document, folder.name)
         actor.require(Action.UPLINK, plan.mission_id)
         return record_execution(session, actor, plan, result, run_id)
 
 
-def _executed_plan(session: Session, actor: Actor, document: Mapping[str, Any], name: str) -> PlanRow:
+def _executed_plan(session: Session, actor: Actor, document: RunDocument, name: str) -> PlanRow:
     """Return the plan that a run executed, locked; raise unless it is the package of one of ours.
 
     A plan that the actor may not see is not here for them.
@@ -106,7 +108,7 @@ def not_ours(name: str) -> ArchiveError:
     return ArchiveError(f"{name}: its package was not made by this repository")
 
 
-def record_execution(session: Session, actor: Actor, plan: PlanRow, result: Document, run_id: str) -> Run:
+def record_execution(session: Session, actor: Actor, plan: PlanRow, result: RunResult, run_id: str) -> Run:
     """Write a run that executed the package of a plan, its products and what became of each request.
 
     The run of a training rover says so itself. It leaves the plan uplinked and does not stand for its
@@ -163,10 +165,10 @@ def _taken_in(session: Session, package: str | None) -> str | None:
 
 
 def _settle_requests(
-    session: Session, plan: PlanRow, document: Mapping[str, Any], answered: set[str | None]
+    session: Session, plan: PlanRow, document: RunDocument, answered: set[str | None]
 ) -> None:
     """Write what became of each request: satisfied by a product, failed with its task, or not come to."""
-    outcomes: Mapping[str, Any] = document.get("outcomes") or {}
+    outcomes = document.get("outcomes") or {}
     tasks = request_tasks(parsed_plan(plan))
     where = " on the training rover" if document.get("training") is True else ""
     rows = ObservationRequestRow

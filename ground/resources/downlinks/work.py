@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 from ground.day.prepare import Report
 from ground.durable import DRAFT, make_folder, put_in_place, seal_folder
 from ground.errors import ArchiveError, JobFailedError
+from ground.gdr.files import FileStore, files_at
+from ground.gdr.places import JOB_PATIENCE_S, fetched, keep_folder, open_store
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.downlinks.order import RecordingWork
 from ground.resources.downlinks.recording_folder import write_recording
-from ground.resources.runs.work import read_run_folder
-from mission.codec import Document
+from ground.resources.runs.work import RunResult, read_run_folder
 
 if TYPE_CHECKING:
     from neighbours.robots.recording import Mapping, Recording
@@ -28,7 +29,7 @@ READ_SHARE = 0.9
 """Share of the work that is reading; what is left is the store."""
 
 
-def work(order: RecordingWork, report: Report, should_stop: Callable[[], bool]) -> Document:
+def work(order: RecordingWork, report: Report, should_stop: Callable[[], bool]) -> RunResult:
     """Return the run of a recording, as `read_run_folder` does; the folder is in its place.
 
     An attempt writes a draft of its own, so that two at once do not meet; what an attempt that died has put
@@ -42,7 +43,8 @@ def work(order: RecordingWork, report: Report, should_stop: Callable[[], bool]) 
     from neighbours.robots.errors import RobotFormatError
     from neighbours.robots.recording import mapping_of
 
-    folder, files = Path(order.run_dir), Path(order.files_dir)
+    kept, files = open_store(order.run_dir, JOB_PATIENCE_S), files_at(order.files_dir)
+    folder = kept.root
     looked = time.monotonic()
 
     def tell(share: float) -> None:
@@ -58,9 +60,12 @@ def work(order: RecordingWork, report: Report, should_stop: Callable[[], bool]) 
     report(0.0, "topics")
     try:
         if folder.exists():
-            return read_run_folder(folder, files)
-        mapping = mapping_of(order.mapping, order.name)
-        return keep_recording(folder, files, Path(order.path), order.name, mapping, tell)[0]
+            result = read_run_folder(folder, files)
+        else:
+            mapping = mapping_of(order.mapping, order.name)
+            result, _ = keep_recording(folder, files, fetched(order.path), order.name, mapping, tell)
+        keep_folder(kept)
+        return result
     except (RobotFormatError, ArchiveError) as err:
         raise JobFailedError(f"{order.name}: {err}") from err
     except OSError as err:
@@ -68,8 +73,8 @@ def work(order: RecordingWork, report: Report, should_stop: Callable[[], bool]) 
 
 
 def keep_recording(
-    folder: Path, files: Path, source: Path, name: str, mapping: Mapping, tell: Callable[[float], None]
-) -> tuple[Document, Recording]:
+    folder: Path, files: FileStore, source: Path, name: str, mapping: Mapping, tell: Callable[[float], None]
+) -> tuple[RunResult, Recording]:
     """Write a recording's folder and put it in its place; return its run, and what was read."""
     make_folder(folder.parent)
     draft = folder.with_name(f"{DRAFT}{folder.name}-{os.getpid()}-{secrets.token_hex(4)}")

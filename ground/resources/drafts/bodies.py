@@ -38,10 +38,10 @@ class RequestDraft(Body):
             raise ValueError("a request has either target_id or target")
         return self
 
-    def request(self, target_id: str) -> ObservationRequestCreate:
-        """Return the form of the request on a target."""
-        members = self.model_dump(exclude={"target_id", "target"}, exclude_unset=True)
-        return ObservationRequestCreate(target_id=target_id, **members)
+    def request(self) -> ObservationRequestCreate:
+        """Return the form of the request."""
+        members = {name: getattr(self, name) for name in self.model_fields_set}
+        return ObservationRequestCreate(**{name: m for name, m in members.items() if m is not None})
 
 
 class WindowDraft(Body):

@@ -106,12 +106,7 @@ def _made(repo: Repository, actor: Actor, deciding: Deciding, row: DraftRow) -> 
         case "target":
             return "target", create_target(repo, actor, mission_id, TargetCreate(**row.form)).id
         case "request":
-            form = RequestDraft(**row.form)
-            target_id = form.target_id
-            if form.target is not None:
-                target_id = create_target(repo, actor, mission_id, form.target).id
-            assert target_id is not None  # the form says so
-            made = create_request(repo, actor, mission_id, form.request(target_id))
+            made = create_request(repo, actor, mission_id, RequestDraft(**row.form).request())
             return "observation_request", made.id
         case "window":
             asked = WindowDraft(**row.form)

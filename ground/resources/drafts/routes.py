@@ -42,7 +42,7 @@ async def reject_draft(ask: Asked, draft_id: Id, body: DraftReject) -> Response:
 
 
 @router.post(
-    "/missions/{mission_id}/sentences", response_model=SentenceAnswer, responses=responses(400, 404, 422)
+    "/missions/{mission_id}/sentences", response_model=SentenceAnswer, responses=responses(400, 404, 409, 422)
 )
 async def read_sentence(ask: Asked, mission_id: Id, body: Sentence) -> Response:
     """Say what a plain sentence would draft, or ask about the words that are not understood."""

@@ -18,6 +18,7 @@ from ground.resources.ask_job import ask_job
 from ground.resources.downlinks.ingest_run import record_execution, trained
 from ground.resources.executions.bodies import ExecutionCreate
 from ground.resources.executions.order import ORDERS, ExecutionWork, Signer
+from ground.resources.executions.work import ExecutionResult
 from ground.resources.missions.terrain import terrain_row
 from ground.resources.packages.row import PackageRow
 from ground.resources.people.accounts import actor_of
@@ -29,7 +30,6 @@ from ground.resources.problems.row import ProblemRow
 from ground.resources.sols.row import SolRow
 from ground.resources.sols.sol_sky import sol_sky
 from mission import MissionError
-from mission.codec import Document
 
 KIND = "execution"
 ACTION = Action.UPLINK
@@ -79,10 +79,10 @@ def execute_plan(repo: Repository, actor: Actor, plan_id: str, given: ExecutionC
             mission=plan.mission_id,
             counter=package.sequence,
             rover_dir=str(repo.training_dir(plan.mission_id)),
-            package_path=str(repo.files.path(package.sha256)),
-            run_dir=str(repo.run_dir(run_id)),
-            files_dir=str(repo.files.folder),
-            terrain_dir=str(repo.terrain_dir(terrain_row(session, plan.mission_id).id)),
+            package_path=repo.files.address_of(package.sha256),
+            run_dir=repo.address("runs", run_id),
+            files_dir=repo.files.address,
+            terrain_dir=repo.address("terrains", terrain_row(session, plan.mission_id).id),
             problem=session.get_one(ProblemRow, plan.problem_id).document,
             rover=given.rover,
             seed=given.seed,
@@ -122,7 +122,7 @@ def _signers(session: Session, mission_id: str) -> tuple[Signer, ...]:
     return tuple(found)
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: ExecutionResult) -> str | None:
     """Take in the run as one of the training rover, also where a worker of an earlier version made it."""
     plan = session.get(PlanRow, job.subject_id, with_for_update=True, populate_existing=True)
     if plan is None:

@@ -10,21 +10,28 @@ from zipfile import BadZipFile
 
 from ground.day.prepare import Report
 from ground.durable import copy_folder, make_folder, put_in_place
-from ground.errors import ArchiveError, GroundError, JobFailedError
+from ground.errors import ArchiveError, GroundError, JobFailedError, StoreAwayError
+from ground.gdr.files import files_at
+from ground.gdr.places import JOB_PATIENCE_S, fetched, keep_folder, open_store, place_of
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.executions.order import ExecutionWork
-from ground.resources.runs.work import read_run_folder
+from ground.resources.runs.work import RunResult, read_run_folder
 from ground.uplink.admission import bind
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.flight import Sample
 from ground.uplink.ledger import Ledger
 from ground.uplink.training import TRUST_FILE, TrainedSigner, training_trust, unfit
-from mission.codec import Document
 
 RUNS = "runs"
 
 
-def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) -> Document:
+class ExecutionResult(RunResult):
+    """What a run's row holds of an execution, and its id."""
+
+    run: str
+
+
+def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) -> ExecutionResult:
     """Return outcome, trace, telemetry and products of an execution; the files of products are in the store.
 
     Raises
@@ -53,11 +60,12 @@ def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) 
     report(0.0, "the rover checks the package")
     try:
         require_simulated(order.rover)
+        package = fetched(order.package_path)
         make_folder(home)
         out = home / RUNS / f"{order.counter}"
         if not (out / "run.json").exists():  # else only the last step is left
             execute_package(
-                Path(order.package_path),
+                package,
                 Place(order.rover, home, home / TRUST_FILE, order.seed, training=True),
                 out,
                 resume=(out / "journal.jsonl").exists(),
@@ -65,11 +73,15 @@ def work(order: ExecutionWork, report: Report, should_stop: Callable[[], bool]) 
                 prepare=prepare,
             )
         report(0.98, "products")
-        if not Path(order.run_dir).exists():
-            copy_folder(out, Path(order.run_dir))
-        return {**read_run_folder(out, Path(order.files_dir)), "run": order.run_id}
+        kept = open_store(order.run_dir, JOB_PATIENCE_S)
+        if not kept.root.exists():
+            copy_folder(out, kept.root)
+        keep_folder(kept)
+        return {**read_run_folder(out, files_at(order.files_dir)), "run": order.run_id}
+    except StoreAwayError:
+        raise  # the job waits, what the rover did is kept with it
     except ArchiveError as err:
-        raise JobFailedError(f"{err}{_left_out(people, Path(order.package_path))}") from err
+        raise JobFailedError(f"{err}{_left_out(people, place_of(order.package_path))}") from err
     except (GroundError, RoverError, ExecutiveError, CrlError) as err:
         raise JobFailedError(str(err)) from err
     except OSError as err:
@@ -98,7 +110,7 @@ def _write_world(home: Path, order: ExecutionWork) -> None:
         "profile": order.rover_profile,
         "problem": order.problem,
         "sun": asdict(order.sky),
-        "terrain": str(Path(order.terrain_dir).resolve()),
+        "terrain": str(fetched(order.terrain_dir).resolve()),
     }
     draft = home / "world.json.draft"
     draft.write_text(json.dumps(document) + "\n", encoding="utf-8")

@@ -10,7 +10,7 @@ from typing import Any
 from ground.gdr.geometry import Bounds
 from ground.geo.place import Place
 from ground.resources.features.collections import COLLECTIONS
-from ground.resources.features.references import CRS84, out, references_of, storage_of
+from ground.resources.features.references import out, references_of, storage_of
 from ground.resources.features.value import Collection, Feature, Selection
 from mission.codec import Document
 from neighbours.geodata.cql2 import Form
@@ -52,12 +52,12 @@ TYPES: Mapping[Form, Document] = {
 }
 
 
-def link(href: str, rel: str, media: str, title: str = "") -> Document:
+def link(href: str, rel: str, media: str, title: str = "") -> Mapping[str, object]:
     """Return a link of a document."""
     return {"href": href, "rel": rel, "type": media, **({"title": title} if title else {})}
 
 
-def landing_page(root: str, api: str, name: str, body: str) -> Document:
+def landing_page(root: str, api: str, name: str, body: str) -> Mapping[str, object]:
     """Return the landing page of a mission whose documents are below `root`."""
     return {
         "title": name,
@@ -72,19 +72,19 @@ def landing_page(root: str, api: str, name: str, body: str) -> Document:
     }
 
 
-def conformance() -> Document:
+def conformance() -> Mapping[str, object]:
     """Return the classes of requirements that are kept."""
     return {"conformsTo": list(CONFORMS_TO)}
 
 
-def collections_page(root: str, place: Place, bounds: Bounds) -> Document:
+def collections_page(root: str, place: Place, bounds: Bounds) -> Mapping[str, object]:
     """Return the list of collections."""
     found = [collection_page(root, collection, place, bounds) for collection, _ in COLLECTIONS.values()]
     uris = [reference.uri for reference in references_of(place)]
     return {"links": [link(f"{root}/collections", "self", JSON)], "collections": found, "crs": uris}
 
 
-def collection_page(root: str, collection: Collection, place: Place, bounds: Bounds) -> Document:
+def collection_page(root: str, collection: Collection, place: Place, bounds: Bounds) -> Mapping[str, object]:
     """Return what is told of a collection; its extent is that of the mission's terrain."""
     here = f"{root}/collections/{collection.id}"
     known = references_of(place)
@@ -120,7 +120,7 @@ def _extent(place: Place, bounds: Bounds) -> list[float]:
     return [float(number) for number in shape.bounds]
 
 
-def queryables(url: str, collection: Collection) -> Document:
+def queryables(url: str, collection: Collection) -> Mapping[str, object]:
     """Return the schema of what a filter may name."""
     members: dict[str, Any] = {name: {"title": name, **TYPES[form]} for name, form in _plain(collection)}
     members["geometry"] = {"title": "geometry", "format": f"geometry-{collection.geometry}"}
@@ -138,7 +138,7 @@ def _plain(collection: Collection) -> Sequence[tuple[str, Form]]:
     return [(name, form) for name, form in collection.queryables.items() if form != "geometry"]
 
 
-def feature_document(feature: Feature) -> Document:
+def feature_document(feature: Feature) -> Mapping[str, object]:
     """Return a feature as GeoJSON."""
     import shapely
 
@@ -158,7 +158,7 @@ def _shown(value: object) -> object:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def items_page(selection: Selection, here: str, itself: str, behind: str | None) -> Document:
+def items_page(selection: Selection, here: str, itself: str, behind: str | None) -> Mapping[str, object]:
     """Return a page of features with its links: itself, the page behind it, and its collection."""
     links = [link(itself, "self", GEOJSON), link(here, "collection", JSON)]
     if behind is not None:
@@ -172,12 +172,7 @@ def items_page(selection: Selection, here: str, itself: str, behind: str | None)
     }
 
 
-def item_page(selection: Selection, here: str, itself: str) -> Document:
+def item_page(selection: Selection, here: str, itself: str) -> Mapping[str, object]:
     """Return one feature with its links."""
     links = [link(itself, "self", GEOJSON), link(here, "collection", JSON)]
     return {**feature_document(selection.features[0]), "links": links}
-
-
-def is_earth(place: Place) -> bool:
-    """Return whether a place is one of which CRS84 tells."""
-    return references_of(place)[0].uri == CRS84

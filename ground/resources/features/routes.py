@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated
 from urllib.parse import urlencode
 
@@ -28,7 +29,6 @@ from ground.resources.features.documents import (
 )
 from ground.resources.features.select_features import MOST, Question, select_features
 from ground.resources.features.select_features import get_feature as get_feature_use_case
-from mission.codec import Document
 from neighbours.geodata.cql2.words import MAX_TEXT
 
 router = api_router("features", route_class=StrictRoute)
@@ -40,7 +40,7 @@ Uri = Annotated[str | None, Query(max_length=200, description="URI of one of the
 ANSWERS = responses(400, 404, 409, 503)
 
 
-def sent(document: Document, media: str = JSON, reference: str | None = None) -> Response:
+def sent(document: Mapping[str, object], media: str = JSON, reference: str | None = None) -> Response:
     """Answer with a document; `reference` is the URI of that of its coordinates."""
     headers = None if reference is None else {"Content-Crs": f"<{reference}>"}
     return Response(orjson.dumps(document), media_type=media, headers=headers)

@@ -16,11 +16,9 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError, StateError
-from ground.gdr.base import Columns
 from ground.resources.frames.row import FrameRow, SolutionRow
 from ground.resources.frames.value import FramePlace
 from ground.resources.missions.row import MissionRow
-from mission.codec import Document
 
 if TYPE_CHECKING:
     from rover_iface.localization.anchored_chain import AnchoredChain, Placed
@@ -114,7 +112,7 @@ def load_chain(session: Session, mission_id: str, choices: Mapping[str, str] | N
         raise StateError(f"the frames make no chain: {err}") from err
 
 
-def tie_outline(chain: Chain, frame_id: str, outline_m: Sequence[Sequence[float]]) -> Columns:
+def tie_outline(chain: Chain, frame_id: str, outline_m: Sequence[Sequence[float]]) -> dict[str, object]:
     """Return frame, outline in the frame's axes (at the anchor's height 0) and deviation of an outline [n,
     2], all in m.
     """
@@ -128,7 +126,7 @@ def tie_outline(chain: Chain, frame_id: str, outline_m: Sequence[Sequence[float]
     return {"frame_id": frame_id, "in_frame": in_frame, "sigma_m": outline_of(placed, in_frame)[1]}
 
 
-def outline_of(placed: Placed, in_frame: Document) -> tuple[list[list[float]], float]:
+def outline_of(placed: Placed, in_frame: Mapping[str, object]) -> tuple[list[list[float]], float]:
     """Return corners [east, north] in the mission's axes, and the middle's largest level deviation; m."""
     import numpy as np
 

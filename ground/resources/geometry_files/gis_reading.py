@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 from ground.errors import InvalidInputError, TooLargeError, UnavailableError
 from ground.geo.references import LONLAT, SITE, WGS84
-from mission.codec import Document
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -36,7 +35,7 @@ def is_gis(content: bytes) -> bool:
     return content.startswith(SQLITE) or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
 
 
-def gis_rows(content: bytes) -> Iterator[tuple[int, str | None, Document]]:
+def gis_rows(content: bytes) -> Iterator[tuple[int, str | None, Mapping[str, object]]]:
     """Yield number, reference and members of each row of a GeoPackage, KML or GPX file.
 
     Raises

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ground.errors import InvalidInputError
 from ground.geo.references import LONLAT, SITE
-from mission.codec import Document
 
 CRS84 = ("OGC:1.3:CRS84", "OGC::CRS84", "OGC/1.3/CRS84", "OGC:CRS84")
 """Ends of names of longitude and latitude on WGS 84, as GeoJSON before 2016 has them."""
 
 
-def named_in(document: Document) -> str | None:
+def named_in(document: Mapping[str, object]) -> str | None:
     """Return the reference that a GeoJSON document names: None where it names none.
 
     Raises

@@ -52,7 +52,7 @@ async def export_geometry(
     "/missions/{mission_id}/geometry",
     response_model=ImportedGeometry,
     status_code=201,
-    responses=responses(400, 404, 413, 422, 503),
+    responses=responses(400, 404, 422, 503),
 )
 async def import_geometry(ask: Asked, mission_id: Id, body: GeometryImport) -> Response:
     """Take in targets and keep-outs from an uploaded GeoJSON, CSV, GeoPackage, KML or GPX file: all of them,

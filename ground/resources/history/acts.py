@@ -23,7 +23,6 @@ from ground.gdr.base import Row
 from ground.gdr.history import EventRow
 from ground.resources.kinds import KINDS
 
-Document = Mapping[str, Any]
 K = TypeVar("K", bound=Hashable)
 FEW = 10
 """Names that the database looks for; a search takes some milliseconds in a history of 10,000 events."""
@@ -136,7 +135,7 @@ class Others:
         """Return those that set the stand of a request of a target."""
         return self._by_target.get(target_id, ())
 
-    def giving(self, kind: str, names: frozenset[str], values: Document) -> Sequence[Line]:
+    def giving(self, kind: str, names: frozenset[str], values: Mapping[str, object]) -> Sequence[Line]:
         """Return those that set any of these members of a kind, and left all with these values."""
         if (kind, names) not in self._by_values:
             self._by_values[kind, names] = _gathered(
@@ -187,7 +186,7 @@ def _gathered(found: Iterable[tuple[K, Line]]) -> Mapping[K, Sequence[Line]]:
     return by
 
 
-def _values(document: Document, names: Iterable[str]) -> bytes:
+def _values(document: Mapping[str, object], names: Iterable[str]) -> bytes:
     return orjson.dumps([document.get(name) for name in sorted(names)])
 
 
@@ -247,7 +246,7 @@ def _follows_a_frame(acts: Acts, line: Line) -> bool:
     return tied and bool(cells(event) & _PLACE)
 
 
-def require_there(acts: Acts, original: Line, values: Document, word: str) -> None:
+def require_there(acts: Acts, original: Line, values: Mapping[str, object], word: str) -> None:
     """Raise if values that are to come back refer to something of the mission that is gone.
 
     Raises

@@ -11,7 +11,6 @@ from sqlalchemy import and_, func, or_, select
 from sqlalchemy.orm import Session
 
 from ground.errors import NotFoundError
-from ground.gdr.base import Columns
 from ground.gdr.history import EventRow
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
@@ -60,7 +59,7 @@ def mission_as_of(repo: Repository, actor: Actor, mission_id: str, event: int) -
     return MissionAsOf(event, found.at_utc, documents.get(("mission", mission_id)), parts)
 
 
-def state_at(session: Session, mission_id: str, event: int) -> Mapping[tuple[str, str], Columns]:
+def state_at(session: Session, mission_id: str, event: int) -> Mapping[tuple[str, str], dict[str, object]]:
     """Return what there was of a mission behind an event, by kind and id.
 
     The last event of a resource up to then says it. What came another way (with an archive or a copy) is what

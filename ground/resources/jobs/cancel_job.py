@@ -17,18 +17,21 @@ from ground.records.get_resource import find_row
 from ground.resources.calibrations import calibrate_mission
 from ground.resources.downlinks import import_recording
 from ground.resources.executions import execute_plan
+from ground.resources.runs import dry_run
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
 
 ACTIONS = {module.KIND: module.ACTION for module in (calibrate_mission, execute_plan, import_recording)}
 """What a kind of job asks for where it is not planning: the same to ask, to cancel and to ask again."""
+CANCELS = ACTIONS | {dry_run.LIVE_KIND: Action.STOP}
+"""To cancel a live run that waits is to stop it."""
 
 
 def cancel_job(repo: Repository, actor: Actor, job_id: str) -> Job:
     """Return the job, asked to stop; one that is over stays as it is."""
     with repo.database.write() as session:
         row = find_row(session, JOB, job_id, lock=True)
-        actor.require(ACTIONS.get(row.kind, Action.PLAN), row.mission_id)
+        actor.require(CANCELS.get(row.kind, Action.PLAN), row.mission_id)
         cancel(session, row, mark_subject, utc_now())
         session.flush()
         wake_after(session)

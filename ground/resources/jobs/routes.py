@@ -49,5 +49,8 @@ async def stream_job(ask: Asked, job_id: Id, last_event_id: LastEventId = None) 
     responses={**EVENT_STREAM, **responses(404, 422)},
 )
 async def stream_mission(ask: Asked, mission_id: Id, last_event_id: LastEventId = None) -> Response:
-    """Stream the changes of a mission: events `change`; without Last-Event-ID from now on."""
+    """Stream the changes of a mission: events `change`; without Last-Event-ID from now on.
+
+    Beside them, without an id, `presence`: everybody who looks at the mission, whenever that changes.
+    """
     return await mission_stream(ask.repo, ask.hub, ask.who, mission_id, last_event_id)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import insert
 from sqlalchemy.exc import SQLAlchemyError
@@ -19,6 +18,7 @@ from ground.gdr.history import ChainRow, Change, open_chain
 from ground.gdr.history import record as write_event
 from ground.gdr.ids import new_id
 from ground.gdr.packed import write_packed
+from ground.gdr.places import keep_folder
 from ground.gdr.repository import Repository
 from ground.gdr.seals import seal, seal_mission
 from ground.jobs.value import JobState
@@ -88,7 +88,7 @@ def import_mission(repo: Repository, actor: Actor, source: Path, *, name: str | 
             raise ArchiveError(f"the rows of the archive do not fit in here: {cause[:160]}") from err
 
 
-def _check_terrain(folder: Path, row: Mapping[str, Any]) -> None:
+def _check_terrain(folder: Path, row: Record) -> None:
     from rover_iface.errors import RoverError
     from rover_iface.terrain import load_terrain
 
@@ -102,7 +102,7 @@ def _check_terrain(folder: Path, row: Mapping[str, Any]) -> None:
 
 def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows: Rows) -> MissionRow:
     """Write the rows of an archive as they may stand here, and its folders."""
-    mission_id, terrain = rows["missions"][0]["id"], rows["terrains"][0]
+    mission_id, terrain = str(rows["missions"][0]["id"]), rows["terrains"][0]
     if session.get(MissionRow, mission_id) is not None:
         raise ConflictError(f"mission {mission_id} is here already")
     tables = METADATA.tables
@@ -113,17 +113,18 @@ def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows
         session.execute(
             insert(tables["terrains"]).values(**typed("terrains", quarantined("terrains", terrain)))
         )
-    sols = {sol["id"]: sol for sol in rows["sols"]}
+    sols = {str(sol["id"]): sol for sol in rows["sols"]}
     rows = {**rows, "plans": [_with_findings(plan, sols) for plan in rows["plans"]]}
     for table in ("missions", *TABLES):
         for record in rows[table]:
             row = quarantined(table, record, actor.name)
             session.execute(insert(tables[table]).values(**typed(table, row)))
-    counters = [r["sequence"] for r in rows["packages"]] + [r["counter"] for r in rows["statements"]]
+    counters = [int(str(r["sequence"])) for r in rows["packages"]]
+    counters += [int(str(r["counter"])) for r in rows["statements"]]
     session.add(CounterRow(mission_id=mission_id, last=max(counters, default=0)))
     if session.get(ChainRow, mission_id) is None:  # of a mission that was deleted here it goes on
         open_chain(session, mission_id)
-    document: dict[str, Any] = {part: rows[part] for part in (*RIGHTS, "events", "event_chains")}
+    document: dict[str, object] = {part: rows[part] for part in (*RIGHTS, "events", "event_chains")}
     document["states"] = {plan["id"]: plan["state"] for plan in rows["plans"]}
     els = ElsewhereRow(id=new_id("els"), author=actor.name, mission_id=mission_id, document=document)
     session.add(els)
@@ -134,15 +135,20 @@ def _insert(repo: Repository, session: Session, actor: Actor, folder: Path, rows
         seal(session, session.get_one(TerrainRow, terrain["id"]))
     write_event(session, mission_id, Change(actor.name, "import", "mission", mission_id, None, heads))
     if known is None:  # whatever lies there is of an import that failed
-        copy_folder(folder / "terrain", repo.terrain_dir(terrain["id"]))
+        place = repo.folders("terrains").at(str(terrain["id"]))
+        copy_folder(folder / "terrain", place.root)
+        keep_folder(place)
     for run in rows["runs"]:
-        journal = folder / "runs" / run["id"] / JOURNAL
+        run_id = str(run["id"])
+        journal = folder / "runs" / run_id / JOURNAL
         if journal.is_file():
-            write_packed(repo.run_dir(run["id"]) / JOURNAL, journal.read_bytes())
+            place = repo.folders("runs").at(run_id)
+            write_packed(place.root / JOURNAL, journal.read_bytes())
+            keep_folder(place)
     return session.get_one(MissionRow, mission_id)
 
 
-def quarantined(table: str, record: Record, importer: str = "") -> Record:
+def quarantined(table: str, record: Record, importer: str = "") -> dict[str, object]:
     """Return a row of an archive as it may stand here: without rights, and naming people of elsewhere."""
     row = {**record, "author": _of_elsewhere(str(record["author"]))}
     if table == "missions":
@@ -199,7 +205,7 @@ def _with_findings(plan: Record, sols: Mapping[str, Record]) -> Record:
     except ProfileError as err:
         unknown = {"code": "E000", "severity": "error", "message": f"the plan cannot be checked: {err}"}
         return {**plan, "findings": [{**unknown, "node": None, "line": None, "column": None}]}
-    sol = sols[plan["sol_id"]]
-    charge = (float(sol[name]) for name in ("battery_j", "energy_floor_j", "energy_budget_j"))
+    sol = sols[str(plan["sol_id"])]
+    charge = (float(str(sol[name])) for name in ("battery_j", "energy_floor_j", "energy_budget_j"))
     battery_j = usable_energy_j(*charge)
-    return {**plan, "findings": findings_of(plan["crl_text"], language, battery_j=battery_j)}
+    return {**plan, "findings": findings_of(str(plan["crl_text"]), language, battery_j=battery_j)}

@@ -6,9 +6,10 @@ import hashlib
 import json
 import re
 import zipfile
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -26,8 +27,11 @@ from ground.resources.runs.read_snapshot import JOURNAL
 from ground.resources.tables import METADATA
 from ground.uplink.verify import MAX_COUNTER
 
+if TYPE_CHECKING:
+    from ground.resources.traverses.row import Localization
+
 FORMAT = "mission/1"
-Record = dict[str, Any]
+Record = dict[str, object]
 """One row as it stands in `rows.json`."""
 
 Rows = dict[str, list[Record]]
@@ -39,7 +43,7 @@ TABLES = tuple(t.name for t in METADATA.sorted_tables if "mission_id" in t.c and
 """Tables with a mission's rows, in the order in which they refer to each other; jobs and webhooks are not."""
 
 
-def _record(row: Any) -> dict[str, Any]:
+def _record(row: Any) -> Record:
     return {k: x.isoformat() if isinstance(x, datetime) else x for k, x in row.items()}
 
 
@@ -63,10 +67,11 @@ def _rows(session: Session, mission_id: str) -> Rows:
 
 
 def file_hashes(rows: Rows) -> set[str]:
-    named = {r["sha256"] for name in ("products", "packages", "site_maps") for r in rows[name]}
-    named |= {sha256 for r in rows["traverses"] for sha256 in pictures_of(r["document"])}
+    named = {str(r["sha256"]) for name in ("products", "packages", "site_maps") for r in rows[name]}
+    adjusted = (cast("Localization | None", r["document"]) for r in rows["traverses"])
+    named |= {sha256 for document in adjusted for sha256 in pictures_of(document)}
     for run in rows["runs"]:
-        named |= {run[name] for name in ("trace_sha256", "telemetry_sha256") if run[name]}
+        named |= {str(run[name]) for name in ("trace_sha256", "telemetry_sha256") if run[name]}
     return named
 
 
@@ -76,13 +81,13 @@ def export_mission(repo: Repository, actor: Actor, mission_id: str, target: Path
     with repo.database.read() as session:
         require_mission(session, mission_id)
         rows = _rows(session, mission_id)
-    terrain_dir = repo.terrain_dir(rows["terrains"][0]["id"])
+    terrain_dir = repo.terrain_dir(str(rows["terrains"][0]["id"]))
     files = {f"terrain/{p.name}": p for p in sorted(terrain_dir.iterdir()) if p.name[0] != "."}
     try:
         files |= {f"files/{sha256}": repo.files.path(sha256) for sha256 in sorted(file_hashes(rows))}
     except (ValueError, TypeError) as err:
         raise StateError("a row of the mission names a file by something that is not a SHA-256") from err
-    journals = {f"runs/{run['id']}/{JOURNAL}": repo.run_dir(run["id"]) / JOURNAL for run in rows["runs"]}
+    journals = {f"runs/{run['id']}/{JOURNAL}": repo.run_dir(str(run["id"])) / JOURNAL for run in rows["runs"]}
     for name, path in files.items():
         if not is_kept(path):
             raise StateError(
@@ -154,7 +159,7 @@ def read_archive(folder: Path) -> Rows:
         _check_plans(rows)
         _check_campaigns(rows)
         for record in rows["packages"] + rows["statements"]:
-            if not 0 <= int(record["sequence" if "sequence" in record else "counter"]) <= MAX_COUNTER:
+            if not 0 <= int(str(record["sequence" if "sequence" in record else "counter"])) <= MAX_COUNTER:
                 raise ArchiveError("the archive holds a package whose counter is not one")
     except (ValueError, TypeError, LookupError, AttributeError, OverflowError) as err:
         raise ArchiveError(f"a row of the archive is malformed: {type(err).__name__} {err}"[:200]) from err
@@ -181,7 +186,7 @@ def _shaped(document: object) -> Rows:
     return found
 
 
-def typed(name: str, record: Record) -> Record:
+def typed(name: str, record: Mapping[str, object]) -> dict[str, object]:
     """Return a row of an archive as the database takes it.
 
     Raises
@@ -210,7 +215,7 @@ def typed(name: str, record: Record) -> Record:
 def _check_history(rows: Rows) -> None:
     """Raise unless the events of an archive hold together up to its head."""
     previous, seq = GENESIS, 0
-    for record in sorted(rows["events"], key=lambda r: int(r["seq"])):
+    for record in sorted(rows["events"], key=lambda r: int(str(r["seq"]))):
         event = event_of(typed("events", record))
         if event.seq != seq + 1 or event_digest(event, previous) != event.sha256:
             raise ArchiveError(f"the history of the archive is broken at event {event.seq}")
@@ -237,7 +242,7 @@ def _check_plans(rows: Rows) -> None:
 
     for plan in rows["plans"]:
         try:
-            found = None if plan["crl_text"] is None else digest(parse(plan["crl_text"]))
+            found = None if plan["crl_text"] is None else digest(parse(str(plan["crl_text"])))
         except (CrlError, RecursionError) as err:
             raise ArchiveError(f"the plan {plan['id']} of the archive is not CRL") from err
         if found != plan["crl_sha256"]:

@@ -19,7 +19,7 @@ from ground.records.forms import Body
 from ground.records.kind import Kind, Prepared
 from ground.resources.keep_outs.create_keep_out import create_keep_out
 from ground.resources.kinds import KINDS
-from ground.resources.mission_merges.compared import DRIVE, MERGED
+from ground.resources.mission_merges.compared import DRIVE, MERGED, references
 from ground.resources.mission_merges.forms import (
     drive_rules_of,
     form_of,
@@ -133,7 +133,8 @@ class Writer:
             self._set(mission, _plain(changed[mission]))
         orders = {key: fields["after"] for key, fields in changed.items() if "after" in fields}
         for key, after in orders.items():
-            kept = [i for i in self.sides.ours[key]["after"] if i in after]
+            before = references(key, "after", self.sides.ours[key]["after"])
+            kept = [i for _, i in before if i in after]
             self._set(key, {"after": kept})
         for kind in REMOVED:
             for key in self.plan.removed:

@@ -13,7 +13,7 @@ from ground.resources.kinds import KINDS
 from ground.versions.rows import GONE, Fields, Key, Rows, Schema
 
 Rename = Callable[[str], str]
-Document = Mapping[str, Any]
+Document = Mapping[str, object]
 """A row as it stands in the history."""
 
 MERGED = ("mission", "sol", "target", "observation_request", "keep_out")
@@ -53,7 +53,7 @@ NAMING = {
 """Members that name one other resource."""
 
 
-def fields_of(kind: str, document: Document, rename: Rename) -> Fields:
+def fields_of(kind: str, document: Document, rename: Rename) -> Mapping[str, object]:
     """Return what is compared of a resource; `rename` gives the ids that both sides share."""
     found = {name: _member(kind, document, name) for name in PLAIN[kind]}
     for name in NAMING.get(kind, ()):
@@ -61,10 +61,10 @@ def fields_of(kind: str, document: Document, rename: Rename) -> Fields:
     if kind in {"target", "keep_out"}:
         found[PLACE] = _place(kind, document, rename)
     elif kind == "observation_request":
-        found["after"] = [rename(i) for i in document.get("after") or ()]
-        found["constraints"] = document.get("constraints") or []
-        point = document.get("observation_point") or {}
-        found[POSE] = point.get("pose") if point.get("manual") else None
+        found["after"] = [rename(i) for i in _listed(document, "after")]
+        found["constraints"] = _listed(document, "constraints")
+        point = document.get("observation_point")
+        found[POSE] = point.get("pose") if isinstance(point, dict) and point.get("manual") else None
     elif kind == "mission":
         found |= dict(_drives(document, rename))
     return found
@@ -76,19 +76,24 @@ def _member(kind: str, document: Document, name: str) -> Any:
     if found is None:
         default = table_of(KINDS[kind].row).c[name].default
         return default.arg if isinstance(default, ScalarElementColumnDefault) else None
-    if name.endswith("_utc"):
+    if isinstance(found, str) and name.endswith("_utc"):
         return datetime.fromisoformat(found).astimezone(UTC).isoformat()
     return found
 
 
-def _renamed(found: str | None, rename: Rename) -> str | None:
-    return None if found is None else rename(found)
+def _listed(document: Document, name: str) -> list[Any]:
+    found = document.get(name)
+    return found if isinstance(found, list) else []
+
+
+def _renamed(found: object, rename: Rename) -> str | None:
+    return rename(found) if isinstance(found, str) else None
 
 
 def _place(kind: str, document: Document, rename: Rename) -> Document:
     """Return where a thing lies: in site metres, or in the axes of the frame that it is tied to."""
     frame_id, seen = document.get("frame_id"), document.get("in_frame")
-    if frame_id is None or seen is None:
+    if not isinstance(frame_id, str) or not isinstance(seen, dict):
         names = ("east_m", "north_m") if kind == "target" else ("polygon_m",)
         return {"frame_id": None, **{name: document.get(name) for name in names}}
     name = "position_m" if kind == "target" else "outline_m"
@@ -101,7 +106,7 @@ def _rounded(found: Any) -> Any:
 
 def _drives(document: Document, rename: Rename) -> Iterator[tuple[str, Document]]:
     """Yield the rule of each drive, its corners from the end whose id comes first."""
-    for rule in document.get("drive_rules") or ():
+    for rule in _listed(document, "drive_rules"):
         first, last = _renamed(rule["from_target_id"], rename) or "", rename(rule["to_target_id"])
         via = rule["via_m"]
         if last < first:
@@ -142,7 +147,7 @@ def schema_of(*sides: Rows) -> Schema:
 
     def name(key: Key, row: Fields) -> str:
         if key[0] == "observation_request":
-            return f"{row.get('instrument', '')} of {targets.get(row.get('target_id', ''), '')}"
+            return f"{row.get('instrument', '')} of {targets.get(str(row.get('target_id', '')), '')}"
         if key[0] == "sol":
             return f"sol {row.get('number', '')}"
         return str(row.get("name") or row.get("key") or row.get("label") or row.get("file_name") or "")

@@ -12,14 +12,14 @@ from ground.errors import InvalidInputError
 from ground.gdr.base import Columns
 from ground.records.forms import Body
 from ground.resources.frames.site_chain import load_chain, outline_of, require_frame
-from ground.resources.mission_merges.compared import DRIVE, PLACE, Document, ends_of
+from ground.resources.mission_merges.compared import DRIVE, PLACE, ends_of, references
 from ground.versions.rows import Fields, Key
 
 Ids = Mapping[str, str]
 """Ids of what was made, by those that the merge knew it by."""
 
 
-def form_of(form: type[Body], members: Columns) -> Body:
+def form_of(form: type[Body], members: Mapping[str, object]) -> Body:
     """Return a form that is filled in.
 
     Raises
@@ -35,7 +35,7 @@ def form_of(form: type[Body], members: Columns) -> Body:
         raise InvalidInputError(f"{place}: {first['msg']}", pointer=f"/{place}") from err
 
 
-def members_of(session: Session, mission_id: str, key: Key, fields: Fields, ids: Ids) -> Columns:
+def members_of(session: Session, mission_id: str, key: Key, fields: Fields, ids: Ids) -> dict[str, object]:
     """Return the members of a form that give a resource these fields, but for drive rules.
 
     Raises
@@ -45,18 +45,18 @@ def members_of(session: Session, mission_id: str, key: Key, fields: Fields, ids:
     """
     found: Columns = {}
     for name, value in fields.items():
-        if name == PLACE and key[0] != "mission":
+        if name == PLACE and key[0] != "mission" and isinstance(value, Mapping):
             found |= _place(session, mission_id, key[0], value)
-        elif name == "after":
+        elif name == "after" and isinstance(value, list):
             found[name] = [ids.get(i, i) for i in value]
-        elif name == "target_id":
+        elif name == "target_id" and isinstance(value, str):
             found[name] = ids.get(value, value)
         elif not name.startswith(DRIVE):
             found[name] = value
     return found
 
 
-def _place(session: Session, mission_id: str, kind: str, place: Document) -> Columns:
+def _place(session: Session, mission_id: str, kind: str, place: Mapping[str, Any]) -> Columns:
     """Return a place in site metres, and its frame."""
     frame_id = place["frame_id"]
     if frame_id is None:
@@ -71,11 +71,11 @@ def _place(session: Session, mission_id: str, kind: str, place: Document) -> Col
     return {"frame_id": frame_id, "east_m": east, "north_m": north}
 
 
-def drive_rules_of(fields: Fields, ids: Ids) -> list[Columns]:
+def drive_rules_of(fields: Fields, ids: Ids) -> list[dict[str, object]]:
     """Return the drive rules of a mission."""
     found = []
     for name, rule in fields.items():
-        if name.startswith(DRIVE) and rule is not None:
+        if name.startswith(DRIVE) and isinstance(rule, Mapping):
             first, last = ends_of(name)
             ends = {
                 "from_target_id": None if first is None else ids.get(first, first),
@@ -85,10 +85,10 @@ def drive_rules_of(fields: Fields, ids: Ids) -> list[Columns]:
     return found
 
 
-Update = tuple[Key, Columns]
+Update = tuple[Key, dict[str, object]]
 
 
-def in_turn(updates: Mapping[Key, Columns], held: Mapping[Any, Key], name: str) -> Iterator[Update]:
+def in_turn(updates: Mapping[Key, dict[str, object]], held: Mapping[Any, Key], name: str) -> Iterator[Update]:
     """Yield changes of rows in an order in which no two have one name or number at any time.
 
     Where names go round in a circle, one row has a name in between.
@@ -127,7 +127,8 @@ def in_order(new: Mapping[Key, Fields]) -> list[Key]:
         stack = [start]
         while stack:
             key = stack[-1]
-            waits = [k for i in new[key]["after"] if (k := (key[0], i)) in new and k not in found]
+            after = references(key, "after", new[key]["after"])
+            waits = [other for other in after if other in new and other not in found]
             if waits and key not in found:
                 stack.extend(waits)
             else:

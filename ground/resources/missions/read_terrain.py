@@ -115,6 +115,7 @@ def read_ortho(
         if not small.exists():
             scale = side / longest
             size = (max(1, round(image.size[0] * scale)), max(1, round(image.size[1] * scale)))
+            image.draft("RGB", (2 * size[0], 2 * size[1]))  # a JPEG is read at a part of its size
             draft = small.with_suffix(".draft")
             image.convert("RGB").resize(size, Image.Resampling.LANCZOS).save(draft, "JPEG", quality=88)
             draft.replace(small)

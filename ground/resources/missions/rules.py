@@ -8,11 +8,9 @@ from pydantic import ValidationError
 
 from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError, UnavailableError
-from ground.gdr.base import Columns
 from ground.geo.place import Place
 from ground.geo.site_frame import site_frame
 from ground.resources.missions.bodies import DriveRuleBody, PlaceBody
-from mission.codec import Document
 
 ORIGIN = ("crs", "x", "y")
 
@@ -44,7 +42,7 @@ def require_place(given: PlaceBody, present: Mapping[str, object] | None = None)
     frame.require_true_metres(MAP_TRUE if kept else NEAR_TRUE)
 
 
-def place_in(origin: Mapping[str, object]) -> Columns | None:
+def place_in(origin: Mapping[str, object]) -> dict[str, object] | None:
     """Return the place that a terrain's `origin` tells; None if it tells none of use.
 
     Without pyproj a reference is taken as it stands.
@@ -79,7 +77,7 @@ def require_drive_rules(rules: Sequence[DriveRuleBody], target_ids: Collection[s
         seen.add(frozenset(ends))
 
 
-def require_calibration(document: Document) -> Document:
+def require_calibration(document: Mapping[str, object]) -> Mapping[str, object]:
     """Return a `calibration/1` document with all its members; raise if it is none."""
     from planner.errors import PlannerError
     from planner.path_network import CALIBRATIONS

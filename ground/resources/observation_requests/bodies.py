@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import ConfigDict, Field, model_validator
 
-from ground.records.forms import Body, Flag, Id, PoseBody, Seconds, Text, Utility, Window, unset
+from ground.records.forms import (
+    Body,
+    Flag,
+    Id,
+    PoseBody,
+    Seconds,
+    Text,
+    Utility,
+    Window,
+    member_fault,
+    unset,
+)
+from ground.resources.targets.bodies import TargetCreate
 
 InstrumentName = Annotated[
     str,
@@ -29,9 +41,13 @@ ConstraintDocument = Annotated[
 
 
 class ObservationRequestCreate(Body):
-    """What is asked of a target. `observation_pose` sets the observation point by hand."""
+    """What is asked of a target that is there, or of one that is made with the request.
 
-    target_id: Id
+    `observation_pose` sets the observation point by hand.
+    """
+
+    target_id: Id = Field(default_factory=unset)
+    target: TargetCreate = Field(default_factory=unset)
     instrument: InstrumentName
     value: Utility
     tracked: Flag | None = None
@@ -46,10 +62,32 @@ class ObservationRequestCreate(Body):
     ] = ""
     observation_pose: PoseBody | None = None
 
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"target_id": "tgt-1", "instrument": "science_camera", "value": 10.0}],
+            "oneOf": [{"required": ["target_id"]}, {"required": ["target"]}],
+        }
+    )
+
+    @model_validator(mode="after")
+    def _is_on_one_target(self) -> Self:
+        given = {"target_id", "target"} & self.model_fields_set
+        if len(given) == 2:
+            raise member_fault("target", "target_id and target both say what it is on; give one of them")
+        if not given:
+            raise member_fault("target_id", "target_id is missing; give it, or target for a new one")
+        return self
+
 
 class ObservationRequestChange(
-    ObservationRequestCreate, partial=True, without={"target_id"}, never_null={"tracked"}
+    ObservationRequestCreate, partial=True, without={"target_id", "target"}, never_null={"tracked"}
 ):
     """`observation_pose: null` gives the choice of the observation point back to the program."""
 
     state: Literal["open", "carried"] = Field(default_factory=unset)
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"value": 12.0, "must_do": True}]})
+
+    @model_validator(mode="after")
+    def _is_on_one_target(self) -> Self:
+        return self

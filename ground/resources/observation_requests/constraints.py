@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ground.errors import InvalidInputError
 from mission import Constraint, FormatError
@@ -45,7 +45,7 @@ def read_constraints(documents: Sequence[object]) -> tuple[Constraint, ...]:
     return found.constraints
 
 
-def written_constraints(documents: Sequence[object]) -> list[Document]:
+def written_constraints(documents: Sequence[object]) -> list[Mapping[str, object]]:
     """Return a list of documents as it is stored, every member written; raises as `read_constraints` does."""
     made: list[Document] = CARRIED.document(Carried(read_constraints(documents)))["constraints"]
     return made

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import Any
+from collections.abc import Collection, Mapping
+from typing import Any, TypedDict
 
 from sqlalchemy import ForeignKey
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy.orm import Mapped, mapped_column, relationship
 
-from ground.gdr.base import Long, Notes, Row, Text20, Text40, mission_column
-from ground.gdr.geometry import pose_of
+from ground.gdr import geometry
+from ground.gdr.base import JsonObject, Long, Notes, Row, Text20, Text40, mission_column
 from ground.resources.observation_requests.constraints import read_constraints
 from ground.resources.observation_requests.value import ObservationPoint
+from ground.resources.targets.row import TargetRow
 from mission import After, Constraint, MustDo, Pose, Request, Tracked, Window
-from mission.codec import Document
 
 PLANNED = "planned"
 """Marks a column that came later and that plans are computed from; null is what it was before."""
+
+
+class StoredPoint(TypedDict):
+    """An observation point in its JSON form."""
+
+    pose: Mapping[str, float] | None
+    reachable: bool
+    manual: bool
+    reason: str
 
 
 class ObservationRequestRow(Row):
@@ -35,18 +44,22 @@ class ObservationRequestRow(Row):
     notes: Mapped[Notes]
     rationale: Mapped[Long] = mapped_column(default="", server_default="")
     """Why it is worth the rover's time, for the uplink meeting."""
-    observation_point: Mapped[dict[str, Any] | None]
+    observation_point: Mapped[StoredPoint | None] = mapped_column(JsonObject(none_as_null=True))
     state: Mapped[Text20] = mapped_column(index=True)
     state_reason: Mapped[Notes]
+    _on: Mapped[TargetRow] = relationship(lazy="raise")
+    """Only for the order of what is written together: a target goes into the database before its requests."""
 
 
-def observation_point_of(document: Document | None) -> ObservationPoint | None:
+def observation_point_of(document: StoredPoint | None) -> ObservationPoint | None:
     """Return an observation point from its JSON form."""
     if document is None:
         return None
     pose = document["pose"]
     return ObservationPoint(
-        pose=None if pose is None else pose_of(pose),
+        pose=None
+        if pose is None
+        else geometry.Pose(float(pose["east_m"]), float(pose["north_m"]), float(pose["heading_rad"])),
         reachable=document["reachable"],
         manual=document["manual"],
         reason=document["reason"],
@@ -64,6 +77,7 @@ def day_request(row: ObservationRequestRow, among: Collection[str]) -> Request:
         constraints.append(Window(*row.window_s))
     constraints.extend(read_constraints(row.constraints or ()))
     point = row.observation_point
+    pose = point["pose"] if point is not None and point["manual"] else None
     return Request(
         id=row.id,
         target_id=row.target_id,
@@ -71,5 +85,5 @@ def day_request(row: ObservationRequestRow, among: Collection[str]) -> Request:
         value=row.value,
         constraints=tuple(constraints),
         dwell_s=row.dwell_s,
-        observation_point=Pose(**point["pose"]) if point is not None and point["manual"] else None,
+        observation_point=None if pose is None else Pose(**pose),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from sqlalchemy.orm import Session
 
 from ground.gdr.ids import new_id
@@ -19,7 +21,6 @@ from ground.resources.path_networks.order import ORDERS, NetworkOrder
 from ground.resources.path_networks.row import PathNetworkRow
 from ground.resources.problems.inputs_digest import inputs_digest
 from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
-from mission.codec import Document
 
 KIND = "build_path_network"
 
@@ -40,7 +41,7 @@ def build_path_network(repo: Repository, actor: Actor, mission_id: str, given: P
         return ask_job(session, repo, actor, KIND, mission_id, (PATH_NETWORK, row.id), payload, job_id)
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: Mapping[str, object]) -> str | None:
     """Write the geometry and the observation points that were found."""
     row = session.get(PathNetworkRow, job.subject_id)
     if row is None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 
 from ground.day.prepare import PreparedDay
-from mission.codec import Document
 
 
-def network_geometry(day: PreparedDay) -> Document:
+def network_geometry(day: PreparedDay) -> Mapping[str, object]:
     """Return a path network as the repository keeps it."""
     network = day.network
     asked = {str(t.id): [str(o.id) for o in t.observations] for t in day.problem.targets}

@@ -23,7 +23,6 @@ from ground.resources.people.kind import conceal_missions
 from ground.resources.people.log_in_limits import LogInLimits, address_of, check, pay, refund
 from ground.resources.people.passwords import change_password, may_enter
 from ground.settings import Authentication
-from mission.codec import Document
 
 COOKIE = "outcrop_session"
 ATTEMPT = "outcrop_oidc"
@@ -122,7 +121,7 @@ class Identities:
         return actor
 
 
-def session_value(repo: Repository, request: Request) -> Document:
+def session_value(repo: Repository, request: Request) -> Mapping[str, object]:
     """Return who one is and the CSRF token of the session."""
     actor: Actor | None = getattr(request.state, "actor", None)
     cookie = request.cookies.get(COOKIE)

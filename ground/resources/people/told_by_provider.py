@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +39,7 @@ class ToldByProvider:
         self._lock = threading.Lock()
         self._told: dict[str, _Told] = {}
 
-    def read(self, address: str, *, anew: bool = False) -> Document:
+    def read(self, address: str, *, anew: bool = False) -> Mapping[str, object]:
         """Return a document, kept for `KEEP_S`; with `anew` for `FAIL_S` alone.
 
         Raises
@@ -66,7 +66,7 @@ class ToldByProvider:
             self._told.clear()
 
 
-def ask(method: str, address: str, **options: Any) -> Document:
+def ask(method: str, address: str, **options: Any) -> Mapping[str, object]:
     """Return the JSON object of an answer of the provider.
 
     Raises

@@ -26,6 +26,7 @@ from mission import KeepOut, Pose
 from planner.changes import Changes, changed_problem, counted
 
 if TYPE_CHECKING:
+    from planner.evaluate.model import Floats
     from planner.plan_tree import Plan
     from planner.problem import Problem
     from planner.what_if import Outcome
@@ -45,6 +46,8 @@ class _Known:
     problem: Problem
     plan: Plan
     candidates: tuple[str, ...]
+    today: Floats
+    """What it earns in each future of its day."""
 
 
 def answer_what_if(
@@ -70,7 +73,7 @@ def answer_what_if(
         seed, branches = row.seed, row.max_branches
         problem_row = session.get_one(ProblemRow, row.problem_id)
         document, tree = problem_row.document, tree_of(row)
-    known = _known(key, document, tree)
+    known = _known(key, document, tree, seed)
     try:
         base = known.problem if changes.keep_outs is None else _with_keep_outs(repo, plan_id, known, changes)
         changed = changed_problem(base, changes)
@@ -80,6 +83,7 @@ def answer_what_if(
                 known.plan,
                 changed,
                 known=known.candidates,
+                today=known.today,
                 max_branches=branches,
                 seed=seed,
                 iterations=iterations,
@@ -91,10 +95,10 @@ def answer_what_if(
     return _value(plan_id, known, changed, changes, outcome, time.monotonic() - began)
 
 
-def _known(key: str, document: Any, tree: Any) -> _Known:
+def _known(key: str, document: Any, tree: Any, seed: int) -> _Known:
     from planner.plan_tree import plan_tree_from_dict
     from planner.problem import problem_from_dict
-    from planner.what_if import candidates
+    from planner.what_if import candidates, worth_today
 
     with _lock:
         if key in _plans:
@@ -102,7 +106,7 @@ def _known(key: str, document: Any, tree: Any) -> _Known:
             return _plans[key]
     problem = problem_from_dict(document)
     plan = plan_tree_from_dict(tree, problem).plan
-    known = _Known(problem, plan, candidates(problem, plan))
+    known = _Known(problem, plan, candidates(problem, plan), worth_today(problem, plan, seed=seed))
     with _lock:
         _plans[key] = known
         while len(_plans) > KEPT:

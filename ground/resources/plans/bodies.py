@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
@@ -75,6 +76,23 @@ class PlanChange(Body):
     notes: Text = Field(default_factory=unset)
 
 
+CrlText = Annotated[str, StringConstraints(max_length=1_000_000, pattern=PRINTABLE)]
+
+
+class CrlCheck(Body):
+    """A text in CRL, whatever it says."""
+
+    crl: CrlText
+
+
+class PlanEdit(Body):
+    """The whole text of an edited plan in CRL."""
+
+    crl: CrlText
+    name: LongName | None = None
+    notes: Text = ""
+
+
 class PlanSide(Body):
     """A plan of the mission, or the text of one in CRL: exactly one of the two."""
 
@@ -85,7 +103,7 @@ class PlanSide(Body):
         }
     )
     plan_id: Id | None = None
-    crl: Annotated[str, StringConstraints(max_length=1_000_000, pattern=PRINTABLE)] | None = None
+    crl: CrlText | None = None
 
     @model_validator(mode="after")
     def _one(self) -> PlanSide:
@@ -140,12 +158,13 @@ class GeometryDocument(BaseModel):
 class DraftDocument(BaseModel):
     """The best plan so far: its tree, the network it drives on, its value and the bound if known.
 
-    `number` counts the plans found so far.
+    `number` counts the plans drawn so far; this one was found at `found_utc`.
     """
 
     model_config = ConfigDict(extra="allow")
     format: str
     number: int
+    found_utc: datetime
     value: float
     upper: float | None
     branches: int

@@ -37,7 +37,7 @@ def explain_request(repo: Repository, actor: Actor, plan_id: str, request_id: st
         problem, tree = stored(session, plan)
         refused = plan.left_out.get(request_id)
     if refused is not None and all(str(o.id) != request_id for o in problem.observations):
-        return WhyNot(request_id, refused, "reachability", 0.0, 0.0, [], None)
+        return WhyNot(request_id, refused, "reachability", False, 0.0, 0.0, [], None)
     try:
         found = why_not(problem, tree.plan, request_id, futures=FUTURES, seed=plan.seed)
     except PlannerError as err:
@@ -47,6 +47,7 @@ def explain_request(repo: Repository, actor: Actor, plan_id: str, request_id: st
         WhyNot,
         found,
         request_id=request_id,
+        attempted=bool(found.forced),
         displaced=[str(o) for o in found.displaced],
         relaxation=None if relaxation is None else value_of(Relaxation, relaxation),
     )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import orjson
 from sqlalchemy import select
@@ -38,8 +39,8 @@ from ground.resources.problems.kind import PROBLEM
 from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
 from ground.resources.problems.row import ProblemRow
 from mission import Day
-from mission.codec import Document
 from planner.changes import Changes
+from planner.problem_document import ProblemDocument
 
 KIND = "generate_plan"
 
@@ -110,7 +111,19 @@ def _changed(day: Day, inputs: str, changes: Changes) -> tuple[Day, str]:
     return day, hashlib.sha256(orjson.dumps([inputs, changes.as_dict()])).hexdigest()
 
 
-def settle(repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+class MadePlan(TypedDict):
+    """What is read of what `plans.work.work` returns; all else goes into the plan's row as it is."""
+
+    stopped: str
+    problem: ProblemDocument
+    problem_sha256: str
+    planned_request_ids: list[str]
+    left_out: Mapping[str, str]
+    geometry: Mapping[str, object]
+    observation_points: Mapping[str, Mapping[str, float]]
+
+
+def settle(repo: Repository, session: Session, job: JobRow, result: MadePlan) -> str | None:
     """Write plan, problem and network; requests in the plan become planned."""
     draft_of(repo, job.subject_id).unlink(missing_ok=True)
     plan = session.get(PlanRow, job.subject_id)
@@ -133,8 +146,9 @@ def settle(repo: Repository, session: Session, job: JobRow, result: Document) ->
     )
     insert(session, SYSTEM_ACTOR, PROBLEM, problem)
     insert(session, SYSTEM_ACTOR, PATH_NETWORK, network)
+    made: Mapping[str, object] = result
     columns = {
-        name: result[name]
+        name: made[name]
         for name in (
             "status",
             "tree",

@@ -8,30 +8,22 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy.orm import Session
 
-from ground.day.rovers import profile_of
 from ground.errors import InvalidInputError
 from ground.gdr.ids import new_id
 from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
-from ground.records.edit import insert, new_row, next_number
 from ground.records.get_resource import require_mission, row_in_mission
 from ground.records.show import value_of
 from ground.resources.plans.bodies import PlanMergeCreate, PlanSide
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.read_plan import computed_plan
 from ground.resources.plans.row import PlanRow
-from ground.resources.plans.value import PlanConflict, PlanMerge, PlanState
-from ground.resources.plans.work import findings_of
-from ground.resources.problems.row import ProblemRow, came_with_an_archive
-from ground.resources.sols.row import SolRow, usable_energy_j
-from mission.codec import Document
+from ground.resources.plans.value import PlanConflict, PlanMerge, Written
+from ground.resources.plans.written_plan import keep_written, readied, setting_of, written_columns
 
 if TYPE_CHECKING:
     from executive.crl import Plan as CrlPlan
     from ground.versions.merge import Merged
-
-STRATEGY = "merged"
-"""What a merged plan has in the place of a search strategy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,35 +62,20 @@ def merge_plans(repo: Repository, actor: Actor, mission_id: str, given: PlanMerg
                 raise InvalidInputError(
                     f"{side.words} is of another sol than {base.words}", pointer=f"/{name}/plan_id"
                 )
-        problem_row = session.get_one(ProblemRow, parent.problem_id)
-        problem, battery_j = problem_row.document, float(problem_row.document["budget"]["energy_j"])
-        if came_with_an_archive(problem_row):
-            sol = session.get_one(SolRow, parent.sol_id)
-            battery_j = usable_energy_j(sol.battery_j, sol.energy_floor_j, sol.energy_budget_j)
+        setting = setting_of(session, parent)
     plan_id = new_id(PLAN.prefix)
     found = _merged(given, (base, ours, theirs), {"mission": mission_id, "plan": plan_id})
     conflicts = [value_of(PlanConflict, c, kind=str(c.kind), choosable=c.choosable) for c in found.conflicts]
     if found.plan is None or given.preview:
         return PlanMerge(None, conflicts, found.plan is not None)
-    columns = _columns(found.plan, parent, problem, battery_j)
+    columns = written_columns(found.plan, parent, setting, Written.MERGED)
     taken = "".join(f"; {_said(given, c)} taken at {c.id or 'the header'} {c.field}" for c in conflicts)
     told = f"Merged from {ours.words} and {theirs.words}, edits of {base.words}{taken}."
     with repo.database.write() as session:
-        number = next_number(session, PlanRow, mission_id)
-        row = new_row(
-            PLAN,
-            actor,
-            mission_id,
-            given,
-            id=plan_id,
-            number=number,
-            name=given.name or f"Merged plan {number}",
-            notes=" ".join(filter(None, (given.notes, told)))[:20_000],
-            inputs_sha256=_inputs(parent, ours, theirs),
-            **columns,
-        )
-        insert(session, actor, PLAN, row, reason=told[:1000])
-        return PlanMerge(PLAN.show_one(session, row), conflicts, True)
+        about = {"plan_id": plan_id, "mission_id": mission_id, "told": told}
+        inputs = _inputs(parent, ours, theirs)
+        kept = keep_written(session, actor, given, columns, inputs_sha256=inputs, **about)
+        return PlanMerge(kept, conflicts, True)
 
 
 def _side(session: Session, actor: Actor, mission_id: str, name: str, given: PlanSide) -> _Side:
@@ -117,7 +94,7 @@ def _merged(given: PlanMergeCreate, sides: tuple[_Side, ...], refs: dict[str, st
     from ground.versions.merge import Take, merge
 
     base, ours, theirs = (
-        _readied(_parsed(side, name), refs)
+        readied(_parsed(side, name), refs)
         for name, side in zip(("base", "ours", "theirs"), sides, strict=True)
     )
     choices = {(c.kind, c.id, c.field): Take(c.take) for c in given.choices}
@@ -135,59 +112,6 @@ def _parsed(side: _Side, name: str) -> CrlPlan:
         first = report.errors[0]
         raise InvalidInputError(f"{side.words}: {first.message} (line {first.line})", pointer=f"/{name}/crl")
     return report.plan
-
-
-def _readied(plan: CrlPlan, refs: dict[str, str]) -> CrlPlan:
-    """Return a plan under the ids of the merged one, without paths into a plan tree: it has none."""
-    from ground.versions.difference import PLAN_TREE_PATH
-    from ground.versions.parts import HEADER, parts_of, plan_of
-
-    try:
-        parts = parts_of(plan)
-    except ValueError as err:
-        raise InvalidInputError(f"the plans cannot be merged: {err}") from err
-    for name, part in parts.items():
-        held = part.fields.get("metadata")
-        if name == HEADER:
-            part.fields["metadata"] = {**(held or {}), **refs}
-        elif held and PLAN_TREE_PATH in held:
-            part.fields["metadata"] = {k: v for k, v in held.items() if k != PLAN_TREE_PATH}
-    return plan_of(parts)
-
-
-def _columns(plan: CrlPlan, parent: PlanRow, problem: Document, battery_j: float) -> dict[str, object]:
-    """Return what follows from the merged text, and what stays as it is in the plan it began with."""
-    from executive.crl import digest, readable_text
-    from ground.checks.used_observations import used_observations
-
-    text = readable_text(plan)
-    profile = profile_of(parent.rover_profile)
-    observations = {
-        str(observation["id"])
-        for target in problem.get("targets", ())
-        for observation in target.get("observations", (target,))
-    }
-    planned = used_observations(plan, problem, profile).ids & observations
-    kept = ("sol_id", "problem_id", "network_id", "problem_sha256", "terrain_sha256", "dictionary")
-    left_out = {name: why for name, why in parent.left_out.items() if name not in planned}
-    left_out |= dict.fromkeys(observations - planned - left_out.keys(), "not in the merged plan")
-    return {name: getattr(parent, name) for name in kept} | {
-        "parent_id": parent.id,
-        "state": PlanState.COMPUTED.value,
-        "status": STRATEGY,
-        "strategy": STRATEGY,
-        "max_branches": parent.max_branches,
-        "time_limit_s": 0.0,
-        "seed": parent.seed,
-        "job_id": "",
-        "rover_profile": parent.rover_profile,
-        "crl_text": text,
-        "crl_sha256": digest(plan),
-        "findings": findings_of(text, profile.language, battery_j=battery_j),
-        "request_ids": list(parent.request_ids),
-        "planned_request_ids": sorted(planned),
-        "left_out": left_out,
-    }
 
 
 def _said(given: PlanMergeCreate, conflict: PlanConflict) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from sqlalchemy.orm import Session
@@ -14,11 +15,11 @@ from ground.records.get_resource import find_row, read_row
 from ground.resources.plans.draft import draft_of
 from ground.resources.plans.kind import PLAN
 from ground.resources.plans.row import PlanRow
-from ground.resources.plans.value import Finding
-from mission.codec import Document
+from ground.resources.plans.value import Finding, Written
 
 if TYPE_CHECKING:
     from executive.crl.nodes import Plan
+    from planner.plan_tree_document import TreeDocument
 
 
 def computed_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
@@ -36,16 +37,17 @@ def computed_plan(session: Session, actor: Actor, plan_id: str) -> PlanRow:
     return row
 
 
-def tree_of(row: PlanRow) -> Document:
+def tree_of(row: PlanRow) -> TreeDocument:
     """Return the plan tree of a computed plan.
 
     Raises
     ------
     StateError
-        If no planner made it: it was merged.
+        If no planner made it: it was merged, or edited by hand.
     """
     if row.tree is None:
-        raise StateError(f"plan {row.number} was merged from others; it has no plan tree and no prediction")
+        how = "edited by hand" if row.strategy == Written.EDITED else "merged from others"
+        raise StateError(f"plan {row.number} was {how}; it has no plan tree and no prediction")
     return row.tree
 
 
@@ -65,25 +67,25 @@ def parsed_plan(row: PlanRow) -> Plan:
         raise DamagedDataError(f"the text of plan {row.number} is not CRL any more") from err
 
 
-def read_tree(repo: Repository, actor: Actor, plan_id: str) -> Document:
+def read_tree(repo: Repository, actor: Actor, plan_id: str) -> Mapping[str, object]:
     """Return the plan tree."""
     with repo.database.read() as session:
         return tree_of(computed_plan(session, actor, plan_id))
 
 
-def read_draft(repo: Repository, actor: Actor, plan_id: str) -> Document | None:
+def read_draft(repo: Repository, actor: Actor, plan_id: str) -> Mapping[str, object] | None:
     """Return the best plan so far of a search that goes on, `plan-draft/1`; None without one."""
     row: PlanRow = read_row(repo, actor, PLAN, plan_id)
     if row.crl_text is not None:
         return None
     try:
-        found: Document = json.loads(draft_of(repo, plan_id).read_text("utf-8"))
+        found: Mapping[str, object] = json.loads(draft_of(repo, plan_id).read_text("utf-8"))
     except (FileNotFoundError, ValueError):
         return None
     return found
 
 
-def read_summary(repo: Repository, actor: Actor, plan_id: str) -> Document:
+def read_summary(repo: Repository, actor: Actor, plan_id: str) -> Mapping[str, object]:
     """Return the planner's summary."""
     with repo.database.read() as session:
         return computed_plan(session, actor, plan_id).summary or {}

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from starlette.responses import Response
 
-from ground.api.context import Asked, Id, answer
+from ground.api.context import PREFIX, Asked, Id, answer, created
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes, start_route
 from ground.resources.plans.answer_what_if import answer_what_if as answer_what_if_use_case
 from ground.resources.plans.bodies import (
+    CrlCheck,
     DraftDocument,
+    PlanEdit,
     PlanMergeCreate,
     SummaryDocument,
     TreeDocument,
     WhatIf,
 )
+from ground.resources.plans.edit_plan import check_crl as check_crl_use_case
+from ground.resources.plans.edit_plan import edit_plan as edit_plan_use_case
 from ground.resources.plans.explain_plan import compare_plans as compare_plans_use_case
 from ground.resources.plans.explain_plan import differ_plans as differ_plans_use_case
 from ground.resources.plans.explain_plan import explain_request as explain_request_use_case
@@ -25,7 +29,7 @@ from ground.resources.plans.read_plan import read_crl, read_draft, read_findings
 from ground.resources.plans.sol_path import ask_sol_path, read_sol_path
 from ground.resources.plans.sol_path_bodies import SolPathCreate, SolPathDocument
 from ground.resources.plans.study_value import PlanComparison, WhatIfAnswer, WhyNot
-from ground.resources.plans.value import Finding, PlanMerge
+from ground.resources.plans.value import CrlFinding, Finding, Plan, PlanMerge
 from ground.versions.difference import PlanDifference
 
 router = resource_routes(
@@ -130,6 +134,26 @@ async def differ_plans(ask: Asked, plan_id: Id, other_id: Id) -> Response:
 async def merge_plans(ask: Asked, mission_id: Id, body: PlanMergeCreate) -> Response:
     """Join two edits of a plan into a new one, or name the conflicts; a side can be taken in each."""
     return answer(await ask.do(merge_plans_use_case, mission_id, body))
+
+
+@router.post(
+    "/plans/{plan_id}/crl-check", response_model=list[CrlFinding], responses=responses(400, 404, 409, 422)
+)
+async def check_crl(ask: Asked, plan_id: Id, body: CrlCheck) -> Response:
+    """Check a text as if it were an edit of the plan: findings with place and hint. Nothing is kept."""
+    return answer(await ask.do(check_crl_use_case, plan_id, body.crl))
+
+
+@router.post(
+    "/plans/{plan_id}/edits",
+    response_model=Plan,
+    status_code=201,
+    responses=responses(400, 404, 409, 422),
+)
+async def edit_plan(ask: Asked, plan_id: Id, body: PlanEdit) -> Response:
+    """Keep the edited text of a plan as a new plan; refused while the validator finds an error in it."""
+    made = await ask.do(edit_plan_use_case, plan_id, body)
+    return created(made, f"{PREFIX}/plans/{made.id}")
 
 
 @router.post("/plans/{plan_id}/what-if", response_model=WhatIfAnswer, responses=responses(400, 404, 409, 422))

@@ -7,7 +7,20 @@ from typing import Any
 from sqlalchemy import ForeignKey, UniqueConstraint, false
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.gdr.base import Large, Long, Notes, Row, Sha256, Text20, Text40, Text80, Text200, mission_column
+from ground.gdr.base import (
+    JsonObject,
+    Large,
+    Long,
+    Notes,
+    Row,
+    Sha256,
+    Text20,
+    Text40,
+    Text80,
+    Text200,
+    mission_column,
+)
+from planner.plan_tree_document import TreeDocument
 
 
 class PlanRow(Row):
@@ -42,7 +55,7 @@ class PlanRow(Row):
     terrain_sha256: Mapped[Sha256]
     dictionary: Mapped[Text80]
     rover_profile: Mapped[Text80]
-    tree: Mapped[dict[str, Any] | None]
+    tree: Mapped[TreeDocument | None] = mapped_column(JsonObject(none_as_null=True))
     summary: Mapped[dict[str, Any] | None]
     findings: Mapped[list[Any]]
     request_ids: Mapped[list[Any]]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ground.errors import NotFoundError
 from ground.gdr.repository import Repository
 from ground.jobs.value import Job
@@ -11,7 +13,6 @@ from ground.resources.plans.generate_plan import generate_plan
 from ground.resources.plans.order import Ahead
 from ground.resources.plans.read_plan import read_summary
 from ground.resources.plans.sol_path_bodies import SolPathCreate
-from mission.codec import Document
 
 
 def ask_sol_path(repo: Repository, actor: Actor, mission_id: str, given: SolPathCreate) -> Job:
@@ -27,7 +28,7 @@ def ask_sol_path(repo: Repository, actor: Actor, mission_id: str, given: SolPath
     return generate_plan(repo, actor, mission_id, plan, ahead=Ahead(given.sols, series))
 
 
-def read_sol_path(repo: Repository, actor: Actor, plan_id: str) -> Document:
+def read_sol_path(repo: Repository, actor: Actor, plan_id: str) -> Mapping[str, object]:
     """Return what the sols of a plan's sol path are worth, `sol-path/1`.
 
     Raises
@@ -35,7 +36,7 @@ def read_sol_path(repo: Repository, actor: Actor, plan_id: str) -> Document:
     NotFoundError
         If the plan is for a single sol.
     """
-    found: Document | None = read_summary(repo, actor, plan_id).get("sol_path")
-    if found is None:
+    found = read_summary(repo, actor, plan_id).get("sol_path")
+    if not isinstance(found, Mapping):
         raise NotFoundError(f"plan {plan_id} is for a single sol; POST .../sol-paths plans several")
     return found

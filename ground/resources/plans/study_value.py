@@ -18,13 +18,15 @@ class Relaxation:
 class WhyNot:
     """Why a request is not in a plan.
 
-    `change` is the value of the best plan found that must attempt it, less that of the best without that
-    demand, with its standard error over the same futures; `displaced` are the requests it would cost.
+    `attempted` says whether a plan was found that attempts it. `change` is the value of the best of those,
+    less that of the best without that demand, with its standard error over the same futures; `displaced`
+    are the requests of the plan that it would cost.
     """
 
     request_id: str
     reason: str
     limit: str
+    attempted: bool
     change: float
     standard_error: float
     displaced: list[str]

@@ -17,6 +17,13 @@ class PlanState(StrEnum):
     EXECUTED = "executed"
 
 
+class Written(StrEnum):
+    """What a plan that no search made has in the place of a search strategy: how its text came about."""
+
+    MERGED = "merged"
+    EDITED = "edited"
+
+
 @dataclass(frozen=True, slots=True)
 class Plan(OfMission):
     """One revision of a plan. Everything computed is frozen; an edit makes a new plan in state draft.
@@ -66,6 +73,17 @@ class Finding:
     node: str | None
     line: int | None
     column: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class CrlFinding(Finding):
+    """What the validator found in a text that was sent: `length` characters from its place on.
+
+    `line` and `column` count from 1. `hint` proposes a remedy and may be empty.
+    """
+
+    length: int
+    hint: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from ground.day.plan_summary import finite, summary_of
@@ -14,17 +14,17 @@ from ground.resources.path_networks.geometry import network_geometry, observatio
 from ground.resources.plans.draft import Drawing
 from ground.resources.plans.order import PlanWork
 from ground.resources.plans.sol_path_work import FirstSol, plan_first_sol
-from mission.codec import Document
 from planner.changes import changed_problem
 
 if TYPE_CHECKING:
+    from executive.crl import Report as Check
     from executive.crl.dictionary import Dictionary
 
 NOT_WORTH = "not worth its time and energy beside the others within this day's budgets"
 STOPPED = "The search was stopped; this is the best plan it had found."
 
 
-def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Document:
+def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Mapping[str, object]:
     """Return plan tree, CRL, summary and everything else a plan's row holds.
 
     Asked to stop, it returns the best plan so far, with a note that says so, if there is one.
@@ -59,6 +59,7 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Do
 
     def stop() -> bool:
         nonlocal stopped
+        drawing.catch_up()
         stopped = stopped or should_stop()
         return stopped
 
@@ -126,19 +127,8 @@ def work(order: PlanWork, report: Report, should_stop: Callable[[], bool]) -> Do
     }
 
 
-def findings_of(text: str, language: Dictionary, *, battery_j: float) -> list[Document]:
-    """Return everything the validator has against a text, by the rover's dictionary, in its places there.
-
-    `battery_j` is the charge at the start, from which the resource envelope is drawn.
-    """
-    from executive.crl import check
-
-    report = check(
-        text,
-        commands=language.commands,
-        telemetry=language.telemetry,
-        levels={"battery-energy": battery_j},
-    )
+def findings_of(text: str, language: Dictionary, *, battery_j: float) -> list[Mapping[str, object]]:
+    """Return the findings of `report_of` in the form in which a plan's row has them."""
     return [
         {
             "code": f.code,
@@ -148,5 +138,20 @@ def findings_of(text: str, language: Dictionary, *, battery_j: float) -> list[Do
             "line": f.line or None,
             "column": f.column or None,
         }
-        for f in report.findings
+        for f in report_of(text, language, battery_j=battery_j).findings
     ]
+
+
+def report_of(text: str, language: Dictionary, *, battery_j: float) -> Check:
+    """Return what the validator says of a text by the rover's dictionary, in its places there.
+
+    `battery_j` is the charge at the start, from which the resource envelope is drawn.
+    """
+    from executive.crl import check
+
+    return check(
+        text,
+        commands=language.commands,
+        telemetry=language.telemetry,
+        levels={"battery-energy": battery_j},
+    )

@@ -51,7 +51,7 @@ def worksite(repo: Repository, session: Session, mission: MissionRow) -> Worksit
     """Return the ground and the rover of a mission."""
     return Worksite(
         mission.id,
-        str(repo.terrain_dir(terrain_row(session, mission.id).id)),
+        repo.address("terrains", terrain_row(session, mission.id).id),
         mission.rover_profile,
         mission.calibration,
     )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from sqlalchemy.orm import Mapped, mapped_column
 
-from sqlalchemy.orm import Mapped
-
-from ground.gdr.base import Row, Sha256, mission_column
+from ground.gdr.base import JsonObject, Row, Sha256, mission_column
 from ground.records.actor import ELSEWHERE
+from planner.problem_document import ProblemDocument
 
 
 class ProblemRow(Row):
@@ -15,7 +14,7 @@ class ProblemRow(Row):
 
     mission_id: Mapped[str] = mission_column()
     sha256: Mapped[Sha256]
-    document: Mapped[dict[str, Any]]
+    document: Mapped[ProblemDocument] = mapped_column(JsonObject(none_as_null=True))
 
 
 def came_with_an_archive(row: ProblemRow) -> bool:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from ground.api.context import PRODUCT_FILE, Asked, Id, product_file
+from ground.api.parts import wants_part
 from ground.api.problems import responses
 from ground.api.resource_routes import resource_routes
 from ground.resources.products.kind import PRODUCT
@@ -24,6 +26,7 @@ router = resource_routes(
     response_class=FileResponse,
     responses={**PRODUCT_FILE, **responses(404, 422)},
 )
-async def get_product_file(ask: Asked, product_id: Id) -> Response:
+async def get_product_file(ask: Asked, product_id: Id, request: Request) -> Response:
     """Send the file of a data product; its ETag is the SHA-256 of the content."""
-    return product_file(*await ask.do(read_product, product_id))
+    asked = request.headers
+    return product_file(asked, *await ask.do(read_product, product_id, in_parts=wants_part(asked)))

@@ -13,6 +13,6 @@ def draw_plan(repo: Repository, actor: Actor, plan_id: str, *, form: str) -> str
     """Return the tree of a computed plan as `svg` or `dot`."""
     with repo.database.read() as session:
         plan = computed_plan(session, actor, plan_id)
-        problem = session.get_one(ProblemRow, plan.problem_id).document if plan.problem_id else {}
-        root = boxes(tree_of(plan), target_names(problem))
+        row = session.get_one(ProblemRow, plan.problem_id) if plan.problem_id else None
+        root = boxes(tree_of(plan), {} if row is None else target_names(row.document))
     return to_dot(root) if form == "dot" else to_svg(root)

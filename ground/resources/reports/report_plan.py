@@ -35,7 +35,9 @@ from ground.resources.sols.row import SolRow
 
 if TYPE_CHECKING:
     from planner.evaluate.monte_carlo import Futures
+    from planner.plan_tree_document import TreeDocument
     from planner.problem import Budget
+    from planner.problem_document import ProblemDocument
 
 UNLIKELY, LIKELY = 5.0, 95.0
 """Percentiles between which nine futures of ten lie."""
@@ -48,7 +50,7 @@ class _Case:
     plan: PlanRow
     sol: SolRow
     stale: bool
-    problem: Mapping[str, Any]
+    problem: ProblemDocument
     requests: Mapping[str, ObservationRequest]
     rules: Sequence[FlightRuleResult]
     waivers: Sequence[WaiverRow]
@@ -93,7 +95,7 @@ def report_plan(repo: Repository, actor: Actor, plan_id: str) -> str:
             budget=problem.budget,
         )
     flown, begun = plan_futures.fly(problem, tree.plan, plan.seed)
-    drawn = plan.tree or {"plan": []}
+    drawn: TreeDocument = plan.tree or {"plan": ()}
     parts = [
         _verdict(_against(case)),
         table((), _figures(case)),
@@ -222,7 +224,7 @@ def _budgets(case: _Case, flown: Futures, begun: Mapping[str, float]) -> list[tu
         row("energy", flown.energy_j, case.budget.usable_energy_j, 3600.0, "Wh"),
     ]
     volume = {
-        o["id"]: float(o.get("data_mbit", 0.0)) for t in case.problem["targets"] for o in t["observations"]
+        o["id"]: float(o.get("data_mbit") or 0.0) for t in case.problem["targets"] for o in t["observations"]
     }
     expected = sum(volume.get(name, 0.0) * chance for name, chance in begun.items())
     limit = case.budget.data_mbit

@@ -7,7 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 
@@ -44,6 +44,9 @@ from ground.resources.runs.value import Run
 from ground.uplink.link import FORMAT
 from ground.uplink.rehearsal import GROUND_VIEW
 
+if TYPE_CHECKING:
+    from planner.plan_tree_document import TreeDocument
+
 
 def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
     """Return the report of a run that is over as one HTML document that loads nothing.
@@ -78,7 +81,7 @@ def report_run(repo: Repository, actor: Actor, run_id: str) -> str:
         for east, north in zip(telemetry.east_m, telemetry.north_m, strict=True)
         if east is not None and north is not None
     ]
-    tree = plan.tree or {"plan": []}
+    tree: TreeDocument = plan.tree or {"plan": ()}
     names = target_names(problem)
     picture = map_picture(
         terrain,

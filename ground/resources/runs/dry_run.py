@@ -32,11 +32,11 @@ from ground.resources.runs.order import ORDERS, RunWork, SentCommand
 from ground.resources.runs.row import RunRow
 from ground.resources.runs.value import Fault as FaultValue
 from ground.resources.runs.value import RunKind
+from ground.resources.runs.work import RunResult, StoredProduct
 from ground.resources.sols.row import SolRow
 from ground.resources.sols.sol_sky import sol_sky
 from ground.resources.targets.row import TargetRow
-from ground.uplink.link import Link
-from mission.codec import Document
+from ground.uplink.link import Link, Pass
 
 KIND = "dry_run"
 LIVE_KIND = "live"
@@ -93,9 +93,9 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, given: RunCreate) -
         insert(session, actor, RUN, row)
         work = RunWork(
             row.id,
-            run_dir=str(repo.run_dir(row.id)),
-            files_dir=str(repo.files.folder),
-            terrain_dir=str(repo.terrain_dir(terrain_row(session, mission_id).id)),
+            run_dir=repo.address("runs", row.id),
+            files_dir=repo.files.address,
+            terrain_dir=repo.address("terrains", terrain_row(session, mission_id).id),
             crl_text=plan.crl_text,
             problem=problem.document,
             rover=given.rover,
@@ -103,7 +103,7 @@ def dry_run(repo: Repository, actor: Actor, mission_id: str, given: RunCreate) -
             seed=given.seed,
             faults=tuple(documents),
             pace=given.pace,
-            link=None if link is None else link.as_dict(),
+            link=link,
             commands=tuple(SentCommand(c.operation, c.sent_s) for c in given.commands),
             sky=sol_sky(repo, session, sol),
         )
@@ -117,7 +117,7 @@ def _link(light_time_s: float | None, sol: SolRow) -> Link | None:
     if light_time_s is None:
         return None
     passes = sorted(sol.passes, key=lambda p: float(p["start_s"]))
-    return Link.from_dict({"light_time_s": light_time_s, "passes": passes})
+    return Link(light_time_s, tuple(Pass(**p) for p in passes))
 
 
 def _fault_documents(faults: Sequence[FaultValue]) -> list[dict[str, Any]]:
@@ -149,7 +149,7 @@ def _fault_documents(faults: Sequence[FaultValue]) -> list[dict[str, Any]]:
     return documents
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: RunResult) -> str | None:
     """Write outcome and products; a plan whose run went through is verified."""
     run = session.get(RunRow, job.subject_id)
     if run is None:
@@ -166,7 +166,7 @@ def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -
     return f"/api/v1/runs/{run.id}"
 
 
-def record_run(session: Session, run: RunRow, result: Document) -> list[ProductRow]:
+def record_run(session: Session, run: RunRow, result: RunResult) -> list[ProductRow]:
     """Write what came of a run and tie its products to task, request and target; return the products.
 
     A product whose request is unknown in this mission is kept and listed as an orphan.
@@ -177,24 +177,19 @@ def record_run(session: Session, run: RunRow, result: Document) -> list[ProductR
     columns = {
         "state": JobState.SUCCEEDED.value,
         "achieved_request_ids": achieved,
-        **{
-            name: result[name]
-            for name in (
-                "outcome",
-                "utility",
-                "duration_s",
-                "energy_used_j",
-                "options_taken",
-                "trace_sha256",
-                "telemetry_sha256",
-            )
-        },
+        "outcome": result["outcome"],
+        "utility": result["utility"],
+        "duration_s": result["duration_s"],
+        "energy_used_j": result["energy_used_j"],
+        "options_taken": result["options_taken"],
+        "trace_sha256": result["trace_sha256"],
+        "telemetry_sha256": result["telemetry_sha256"],
     }
     update(session, SYSTEM_ACTOR, RUN, run, columns, action="run")
     return products
 
 
-def product_rows(session: Session, run: RunRow, items: Iterable[Document]) -> list[ProductRow]:
+def product_rows(session: Session, run: RunRow, items: Iterable[StoredProduct]) -> list[ProductRow]:
     """Return rows for products of a run, tied to the requests and targets of its mission by their labels."""
     requests = dict(
         session.execute(

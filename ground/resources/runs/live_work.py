@@ -29,11 +29,19 @@ from executive.runtime.wire.client import WireRover
 from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.gdr.base import utc_now
-from ground.gdr.files import FileStore
+from ground.gdr.files import FileStore, files_at
 from ground.gdr.ids import new_id
+from ground.gdr.places import JOB_PATIENCE_S, fetched, keep_folder, open_store, place_of
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.runs.order import RunWork
-from ground.resources.runs.work import LIVE, read_run_folder, store_product, trace_event
+from ground.resources.runs.work import (
+    LIVE,
+    RunResult,
+    StoredProduct,
+    read_run_folder,
+    store_product,
+    trace_event,
+)
 from ground.uplink.flight import SampleBook, product_line
 from ground.uplink.live import JOURNAL, LiveOptions, complete, run_live
 from ground.uplink.serve_rover import ROVER_SOCKET, Serving, rover_at
@@ -50,7 +58,7 @@ class JournalTeller:
     """Turns the journal of a run, as it grows, into lines for whoever watches."""
 
     def __init__(self, folder: Path, out: IO[str], store: FileStore) -> None:
-        self.products: dict[str, dict[str, object]] = {}
+        self.products: dict[str, StoredProduct] = {}
         self.t_s = 0.0
         self._folder, self._out, self._store = folder, out, store
         self._book = SampleBook()
@@ -89,7 +97,7 @@ class JournalTeller:
             event = event_from_json(document)
             sample = self._book.heard(event)
             if sample is not None:
-                self.line("telemetry", sample.as_dict())
+                self.line("telemetry", sample.line())
             elif isinstance(event, Product):
                 self._announced.append(event)
 
@@ -101,8 +109,7 @@ class JournalTeller:
             item = store_product(self._folder, self._store, product_line(product))
         except ArchiveError:
             return False
-        made = {"id": new_id("prd"), "created_utc": utc_now().isoformat()}
-        self.products[product.path] = {**item, **made}
+        self.products[product.path] = {**item, "id": new_id("prd"), "created_utc": utc_now().isoformat()}
         self.line("product", self.products[product.path])
         return True
 
@@ -160,7 +167,7 @@ class _Watch:
         self._guarded(self._teller.tell)
 
 
-def live_work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> dict[str, object]:
+def live_work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> RunResult:
     """Return outcome, trace, telemetry and products of a live run; the files of products are in the store.
 
     A job that is taken up again goes on with its run: the journal is there, and the rover waits.
@@ -172,7 +179,7 @@ def live_work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -
     """
     from rover_iface.errors import RoverError
 
-    folder = Path(order.run_dir)
+    folder = place_of(order.run_dir)
     folder.mkdir(parents=True, exist_ok=True)
     begun = not never_began(folder / JOURNAL)
     budget_s = max(float(order.problem["budget"]["time_s"]), 1.0)
@@ -192,7 +199,7 @@ def live_work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -
     try:
         with rover_at(serving), (folder / LIVE).open("w", encoding="utf-8") as out:
             rover = WireRover(address, run=order.run_id)
-            teller = JournalTeller(folder, out, FileStore(Path(order.files_dir)))
+            teller = JournalTeller(folder, out, files_at(order.files_dir))
             watch = _Watch(teller, budget_s, report, should_stop)
             try:
                 if not begun:
@@ -216,10 +223,9 @@ def live_work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -
     if should_stop():
         raise WorkStoppedError
     report(0.98, "products")
-    return {
-        **read_run_folder(folder, Path(order.files_dir), teller.products),
-        "options_taken": list(flight.options_taken()),
-    }
+    result = read_run_folder(folder, files_at(order.files_dir), teller.products)
+    keep_folder(open_store(order.run_dir, JOB_PATIENCE_S))
+    return {**result, "options_taken": list(flight.options_taken())}
 
 
 def _world(folder: Path, order: RunWork) -> Path:
@@ -233,7 +239,7 @@ def _world(folder: Path, order: RunWork) -> Path:
         "problem": order.problem,
         "sun": asdict(order.sky),
         "faults": list(order.faults),
-        "terrain": str(Path(order.terrain_dir).resolve()),
+        "terrain": str(fetched(order.terrain_dir).resolve()),
     }
     with suppress(FileNotFoundError):
         (place / "world.json").unlink()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ground.uplink.link import Link
 from mission import Sky
 from mission.codec import Codec, Document
 from mission.values import NotNegative, value
@@ -47,7 +48,7 @@ class RunWork:
     seed: int
     faults: tuple[Document, ...] = ()
     pace: NotNegative = 0.0
-    link: Document | None = None
+    link: Link | None = None
     commands: tuple[SentCommand, ...] = ()
     rover_profile: str = "k9"
     sky: Sky = Sky()

@@ -17,15 +17,15 @@ from ground.gdr.repository import Repository
 from ground.jobs.value import JobState
 from ground.records.actor import Actor
 from ground.records.get_resource import read_row
+from ground.records.show import value_of
 from ground.resources.products.kind import PRODUCT
 from ground.resources.products.value import Product
 from ground.resources.runs.dry_run import product_rows
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.row import RunRow
-from ground.resources.runs.trace_value import Telemetry, Trace, TraceEvent
+from ground.resources.runs.trace_value import Samples, Telemetry, Trace, TraceEvent
 from ground.resources.runs.value import Run, RunKind
-from ground.resources.runs.work import LIVE, columns, live_lines_of, trace_event
-from mission.codec import Document
+from ground.resources.runs.work import LIVE, StoredProduct, columns, live_lines_of, trace_event
 
 GIVEN_UP = {JobState.FAILED.value, JobState.CANCELLED.value}
 
@@ -55,10 +55,10 @@ def read_telemetry(repo: Repository, actor: Actor, run_id: str) -> Telemetry:
     """Return telemetry as columns, what there is so far while the run goes on."""
     row: RunRow = read_row(repo, actor, RUN, run_id)
     if row.telemetry_sha256 is not None:
-        table: Document = orjson.loads(repo.files.read(row.telemetry_sha256))
+        samples = Samples(**orjson.loads(repo.files.read(row.telemetry_sha256)))
     else:
-        table = columns(live_lines_of(repo.run_dir(run_id) / LIVE, "telemetry"))
-    return Telemetry(run_id=run_id, complete=row.telemetry_sha256 is not None, **table)
+        samples = columns(live_lines_of(repo.run_dir(run_id) / LIVE, "telemetry"))
+    return value_of(Telemetry, samples, run_id=run_id, complete=row.telemetry_sha256 is not None)
 
 
 _TAKEN_IN = {RunKind.EXECUTION, RunKind.TRAINING}
@@ -152,7 +152,7 @@ def _line_of(line: bytes) -> tuple[str, Any]:
     return str(kind), data
 
 
-def _live_products(repo: Repository, run_id: str, items: Sequence[Document]) -> list[Product]:
+def _live_products(repo: Repository, run_id: str, items: Sequence[StoredProduct]) -> list[Product]:
     """Return products of a run as they will be recorded, with where their files are until then."""
     if not items:
         return []

@@ -59,7 +59,7 @@ def read_snapshot(
         picture = state_at(records, wanted)
     except (ExecutiveError, OSError) as err:
         raise StateError(f"the journal of run {run_id} cannot be read: {err}") from err
-    return value_of(run_id, picture, wanted, last, complete)
+    return _value_of(run_id, picture, wanted, last, complete)
 
 
 def _last_until(records: Sequence[Mapping[str, Any]], t_ms: int) -> int:
@@ -76,7 +76,7 @@ def _seconds(t_ms: int | None) -> float | None:
     return None if t_ms is None else t_ms / 1000
 
 
-def value_of(run_id: str, picture: Document, seq: int, last: int, complete: bool) -> RunSnapshot:
+def _value_of(run_id: str, picture: Document, seq: int, last: int, complete: bool) -> RunSnapshot:
     nodes = [
         NodeState(
             id=node["id"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import Query
+from starlette.requests import Request
 from starlette.responses import FileResponse, Response, StreamingResponse
 
 from ground.api.context import PRODUCT_FILE, Asked, Id, answer, product_file
@@ -100,6 +101,7 @@ async def stream_run(ask: Asked, run_id: Id, last_event_id: LastEventId = None) 
     response_class=FileResponse,
     responses={**PRODUCT_FILE, **responses(404, 422)},
 )
-async def get_run_product_file(ask: Asked, run_id: Id, product_id: Id) -> Response:
+async def get_run_product_file(ask: Asked, run_id: Id, product_id: Id, request: Request) -> Response:
     """Send the file of a data product that a run has announced, while it goes on."""
-    return product_file(*await ask.do(read_live_product, run_id, product_id))
+    asked = request.headers
+    return product_file(asked, *await ask.do(read_live_product, run_id, product_id))

@@ -5,17 +5,58 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypedDict, TypeVar, cast
 
 from ground.errors import ArchiveError
-from mission.codec import Document
+from ground.uplink.flight import ProductLine, SampleLine
 
 MAX_SEED = 2**63 - 1
 """What the database keeps of an integer."""
 MAX_OUTCOME = 40
 
 Check = Callable[[object], bool]
+T = TypeVar("T")
+
+
+class RunDocument(TypedDict, total=False):
+    """What is read of a `run.json`; any member may be null."""
+
+    format: str
+    outcome: str | None
+    outcomes: dict[str, str] | None
+    utility: float | None
+    end_s: float | None
+    seed: int | None
+    rover: str | None
+    mission: str | None
+    plan: str | None
+    plan_digest: str | None
+    package_sha256: str | None
+    training: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Form(Generic[T]):
+    """What the members of an object of type `T` must be; it may have others."""
+
+    checks: Mapping[str, Check]
+
+    def read(self, path: Path, value: object) -> T:
+        """Return an object of a file whose members are as they must be.
+
+        Raises
+        ------
+        ArchiveError
+            If one is not; the message names it.
+        """
+        if not isinstance(value, dict):
+            raise _malformed(path, "", value)
+        for name, check in self.checks.items():
+            if not check(value.get(name)):
+                raise _malformed(path, f"{name} ", value.get(name))
+        return cast("T", value)
 
 
 def is_number(value: object) -> bool:
@@ -48,31 +89,37 @@ def _is_any_number(value: object) -> bool:
     return type(value) in {int, float}  # a rover that does not know its battery yet says NaN
 
 
-DOCUMENT: Mapping[str, Check] = {
-    "outcome": _or_none(lambda value: is_text(value, MAX_OUTCOME)),
-    "outcomes": _or_none(_is_outcomes),
-    "utility": _or_none(is_number),
-    "end_s": _or_none(is_number),
-    "seed": _or_none(_is_seed),
-    "rover": _or_none(is_text),
-    "mission": _or_none(is_text),
-    "plan": _or_none(is_text),
-    "plan_digest": _or_none(is_text),
-    "package_sha256": _or_none(is_text),
-    "training": _or_none(lambda value: type(value) is bool),
-}
-SAMPLE: Mapping[str, Check] = {
-    **dict.fromkeys(
-        ("t_s", "east_m", "north_m", "heading_rad", "battery_j", "energy_used_j"), _is_any_number
-    ),
-    "task": is_text,
-    "trackers": _is_trackers,
-}
-PRODUCT: Mapping[str, Check] = {
-    **dict.fromkeys(("path", "sha256", "kind", "task"), is_text),
-    "t_s": is_number,
-    "label": lambda value: isinstance(value, dict),
-}
+DOCUMENT: Form[RunDocument] = Form(
+    {
+        "outcome": _or_none(lambda value: is_text(value, MAX_OUTCOME)),
+        "outcomes": _or_none(_is_outcomes),
+        "utility": _or_none(is_number),
+        "end_s": _or_none(is_number),
+        "seed": _or_none(_is_seed),
+        "rover": _or_none(is_text),
+        "mission": _or_none(is_text),
+        "plan": _or_none(is_text),
+        "plan_digest": _or_none(is_text),
+        "package_sha256": _or_none(is_text),
+        "training": _or_none(lambda value: type(value) is bool),
+    }
+)
+SAMPLE: Form[SampleLine] = Form(
+    {
+        **dict.fromkeys(
+            ("t_s", "east_m", "north_m", "heading_rad", "battery_j", "energy_used_j"), _is_any_number
+        ),
+        "task": is_text,
+        "trackers": _is_trackers,
+    }
+)
+PRODUCT: Form[ProductLine] = Form(
+    {
+        **dict.fromkeys(("path", "sha256", "kind", "task"), is_text),
+        "t_s": is_number,
+        "label": lambda value: isinstance(value, dict),
+    }
+)
 
 
 def read_json(path: Path) -> Any:
@@ -95,22 +142,6 @@ def read_lines(path: Path) -> list[Any]:
         If it cannot be read.
     """
     return [_parsed(path, line) for line in _text(path).splitlines() if line]
-
-
-def held(path: Path, value: Any, checks: Mapping[str, Check]) -> Document:
-    """Return an object whose members are as they must be.
-
-    Raises
-    ------
-    ArchiveError
-        If one is not; the message names it.
-    """
-    if not isinstance(value, dict):
-        raise _malformed(path, "", value)
-    for name, check in checks.items():
-        if not check(value.get(name)):
-            raise _malformed(path, f"{name} ", value.get(name))
-    return value
 
 
 def held_record(path: Path, value: Any) -> list[Any]:

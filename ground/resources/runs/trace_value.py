@@ -95,17 +95,23 @@ class RunSnapshot:
 
 
 @dataclass(frozen=True, slots=True)
-class Telemetry:
-    """Samples of a run as columns of equal length; a value not known yet is null."""
+class Samples:
+    """Samples of a run as columns of equal length, as they are stored; a value not known yet is null."""
 
-    run_id: str
-    complete: bool
     t_s: list[float]
     east_m: list[float | None]
     north_m: list[float | None]
     heading_rad: list[float | None]
     battery_j: list[float | None]
     energy_used_j: list[float | None]
+    task: list[str | None]
     tracker_confidence: dict[str, list[float | None]]
     tracker_state: dict[str, list[str | None]]
-    task: list[str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry(Samples):
+    """Samples of a run, and whether these are all."""
+
+    run_id: str
+    complete: bool

@@ -7,19 +7,19 @@ import json
 import mimetypes
 import shutil
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Literal, NotRequired, TypedDict, overload
 
 from executive.ports import Operation
-from executive.runtime.codec import Json
 from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
 from ground.gdr.base import utc_now
-from ground.gdr.files import FileStore
+from ground.gdr.files import FileStore, files_at
 from ground.gdr.ids import new_id
 from ground.gdr.packed import is_kept, pack_file, read_kept
+from ground.gdr.places import JOB_PATIENCE_S, fetched, keep_folder, open_store, place_of
 from ground.gdr.terrain_folders import load_cached
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.runs.order import RunWork
@@ -27,17 +27,16 @@ from ground.resources.runs.run_form import (
     DOCUMENT,
     PRODUCT,
     SAMPLE,
-    held,
+    RunDocument,
     held_record,
     is_number,
     read_json,
     read_lines,
 )
-from ground.uplink.flight import Sample, fly, product_line
-from ground.uplink.link import Link
+from ground.resources.runs.trace_value import Samples
+from ground.uplink.flight import ProductLine, Sample, SampleLine, fly, product_line
 from ground.uplink.product_labels import whole_label
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
-from mission.codec import Document
 from rover_iface.registry import find_rover
 
 if TYPE_CHECKING:
@@ -56,7 +55,41 @@ OVER = ("trace.jsonl", "telemetry.jsonl")
 """Files of a run's folder that are in the store too when it is over."""
 
 
-def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> Document:
+class TraceLine(TypedDict):
+    """A record of the trace as JSON: when, what, and of what."""
+
+    t_s: float
+    event: str
+    arguments: list[str]
+
+
+class StoredProduct(TypedDict):
+    """A product whose file is in the store; one that was announced has its id and time already."""
+
+    label: dict[str, Any]
+    file_name: str
+    sha256: str
+    size_bytes: int
+    media: str
+    id: NotRequired[str]
+    created_utc: NotRequired[str]
+
+
+class RunResult(TypedDict):
+    """What a run's row holds of a run that is over; its trace, telemetry and products are in the store."""
+
+    document: RunDocument
+    outcome: str
+    utility: float | None
+    duration_s: float
+    energy_used_j: float | None
+    options_taken: list[str]
+    trace_sha256: str
+    telemetry_sha256: str
+    products: list[StoredProduct]
+
+
+def trace_event(t_s: float, event: str, arguments: Iterable[str]) -> TraceLine:
     """Return a record of the trace as JSON."""
     return {"t_s": t_s, "event": event, "arguments": list(arguments)}
 
@@ -69,9 +102,6 @@ class Wish:
     paused: bool = False
     steps: int = 0
     abort: bool = False
-
-    def as_dict(self) -> Document:
-        return asdict(self)
 
     @classmethod
     def read(cls, text: bytes) -> Wish:
@@ -95,14 +125,14 @@ class _Live:
         stop: Callable[[], bool],
         store: FileStore,
     ) -> None:
-        self.products: dict[str, dict[str, Any]] = {}
+        self.products: dict[str, StoredProduct] = {}
         self._store = store
         self._out, self._budget_s, self._report, self._stop = out, budget_s, report, stop
         self._control, self._seen = control, b""
         self._wish = Wish(pace=pace)
         self._steps = 0
         self._anchor = (0.0, time.monotonic())
-        self._line("control", {"t_s": 0.0, **self._wish.as_dict()})
+        self._line("control", {"t_s": 0.0, **asdict(self._wish)})
 
     def stopped(self) -> bool:
         """Return whether the run is to end: an operator's abort, or the job is given up."""
@@ -110,7 +140,7 @@ class _Live:
 
     def sample(self, sample: Sample) -> None:
         self._hold(sample.t_s)
-        self._line("telemetry", sample.as_dict())
+        self._line("telemetry", sample.line())
         self._report(min(0.97, sample.t_s / self._budget_s), f"t = {sample.t_s:.0f} s")
 
     def trace(self, record: TraceRecord) -> None:
@@ -121,11 +151,10 @@ class _Live:
 
     def product(self, product: Product) -> None:
         item = store_product(self._control.parent, self._store, product_line(product))
-        made = {"id": new_id("prd"), "created_utc": utc_now().isoformat()}
-        self.products[product.path] = {**item, **made}
+        self.products[product.path] = {**item, "id": new_id("prd"), "created_utc": utc_now().isoformat()}
         self._line("product", self.products[product.path])
 
-    def _line(self, kind: str, data: Mapping[str, Any]) -> None:
+    def _line(self, kind: str, data: Mapping[str, object]) -> None:
         self._out.write(json.dumps([kind, data], separators=(",", ":")) + "\n")
         if self._wish.pace > 0 or self._wish.paused or kind in {"control", "product"}:
             self._out.flush()
@@ -144,7 +173,7 @@ class _Live:
             self._steps = 0
         self._wish = wish
         self._anchor = (plan_s, time.monotonic())
-        self._line("control", {"t_s": plan_s, **wish.as_dict()})
+        self._line("control", {"t_s": plan_s, **asdict(wish)})
 
     def _hold(self, plan_s: float) -> None:
         """Let plan time pass no faster than the pace (0 = as fast as it goes), and not at all while paused.
@@ -170,7 +199,7 @@ class _Live:
             self._look(plan_s)
 
 
-def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> Document:
+def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> RunResult:
     """Return outcome, trace, telemetry and products of a run; the files of products are in the store.
 
     Raises
@@ -183,13 +212,12 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> Doc
     from rover_iface.errors import RoverError
     from rover_iface.simulator.faults import load_faults
 
-    folder = Path(order.run_dir)
+    folder = place_of(order.run_dir)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     budget_s = max(float(order.problem["budget"]["time_s"]), 1.0)
     report(0.0, "the rover wakes")
-    link = None if order.link is None else Link.from_dict(order.link)
-    reach = heard(link, [Sent(Operation(c.operation), c.sent_s) for c in order.commands])
+    reach = heard(order.link, [Sent(Operation(c.operation), c.sent_s) for c in order.commands])
     try:
         rover = find_rover(order.rover)(
             {
@@ -204,10 +232,10 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> Doc
             seed=order.seed,
             faults=load_faults(order.faults),
             progress_s=PROGRESS_S,
-            terrain=load_cached(Path(order.terrain_dir)),
+            terrain=load_cached(fetched(order.terrain_dir)),
         )
         with (folder / LIVE).open("w", encoding="utf-8") as out:
-            pace, store = order.pace, FileStore(Path(order.files_dir))
+            pace, store = order.pace, files_at(order.files_dir)
             live = _Live(out, folder / CONTROL, pace, budget_s, report, should_stop, store)
             flight = fly(
                 order.crl_text,
@@ -222,15 +250,16 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> Doc
                 sync=False,
                 operator=[event for _, event in reach if event is not None],
             )
-        if link is not None:
-            write_ground_view(folder, link, flight, reach)
+        if order.link is not None:
+            write_ground_view(folder, order.link, flight, reach)
     except (RoverError, ExecutiveError, CrlError, InvalidInputError) as err:
         raise JobFailedError(str(err)) from err
     if should_stop():
         raise WorkStoppedError
     report(0.98, "products")
-    result = read_run_folder(folder, Path(order.files_dir), live.products)
+    result = read_run_folder(folder, files_at(order.files_dir), live.products)
     pack_run(folder)
+    keep_folder(open_store(order.run_dir, JOB_PATIENCE_S))
     return {**result, "options_taken": list(flight.options_taken())}
 
 
@@ -245,7 +274,9 @@ def pack_run(folder: Path) -> None:
         (folder / name).unlink()
 
 
-def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document] | None = None) -> Document:
+def read_run_folder(
+    folder: Path, store: FileStore, stored: Mapping[str, StoredProduct] | None = None
+) -> RunResult:
     """Put trace, telemetry and products of a `run/1` folder into the file store; return what a run's row
     holds. `stored` are the products that are there already, by their path.
 
@@ -256,31 +287,27 @@ def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document
     """
     import orjson
 
-    store = FileStore(files_dir)
     path = folder / "run.json"
-    document = held(path, read_json(path), DOCUMENT)
+    document = DOCUMENT.read(path, read_json(path))
     if document.get("format") != "run/1":
         raise ArchiveError(f"{folder.name}: run.json has not the format run/1")
     path = folder / "trace.jsonl"
     rows = [held_record(path, row) for row in read_lines(path)]
     events = [trace_event(row[0], row[1], row[2:]) for row in rows]
     path = folder / "telemetry.jsonl"
-    table = columns([held(path, sample, SAMPLE) for sample in read_lines(path)])
+    table = columns([SAMPLE.read(path, sample) for sample in read_lines(path)])
     path, there = folder / "products.jsonl", stored or {}
-    products = [held(path, row, PRODUCT) for row in read_lines(path)]
+    products = [PRODUCT.read(path, row) for row in read_lines(path)]
     items = [there.get(row["path"]) or store_product(folder, store, row) for row in products]
-    trace = {
-        "outcome": document.get("outcome") or "UNFINISHED",
-        "end_s": document.get("end_s"),
-        "events": events,
-    }
-    used = table["energy_used_j"]
+    outcome, end_s = document.get("outcome") or "UNFINISHED", document.get("end_s")
+    trace = {"outcome": outcome, "end_s": end_s, "events": events}
+    used = table.energy_used_j
     last_s = events[-1]["t_s"] if events else 0.0
     return {
         "document": document,
-        "outcome": trace["outcome"],
+        "outcome": outcome,
         "utility": document.get("utility"),
-        "duration_s": document.get("end_s") if document.get("end_s") is not None else last_s,
+        "duration_s": last_s if end_s is None else end_s,
         "energy_used_j": used[-1] if used and is_number(used[-1]) else None,
         "options_taken": [
             e["arguments"][1] for e in events if e["event"] == "choose" and len(e["arguments"]) > 1
@@ -291,7 +318,7 @@ def read_run_folder(folder: Path, files_dir: Path, stored: Mapping[str, Document
     }
 
 
-def store_product(folder: Path, store: FileStore, row: Document) -> Json:
+def store_product(folder: Path, store: FileStore, row: ProductLine) -> StoredProduct:
     """Store the file of one line of `products.jsonl`; the line's digest must be that of the file."""
     relative = PurePosixPath(str(row["path"]))
     if relative.is_absolute() or ".." in relative.parts or "\\" in str(relative):
@@ -314,7 +341,13 @@ def store_product(folder: Path, store: FileStore, row: Document) -> Json:
     }
 
 
-def live_lines_of(path: Path, wanted: str) -> list[Document]:
+@overload
+def live_lines_of(path: Path, wanted: Literal["telemetry"]) -> list[SampleLine]: ...
+@overload
+def live_lines_of(path: Path, wanted: Literal["trace"]) -> list[TraceLine]: ...
+@overload
+def live_lines_of(path: Path, wanted: Literal["product"]) -> list[StoredProduct]: ...
+def live_lines_of(path: Path, wanted: str) -> Sequence[object]:
     """Return the samples (`telemetry`), records (`trace`) or products (`product`) that a run going on has
     written so far.
     """
@@ -327,13 +360,18 @@ def live_lines_of(path: Path, wanted: str) -> list[Document]:
     return found
 
 
-def columns(samples: list[Document]) -> Document:
+def columns(samples: Sequence[SampleLine]) -> Samples:
     """Return samples as columns of equal length."""
     targets = sorted({target for sample in samples for target in sample["trackers"]})
-    table: dict[str, Any] = {
-        name: [sample[name] for sample in samples]
-        for name in ("t_s", "east_m", "north_m", "heading_rad", "battery_j", "energy_used_j", "task")
-    }
-    for column, member in (("tracker_confidence", "confidence"), ("tracker_state", "state")):
-        table[column] = {t: [s["trackers"].get(t, {}).get(member) for s in samples] for t in targets}
-    return table
+    trackers = {t: [sample["trackers"].get(t) for sample in samples] for t in targets}
+    return Samples(
+        t_s=[sample["t_s"] for sample in samples],
+        east_m=[sample["east_m"] for sample in samples],
+        north_m=[sample["north_m"] for sample in samples],
+        heading_rad=[sample["heading_rad"] for sample in samples],
+        battery_j=[sample["battery_j"] for sample in samples],
+        energy_used_j=[sample["energy_used_j"] for sample in samples],
+        task=[sample["task"] for sample in samples],
+        tracker_confidence={t: [x and x.get("confidence") for x in one] for t, one in trackers.items()},
+        tracker_state={t: [x and x.get("state") for x in one] for t, one in trackers.items()},
+    )

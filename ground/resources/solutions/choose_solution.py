@@ -37,7 +37,6 @@ from ground.resources.solutions.value import Carried, Moved, Solution
 from ground.resources.targets.kind import TARGET
 from ground.resources.targets.row import TargetRow
 from ground.resources.targets.tie_target import target_columns_of
-from mission.codec import Document
 
 STILL_M = 1e-6
 """A thing that a choice moves by less, in place and in deviation, is left alone."""
@@ -75,7 +74,7 @@ def insert_solution(
     actor: Actor,
     frame: FrameRow,
     given: GivenSolution,
-    source: Document,
+    source: Mapping[str, object],
 ) -> SolutionRow:
     """Write a new solution behind all others."""
     from rover_iface.errors import RoverError

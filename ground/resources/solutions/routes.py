@@ -68,7 +68,7 @@ async def create_solution(ask: Asked, frame_id: Id, body: SolutionCreate) -> Res
     "/missions/{mission_id}/frame-files",
     response_model=FrameFile,
     status_code=201,
-    responses=responses(400, 404, 409, 413, 422),
+    responses=responses(400, 404, 409, 422),
 )
 async def import_frames(ask: Asked, mission_id: Id, body: FrameFileImport) -> Response:
     """Take in an uploaded frame file (.svf, .rvf): all its frames and solutions, or none.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import quote
 
@@ -58,7 +59,7 @@ def layer_of_item(identifier: str) -> str:
     return identifier.rpartition("-")[2]
 
 
-def static_documents(found: Catalogue) -> dict[str, Document]:
+def static_documents(found: Catalogue) -> dict[str, Mapping[str, object]]:
     """Return the documents of a catalogue of files by their paths."""
     names = {group.id: _file(group) for group in found.groups}
     parts = {group.id: f"./{group.id}/{names[group.id]}" for group in found.groups}
@@ -88,7 +89,7 @@ def read_document(
     base: str,
     group: str | None = None,
     item: str | None = None,
-) -> Document:
+) -> Mapping[str, object]:
     """Return one document of the catalogue as the service has it; `base` is the address of the service's API.
 
     Raises

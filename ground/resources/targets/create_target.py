@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rover_iface.terrain import Terrain
 
 
-Foreseen = tuple[TargetCreate, Columns]
+Foreseen = tuple[TargetCreate, Mapping[str, object]]
 """The form of a target in the axes of its mission, and what the terrain says of its point."""
 
 
@@ -70,7 +70,7 @@ def create_target(
 
 
 def target_row(
-    session: Session, actor: Actor, mission_id: str, given: TargetCreate, columns: Columns
+    session: Session, actor: Actor, mission_id: str, given: TargetCreate, columns: Mapping[str, object]
 ) -> TargetRow:
     """Return the row of a target from what a person gave and what the terrain says of its point.
 
@@ -118,7 +118,7 @@ def foresee_targets(
 
 def target_columns(
     repo: Repository, session: Session, mission_id: str, east_m: float, north_m: float
-) -> Columns:
+) -> dict[str, object]:
     """Return what the terrain says of a target's point.
 
     Raises

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypedDict
 
 from sqlalchemy import Index, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from ground.gdr.base import Notes, Row, Text40, Text80, Text200, mission_column
+from ground.gdr.base import JsonObject, Notes, Row, Text40, Text80, Text200, mission_column
 from mission import Target
 
 _NAMED = text("frame_id IS NOT NULL")
 """Most targets were designated in the site frame, and cost the index nothing."""
+
+
+class SeenTarget(TypedDict):
+    """What was seen of a target from a frame, in the frame's axes; the covariance is 3x3."""
+
+    position_m: list[float]
+    normal: list[float]
+    slope_over_normal_rad: float
+    covariance_m2: list[list[float]]
 
 
 class TargetRow(Row):
@@ -34,7 +43,7 @@ class TargetRow(Row):
     covariance_m2: Mapped[list[Any]]
     source_image: Mapped[Text200] = mapped_column(default="")
     frame_id: Mapped[Text40 | None]
-    in_frame: Mapped[dict[str, Any] | None]
+    in_frame: Mapped[SeenTarget | None] = mapped_column(JsonObject(none_as_null=True))
     """What was seen from the frame, in its own axes; the columns above follow from it."""
 
 

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, TypedDict, cast
 
 from sqlalchemy.orm import Session
 
-from ground.gdr.base import Columns
 from ground.resources.frames.site_chain import Chain, load_chain, require_frame
-from ground.resources.targets.row import TargetRow
-from mission.codec import Document
+from ground.resources.targets.row import SeenTarget, TargetRow
 
 if TYPE_CHECKING:
     from rover_iface.localization.anchored_chain import Placed
 
 
-def tie_target(chain: Chain, frame_id: str, columns: Document) -> Columns:
+class TargetPlace(TypedDict):
+    """Place, normal, slope and covariance of a target in the mission's axes: columns of its row."""
+
+    east_m: float
+    north_m: float
+    up_m: float
+    normal: list[float]
+    slope_rad: float
+    covariance_m2: list[list[float]]
+
+
+def _tie_target(chain: Chain, frame_id: str, columns: TargetPlace) -> dict[str, object]:
     """Return the columns of a target tied to a frame, from its columns in the mission's axes.
 
     Place and normal stay; the covariance becomes that of the point and of the way between frame and anchor.
@@ -28,7 +38,7 @@ def tie_target(chain: Chain, frame_id: str, columns: Document) -> Columns:
     placed = chain.placed(frame_id)
     back = placed.anchor_from_frame.inverse()
     own = NED_FROM_ENU @ np.array(columns["covariance_m2"], dtype=float) @ NED_FROM_ENU
-    in_frame = {
+    in_frame: SeenTarget = {
         "position_m": back.apply(
             NED_FROM_ENU @ (columns["east_m"], columns["north_m"], columns["up_m"])
         ).tolist(),
@@ -40,12 +50,13 @@ def tie_target(chain: Chain, frame_id: str, columns: Document) -> Columns:
     return {"frame_id": frame_id, "in_frame": in_frame, "covariance_m2": grown}
 
 
-def _lean(normal: Any) -> float:
+def _lean(normal: Iterable[float]) -> float:
     """Return the angle between a normal and the vertical."""
-    return math.acos(min(1.0, max(-1.0, float(normal[2]))))
+    _, _, up = normal
+    return math.acos(min(1.0, max(-1.0, float(up))))
 
 
-def target_columns_of(placed: Placed, in_frame: Document) -> Columns:
+def target_columns_of(placed: Placed, in_frame: SeenTarget) -> TargetPlace:
     """Return place, normal, slope and covariance of a target in the mission's axes."""
     from rover_iface.frames import NED_FROM_ENU
 
@@ -62,7 +73,7 @@ def target_columns_of(placed: Placed, in_frame: Document) -> Columns:
     }
 
 
-def untie_target(chain: Chain, row: TargetRow) -> Columns:
+def untie_target(chain: Chain, row: TargetRow) -> dict[str, object]:
     """Return the columns of a target that is tied to nothing any more: it stays, with its own covariance."""
     import numpy as np
 
@@ -79,7 +90,7 @@ def untie_target(chain: Chain, row: TargetRow) -> Columns:
     }
 
 
-def tied_target(session: Session, row: TargetRow, columns: Document) -> Columns:
+def tied_target(session: Session, row: TargetRow, columns: Mapping[str, object]) -> dict[str, object]:
     """Return the columns that follow for a target when its place or frame is changed.
 
     Raises
@@ -88,7 +99,7 @@ def tied_target(session: Session, row: TargetRow, columns: Document) -> Columns:
         If the mission has no such frame.
     """
     places = {"east_m", "north_m"} & set(columns)
-    frame_id = columns.get("frame_id", row.frame_id)
+    frame_id = cast("str | None", columns.get("frame_id", row.frame_id))
     if not ("frame_id" in columns or places) or (frame_id is None and row.frame_id is None):
         return {}
     chain = load_chain(session, row.mission_id)
@@ -97,5 +108,5 @@ def tied_target(session: Session, row: TargetRow, columns: Document) -> Columns:
     loose = {} if places else untie_target(chain, row)
     if frame_id is None:
         return loose or {"frame_id": None, "in_frame": None}
-    names = ("east_m", "north_m", "up_m", "normal", "slope_rad", "covariance_m2")
-    return tie_target(chain, frame_id, {n: {**loose, **columns}.get(n, getattr(row, n)) for n in names})
+    known = {name: getattr(row, name) for name in TargetPlace.__annotations__} | loose | dict(columns)
+    return _tie_target(chain, frame_id, cast("TargetPlace", known))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +12,10 @@ from typing import TYPE_CHECKING
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from ground.durable import put_in_place, seal_folder
+from ground.durable import put_in_place, removed_on_failure, seal_folder
 from ground.errors import NotFoundError, OutsideTerrainError
 from ground.gdr.ids import new_id
+from ground.gdr.places import keep_folder
 from ground.gdr.repository import Repository
 from ground.resources.terrains.row import TerrainRow
 
@@ -24,7 +26,6 @@ from ground.gdr.geometry import Bounds, Pose
 from ground.gdr.terrain_folders import _cache, load_cached
 from ground.resources.terrains.value import Terrain as TerrainValue
 from ground.resources.terrains.value import TerrainLayer, TerrainPoint
-from mission.codec import Document
 
 CAMERA_HEIGHT_M = 1.5
 
@@ -40,7 +41,7 @@ SINK_M = 0.01
 """How far a point may lie under the line of sight before it counts as hidden."""
 
 
-def describe(terrain: Terrain, name: str) -> Document:
+def describe(terrain: Terrain, name: str) -> Mapping[str, object]:
     """Return what is told of a terrain: `inner` is the finest layer, `outer` the next."""
     west, south, east, north = terrain.bounds
     layers = []
@@ -122,7 +123,8 @@ def store_terrain(
     from rover_iface.terrain import write_terrain
 
     terrain_id = new_id("trn")
-    folder = repo.terrain_dir(terrain_id)
+    kept = repo.folders("terrains").at(terrain_id)
+    folder = kept.root
     draft = folder.with_name(f".{terrain_id}")
     write_terrain(terrain, draft)
     seal_folder(draft)
@@ -135,6 +137,8 @@ def store_terrain(
         _cache.pop(folder, None)
         shutil.rmtree(folder)
         return present
+    with removed_on_failure(folder):
+        keep_folder(kept)
     row = TerrainRow(
         id=terrain_id,
         author=author,

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from sqlalchemy.orm import Session
 
 from ground.errors import InvalidInputError, NotFoundError
 from ground.gdr.ids import new_id
+from ground.gdr.places import inside_of
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
 from ground.jobs.value import Job
@@ -25,8 +26,8 @@ from ground.resources.traverses.bodies import StopBody, TraverseCreate
 from ground.resources.traverses.kind import TRAVERSE
 from ground.resources.traverses.order import ORDERS, Accuracy, SeenStop, TraverseWork
 from ground.resources.traverses.row import TraverseRow
+from ground.resources.traverses.work import AdjustedPose
 from ground.resources.uploads.store_upload import find_upload
-from mission.codec import Document
 
 KIND = "adjust_traverse"
 LABEL = "adjusted"
@@ -46,7 +47,7 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, given: Trav
     with repo.database.write() as session:
         require_mission(session, mission_id)
         chain = load_chain(session, mission_id)
-        listed: list[dict[str, Any]] = []
+        listed: list[dict[str, object]] = []
         seen: list[SeenStop] = []
         for index, stop in enumerate(given.stops):
             frame = require_frame(session, mission_id, stop.frame_id, f"/stops/{index}/frame_id")
@@ -71,20 +72,19 @@ def adjust_traverse(repo: Repository, actor: Actor, mission_id: str, given: Trav
 
 def _source(
     repo: Repository, session: Session, actor: Actor, mission_id: str, stop: StopBody, pointer: str
-) -> tuple[Path, str]:
-    """Return where what was seen from a stop lies, and its name."""
+) -> tuple[str, str]:
+    """Return the address of what was seen from a stop, and its name."""
     if stop.upload_id is not None:
         try:
             upload = find_upload(session, actor, stop.upload_id)
         except NotFoundError as err:
             raise InvalidInputError(err.message, pointer=f"{pointer}/upload_id") from err
-        return repo.files.path(upload.sha256), upload.file_name
+        return repo.files.address_of(upload.sha256), upload.file_name
     run = row_in_mission(session, RUN, stop.run_id, mission_id, f"{pointer}/run_id")
     folder = repo.run_dir(run.id)
-    known = {
-        path.parent.relative_to(folder).as_posix(): path.parent
-        for path in sorted(folder.rglob("panorama.json"))
-    }
+    address = repo.address("runs", run.id)
+    inside = (path.parent.relative_to(folder) for path in sorted(folder.rglob("panorama.json")))
+    known = {place.as_posix(): inside_of(address, place) for place in inside}
     if stop.panorama in known:
         return known[stop.panorama], stop.panorama
     if not stop.panorama and len(known) == 1:
@@ -95,7 +95,7 @@ def _source(
     )
 
 
-def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -> str | None:
+def settle(_repo: Repository, session: Session, job: JobRow, result: Mapping[str, object]) -> str | None:
     """Write the document, and a solution for each stop but the first, which is held.
 
     Each new solution lies in the frame of the first stop, with the covariance of the adjustment. None is in
@@ -105,7 +105,8 @@ def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -
     if row is None:
         return None
     made = []
-    for stop, given in zip(row.stops[1:], _solutions(session, row, result["poses"]), strict=True):
+    poses = cast("Sequence[AdjustedPose]", result["poses"])
+    for stop, given in zip(row.stops[1:], _solutions(session, row, poses), strict=True):
         frame = find_row(session, FRAME, stop["frame_id"])
         source = {"kind": "traverse", "traverse_id": row.id, "job_id": job.id, "by": row.author}
         made.append(insert_solution(session, SYSTEM_ACTOR, frame, given, source).id)
@@ -114,7 +115,7 @@ def settle(_repo: Repository, session: Session, job: JobRow, result: Document) -
     return f"/api/v1/traverses/{row.id}"
 
 
-def _solutions(session: Session, row: TraverseRow, poses: Sequence[dict[str, Any]]) -> list[GivenSolution]:
+def _solutions(session: Session, row: TraverseRow, poses: Sequence[AdjustedPose]) -> list[GivenSolution]:
     import numpy as np
 
     from rover_iface.frames import NED_FROM_ENU, Transform, quaternion_of

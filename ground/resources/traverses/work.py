@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from ground.day.prepare import Report
-from ground.errors import GroundError, JobFailedError
+from ground.errors import GroundError, JobFailedError, StoreAwayError
 from ground.gdr.archives import extract_zip, is_zip
-from ground.gdr.files import FileStore
+from ground.gdr.files import files_at
+from ground.gdr.places import fetched
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.traverses.order import SeenStop, TraverseWork
-from mission.codec import Document
 
 if TYPE_CHECKING:
     from rover_iface.localization.ground_points import GroundPoints
@@ -24,7 +24,16 @@ NEAR_M = 5.0
 """A panorama is of a frame only if taken within this distance of it: a mast's height, and no other stop."""
 
 
-def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -> Document:
+class AdjustedPose(TypedDict):
+    """The pose of a stop: where it was believed, where it is with its covariance (6x6)."""
+
+    believed_m: list[float]
+    rotation: list[list[float]]
+    translation: list[float]
+    covariance: list[list[float]]
+
+
+def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -> Mapping[str, object]:
     """Return `document` (`localization/1`, each stop with its picture) and `poses` of the stops.
 
     Raises
@@ -38,7 +47,7 @@ def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -
     from rover_iface.localization.leg import FaultLimits
     from rover_iface.localization.traverse import TraverseOptions, localise_traverse
 
-    store = FileStore(Path(order.files_dir))
+    store = files_at(order.files_dir)
     stops, pictures = [], []
     for index, stop in enumerate(order.stops):
         if should_stop():
@@ -46,6 +55,8 @@ def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -
         report(0.5 * index / len(order.stops), f"points of {stop.name}")
         try:
             seen, picture = _seen(stop)
+        except StoreAwayError:
+            raise
         except (RoverError, GroundError, OSError) as err:
             raise JobFailedError(f"stop {stop.name}: {err}") from err
         away = math.hypot(seen.eye[0] - stop.east_m, seen.eye[1] - stop.north_m)
@@ -79,7 +90,7 @@ def work(order: TraverseWork, report: Report, should_stop: Callable[[], bool]) -
         )
     except RoverError as err:
         raise JobFailedError(str(err)) from err
-    poses = []
+    poses: list[AdjustedPose] = []
     for name, eye in zip(found.names, found.before, strict=True):
         pose = found.adjustment.poses[name]
         poses.append(
@@ -99,7 +110,7 @@ def _seen(stop: SeenStop) -> tuple[GroundPoints, StopPicture]:
     from rover_iface.localization.ground_points import points_of_panorama, read_points
     from rover_iface.localization.stop_picture import picture_of_panorama, picture_of_points
 
-    source = Path(stop.path)
+    source = fetched(stop.path)
     with tempfile.TemporaryDirectory(prefix="outcrop-stop-") as scratch:
         folder = source
         if source.is_file() and is_zip(source) and not stop.file_name.lower().endswith(".npz"):

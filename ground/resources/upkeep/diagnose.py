@@ -44,7 +44,8 @@ class Finding:
 
 def diagnose(repo: Repository) -> list[Finding]:
     """Return what is wrong with the service of these settings; nothing is changed."""
-    found = [*_folder(repo), *_door(repo)]
+    store = list(_objects(repo))
+    found = [*_folder(repo), *_door(repo), *store]
     try:
         database = list(_schema(repo))
     except SQLAlchemyError as err:
@@ -56,7 +57,8 @@ def diagnose(repo: Repository) -> list[Finding]:
     found += database
     if not database:
         for look in LOOKS:
-            found += look(repo)
+            if not (store and look is _files):
+                found += look(repo)
     return found
 
 
@@ -70,6 +72,11 @@ def _folder(repo: Repository) -> Iterator[Finding]:
             f"{free / 1e9:.1f} GB are free on the disk of {folder}, {LEAST_FREE_BYTES / 1e9:g} are needed",
             "free some, or remove old runs with `outcrop prune`",
         )
+
+
+def _objects(repo: Repository) -> Iterator[Finding]:
+    if trouble := repo.files.store.trouble():
+        yield Finding(trouble, "start it or mend OUTCROP_OBJECTS; files wait until then, none is lost")
 
 
 def _door(repo: Repository) -> Iterator[Finding]:
@@ -164,8 +171,9 @@ def _files(repo: Repository) -> Iterator[Finding]:
         )
     with repo.database.read() as session:
         terrains = [identifier for (identifier,) in session.execute(select(TerrainRow.id))]
+    there = set(repo.folders("terrains").names())
     for identifier in terrains:
-        if not repo.terrain_dir(identifier).is_dir():
+        if identifier not in there:
             yield Finding(f"the folder of terrain {identifier} is gone", "restore it from a backup")
 
 

@@ -20,7 +20,7 @@ FileName = Annotated[str, Query(min_length=1, max_length=200, pattern=r"^[^\x00-
     "/uploads",
     response_model=Upload,
     status_code=201,
-    responses=responses(413, 422),
+    responses=responses(422),
     openapi_extra={
         "requestBody": {
             "required": True,

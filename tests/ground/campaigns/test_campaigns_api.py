@@ -13,6 +13,7 @@ from typing import Any
 
 from ground.app.job_kinds import job_kinds
 from ground.campaigns.conduct import Conduct, Plan, make_order
+from ground.campaigns.engines import HereEngine
 from ground.campaigns.folder import CampaignFolder
 from ground.campaigns.inputs import read_case
 from ground.campaigns.result import RESULTS
@@ -100,9 +101,9 @@ def test_a_campaign_that_is_begun_again_tells_the_runs_of_both_attempts(tmp_path
     live = folder.path / campaign_work.LIVE
     for units, told in ((3, 300), (1, 400)):
         left = iter(range(units))
-        engine = campaign_work.LiveEngine(folder, order, 500)
+        engine = campaign_work.LiveEngine(HereEngine(), folder, order, 500)
         Conduct(folder, order, Plan(500), should_stop=lambda left=left: next(left, None) is None).run(engine)
-        campaign_work.LiveEngine(folder, order, 500)
+        campaign_work.LiveEngine(HereEngine(), folder, order, 500)
         assert json.loads(live.read_text())["runs"] == told
 
 

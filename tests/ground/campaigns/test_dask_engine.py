@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -14,10 +15,11 @@ import pytest
 from ground.campaigns import dask_engine
 from ground.campaigns.case import Case
 from ground.campaigns.conduct import Conduct, Plan, make_order
-from ground.campaigns.dask_engine import DaskEngine, program_version
+from ground.campaigns.dask_engine import DaskEngine
 from ground.campaigns.engines import HereEngine
 from ground.campaigns.folder import CampaignFolder
 from ground.campaigns.inputs import read_case
+from ground.cluster import Cluster, program
 from ground.errors import UnavailableError
 from tests.ground.campaigns.small import write_small
 
@@ -40,7 +42,7 @@ class FakeCluster:
 
     def __init__(self) -> None:
         self.away = False
-        self.versions = {"tcp://a": program_version(), "tcp://b": program_version()}
+        self.versions = {"tcp://a": program(), "tcp://b": program()}
         self.lost_after = 10**9
         self.closed = False
 
@@ -104,7 +106,7 @@ def test_a_cluster_leaves_the_same_bytes_and_is_let_go(
     case: Case, tmp_path: Path, cluster: FakeCluster
 ) -> None:
     fly(case, tmp_path / "here", HereEngine())
-    fly(case, tmp_path / "dask", DaskEngine("tcp://127.0.0.1:1"))
+    fly(case, tmp_path / "dask", DaskEngine(Cluster("tcp://127.0.0.1:1")))
     assert contents(tmp_path / "here") == contents(tmp_path / "dask")
     assert cluster.closed
 
@@ -112,7 +114,7 @@ def test_a_cluster_leaves_the_same_bytes_and_is_let_go(
 def test_a_lost_cluster_is_told_and_gone_on_with(case: Case, tmp_path: Path, cluster: FakeCluster) -> None:
     cluster.lost_after = 4
     with pytest.raises(UnavailableError, match=r"was lost \(FutureCancelledError\); --resume goes on"):
-        fly(case, tmp_path / "dask", DaskEngine("tcp://127.0.0.1:1"))
+        fly(case, tmp_path / "dask", DaskEngine(Cluster("tcp://127.0.0.1:1")))
     assert len(list((tmp_path / "dask" / "units").iterdir())) == 4
     fly(case, tmp_path / "dask", HereEngine(), resume=True)
     fly(case, tmp_path / "here", HereEngine())
@@ -121,13 +123,14 @@ def test_a_lost_cluster_is_told_and_gone_on_with(case: Case, tmp_path: Path, clu
 
 def test_workers_of_another_version_are_refused(cluster: FakeCluster) -> None:
     cluster.versions["tcp://b"] = "0.0.1"
-    ours = program_version()
-    with pytest.raises(UnavailableError, match=f"worker tcp://b runs outcrop 0.0.1; this program is {ours}"):
-        DaskEngine("tcp://127.0.0.1:1")
+    ours = program()
+    said = re.escape(f"worker tcp://b runs outcrop 0.0.1; this program is {ours}")
+    with pytest.raises(UnavailableError, match=said):
+        DaskEngine(Cluster("tcp://127.0.0.1:1"))
     assert cluster.closed
 
 
 def test_a_scheduler_that_is_not_there_is_told(cluster: FakeCluster) -> None:
     cluster.away = True
     with pytest.raises(UnavailableError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1 within 30 s"):
-        DaskEngine("tcp://127.0.0.1:1")
+        DaskEngine(Cluster("tcp://127.0.0.1:1"))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import logging
+from contextvars import ContextVar
 from datetime import UTC, datetime
 
-from ground.api.request_id import REQUEST_ID
-from ground.settings import Settings
+from ground.tracing import trace_id
 
+REQUEST_ID: ContextVar[str] = ContextVar("request_id", default="")
+"""Of the request that is being answered."""
 _OWN = frozenset(logging.LogRecord("", 0, "", 0, "", (), None).__dict__) | {
     "message",
     "asctime",
@@ -19,8 +21,9 @@ SECRET_NAMES = ("password", "secret", "token", "authorization", "cookie")
 
 
 def extra_fields(record: logging.LogRecord) -> dict[str, object]:
-    """Return what was given as `extra`, with secrets blotted out, and the request it belongs to."""
-    found: dict[str, object] = {"request_id": REQUEST_ID.get()} if REQUEST_ID.get() else {}
+    """Return what was given as `extra`, with secrets blotted out, and the request and trace it belongs to."""
+    ids = {"request_id": REQUEST_ID.get(), "trace_id": trace_id()}
+    found: dict[str, object] = {name: value for name, value in ids.items() if value}
     for name, value in record.__dict__.items():
         if name not in _OWN and not name.startswith("_"):
             found[name] = "***" if any(s in name.lower() for s in SECRET_NAMES) and name != "token" else value
@@ -52,15 +55,15 @@ class TextFormatter(logging.Formatter):
         return f"{line}  {fields}" if fields else line
 
 
-def set_up_logging(settings: Settings) -> None:
-    """Send log lines to stderr in the form the settings ask for."""
+def set_up_logging(form: str, level: str) -> None:
+    """Send log lines to stderr, in the form and from the level on that the settings ask for."""
     handler = logging.StreamHandler()
-    if settings.log_format == "json":
+    if form == "json":
         handler.setFormatter(JsonFormatter())
     else:
         handler.setFormatter(TextFormatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S"))
     root = logging.getLogger()
     root.handlers[:] = [handler]
-    root.setLevel(settings.log_level.upper())
+    root.setLevel(level.upper())
     for noisy in ("uvicorn.access", "httpx", "numba", "matplotlib", "PIL", "rasterio"):
         logging.getLogger(noisy).setLevel(logging.WARNING)

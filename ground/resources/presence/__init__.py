@@ -1,0 +1,1 @@
+"""Who else looks at a mission, and what they have selected."""
