@@ -1,1 +1,1 @@
-"""Checks of speed and size that have a threshold; run by name: `python -m benchmarks.stn`."""
+"""Checks of speed, size and quality against limits; `scripts/bench` runs them."""

@@ -1,33 +1,26 @@
 """What a page of a large mission costs: 300 targets, 2,000 requests, 10,000 data products.
 
-    python -m benchmarks.big_mission [--database URL] [--rounds 5] [--browser]
-
-A server process of its own answers over loopback; for each page the CPU of that process and the time on the
-clock, best and median of the rounds. With `--browser` also the time until Chromium, from the address on,
-shows the map and all targets in the list.
+A server process of its own answers over loopback; for each page the processor time of that process and the
+time on the clock, mean and median of the rounds. With `--browser` also the time until Chromium, from the
+address on, shows the map and all targets in the list. `--database` is a PostgreSQL server, on which a
+database is made and dropped; default a fresh SQLite file.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 import statistics
-import subprocess
-import sys
-import tempfile
 import time
-from pathlib import Path
+from collections.abc import Iterator
 
 import httpx
-from sqlalchemy import insert, select
+from sqlalchemy import insert
 
-from benchmarks.api import ROOT, cpu_s, free_port
+from benchmarks.common.figure import Figure, command
+from benchmarks.common.served import place, repository, service
 from ground.gdr.ids import new_id
-from ground.gdr.migrate import migrate
-from ground.gdr.repository import Repository, open_repository
+from ground.gdr.repository import Repository
 from ground.records.actor import Actor, Role
 from ground.resources.mission_setup.create_mission import GeneratedTerrain, create_mission
-from ground.resources.missions.row import MissionRow
 from ground.resources.observation_requests.row import ObservationRequestRow
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.plans.row import PlanRow
@@ -35,9 +28,18 @@ from ground.resources.products.row import ProductRow
 from ground.resources.runs.row import RunRow
 from ground.resources.sols.create_sol import create_sol
 from ground.resources.targets.row import TargetRow
-from ground.settings import load_settings
 
 TARGETS, REQUESTS, PRODUCTS = 300, 2000, 10_000
+PAGES = (
+    ("targets", 100),
+    ("targets", 300),
+    ("observation-requests", 100),
+    ("observation-requests", 1000),
+    ("products", 100),
+    ("products", 1000),
+)
+QUICK = {"rounds": 3}
+BUDGET_S = 300.0
 
 
 def fill(repo: Repository) -> str:
@@ -151,7 +153,7 @@ def open_in_browser(address: str, rounds: int) -> list[float]:
     """Return the seconds from the address to the drawn map and the whole list, a new context each time."""
     from playwright.sync_api import sync_playwright
 
-    from benchmarks.web import page_of
+    from benchmarks.common.browser import page_of
     from tests.web.conftest import CHROMIUM, FLAGS
 
     found = []
@@ -171,71 +173,32 @@ def open_in_browser(address: str, rounds: int) -> list[float]:
     return found
 
 
-def main() -> None:
-    """Fill a mission, measure its pages and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--database", default="", help="SQLAlchemy address; default a fresh SQLite file")
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--browser", action="store_true", help="also open the mission in Chromium")
-    given = parser.parse_args()
-    port = free_port()
-    with tempfile.TemporaryDirectory(prefix="outcrop-large-") as folder:
-        repo = open_repository(load_settings(data_dir=Path(folder), database_url=given.database))
-        migrate(repo.database)
-        ensure_profiles(repo)
-        with repo.database.read() as session:
-            if session.scalars(select(MissionRow.id).limit(1)).first() is not None:
-                raise SystemExit("the database is not empty")
-        mission = fill(repo)
-        repo.database.dispose()
-        environment = {
-            **os.environ,
-            "OUTCROP_DATA_DIR": folder,
-            "OUTCROP_DATABASE_URL": given.database,
-            "OUTCROP_LOG_LEVEL": "error",
-            "OUTCROP_SERVE_WORKER": "false",
-        }
-        command = [sys.executable, "-m", "ground.cli", "serve", "--port", str(port)]
-        service = subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.DEVNULL)
-        try:
-            with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60.0) as client:
-                while True:
-                    try:
-                        if client.get("/healthz").status_code == 200:
-                            break
-                    except httpx.TransportError:
-                        time.sleep(0.1)
-                for collection, limit in (
-                    ("targets", 100),
-                    ("targets", 300),
-                    ("observation-requests", 100),
-                    ("observation-requests", 1000),
-                    ("products", 100),
-                    ("products", 1000),
-                ):
-                    url = f"/api/v1/missions/{mission}/{collection}?limit={limit}"
+def figures(database: str = "", rounds: int = 20, browser: bool = False) -> Iterator[Figure]:
+    """Yield processor time, time on the clock and size of each page."""
+    with place(database) as environment:
+        with repository(environment) as repo:
+            ensure_profiles(repo)
+            mission = fill(repo)
+        with service(environment) as server:
+            with httpx.Client(base_url=server.api, timeout=60.0) as client:
+                for collection, limit in PAGES:
+                    url = f"/missions/{mission}/{collection}?limit={limit}"
                     client.get(url)
-                    cpu, wall = [], []
-                    for _ in range(given.rounds):
-                        before, began = cpu_s(service.pid), time.perf_counter()
+                    before, wall = server.cpu_s(), []
+                    for _ in range(rounds):
+                        began = time.perf_counter()
                         answer = client.get(url)
                         wall.append(1000 * (time.perf_counter() - began))
-                        cpu.append(1000 * (cpu_s(service.pid) - before))
                         if len(answer.json()["items"]) != limit:
                             raise SystemExit(f"{url}: {answer.text[:200]}")
-                    print(
-                        f"{collection:20} {limit:5}  cpu {statistics.median(cpu):5.0f} ms  clock best "
-                        f"{min(wall):5.0f}, median {statistics.median(wall):5.0f} ms  "
-                        f"{len(answer.content) / 1024:.0f} KiB"
-                    )
-            if given.browser:
-                page = f"http://127.0.0.1:{port}/?quality=test#/m/{mission}"
-                seconds = open_in_browser(page, given.rounds)
-                print(f"in the browser: best {min(seconds):.2f}, median {statistics.median(seconds):.2f} s")
-        finally:
-            service.terminate()
-            service.wait(timeout=20)
+                    page, cpu_ms = f"{limit:,} {collection}", 1000 * (server.cpu_s() - before) / rounds
+                    yield Figure(f"{page}: processor time", cpu_ms, "ms")
+                    yield Figure(f"{page}: on the clock", statistics.median(wall), "ms")
+                    yield Figure(f"{page}: size", len(answer.content) / 1024, "KiB")
+            if browser:
+                seconds = open_in_browser(f"{server.address}/?quality=test#/m/{mission}", rounds)
+                yield Figure("map and all targets in the browser", statistics.median(seconds), "s")
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

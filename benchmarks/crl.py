@@ -1,18 +1,21 @@
-"""Speed of the plan language: read, validate and print plans of many tasks.
+"""Speed of the plan language: read, validate and print plans of many tasks, in processor seconds.
 
-    .venv/bin/python -m benchmarks.crl [--tasks 1000 10000] [--repeat 5]
-
-Every task has parameters, a duration, a condition, a window and an expectation. CPU seconds, median.
+Every task has parameters, a duration, a condition, a window and an expectation.
 """
 
 from __future__ import annotations
 
-import argparse
-import statistics
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from functools import partial
 
+from benchmarks.common.clock import median_spent
+from benchmarks.common.figure import Figure, command
 from executive.crl import canonical_text, check, from_json, parse, to_json
+
+MOST_S = {10_000: 4.0}
+"""To read and validate a plan, its temporal network included."""
+QUICK = {"tasks": (1_000,), "repeat": 1}
+BUDGET_S = 300.0
 
 
 def flat(tasks: int) -> str:
@@ -56,40 +59,25 @@ def task(number: object) -> str:
     )
 
 
-def seconds(work: Callable[[], object], repeat: int) -> float:
-    """Return the median of the processor seconds of several runs."""
-    times = []
-    for _ in range(repeat):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return statistics.median(times)
-
-
-def main() -> None:
-    """Measure and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--tasks", type=int, nargs="*", default=[1_000, 10_000])
-    parser.add_argument("--repeat", type=int, default=5)
-    arguments = parser.parse_args()
-    print(f"{'plan':10s} {'tasks':>7s} {'read':>8s} {'check':>8s} {'print':>8s} {'json':>8s}")
+def figures(tasks: tuple[int, ...] = (1_000, 10_000), repeat: int = 5) -> Iterator[Figure]:
+    """Yield the seconds to read, to read and validate, to print, and to take from JSON."""
     for make in (flat, nested, branches):
-        for tasks in arguments.tasks:
-            text = make(tasks)
+        small_s = 0.0
+        for count in tasks:
+            text = make(count)
             plan = parse(text)
             assert check(text).valid
+            label = f"{count:,} tasks, {make.__name__}"
+            yield Figure(f"{label}: read", median_spent(partial(parse, text), repeat), "s")
+            checked_s = median_spent(partial(check, text), repeat)
+            yield Figure(f"{label}: read and validate", checked_s, "s", MOST_S.get(count))
+            if small_s:
+                yield Figure(f"{label}: to validate, times {tasks[0]:,} tasks", checked_s / small_s)
+            small_s = small_s or checked_s
+            yield Figure(f"{label}: print", median_spent(partial(canonical_text, plan), repeat), "s")
             document = to_json(plan)
-            row = [
-                seconds(work, arguments.repeat)
-                for work in (
-                    lambda text=text: parse(text),
-                    lambda text=text: check(text),
-                    lambda plan=plan: canonical_text(plan),
-                    lambda document=document: from_json(document),
-                )
-            ]
-            print(f"{make.__name__:10s} {tasks:7d} " + " ".join(f"{value:8.3f}" for value in row))
+            yield Figure(f"{label}: from JSON", median_spent(partial(from_json, document), repeat), "s")
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

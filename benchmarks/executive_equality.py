@@ -1,22 +1,21 @@
 """Compare what the executive running the emitted CRL earns with what the planner's evaluator says.
 
-Each future is a table of draws that the evaluator and the abstract rover both meet. Prints, per problem,
-the share of futures with equal utility and the same options taken, and every difference.
-
-    .venv/bin/python -m benchmarks.executive_equality [--futures 2000] [--branches 6] [PROBLEM.json ...]
+Each future is a table of draws that the evaluator and the abstract rover both meet. A future is equal if both
+earn the same and take the same options. `--problems` names files; default five of the public instances.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.draws import draw_table, earned
+from benchmarks.common.draws import draw_table, earned
+from benchmarks.common.figure import Figure, command
+from benchmarks.common.instances import INSTANCES
 from executive.crl import canonical_text
 from executive.runtime import run_plan
 from executive.runtime.loading import load_plan
@@ -26,6 +25,11 @@ from planner.problem import load_problem, problem_to_dict
 from planner.solve import solve
 from rover_iface.simulator.abstract_rover import make_rover
 from rover_iface.simulator.world import load_world
+
+NAMES = ("dev-reserve-5", "dev-windows-6", "dev-mixed-7", "dev-tracking-5", "dev-reserve-8")
+PROBLEMS = tuple(str(INSTANCES / f"{name}.json") for name in NAMES)
+QUICK = {"problems": PROBLEMS[:1], "futures": 20}
+BUDGET_S = 600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,31 +65,26 @@ def compare(problem_document: Mapping[str, Any], tree: PlanTree, futures: int, s
     return found
 
 
-def main() -> None:
-    """Compare on the problems named, or on five of the public instances."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("problems", nargs="*", type=Path)
-    parser.add_argument("--futures", type=int, default=2000)
-    parser.add_argument("--branches", type=int, default=6)
-    parser.add_argument("--seed", type=int, default=7)
-    arguments = parser.parse_args()
-    folder = Path(__file__).resolve().parents[1].parent / "shared" / "contingency" / "instances"
-    names = ("dev-reserve-5", "dev-windows-6", "dev-mixed-7", "dev-tracking-5", "dev-reserve-8")
-    problems = arguments.problems or [folder / f"{name}.json" for name in names]
-    for path in problems:
+def figures(
+    problems: tuple[str, ...] = PROBLEMS,
+    futures: int = 2000,
+    branches: int = 6,
+    seed: int = 7,
+) -> Iterator[Figure]:
+    """Yield the share of equal futures of each problem, and how many days were flown a second."""
+    for path in map(Path, problems):
         document = json.loads(path.read_text(encoding="utf-8"))
-        result = solve(load_problem(document), max_branches=arguments.branches, iterations=2000)
+        result = solve(load_problem(document), max_branches=branches, iterations=2000)
         began = time.process_time()
-        differences = compare(document, result.tree, arguments.futures, arguments.seed)
-        rate = arguments.futures / (time.process_time() - began)
-        share = 100.0 * (1.0 - len(differences) / arguments.futures)
-        print(
-            f"{path.stem}: {share:.2f} % of {arguments.futures} futures equal, "
-            f"{result.branches} branches, {rate:.0f} days a second"
-        )
+        differences = compare(document, result.tree, futures, seed)
+        rate = futures / (time.process_time() - began)
         for difference in differences[:10]:
-            print(f"  future {difference.future}: {difference.evaluator} against {difference.executive}")
+            print(f"future {difference.future}: {difference.evaluator} against {difference.executive}")
+        share = 100.0 * (1.0 - len(differences) / futures)
+        what = f"{path.stem}, {result.branches} branches, {futures:,} futures"
+        yield Figure(f"{what}: equal", share, "%", 100.0, least=True)
+        yield Figure(f"{what}: flown", rate, "days/s")
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

@@ -1,26 +1,20 @@
 """Speed of the executive beside py_trees, in one run.
 
-    .venv/bin/python -m benchmarks.executive_speed                 all, about two minutes
-    .venv/bin/python -m benchmarks.executive_speed --quick         1,000 tasks only
-    .venv/bin/python -m benchmarks.executive_speed --only latency
-
 Every task is asynchronous: its command returns one event later, as the leaf of py_trees returns RUNNING
-once. Times are the median of `--repeat` runs, wall and CPU, beside a yardstick loop; old and new alternate.
+once. Times are processor seconds; where things are compared, they alternate. `--only` names studies.
 """
 
 from __future__ import annotations
 
-import argparse
-import gc
-import json
-import statistics
 import tempfile
 import time
-from collections.abc import Callable
-from importlib.metadata import version
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.common.clock import median_spent, quantile, spent
+from benchmarks.common.figure import Figure, command
 from executive.ports import Update
 from executive.runtime import LiveRuntime, LiveSettings, run_plan
 from executive.runtime.journal import MemoryJournal
@@ -29,35 +23,15 @@ from executive.runtime.recovery import replay
 from executive.runtime.scripted_rover import Behaviour, ScriptedRover
 from executive.runtime.session import Session
 
-Rows = list[dict[str, Any]]
-
-
-def yardstick() -> float:
-    """Return the seconds of a fixed loop: what this machine is worth at the moment."""
-    begin = time.perf_counter()
-    total = 0
-    for n in range(2_000_000):
-        total += n & 7
-    assert total
-    return time.perf_counter() - begin
-
-
-def measure(work: Callable[[], Any], repeat: int) -> dict[str, float]:
-    """Return median wall and CPU seconds of a piece of work."""
-    walls, cpus = [], []
-    for _ in range(repeat):
-        gc.collect()
-        wall, cpu = time.perf_counter(), time.process_time()
-        work()
-        walls.append(time.perf_counter() - wall)
-        cpus.append(time.process_time() - cpu)
-    return {
-        "wall_s": statistics.median(walls),
-        "cpu_s": statistics.median(cpus),
-        "best_s": min(walls),
-        "best_cpu_s": min(cpus),
-        "spread_s": max(walls) - min(walls),
-    }
+SMALL, LARGE = 1_000, 10_000
+PEER_MOST, GROWTH_MOST = 2.0, 13.0
+"""Times py_trees' bare root and times the 1,000 case, for 10,000 tasks with a journal."""
+LATENCY_MOST_MS = {SMALL: 0.5, LARGE: 1.0}
+MANY_MOST_S = 1.0
+"""For 10,000 waiters for a capacity, 3,000 options and 1,000 contingencies."""
+PEER = "py_trees' bare root"
+QUICK = {"sizes": (SMALL,), "repeat": 2}
+BUDGET_S = 900.0
 
 
 def tasks(names: list[str]) -> str:
@@ -81,7 +55,7 @@ def py_tree(shape: str, count: int) -> Any:
     """Return the same tree for py_trees; each leaf is RUNNING once."""
     import py_trees
 
-    class Leaf(py_trees.behaviour.Behaviour):  # type: ignore[misc]
+    class Leaf(py_trees.behaviour.Behaviour):
         def initialise(self) -> None:
             self.asked = False
 
@@ -106,10 +80,11 @@ def py_tree(shape: str, count: int) -> Any:
     return py_trees.composites.Parallel("root", policy=policy, children=leaves)
 
 
-def tick_to_the_end(root: Any, *, bare: bool) -> None:
-    """Tick as a `BehaviourTree` does, or only the root, without any of its services."""
+def ticked(shape: str, count: int, *, bare: bool) -> None:
+    """Tick a tree to its end as a `BehaviourTree` does, or only the root, without any of its services."""
     import py_trees
 
+    root = py_tree(shape, count)
     tick = root.tick_once if bare else py_trees.trees.BehaviourTree(root).tick
     while root.status != py_trees.common.Status.SUCCESS:
         tick()
@@ -131,124 +106,89 @@ def run_shape(shape: str, count: int, *, journal: str) -> Callable[[], None]:
     return work
 
 
-def throughput(repeat: int, quick: bool) -> Rows:
-    """1,000 and 10,000 asynchronous no-op tasks, beside py_trees."""
-    import py_trees
+def peers(sizes: tuple[int, ...], repeat: int) -> Iterator[Figure]:
+    """Each shape with each journal and py_trees in turn; the best processor time of each.
 
-    py_trees.logging.level = py_trees.logging.Level.ERROR
-    rows: Rows = []
-    for shape in ("sequence", "parallel", "nested"):
-        small: dict[str, float] = {}
-        ours_s = 0.0
-        for count in (1_000,) if quick else (1_000, 10_000):
-            for journal in ("none", "memory", "file") if count == 1_000 else ("none", "memory"):
-                row = measure(run_shape(shape, count, journal=journal), repeat)
-                if count == 1_000:
-                    small[journal] = row["best_cpu_s"]
-                else:
-                    row["ratio_to_1000"] = row["best_cpu_s"] / small[journal]
-                if journal == "memory":
-                    ours_s = row["best_cpu_s"]
-                rows.append({"what": f"outcrop, journal {journal}", "shape": shape, "tasks": count, **row})
-            for bare in (True, False):
-                once = count == 10_000 and shape == "sequence"
-                peer = measure(
-                    lambda shape=shape, count=count, bare=bare: tick_to_the_end(  # type: ignore[misc]
-                        py_tree(shape, count), bare=bare
-                    ),
-                    1 if once else repeat,
-                )
-                peer["outcrop_with_journal_to_it"] = ours_s / peer["best_cpu_s"]
-                name = f"py_trees {version('py_trees')}, {'root only' if bare else 'BehaviourTree'}"
-                rows.append({"what": name, "shape": shape, "tasks": count, **peer})
-    return rows
-
-
-def peers(repeat: int, quick: bool) -> Rows:
-    """Each shape with each journal and py_trees' bare root in turn; the best processor time of each.
-
-    The journal in a file is not synchronised: what a disk takes for that is the disk's.
+    A journal `written` is in a file that is not synchronised: what a disk takes for that is the disk's. With
+    1,000 tasks also one that is, and `BehaviourTree.tick`, which is quadratic.
     """
     import py_trees
 
     py_trees.logging.level = py_trees.logging.Level.ERROR
-    rows: Rows = []
     for shape in ("sequence", "parallel", "nested"):
         small: dict[str, float] = {}
-        for count in (1_000,) if quick else (1_000, 10_000):
-            works: dict[str, Callable[[], Any]] = {
-                journal: run_shape(shape, count, journal=journal) for journal in ("none", "memory", "written")
-            }
-            works["py_trees"] = lambda shape=shape, count=count: tick_to_the_end(  # type: ignore[misc]
-                py_tree(shape, count), bare=True
-            )
+        for count in sizes:
+            journals = ("none", "memory", "written", *(("file",) if count == SMALL else ()))
+            works: dict[str, Callable[[], Any]] = {j: run_shape(shape, count, journal=j) for j in journals}
+            works[PEER] = partial(ticked, shape, count, bare=True)
+            if count == SMALL:
+                works["BehaviourTree"] = partial(ticked, shape, count, bare=False)
             best = dict.fromkeys(works, float("inf"))
             for _ in range(repeat):
                 for name, work in works.items():
-                    best[name] = min(best[name], measure(work, 1)["cpu_s"])
-            for name in ("none", "memory", "written"):
-                row = {"what": f"outcrop, journal {name}", "shape": shape, "tasks": count}
-                row |= {"best_cpu_s": best[name], "to_py_trees": best[name] / best["py_trees"]}
-                row |= {"to_1000_tasks": best[name] / small[name]} if small else {}
-                rows.append(row)
-            small = best
-    return rows
+                    best[name] = min(best[name], spent(work))
+            large = count == LARGE
+            for name in journals:
+                kept = large and name in ("memory", "written")
+                what, ratio = f"{shape} of {count:,} tasks, journal {name}", best[name] / best[PEER]
+                yield Figure(what, best[name], "s", PEER_MOST if kept else None, ratio=ratio, to=PEER)
+                if name in small:
+                    growth, to = best[name] / small[name], f"{sizes[0]:,} tasks"
+                    limit = GROWTH_MOST if kept and sizes[0] == SMALL else None
+                    yield Figure(f"{what}, growth", best[name], "s", limit, ratio=growth, to=to)
+            for name in works.keys() - {PEER, *journals}:
+                yield Figure(f"{shape} of {count:,} tasks, {name}", best[name], "s")
+            small = small or best
 
 
-def loading(repeat: int, quick: bool) -> Rows:
+def loading(sizes: tuple[int, ...], repeat: int) -> Iterator[Figure]:
     """Text to a validated plan, temporal network included."""
-    rows: Rows = []
     for shape in ("sequence", "nested"):
-        for count in (1_000,) if quick else (1_000, 10_000):
-            text = plan_text(shape, count)
-            row = measure(lambda text=text: load_plan(text), repeat)  # type: ignore[misc]
-            rows.append({"what": "load, validate, network", "shape": shape, "tasks": count, **row})
-    return rows
+        for count in sizes:
+            took_s = median_spent(partial(load_plan, plan_text(shape, count)), repeat)
+            yield Figure(f"{shape} of {count:,} tasks: load, validate, network", took_s, "s")
 
 
-def latency(_repeat: int, quick: bool) -> Rows:
-    """From an event to its command, with nodes waiting on distinct keys."""
-    rows: Rows = []
-    for waiting in (1_000,) if quick else (1_000, 10_000):
-        nodes = " ".join(
-            f"(task :id t{n} :action noop :wait-for-conditions ((database (:k{n} = 1))))"
-            for n in range(waiting)
-        )
+def waiting(count: int) -> str:
+    """Return a plan of nodes that wait on distinct keys."""
+    nodes = " ".join(
+        f"(task :id t{n} :action noop :wait-for-conditions ((database (:k{n} = 1))))" for n in range(count)
+    )
+    return f"(concurrent-block :id root :node-list ({nodes}))"
+
+
+def delays_of(what: str, count: int, delays_ms: list[float]) -> Iterator[Figure]:
+    """Yield median and 99th percentile of the time from an event to its command."""
+    label = f"{what}, {count:,} nodes waiting"
+    yield Figure(f"{label}: median", quantile(delays_ms, 0.5), "ms")
+    yield Figure(f"{label}: 99th percentile", quantile(delays_ms, 0.99), "ms", LATENCY_MOST_MS.get(count))
+
+
+def latency(sizes: tuple[int, ...], _repeat: int) -> Iterator[Figure]:
+    """From an event to its command, on the clock."""
+    for count in sizes:
         rover = ScriptedRover(actions={"*": (Behaviour(None),)})
-        session = Session(load_plan(f"(concurrent-block :id root :node-list ({nodes}))", trusted=True), rover)
+        session = Session(load_plan(waiting(count), trusted=True), rover)
         session.start()
         delays = []
         for n in range(1_000):
             session.inject(Update(session.now_ms, {f"k{n}": 1}))
             begin = time.perf_counter()
             session.step_once()
-            delays.append(time.perf_counter() - begin)
+            delays.append(1000 * (time.perf_counter() - begin))
             assert rover.sent[-1].id.task == f"t{n}"
-        delays.sort()
-        rows.append(
-            {
-                "what": "event to command",
-                "waiting": waiting,
-                "p50_ms": 1000 * delays[500],
-                "p99_ms": 1000 * delays[990],
-            }
-        )
-    return rows
+        yield from delays_of("event to command", count, delays)
 
 
-def replaying(repeat: int, quick: bool) -> Rows:
+def replaying(sizes: tuple[int, ...], repeat: int) -> Iterator[Figure]:
     """Replay of a journal against the run that wrote it."""
-    count = 1_000 if quick else 10_000
+    count = max(sizes)
     plan = load_plan(plan_text("sequence", count), trusted=True)
     journal = MemoryJournal()
     run_plan(plan, ScriptedRover(actions={"*": (Behaviour(1_000),)}), journal=journal)
-    run = measure(run_shape("sequence", count, journal="memory"), repeat)
-    again = measure(lambda: replay(journal.records, plan), repeat)
-    events = sum(r["k"] == "trace" for r in journal.records)
-    return [
-        {"what": "run", "tasks": count, **run},
-        {"what": "replay", "tasks": count, "trace_events_per_s": events / again["wall_s"], **again},
-    ]
+    run_s = median_spent(run_shape("sequence", count, journal="memory"), repeat)
+    again_s = median_spent(lambda: replay(journal.records, plan), repeat)
+    yield Figure(f"replay of {count:,} tasks", again_s, "s", ratio=again_s / run_s, to="the run")
 
 
 def day_text(count: int) -> str:
@@ -274,39 +214,26 @@ def day_text(count: int) -> str:
     )
 
 
-def days(repeat: int, _quick: bool) -> Rows:
+def days(_sizes: tuple[int, ...], repeat: int) -> Iterator[Figure]:
     """Time a simulated sol of 200 tasks, and 40-task days in a row on one core."""
-    rows: Rows = []
     actions = {"*": (Behaviour(140_000, updates={"tilt": 0.1, "soc": 50}),)}
     initial = {"battery": 1e6, "soc": 80, "tilt": 0.0}
     for count in (200, 40):
-        text = day_text(count)
-        plan = load_plan(text)
-        last: dict[str, float] = {}
+        plan = load_plan(day_text(count))
 
-        def work(plan: Any = plan, last: dict[str, float] = last) -> None:
-            outcome = run_plan(plan, ScriptedRover(initial, actions), journal=MemoryJournal())
+        def fly(journal: bool, plan: Any = plan) -> None:
+            kept = MemoryJournal() if journal else None
+            outcome = run_plan(plan, ScriptedRover(initial, actions), journal=kept)
             assert outcome.outcome == "SUCCEEDED"
-            last["end_s"] = outcome.end_s or 0.0
 
-        row = measure(work, repeat)
-        rows.append({"what": "simulated day", "tasks": count, "end_s": last["end_s"], **row})
-        bare = measure(lambda plan=plan: run_plan(plan, ScriptedRover(initial, actions)), repeat)  # type: ignore[misc]
-        rows.append(
-            {
-                "what": "simulated day, no journal",
-                "tasks": count,
-                "runs_per_s_and_core": 1 / bare["cpu_s"],
-                **bare,
-            }
-        )
-    return rows
+        yield Figure(f"day of {count} tasks, with journal", median_spent(partial(fly, True), repeat), "s")
+        bare_s = median_spent(partial(fly, False), repeat)
+        yield Figure(f"days of {count} tasks, no journal", 1 / bare_s, "days/s")
 
 
-def windows(repeat: int, quick: bool) -> Rows:
+def windows(sizes: tuple[int, ...], repeat: int) -> Iterator[Figure]:
     """Tasks tied by windows that need the temporal network for every start."""
-    rows: Rows = []
-    for count in (100,) if quick else (100, 1_000):
+    for count in (size // 10 for size in sizes):
         parts = ["(task :id t0 :action noop)"]
         parts += (
             f"(task :id t{n} :action noop :duration (0 60) "
@@ -319,11 +246,8 @@ def windows(repeat: int, quick: bool) -> Rows:
             rover = ScriptedRover(actions={"*": (Behaviour(1_000),)})
             assert run_plan(plan, rover).outcome == "SUCCEEDED"
 
-        row = measure(work, repeat)
-        rows.append(
-            {"what": "tied windows", "tasks": count, "ms_per_task": 1000 * row["wall_s"] / count, **row}
-        )
-    return rows
+        each_ms = 1000 * median_spent(work, repeat) / count
+        yield Figure(f"a task of {count:,} tied by windows", each_ms, "ms")
 
 
 class HandClock:
@@ -336,18 +260,13 @@ class HandClock:
         return self.t_ms
 
 
-def live(_repeat: int, quick: bool) -> Rows:
+def live(sizes: tuple[int, ...], _repeat: int) -> Iterator[Figure]:
     """From an event to its command through the live runtime with a journal in memory, processor time."""
-    rows: Rows = []
     quiet = LiveSettings(silence_ms=None, monitor_ms=None, heartbeat_ms=None)
-    for waiting in (1_000,) if quick else (1_000, 10_000):
-        nodes = " ".join(
-            f"(task :id t{n} :action noop :wait-for-conditions ((database (:k{n} = 1))))"
-            for n in range(waiting)
-        )
+    for count in sizes:
         port, clock = ScriptedRover(actions={"*": (Behaviour(None),)}), HandClock()
-        text = f"(concurrent-block :id root :node-list ({nodes}))"
-        run = LiveRuntime(text, port, run_id="live", clock=clock, journal=MemoryJournal(), settings=quiet)
+        journal = MemoryJournal()
+        run = LiveRuntime(waiting(count), port, run_id="live", clock=clock, journal=journal, settings=quiet)
         run.turn()
         delays = []
         for n in range(1_000):
@@ -357,30 +276,28 @@ def live(_repeat: int, quick: bool) -> Rows:
             run.turn()
             delays.append(1000 * (time.process_time() - begin))
             assert port.sent[-1].id.task == f"t{n}"
-        delays.sort()
-        rows.append({"what": "live round", "nodes": waiting, "p50_ms": delays[500], "p99_ms": delays[990]})
-    return rows
+        yield from delays_of("live round", count, delays)
 
 
-def many(repeat: int, quick: bool) -> Rows:
+def many(sizes: tuple[int, ...], repeat: int) -> Iterator[Figure]:
     """Many that wait for one thing: a capacity, the next option, a contingency, a key."""
-    share = 10 if quick else 1
+    share = LARGE // max(sizes)
     power = "(plan :id p :resources ((power :capacity 10)) :node (concurrent-block :id r :node-list ({})))"
     one = {"*": (Behaviour(1_000),)}
     failing = {"*": (Behaviour(1_000, success=False),)}
-    cases = {}
+    cases: dict[str, tuple[str, Any, tuple[Update, ...]]] = {}
     for name, step in (("one amount", 0), ("400 amounts", 1)):
         waiters = " ".join(
             f"(task :id t{n} :action noop :uses ((power {3 + step * (n * 7919 % 400) / 100})))"
             for n in range(10_000 // share)
         )
-        cases[f"capacity waiters, {name}"] = (power.format(waiters), one, ())
+        cases[f"{LARGE // share:,} capacity waiters, {name}"] = (power.format(waiters), one, ())
     options = " ".join(
         f"(option :id o{n} :utility {n % 7} :node (task :id t{n} :action noop :continue-on-failure nil))"
         for n in range(3_000 // share)
     )
     last = {f"t{3_000 // share - 1 - (3_000 // share - 1) % 7}": (Behaviour(1_000),)}
-    cases["options with :next"] = (
+    cases[f"{3_000 // share:,} options with :next"] = (
         f"(branch :id b :on-option-failure :next :options ({options}))",
         failing | last,
         (),
@@ -391,7 +308,7 @@ def many(repeat: int, quick: bool) -> Rows:
         for n in range(1_000 // share)
     )
     block = f"(block :id r :node-list ({tasks(['a', 'z'])}))"
-    cases["contingencies that trigger"] = (
+    cases[f"{1_000 // share:,} contingencies that trigger"] = (
         f"(plan :id p :floating ({floating}) :node {block})",
         one,
         (Update(500, {"go": 1}),),
@@ -401,24 +318,22 @@ def many(repeat: int, quick: bool) -> Rows:
         for n in range(10_000 // share)
     )
     changes = [Update(1_000 * n, {"k": n}) for n in range(500)]
-    cases["nodes on one key, 500 changes"] = (
+    cases[f"{LARGE // share:,} nodes on one key, 500 changes"] = (
         f"(concurrent-block :id r :node-list ({watching}))",
         one,
         (*changes, Update(500_000, {"k": 1e9})),
     )
-    rows: Rows = []
     for name, (text, actions, script) in cases.items():
         plan = load_plan(text, trusted=True)
 
         def work(plan: Any = plan, actions: Any = actions, script: Any = script) -> None:
             assert run_plan(plan, ScriptedRover({}, actions, script)).outcome == "SUCCEEDED"
 
-        rows.append({"what": name, **measure(work, min(repeat, 3))})
-    return rows
+        limit = MANY_MOST_S if share == 1 and "on one key" not in name else None
+        yield Figure(name, median_spent(work, min(repeat, 3)), "s", limit)
 
 
-STUDIES: dict[str, Callable[[int, bool], Rows]] = {
-    "throughput": throughput,
+STUDIES = {
     "peers": peers,
     "loading": loading,
     "latency": latency,
@@ -430,29 +345,13 @@ STUDIES: dict[str, Callable[[int, bool], Rows]] = {
 }
 
 
-def main() -> None:
-    """Run the studies that were asked for and print their rows."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--only", choices=sorted(STUDIES), action="append")
-    parser.add_argument("--repeat", type=int, default=5)
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--out", type=Path, help="also write the rows as JSON")
-    options = parser.parse_args()
-    result: dict[str, Any] = {"yardstick_s": yardstick()}
-    print(f"yardstick {result['yardstick_s']:.3f} s")
-    for name in options.only or STUDIES:
-        print(f"\n{name}")
-        result[name] = STUDIES[name](options.repeat, options.quick)
-        for row in result[name]:
-            print(
-                "  "
-                + "  ".join(f"{k}={v:.4g}" if isinstance(v, float) else f"{k}={v}" for k, v in row.items())
-            )
-    if options.out is not None:
-        options.out.write_text(json.dumps(result, indent=1) + "\n")
+def figures(
+    sizes: tuple[int, ...] = (SMALL, LARGE), repeat: int = 5, only: tuple[str, ...] = tuple(STUDIES)
+) -> Iterator[Figure]:
+    """Yield the figures of the studies named."""
+    for name in only:
+        yield from STUDIES[name](sizes, repeat)
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

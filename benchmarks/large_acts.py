@@ -1,28 +1,25 @@
 """Large acts: a bulk of many targets, its undo, a copy of a large mission; processor time, and who waits.
 
-    python -m benchmarks.large_acts [--targets 3000] [--copied 10000] [--database URL]
-
-While the mission is copied another thread opens sols and tells how long each write took.
+While the mission is copied another thread opens sols and tells how long each write took. `--database` is a
+PostgreSQL server, on which a database is made and dropped; default a fresh SQLite file.
 """
 
 from __future__ import annotations
 
-import argparse
 import random
 import statistics
-import tempfile
 import threading
 import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from sqlalchemy import insert, select
 
+from benchmarks.common.figure import Figure, command
+from benchmarks.common.served import place, repository
 from ground.app.service import spare_full_collections
 from ground.gdr.ids import new_id
-from ground.gdr.migrate import migrate
-from ground.gdr.repository import Repository, open_repository
+from ground.gdr.repository import Repository
 from ground.gdr.seals import seal_values
 from ground.records.actor import Actor, Role
 from ground.records.bulk import bulk_form, write_many
@@ -33,18 +30,21 @@ from ground.resources.mission_setup.create_mission import GeneratedTerrain, crea
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.sols.create_sol import create_sol
 from ground.resources.targets.create_target import create_target
-from ground.settings import load_settings
 
 PLANNER = Actor("Planner", Role.PLANNER)
 TARGET = KINDS["target"]
+COPY_MOST_S = {10_000: 0.2}
+WRITE_MOST_MS = {10_000: 50.0}
+"""What somebody else may wait beside the copy of so many targets."""
+QUICK = {"targets": 50, "copied": 500}
+BUDGET_S = 300.0
 
 
-def timed(label: str, act: Callable[[], Any]) -> None:
-    """Do it, and print what it took."""
-    wall, used = time.perf_counter(), time.thread_time()
+def timed(act: Callable[[], Any]) -> float:
+    """Return the processor seconds of this thread that something takes."""
+    began = time.thread_time()
     act()
-    used, wall = time.thread_time() - used, time.perf_counter() - wall
-    print(f"{label}: {used:.2f} s of processor time, {wall:.2f} s", flush=True)
+    return time.thread_time() - began
 
 
 def fill(repo: Repository, mission_id: str, count: int) -> None:
@@ -86,48 +86,37 @@ class Writer(threading.Thread):
             self.took_ms.append(1000 * (time.perf_counter() - began))
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--targets", type=int, default=3000)
-    parser.add_argument("--copied", type=int, default=10_000)
-    parser.add_argument("--database", default="", help="an empty one; SQLite in a folder of its own")
-    given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        repo = open_repository(
-            load_settings(data_dir=Path(folder), database_url=given.database, executor="inline")
-        )
-        migrate(repo.database)
+def figures(targets: int = 3000, copied: int = 10_000, database: str = "") -> Iterator[Figure]:
+    """Do the large acts one after the other, and yield what each took."""
+    with place(database) as environment, repository(environment) as repo:
         ensure_profiles(repo)
-        measure(repo, given.targets, given.copied)
-        repo.database.dispose()
-
-
-def measure(repo: Repository, targets: int, copied: int) -> None:
-    """Do the large acts one after the other."""
-    spare_full_collections()  # as the service does when it has started
-    source = GeneratedTerrain(seed=1, size_m=48.0)
-    first, large, other = (create_mission(repo, PLANNER, name=n, source=source).id for n in "ABC")
-    rows = [
-        {"name": f"R{n}", "east_m": -6 + 0.12 * (n % 100), "north_m": -6 + 0.12 * (n // 100)}
-        for n in range(targets)
-    ]
-    form = bulk_form(TARGET).model_validate({"create": rows})
-    timed(f"bulk of {targets}", lambda: write_many(repo, PLANNER, TARGET, first, create_target, form))
-    fill(repo, large, copied)
-    timed("undo of the bulk", lambda: undo(repo, PLANNER, first))
-    timed(f"copy of {copied}", lambda: copy_mission(repo, PLANNER, large, name="Copy"))
-    writer = Writer(repo, other)
-    writer.start()
-    time.sleep(2.0)
-    alone = len(writer.took_ms)
-    timed(f"copy of {copied} while somebody writes", lambda: copy_mission(repo, PLANNER, large, name="Again"))
-    writer.done.set()
-    writer.join()
-    for label, took in (("alone", writer.took_ms[:alone]), ("beside the copy", writer.took_ms[alone:])):
-        middle, longest = statistics.median(took), max(took)
-        print(f"writes {label}: {len(took)}, median {middle:.0f} ms, longest {longest:.0f} ms")
+        spare_full_collections()  # as the service does when it has started
+        source = GeneratedTerrain(seed=1, size_m=48.0)
+        first, large, other = (create_mission(repo, PLANNER, name=n, source=source).id for n in "ABC")
+        rows = [
+            {"name": f"R{n}", "east_m": -6 + 0.12 * (n % 100), "north_m": -6 + 0.12 * (n // 100)}
+            for n in range(targets)
+        ]
+        form = bulk_form(TARGET).model_validate({"create": rows})
+        took_s = timed(lambda: write_many(repo, PLANNER, TARGET, first, create_target, form))
+        yield Figure(f"bulk of {targets:,} targets", took_s, "s")
+        fill(repo, large, copied)
+        yield Figure("undo of the bulk", timed(lambda: undo(repo, PLANNER, first)), "s")
+        took_s = timed(lambda: copy_mission(repo, PLANNER, large, name="Copy"))
+        yield Figure(f"copy of {copied:,} targets", took_s, "s", COPY_MOST_S.get(copied))
+        writer = Writer(repo, other)
+        writer.start()
+        time.sleep(2.0)
+        alone = len(writer.took_ms)
+        copy_mission(repo, PLANNER, large, name="Again")
+        writer.done.set()
+        writer.join()
+        beside = writer.took_ms[alone:]
+        yield Figure("a write alone, median", statistics.median(writer.took_ms[:alone]), "ms")
+        yield Figure("a write alone, longest", max(writer.took_ms[:alone]), "ms")
+        yield Figure("a write beside a copy, median", statistics.median(beside), "ms")
+        yield Figure("a write beside a copy, longest", max(beside), "ms", WRITE_MOST_MS.get(copied))
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

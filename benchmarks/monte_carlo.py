@@ -1,68 +1,53 @@
 """The Monte Carlo kernel: rollouts a second on one core, and its value beside that of the grid.
 
-Plans with at most four branches are made for each public instance, carried out in 2,000,000 futures by one
-thread, and timed in processor seconds (the best of five rounds of 200,000). `steps` are the drives and
-observations that a rollout meets in the mean, each with two log-normal draws.
-
-    .venv/bin/python -m benchmarks.monte_carlo [--futures 2000000] [--branches 4] [NAME ...]
+Plans with at most four branches are made for each public instance, or those of `--names`, carried out in many
+futures by one thread, and timed in processor seconds (the best of five rounds of 200,000). Steps are the
+drives and observations that a rollout meets in the mean, each with two log-normal draws.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import time
-from pathlib import Path
+from collections.abc import Iterator
+from functools import partial
 
+from benchmarks.common.clock import spent
+from benchmarks.common.figure import Figure, command
+from benchmarks.common.instances import INSTANCES, chosen
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
-from planner.evaluate.program import Op, Program, compile_plan
+from planner.evaluate.program import Op, compile_plan
 from planner.evaluate.propagate import Evaluator
 from planner.plan_tree import Branch, walk
 from planner.problem import load_problem
 from planner.solve import solve
 
-FOLDER = Path(__file__).resolve().parents[1].parent / "shared" / "contingency"
 ROUND = 200_000
 ITERATIONS = 400
 MOVES = (Op.NAVIGATE, Op.OBSERVE)
+LEAST_RATE, MOST_ERRORS = 2.0, 3.0
+"""Million rollouts a second and core, asked for on trees of 20 actions; standard errors off the grid."""
+QUICK = {"names": ("dev-reserve-4",), "futures": 200_000}
+BUDGET_S = 600.0
 
 
-def main() -> None:
-    """Print one row per instance, in Markdown."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("names", nargs="*")
-    parser.add_argument("--futures", type=int, default=2_000_000)
-    parser.add_argument("--branches", type=int, default=4)
-    arguments = parser.parse_args()
-    names = arguments.names or list(json.loads((FOLDER / "results.json").read_text(encoding="utf-8")))
-    print("| instance | actions | branches | steps | million rollouts/s | Monte Carlo | grid | apart, s.e. |")
-    print("|---|---|---|---|---|---|---|---|")
-    for name in names:
-        problem = load_problem(FOLDER / "instances" / f"{name}.json")
+def figures(names: tuple[str, ...] = (), futures: int = 2_000_000, branches: int = 4) -> Iterator[Figure]:
+    """Yield the rate of rollouts of each instance, and how far both values are apart."""
+    for name in chosen(names):
+        problem = load_problem(INSTANCES / f"{name}.json")
         model = Model.of(problem)
-        result = solve(problem, max_branches=arguments.branches, iterations=ITERATIONS)
-        plan = result.tree.plan
+        plan = solve(problem, max_branches=branches, iterations=ITERATIONS).tree.plan
         program = compile_plan(model, plan)
         visits = simulate(model, program, ROUND, seed=1, threads=1, count_visits=True).row_visits
-        moves = sum(int(visits[row]) for row in range(len(program)) if program.op[row] in MOVES)
-        fastest = min(_seconds(model, program) for _ in range(5))
-        check = simulate(model, program, arguments.futures, seed=2, threads=1).estimate()
-        grid = Evaluator(model).value(plan).value
+        steps = sum(int(visits[row]) for row in range(len(program)) if program.op[row] in MOVES) / ROUND
+        fastest_s = min(spent(partial(simulate, model, program, ROUND, seed=3, threads=1)) for _ in range(5))
+        check = simulate(model, program, futures, seed=2, threads=1).estimate()
+        errors = abs(check.mean - Evaluator(model).value(plan).value) / check.standard_error
         actions = sum(1 for _, step in walk(plan) if not isinstance(step, Branch))
-        print(
-            f"| {name} | {actions} | {result.branches} | {moves / ROUND:.1f} | {ROUND / fastest / 1e6:.2f} | "
-            f"{check.mean:.4f} ± {check.standard_error:.4f} | {grid:.4f} | "
-            f"{(check.mean - grid) / check.standard_error:+.1f} |",
-            flush=True,
-        )
-
-
-def _seconds(model: Model, program: Program) -> float:
-    began = time.process_time()
-    simulate(model, program, ROUND, seed=3, threads=1)
-    return time.process_time() - began
+        rate = ROUND / fastest_s / 1e6
+        what = f"{name}, {actions} actions, {steps:.1f} steps"
+        yield Figure(f"{what}: rollouts", rate, "million/s", LEAST_RATE, least=True)
+        yield Figure(f"{what}: apart from the grid", errors, "standard errors", MOST_ERRORS)
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

@@ -1,12 +1,13 @@
 """Goal selection side by side: this product, PyVRP, OR-Tools routing and CP-SAT on the same files in one run.
 
-    .venv/bin/python -m benchmarks.orienteering --subset --limits 0.1 1 --seeds 1 2 3
-    .venv/bin/python -m benchmarks.orienteering --report
+    python -m benchmarks.orienteering --every --keep --limits 0.1 1 --seeds 1 2 3
+    python -m benchmarks.orienteering --report
 
-Rows are kept in `results/orienteering.jsonl` and what is there is not run again, so a run can be broken off
-and taken up; `--report` makes the tables and the plot of what is there. With `--clock cpu` all limits
-are seconds of CPU time of the process instead of wall seconds, for all solvers alike: on a busy machine only
-that is a comparison.
+By itself 21 files of all kinds are run; `--every` runs all of them. With `--keep` rows are kept in
+`results/orienteering.jsonl` and what is there is not run again, so a run can be broken off and taken up;
+`--report` makes the tables and the plot of what is there. Limits are seconds of processor time of the
+process, for all solvers alike, because on a busy machine only that is a comparison; with `--clock wall` wall
+seconds.
 
 Solvers are interleaved file by file; each has its limit from the matrix in memory to the
 checked route; imports and compiled kernels are warm. The product's own checker values every route, whatever
@@ -18,29 +19,26 @@ optimum, or a proof below the best known value, ends the run with an error.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import csv
 import json
-import os
-import platform
 import statistics
-import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.common.figure import Figure, command
+from benchmarks.common.instances import FOLDER
 from planner.errors import RoutingError
 from planner.orienteering import RoutingProblem, read_routing_file, route_value, solve, warm_up
 from planner.orienteering.cp_sat import solve_cp_sat
 
-ON_CPU = "cpu" in sys.argv
-if ON_CPU:  # every limit that reads this clock then counts CPU seconds, also that of PyVRP (imported later)
-    time.perf_counter = time.process_time
-
+FILES = FOLDER.parent / "benchmarks" / "orienteering"
+QUICK = {"only": "rover05w", "limits": (0.1,)}
+BUDGET_S = 900.0
 SUBSET = {
     "rover05w-s1",
     "rover10w-s1",
@@ -70,6 +68,11 @@ Answer = tuple[tuple[int, ...], bool, int | None]
 Solver = Callable[[RoutingProblem, float, int], Answer]
 
 
+def on_cpu() -> bool:
+    """Return whether limits are seconds of processor time."""
+    return time.perf_counter is time.process_time
+
+
 def ours(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
     """Return route, proof and bound of this product."""
     found = solve(problem, time_limit_s=limit_s, seed=seed)
@@ -79,7 +82,7 @@ def ours(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
 @contextlib.contextmanager
 def _stop_on_cpu(limit_s: float) -> Iterator[None]:
     """Stop any CP-SAT search begun inside once the process has used so much more CPU time."""
-    if not ON_CPU:
+    if not on_cpu():
         yield
         return
     from ortools.sat.python import cp_model
@@ -113,7 +116,7 @@ def cp_sat(problem: RoutingProblem, limit_s: float, seed: int) -> Answer:
     """Return what CP-SAT finds with two workers."""
     near = 15 if len(problem.experiments) > 200 else None
     with _stop_on_cpu(limit_s):
-        wall = 1000.0 * limit_s if ON_CPU else limit_s
+        wall = 1000.0 * limit_s if on_cpu() else limit_s
         found = solve_cp_sat(problem, time_limit_s=wall, seed=seed, threads=2, neighbours=near)
     return found.route, found.proven, found.upper
 
@@ -215,7 +218,7 @@ def routing(problem: RoutingProblem, limit_s: float, _seed: int) -> Answer:
     settings = pywrapcp.DefaultRoutingSearchParameters()
     settings.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.PARALLEL_CHEAPEST_INSERTION
     settings.local_search_metaheuristic = routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
-    if ON_CPU:
+    if on_cpu():
         deadline = begin + limit_s
         model.AddSearchMonitor(model.solver().CustomLimit(lambda: time.process_time() >= deadline))
         settings.time_limit.FromMilliseconds(int(1_000_000 * limit_s))
@@ -249,12 +252,12 @@ def _stored() -> list[dict[str, Any]]:
 
 
 def run_file(
-    file: str, problem: RoutingProblem, known: dict[str, str], limit_s: float, seed: int
+    file: str, problem: RoutingProblem, known: dict[str, str], limit_s: float, seed: int, keep: bool
 ) -> list[dict[str, Any]]:
-    """Return one row a solver."""
+    """Return one row a solver that can say the problem; with `keep` those that are not stored yet."""
     rows = []
     best = float(known["best_known"])
-    have = {(r["file"], r["solver"], r["limit_s"], r["seed"]) for r in _stored()}
+    have = {(r["file"], r["solver"], r["limit_s"], r["seed"]) for r in (_stored() if keep else ())}
     for name, solver in SOLVERS.items():
         if not fits(name, problem) or (file, name, limit_s, seed) in have:
             continue
@@ -283,12 +286,12 @@ def run_file(
                 "upper": upper,
                 "wall_s": wall,
                 "cpu_s": cpu,
-                "clock": "cpu" if ON_CPU else "wall",
+                "clock": "cpu" if on_cpu() else "wall",
             }
         )
-        ROWS.parent.mkdir(exist_ok=True)
-        with ROWS.open("a", encoding="utf-8") as out:
-            out.write(json.dumps(rows[-1]) + "\n")
+        if keep:
+            with ROWS.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(rows[-1]) + "\n")
         print(
             f"{file:36s} {limit_s:5g} s {name:17s} {value!s:>6} gap {gap:6.2f} "
             f"{'proof' if proven else '':5s} "
@@ -458,45 +461,61 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
     fig.savefig(path, dpi=130)
 
 
-def main() -> None:
-    """Run the files, print the tables, store results and plot."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--set", type=Path, default=Path("../shared/benchmarks/orienteering"))
-    parser.add_argument("--folders", nargs="+", default=["rover", "optw", "oplib"])
-    parser.add_argument("--limits", nargs="+", type=float, default=[1.0])
-    parser.add_argument("--seeds", nargs="+", type=int, default=[1])
-    parser.add_argument("--subset", action="store_true", help="21 files of all kinds instead of all")
-    parser.add_argument("--clock", choices=["wall", "cpu"], default="wall")
-    parser.add_argument("--report", action="store_true", help="tables and plot of the stored rows, proofs")
-    parser.add_argument("--only", default="", help="part of a file name")
-    parser.add_argument("--out", type=Path, default=Path("docs"))
-    args = parser.parse_args()
-    with (args.set / "best_known.csv").open() as lines:
+def figures(
+    folders: tuple[str, ...] = ("rover", "optw", "oplib"),
+    limits: tuple[float, ...] = (1.0,),
+    seeds: tuple[int, ...] = (1,),
+    every: bool = False,
+    only: str = "",
+    clock: str = "cpu",
+    keep: bool = False,
+    report: bool = False,
+    out: Path = Path("docs"),
+) -> Iterator[Figure]:
+    """Yield the gaps of each solver to the best known values, and how many of its answers are proven."""
+    if clock == "cpu":  # every limit that reads this clock, also that of PyVRP, which is imported later
+        time.perf_counter = time.process_time
+    if report:
+        tables(_stored(), out)
+        return
+    with (FILES / "best_known.csv").open() as lines:
         best = {row["file"]: row for row in csv.DictReader(lines)}
     warm_up()
-    tiny = next(p for f, p in _problems(args.set, best, ["optw"], "") if f.endswith("r101.txt"))
-    for solver in [] if args.report else SOLVERS.values():
-        solver(tiny, 0.2, 0)
-    for seed in [] if args.report else args.seeds:
-        for limit in args.limits:
-            for file, problem in _problems(args.set, best, args.folders, args.only):
-                if not args.subset or Path(file).stem in SUBSET:
-                    run_file(file, problem, best[file], limit, seed)
-    rows = _stored()
-    print(summary(rows))
-    if args.report:
-        print(proofs(args.set), replans(args.set), sep="\n\n")
-        print(f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-        (args.out / "img").mkdir(parents=True, exist_ok=True)
-        plot(rows, args.out / "img" / "orienteering.png")
+    for _, problem in _problems(best, ["optw"], "r101.txt")[:1]:
+        for solver in SOLVERS.values():
+            solver(problem, 0.2, 0)
+    chosen = [
+        (file, problem)
+        for file, problem in _problems(best, folders, only)
+        if every or Path(file).stem in SUBSET
+    ]
+    for limit in limits:
+        rows = []
+        for seed in seeds:
+            for file, problem in chosen:
+                rows += run_file(file, problem, best[file], limit, seed, keep)
+        for name in SOLVERS:
+            if not (mine := [r for r in rows if r["solver"] == name]):
+                continue
+            label = f"{name}, {limit:g} s, {len(mine)} answers"
+            yield Figure(f"{label}: mean gap", statistics.mean(r["gap"] for r in mine), "%")
+            yield Figure(f"{label}: within 1 %", 100 * statistics.mean(r["gap"] <= 1 for r in mine), "%")
+            yield Figure(f"{label}: proven", 100 * statistics.mean(r["proven"] for r in mine), "%")
+
+
+def tables(rows: list[dict[str, Any]], out: Path) -> None:
+    """Print the tables of the stored rows, of proofs and of new starts, and draw the plot."""
+    print(summary(rows), proofs(FILES), replans(FILES), sep="\n\n")
+    (out / "img").mkdir(parents=True, exist_ok=True)
+    plot(rows, out / "img" / "orienteering.png")
 
 
 def _problems(
-    folder: Path, best: dict[str, dict[str, str]], wanted: list[str], only: str
+    best: dict[str, dict[str, str]], wanted: Sequence[str], only: str
 ) -> list[tuple[str, RoutingProblem]]:
     files = [f for f in best if f.split("/")[0] in wanted and only in f]
-    return [(f, read_routing_file(folder / f).problem) for f in files]
+    return [(f, read_routing_file(FILES / f).problem) for f in files]
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

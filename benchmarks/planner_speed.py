@@ -1,41 +1,69 @@
-"""Processor seconds to the first plan, to the final one, and of a re-plan from an earlier solution.
+"""Processor seconds to the first plan, to the final one, of a re-plan, and of a what-if.
 
 Each problem is planned in a fresh process (imports counted) and once more in the same, warm one. Processor
-seconds are what a quiet core would need; the wall beside them depends on what else the machine does.
-
-    .venv/bin/python -m benchmarks.planner_speed [--targets 8 10 30] [--time-limit 60]
+seconds are what a quiet core would need; the wall beside them depends on what else the machine does. The
+re-plan is from the plan at hand after the time budget fell by 7 %; the what-if asks what the same change is
+worth to the plan as it is kept, and to one planned anew.
 """
 
 from __future__ import annotations
 
-import argparse
-import importlib
 import json
 import math
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-FOLDER = Path(__file__).resolve().parents[1].parent / "shared" / "contingency"
+from benchmarks.common.clock import spent
+from benchmarks.common.figure import Figure, command
+from benchmarks.common.instances import reference
+
+if TYPE_CHECKING:
+    from planner.plan_tree import Plan
+    from planner.problem import Problem
+
 LARGE = 12
 """From so many targets on, the problem is of two observations a target, made here."""
+NAMES = {
+    "fresh_first_s": "first plan, fresh process",
+    "warm_first_s": "first plan, warm",
+    "fresh_final_s": "final plan, fresh process",
+    "warm_final_s": "final plan, warm",
+    "replan_s": "re-plan",
+    "kept_s": "what-if, the plan kept",
+    "anew_s": "what-if, planned anew",
+}
+MOST_S = {
+    (8, "fresh_first_s"): 1.0,
+    (8, "warm_final_s"): 10.0,
+    (30, "fresh_first_s"): 3.0,
+    (10, "kept_s"): 0.15,
+    (30, "kept_s"): 0.4,
+    (10, "anew_s"): 0.7,
+    (30, "anew_s"): 0.7,
+}
+QUICK = {"targets": (4,), "time_limit": 5.0}
+BUDGET_S = 900.0
+CHILD = "import sys; from benchmarks.planner_speed import child; child(sys.argv[1], float(sys.argv[2]))"
 
 
 def document(targets: int, seed: int) -> dict[str, Any]:
     """Return a problem of so many targets: of the `reserve` family, or a large one with two requests each."""
-    sys.path.insert(0, str(FOLDER))
-    generate = importlib.import_module("instance").generate
+    generate = reference("instance").generate
     found: dict[str, Any] = generate(f"reserve-{targets}", "reserve", min(targets, LARGE), seed)
     return found if targets <= LARGE else _large(found, targets, seed)
 
 
 def _large(sample: dict[str, Any], targets: int, seed: int) -> dict[str, Any]:
     """Return a problem with one image and one placement a target, of the same rover as the sample."""
-    numpy = importlib.import_module("numpy")
+    import numpy
+
     rng = numpy.random.default_rng(seed)
     spots = [(0.0, 0.0)] + [(float(rng.uniform(2, 28)), float(rng.uniform(-14, 14))) for _ in range(targets)]
     names = ["start", *(f"T{k + 1}" for k in range(targets))]
@@ -90,13 +118,14 @@ def _large(sample: dict[str, Any], targets: int, seed: int) -> dict[str, Any]:
     }
 
 
-def child(file: Path, limit_s: float) -> None:
-    """Plan twice and plan again after a change; print the figures as JSON."""
+def child(file: str, limit_s: float) -> None:
+    """Plan twice, and again after a change; print seconds, value, bound and branches as JSON."""
     from planner.plan_edits import fitted
     from planner.problem import load_problem
     from planner.solve import Progress, solve
+    from planner.what_if import candidates, what_if
 
-    problem = load_problem(file)
+    problem = load_problem(Path(file))
     row: dict[str, float] = {}
     result = None
     for which in ("fresh", "warm"):
@@ -117,54 +146,50 @@ def child(file: Path, limit_s: float) -> None:
             "branches": result.branches,
         }
     assert result is not None
-    budget = replace(problem.budget, time_s=0.93 * problem.budget.time_s)
-    for _ in range(2):
-        began = time.process_time()
-        changed = replace(problem, budget=budget)
-        warm = (fitted(changed, result.tree.plan),)
-        again = solve(changed, time_limit_s=limit_s, warm=warm, quick=True)
-        row |= {"replan_s": time.process_time() - began, "replan_value": again.expected_utility}
+    plan = result.tree.plan
+    changed = replace(problem, budget=replace(problem.budget, time_s=0.93 * problem.budget.time_s))
+    warm = (fitted(changed, plan),)
+    row["replan_s"] = _second(partial(solve, changed, time_limit_s=limit_s, warm=warm, quick=True))
+    row["kept_s"] = _second(partial(_kept, problem, changed, plan))
+    known = candidates(problem, plan)
+    row["anew_s"] = _second(partial(what_if, problem, plan, changed, known=known, max_branches=6, seed=1))
     print(json.dumps(row))
 
 
-def main() -> None:
-    """Print one row per problem, in Markdown."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--targets", type=int, nargs="*", default=[4, 6, 8, 10, 30])
-    parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--time-limit", type=float, default=300.0)
-    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
-    if arguments.child:
-        child(arguments.child, arguments.time_limit)
-        return
-    print(
-        "| targets | first, fresh | first, warm | final, warm | re-plan | wall | value | bound | branches |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|")
+def _kept(problem: Problem, changed: Problem, plan: Plan) -> None:
+    """Value the plan today and, as far as it fits, in the changed day, in the futures of a what-if."""
+    from planner.evaluate.model import Model
+    from planner.evaluate.monte_carlo import simulate
+    from planner.plan_edits import fitted
+    from planner.what_if import FUTURES
+
+    simulate(Model.of(problem), plan, FUTURES, seed=1)
+    simulate(Model.of(changed), fitted(changed, plan), FUTURES, seed=1)
+
+
+def _second(work: Callable[[], object]) -> float:
+    """Return the processor seconds of the second time, when all is compiled."""
+    work()
+    return spent(work)
+
+
+def figures(
+    targets: tuple[int, ...] = (4, 6, 8, 10, 30), seed: int = 5, time_limit: float = 300.0
+) -> Iterator[Figure]:
+    """Yield the seconds of each step, and value, bound and branches, for each number of targets."""
     with tempfile.TemporaryDirectory() as folder:
-        for targets in arguments.targets:
-            file = Path(folder) / f"{targets}.json"
-            file.write_text(json.dumps(document(targets, arguments.seed)), encoding="utf-8")
-            command = [
-                sys.executable,
-                "-m",
-                "benchmarks.planner_speed",
-                "--child",
-                str(file),
-                "--time-limit",
-                str(arguments.time_limit),
-            ]
-            out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-            r = json.loads(out.splitlines()[-1])
-            print(
-                f"| {targets} | {r['fresh_first_s']:.2f} | {r['warm_first_s']:.2f} | "
-                f"{r['warm_final_s']:.1f} | "
-                f"{r['replan_s']:.2f} | {r['wall_s']:.1f} | {r['value']:.2f} | {r['upper']:.2f} | "
-                f"{r['branches']:.0f} |",
-                flush=True,
-            )
+        for count in targets:
+            file = Path(folder) / f"{count}.json"
+            file.write_text(json.dumps(document(count, seed)), encoding="utf-8")
+            order = [sys.executable, "-c", CHILD, str(file), str(time_limit)]
+            out = subprocess.run(order, check=True, stdout=subprocess.PIPE, text=True).stdout
+            row: dict[str, float] = json.loads(out.splitlines()[-1])
+            for key, name in NAMES.items():
+                yield Figure(f"{count} targets: {name}", row[key], "s", MOST_S.get((count, key)))
+            yield Figure(f"{count} targets: final plan, wall", row["wall_s"], "s")
+            for key in ("value", "upper", "branches"):
+                yield Figure(f"{count} targets: {key}", row[key])
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

@@ -1,30 +1,28 @@
 """Speed of the temporal network: full check, one added constraint, one executed point, dispatch bound.
 
-    .venv/bin/python -m benchmarks.stn [--points 1001] [--repeat 5]
-
 Networks look like plans: a chain of tasks with durations, a third of the constraints are cross links.
-Times are CPU milliseconds; beside them stands a fixed loop of pure Python, so that machines can be compared.
+Times are processor milliseconds, medians over networks.
 """
 
 from __future__ import annotations
 
-import argparse
 import random
 import statistics
 import time
+from collections.abc import Iterator
 
+from benchmarks.common.clock import quantile
+from benchmarks.common.figure import Figure, command
 from executive.stn import ORIGIN, TemporalNetwork
 
+MOST_MS = {
+    (1001, "full check"): 20.0,
+    (1001, "add, 99th percentile"): 0.5,
+    (1001, "execute, mean"): 0.25,
+}
+QUICK = {"points": (101,), "repeat": 1}
+BUDGET_S = 120.0
 Row = tuple[int, int, int | None, int | None]
-
-
-def yardstick_ms() -> float:
-    """Return the CPU time of a fixed loop."""
-    begin = time.process_time()
-    total = 0
-    for i in range(300_000):
-        total += i * i % 7
-    return (time.process_time() - begin) * 1e3
 
 
 def plan_like(points: int, seed: int) -> tuple[list[Row], list[int]]:
@@ -57,25 +55,20 @@ def build(points: int, rows: list[Row]) -> TemporalNetwork:
     return network
 
 
-def quantile(values: list[float], q: float) -> float:
-    """Return the value below which a share `q` of the values lies."""
-    return sorted(values)[min(len(values) - 1, int(q * len(values)))]
-
-
 def measure(points: int, seed: int) -> dict[str, float]:
     """Return milliseconds of each operation on a network like a plan's."""
     rows, when = plan_like(points, seed)
     clock = time.process_time
     begin = clock()
     network = build(points, rows)
-    out = {"build ms": (clock() - begin) * 1e3}
+    out = {"build": (clock() - begin) * 1e3}
     begin = clock()
     assert network.check() is None
-    out["full check ms"] = (clock() - begin) * 1e3
+    out["full check"] = (clock() - begin) * 1e3
 
     begin = clock()
     network.relax()
-    out["relax ms"] = (clock() - begin) * 1e3
+    out["relax"] = (clock() - begin) * 1e3
 
     rng = random.Random(seed + 1)
     added = []
@@ -87,8 +80,8 @@ def measure(points: int, seed: int) -> dict[str, float]:
         network.add(a, b, int(gap * 0.8), int(gap * 1.3))
         added.append((time.process_time() - begin) * 1e3)
     assert network.consistent
-    out["add mean ms"] = statistics.fmean(added)
-    out["add p99 ms"] = quantile(added, 0.99)
+    out["add, mean"] = statistics.fmean(added)
+    out["add, 99th percentile"] = quantile(added, 0.99)
 
     executed = []
     bounds = []
@@ -102,35 +95,27 @@ def measure(points: int, seed: int) -> dict[str, float]:
         network.advance(now)
         network.execute(point, now)
         executed.append((time.process_time() - begin) * 1e3)
-    out["execute mean ms"] = statistics.fmean(executed)
-    out["execute p99 ms"] = quantile(executed, 0.99)
-    out["bound mean ms"] = statistics.fmean(bounds)
-    out["consistent at the end"] = float(network.consistent)
+    out["execute, mean"] = statistics.fmean(executed)
+    out["execute, 99th percentile"] = quantile(executed, 0.99)
+    out["dispatch bound, mean"] = statistics.fmean(bounds)
+    assert network.consistent
 
     broken = build(points, [*rows, (1, points - 1, None, (when[-1] - when[1]) // 4)])
     begin = clock()
     conflict = broken.check()
-    out["conflict ms"] = (clock() - begin) * 1e3
+    out["full check that finds a conflict"] = (clock() - begin) * 1e3
     assert conflict is not None
-    out["links of the conflict"] = float(len(conflict.links))
     return out
 
 
-def main() -> None:
-    """Measure and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--points", type=int, nargs="*", default=[101, 1001])
-    parser.add_argument("--repeat", type=int, default=5)
-    arguments = parser.parse_args()
-    print(f"yardstick {statistics.median(yardstick_ms() for _ in range(5)):.1f} ms")
-    for points in arguments.points:
-        runs = [measure(points, seed) for seed in range(arguments.repeat)]
-        print(
-            f"\n{points} points, {len(plan_like(points, 0)[0])} constraints, median of {len(runs)} networks"
-        )
+def figures(points: tuple[int, ...] = (101, 1001), repeat: int = 5) -> Iterator[Figure]:
+    """Yield the milliseconds of each operation."""
+    for count in points:
+        runs = [measure(count, seed) for seed in range(repeat)]
         for name in runs[0]:
-            print(f"  {name:24s} {statistics.median(run[name] for run in runs):10.4f}")
+            middle = statistics.median(run[name] for run in runs)
+            yield Figure(f"{count:,} points: {name}", middle, "ms", MOST_MS.get((count, name)))
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

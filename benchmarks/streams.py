@@ -1,42 +1,39 @@
 """A thousand people who follow one mission: what they cost in silence, and when a change is at all of them.
 
-    python -m benchmarks.streams [--database URL] [--listeners 1000] [--changes 60] [--one-person]
-
 One server in a process of its own under uvicorn, the listeners and whoever changes something in this one.
 Each listener has a person's own session, or with `--one-person` none (local profiles). The delay of a change
 is from the moment its request is sent until the event is at the last listener; beside it stands the same for
 the listener in the middle. The machine's other load is in these times, so beside them stands the processor
 time that a change takes from the server and from the listeners. One more listener takes nothing at all.
+`--database` is a PostgreSQL server, on which a database is made and dropped; default a fresh SQLite file.
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import json
-import os
 import resource
 import secrets
 import statistics
-import subprocess
-import sys
-import tempfile
 import time
+from collections.abc import Iterator
 
 import httpx
 
-from benchmarks.api import ROOT, cpu_s, file_mission, free_port, wait_ready
+from benchmarks.common.clock import quantile
+from benchmarks.common.figure import Figure, command
+from benchmarks.common.served import Environment, Server, file_mission, place, repository, service
 from ground.gdr.ids import new_id
-from ground.gdr.repository import open_repository
 from ground.records.actor import Role
 from ground.resources.people.authentication import COOKIE
 from ground.resources.people.credentials import open_session
 from ground.resources.people.kind import PERSON
 from ground.resources.people.row import PersonRow
-from ground.settings import load_settings
 
-IDLE_SHARE = 0.02
-DELAY_S = 0.3
+LISTENERS = 1000
+IDLE_MOST, DELAY_MOST_S = 2.0, 0.3
+"""Per cent of a core, and seconds to the last of so many listeners, 99th percentile."""
+QUICK = {"listeners": 50, "changes": 5, "idle_s": 2.0}
+BUDGET_S = 600.0
 WARM = 2
 """Changes before those that count: the first loads code that a server loads once."""
 
@@ -79,65 +76,64 @@ class Listeners:
 
 
 async def measure(
-    port: int, pid: int, mission: str, opened: list[str], given: argparse.Namespace
-) -> dict[str, float]:
+    server: Server, mission: str, opened: list[str], listeners: int, changes: int, idle_s: float
+) -> list[Figure]:
     """Return the share of a core in silence, and the delays of changes."""
-    streams = Listeners(port, mission, opened)
+    streams = Listeners(server.port, mission, opened)
     _, deaf = await streams.ask(0)
     tasks = []
-    for number in range(given.listeners):
+    for number in range(listeners):
         tasks.append(asyncio.create_task(streams.follow(number)))
         await asyncio.sleep(0.002)
-    while streams.open < given.listeners:
+    while streams.open < listeners:
         await asyncio.sleep(0.05)
     await asyncio.sleep(2.0)
-    before, began = cpu_s(pid), time.monotonic()
-    await asyncio.sleep(given.idle_s)
-    idle = (cpu_s(pid) - before) / (time.monotonic() - began)
-    middle, last = [], []
+    before, began = server.cpu_s(), time.monotonic()
+    await asyncio.sleep(idle_s)
+    idle = 100 * (server.cpu_s() - before) / (time.monotonic() - began)
+    middle: list[float] = []
+    last: list[float] = []
     headers = {"Authorization": f"Bearer {opened[0]}"} if opened else {}
-    base = f"http://127.0.0.1:{port}/api/v1"
-    async with httpx.AsyncClient(base_url=base, headers=headers, timeout=60.0) as client:
-        for number in range(-WARM, given.changes):
+    async with httpx.AsyncClient(base_url=server.api, headers=headers, timeout=60.0) as client:
+        for number in range(-WARM, changes):
             if number == 0:
-                before, mine = cpu_s(pid), time.process_time()
-                middle, last = [], []
+                before, mine = server.cpu_s(), time.process_time()
+                middle.clear()
+                last.clear()
             sent = time.perf_counter()
             body = {"subject_kind": "mission", "subject_id": mission, "text": f"{number}"}
             (await client.post(f"/missions/{mission}/comments", json=body)).raise_for_status()
             newest = (await client.get(f"/missions/{mission}/history?newest_first=true&limit=1")).json()
-            half, all_of_them = await streams.until_there(newest["items"][0]["seq"], given.listeners)
+            half, all_of_them = await streams.until_there(newest["items"][0]["seq"], listeners)
             middle.append(half - sent)
             last.append(all_of_them - sent)
             await asyncio.sleep(0.2)
-        each, mine = (cpu_s(pid) - before) / given.changes, (time.process_time() - mine) / given.changes
+        each, mine = (server.cpu_s() - before) / changes, (time.process_time() - mine) / changes
     deaf.close()
     for task in tasks:
         task.cancel()
     await asyncio.gather(*tasks, return_exceptions=True)
-    last.sort()
-    return {
-        "idle_share": idle,
-        "p50_middle_s": statistics.median(middle),
-        "p50_last_s": statistics.median(last),
-        "p99_last_s": last[min(len(last) - 1, int(len(last) * 0.99))],
-        "cpu_s_of_a_change": each,
-        "cpu_s_of_the_listeners": mine,
-    }
+    whole = listeners == LISTENERS
+    return [
+        Figure(f"{listeners:,} listeners in silence", idle, "% of a core", IDLE_MOST if whole else None),
+        Figure(
+            "event at the last listener, 99th percentile",
+            quantile(last, 0.99),
+            "s",
+            DELAY_MOST_S if whole else None,
+        ),
+        Figure("event at the last listener, median", statistics.median(last), "s"),
+        Figure("event at the listener in the middle, median", statistics.median(middle), "s"),
+        Figure("a change, of the server", 1000 * each, "ms"),
+        Figure("a change, of all listeners", 1000 * mine, "ms"),
+    ]
 
 
-def sessions(environment: dict[str, str], count: int) -> list[str]:
+def sessions(environment: Environment, count: int) -> list[str]:
     """Return the secrets of sessions of as many people."""
-    repo = open_repository(
-        load_settings(
-            data_dir=environment["OUTCROP_DATA_DIR"],
-            database_url=environment["OUTCROP_DATABASE_URL"],
-            auth=environment["OUTCROP_AUTH"],
-        )
-    )
     mark = secrets.token_hex(4)
     found = []
-    with repo.database.together():
+    with repository(environment) as repo, repo.database.together():
         for number in range(count):
             role = Role.PLANNER if number % 2 else Role.ADMIN
             hidden = {f"mis-{number}": Role.NONE.value} if number % 2 else {}  # each has to be looked at
@@ -148,48 +144,27 @@ def sessions(environment: dict[str, str], count: int) -> list[str]:
                 session.flush()
                 person = PERSON.show_one(session, row)
             found.append(open_session(repo, person))
-    repo.database.dispose()
     return found
 
 
-def main() -> None:
-    """Print the figures; end with 1 if they are beyond the limits."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--database", default="", help="SQLAlchemy address; default a fresh SQLite file")
-    parser.add_argument("--listeners", type=int, default=1000)
-    parser.add_argument("--changes", type=int, default=60)
-    parser.add_argument("--idle-s", type=float, default=30.0)
-    parser.add_argument("--one-person", action="store_true")
-    given = parser.parse_args()
+def figures(
+    database: str = "",
+    listeners: int = LISTENERS,
+    changes: int = 60,
+    idle_s: float = 30.0,
+    one_person: bool = False,
+) -> Iterator[Figure]:
+    """Yield cost in silence, delays, and processor time of a change."""
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-    port = free_port()
-    with tempfile.TemporaryDirectory(prefix="outcrop-streams-") as folder:
-        environment = {
-            **os.environ,
-            "OUTCROP_DATA_DIR": folder,
-            "OUTCROP_DATABASE_URL": given.database,
-            "OUTCROP_LOG_LEVEL": "error",
-            "OUTCROP_SERVE_WORKER": "false",
-            "OUTCROP_WARM_UP": "false",
-            "OUTCROP_AUTH": "profiles" if given.one_person else "accounts",
-        }
-        outcrop = [sys.executable, "-m", "ground.cli"]
-        subprocess.run([*outcrop, "migrate"], env=environment, check=True, cwd=ROOT)
-        service = subprocess.Popen([*outcrop, "serve", "--port", str(port)], env=environment, cwd=ROOT)
-        try:
-            asyncio.run(wait_ready(f"http://127.0.0.1:{port}/healthz"))
-            opened = [] if given.one_person else sessions(environment, given.listeners)
-            mission, _ = file_mission(f"http://127.0.0.1:{port}/api/v1", *opened[:1])
-            found = asyncio.run(measure(port, service.pid, mission, opened, given))
-        finally:
-            service.terminate()
-            service.wait(timeout=30)
-    load = os.getloadavg()[0]
-    print(json.dumps({"listeners": given.listeners, "load": load, **found}, indent=1))
-    good = found["idle_share"] <= IDLE_SHARE and found["p99_last_s"] <= DELAY_S
-    raise SystemExit(0 if good else 1)
+    with (
+        place(database, AUTH="profiles" if one_person else "accounts") as environment,
+        service(environment) as server,
+    ):
+        opened = [] if one_person else sessions(environment, listeners)
+        mission, _ = file_mission(server.api, *opened[:1])
+        yield from asyncio.run(measure(server, mission, opened, listeners, changes, idle_s))
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

@@ -1,51 +1,41 @@
-"""How fast the browser's page is: sizes, first map, first 3D frame, what-if, panning of a large timeline.
+"""How fast the browser's page is: planning, ground, long lists and runs (`benchmarks.page`), sizes,
+first map and 3D frame, what-if, panning of a large timeline.
 
-Run `python -m benchmarks.web` (needs Debian's chromium); `--write` puts the table
-into `docs/results/browser.md`.
-Wall times depend on what else the machine does, so the time that the page's main thread was on a processor
-stands beside them, and a fixed loop as yardstick.
+Needs Debian's chromium. Wall times depend on what else the machine does, so the time that the page's main
+thread was on a processor stands beside them, for what-if that of the server, and a fixed loop as yardstick.
 """
 
 from __future__ import annotations
 
-import argparse
 import gzip
-import os
 import re
 import statistics
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
-from tests.web.conftest import CHROMIUM, FLAGS, Server, build_ui, run_server
+from benchmarks.common.browser import busy_s, launch, median_pair, page_of
+from benchmarks.common.figure import Figure, command
+from benchmarks.page import ground, many, paste, planning
+from studies.common.processes import cpu_of
+from tests.web.conftest import Server, build_ui, run_server
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "results" / "browser.md"
-BEGIN, END = "<!-- benchmarks.web -->", "<!-- /benchmarks.web -->"
-REPEATS = 3
+FIRST_LOAD_MOST_KB = 300.0
+MAP_MOST_S, SCENE_MOST_S, WHAT_IF_MOST_S = 1.0, 2.0, 1.0
+FRAMES_LEAST = 20.0
+"""A second, while the timeline of `ACTIVITIES` and `BRANCHES` is dragged."""
+QUICK = {"repeat": 1}
+BUDGET_S = 1800.0
 ACTIVITIES, BRANCHES = 300, 50
 PAN_S = 4.0
 EXTRA_TARGETS = ((2.5, -6.0), (-2.0, 5.5))
 
-WATCH = """
-(() => {
-  const seen = {};
-  window.outcropSeen = seen;
-  const look = () => {
-    const map = document.querySelector('[data-testid=map]');
-    const scene = document.querySelector('[data-testid=scene]');
-    if (map?.dataset.terrain && !seen.map) seen.map = performance.now();
-    if (Number(scene?.dataset.drawn) > 0 && !seen.scene) seen.scene = performance.now();
-    requestAnimationFrame(look);
-  };
-  requestAnimationFrame(look);
-})();
-"""
 LOOP = """() => {
   const began = performance.now();
   let x = 1;
@@ -54,47 +44,11 @@ LOOP = """() => {
 }"""
 
 
-@dataclass(frozen=True)
-class Figure:
-    """One line of the table; `wall` and `cpu` as text."""
-
-    what: str
-    wall: str
-    cpu: str
-    bar: str
-
-
-@contextmanager
-def page_of(browser: Browser) -> Iterator[tuple[Page, CDPSession]]:
-    """Give a page in a context of its own that notes when the map and the scene are first drawn."""
-    context = browser.new_context(viewport={"width": 1440, "height": 900})
-    page = context.new_page()
-    page.set_default_timeout(180_000)
-    page.add_init_script(WATCH)
-    session = context.new_cdp_session(page)
-    session.send("Performance.enable", {"timeDomain": "threadTicks"})
-    try:
-        yield page, session
-    finally:
-        context.close()
-
-
-def _busy(session: CDPSession) -> float:
-    """Return the seconds that tasks kept the main thread, by its own clock (processor time)."""
-    metrics = {m["name"]: m["value"] for m in session.send("Performance.getMetrics")["metrics"]}
-    return float(metrics["TaskDuration"])
-
-
-def _median(measure: Callable[[], tuple[float, float]]) -> tuple[float, float]:
-    found = [measure() for _ in range(REPEATS)]
-    return statistics.median(w for w, _ in found), statistics.median(c for _, c in found)
-
-
 def _first(browser: Browser, address: str, what: str) -> tuple[float, float]:
     with page_of(browser) as (page, session):
         page.goto(address)
         page.wait_for_function(f"() => window.outcropSeen.{what}")
-        return float(page.evaluate(f"() => window.outcropSeen.{what}")) / 1000, _busy(session)
+        return float(page.evaluate(f"() => window.outcropSeen.{what}")) / 1000, busy_s(session)
 
 
 def large_tree(requests: list[dict[str, Any]]) -> dict[str, Any]:
@@ -143,7 +97,7 @@ def _pan(browser: Browser, address: str, tree: dict[str, Any]) -> tuple[float, f
         page.wait_for_function("() => window.outcropSeen.map")
         page.get_by_test_id("dock").wait_for()
         page.wait_for_timeout(1500)
-        before = _busy(session)
+        before = busy_s(session)
         frames = page.evaluate(
             """async ([seconds]) => {
                 const canvas = document.querySelector('[data-testid=dock]');
@@ -167,7 +121,7 @@ def _pan(browser: Browser, address: str, tree: dict[str, Any]) -> tuple[float, f
             }""",
             [PAN_S],
         )
-        return frames / PAN_S, 1000.0 * (_busy(session) - before) / frames
+        return frames / PAN_S, 1000.0 * (busy_s(session) - before) / frames
 
 
 @dataclass(frozen=True)
@@ -197,7 +151,7 @@ def _ask(page: Page, pid: int, plan: str, changes: list[dict[str, Any]]) -> list
     """Return of each answer the round trip and the processor time of the server, seconds."""
     found: list[tuple[float, float]] = []
     for body in changes:
-        before = _processor_s(pid)
+        before = cpu_of(pid)
         status, wall_ms = page.evaluate(
             """async ([url, body]) => {
                 const began = performance.now();
@@ -209,14 +163,8 @@ def _ask(page: Page, pid: int, plan: str, changes: list[dict[str, Any]]) -> list
             [f"/api/v1/plans/{plan}/what-if", body],
         )
         assert status == 200, (status, body)
-        found.append((wall_ms / 1000, _processor_s(pid) - before))
+        found.append((wall_ms / 1000, cpu_of(pid) - before))
     return found
-
-
-def _processor_s(pid: int) -> float:
-    """Return the processor time that a process has had so far, all its threads, seconds."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _twelve_targets(page: Page, server: Server) -> tuple[str, str, float, list[dict[str, Any]]]:
@@ -266,86 +214,64 @@ def _sizes() -> tuple[int, int]:
     )
 
 
-def measure() -> list[Figure]:
-    """Return every figure of the table."""
-    build_ui()
-    first, scene = _sizes()
-    figures = [
-        Figure("first load, gzip", f"{first / 1000:.0f} kB", "", "350 kB"),
-        Figure("3D view, loaded when it is opened, gzip", f"{scene / 1000:.0f} kB", "", ""),
-    ]
+def _on_its_own_server(
+    part: Callable[[Browser, Server, int], Iterator[Figure]], repeat: int
+) -> Iterator[Figure]:
     with (
         tempfile.TemporaryDirectory(prefix="outcrop-web-") as folder,
         run_server(Path(folder)) as server,
         sync_playwright() as playwright,
     ):
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        browser = launch(playwright)
+        yield from part(browser, server, repeat)
+        browser.close()
+
+
+def figures(repeat: int = 3) -> Iterator[Figure]:
+    """Yield sizes, and medians of time on the clock, each followed by its processor time."""
+    build_ui()
+    for part in (planning, ground, many, paste):
+        yield from _on_its_own_server(part.figures, repeat)
+    first, scene = _sizes()
+    yield Figure("first load, gzip", first / 1000, "kB", FIRST_LOAD_MOST_KB)
+    yield Figure("3D view, loaded when it is opened, gzip", scene / 1000, "kB")
+    with (
+        tempfile.TemporaryDirectory(prefix="outcrop-web-") as folder,
+        run_server(Path(folder)) as server,
+        sync_playwright() as playwright,
+    ):
+        browser = launch(playwright)
         with page_of(browser) as (page, _):
             page.goto(f"{server.address}/?quality=test")
-            yardstick = statistics.median(float(page.evaluate(LOOP)) for _ in range(REPEATS))
+            steps = statistics.median(float(page.evaluate(LOOP)) for _ in range(repeat))
+            yield Figure("yardstick: 30 million steps of a loop", steps, "ms")
             mission, plan, budget_s, requests = _twelve_targets(page, server)
             listed = page.request.get(
                 f"{server.address}/api/v1/missions/{mission}/keep-outs",
                 headers={"X-Outcrop-Person": "Planner"},
             ).json()
             what_if = _what_if(page, server.pid, plan, budget_s, [k["polygon_m"] for k in listed["items"]])
+        for what, (wall, spent) in (
+            ("a budget changed", what_if.budget),
+            ("a keep-out dragged", what_if.keep_out),
+            ("the first one of a server that has got ready", what_if.first),
+        ):
+            yield Figure(f"what-if, 12 targets, {what}: round trip", wall, "s", WHAT_IF_MOST_S)
+            yield Figure(f"what-if, 12 targets, {what}: server", spent, "s")
         there = f"{server.address}/?quality=test#/m/{mission}?plan={plan}"
-        shown = _median(lambda: _first(browser, there, "map"))
-        drawn = _median(lambda: _first(browser, f"{there}&view=scene", "scene"))
-        fps, per_frame = _median(lambda: _pan(browser, there, large_tree(requests)))
+        for what, address, limit in (
+            ("map", there, MAP_MOST_S),
+            ("scene", f"{there}&view=scene", SCENE_MOST_S),
+        ):
+            wall, spent = median_pair(partial(_first, browser, address, what), repeat)
+            yield Figure(f"first {what}, from the address on, software GL", wall, "s", limit)
+            yield Figure(f"first {what}: main thread", spent, "s")
+        fps, per_frame = median_pair(lambda: _pan(browser, there, large_tree(requests)), repeat)
+        dragged = f"timeline of {ACTIVITIES} activities and {BRANCHES} branches, dragged"
+        yield Figure(dragged, fps, "frames/s", FRAMES_LEAST, least=True)
+        yield Figure("a frame of it: main thread", per_frame, "ms")
         browser.close()
-    figures += [
-        Figure(
-            "first map, from the address to the drawn site", f"{shown[0]:.2f} s", f"{shown[1]:.2f} s", "1 s"
-        ),
-        Figure("first 3D frame, likewise, software GL", f"{drawn[0]:.2f} s", f"{drawn[1]:.2f} s", "2 s"),
-        *(
-            Figure(f"what-if, 12 targets, {what}, round trip", f"{w:.2f} s", f"server {s:.2f} s", "1 s")
-            for what, (w, s) in (
-                ("a budget changed", what_if.budget),
-                ("a keep-out dragged", what_if.keep_out),
-                ("the first one of a server that has got ready", what_if.first),
-            )
-        ),
-        Figure(
-            f"timeline of {ACTIVITIES} activities and {BRANCHES} branches, dragged",
-            f"{fps:.0f} frames/s",
-            f"{per_frame:.1f} ms a frame",
-            "20 frames/s",
-        ),
-        Figure("yardstick: 30 million steps of a loop", f"{yardstick:.0f} ms", "", ""),
-    ]
-    return figures
-
-
-def table(figures: list[Figure]) -> str:
-    """Return the table as Markdown."""
-    load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
-    rows = [f"| {f.what} | {f.wall} | {f.cpu} | {f.bar} |" for f in figures]
-    return "\n".join(
-        [
-            "| what | measured | processor of the main thread | wanted at most (timeline: at least) |",
-            "|---|---|---|---|",
-            *rows,
-            "",
-            f"Medians of {REPEATS}, `python -m benchmarks.web --write`; {os.cpu_count()} cores, load {load}",
-        ]
-    )
-
-
-def main() -> None:
-    """Measure, print the table, and put it into its page if asked."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", help="put the table into docs/results/browser.md")
-    arguments = parser.parse_args()
-    text = table(measure())
-    print(text)
-    if arguments.write:
-        page = PAGE.read_text(encoding="utf-8")
-        head, rest = page.split(BEGIN)
-        tail = rest.split(END)[1]
-        PAGE.write_text(f"{head}{BEGIN}\n\n{text}\n\n{END}{tail}", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    command(figures, QUICK, BUDGET_S)

@@ -8,6 +8,7 @@ Python comes from npm by `scripts/wasm/package-lock.json`.
 from __future__ import annotations
 
 import argparse
+import fcntl
 import os
 import shutil
 import subprocess
@@ -37,12 +38,14 @@ def install_pyodide() -> tuple[str, dict[str, str]]:
     """Install what the lock names if it is not there; return Node and its environment."""
     npm, environment = node_environment(os.environ)
     lock, installed = PLACE / "package-lock.json", PLACE / "node_modules" / ".package-lock.json"
-    if not installed.exists() or installed.stat().st_mtime < lock.stat().st_mtime:
-        done = subprocess.run(
-            [*npm, "ci"], cwd=PLACE, env=environment, capture_output=True, text=True, timeout=300
-        )
-        if done.returncode:
-            raise SystemExit(f"npm ci in {PLACE} ended with {done.returncode}: {done.stderr[-2000:]}")
+    with lock.open("rb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)  # npm empties the folder first: another would find it half filled
+        if not installed.exists() or installed.stat().st_mtime < lock.stat().st_mtime:
+            done = subprocess.run(
+                [*npm, "ci"], cwd=PLACE, env=environment, capture_output=True, text=True, timeout=300
+            )
+            if done.returncode:
+                raise SystemExit(f"npm ci in {PLACE} ended with {done.returncode}: {done.stderr[-2000:]}")
     return "node", environment
 
 

@@ -8,7 +8,8 @@
 ``complexity``            a function over `max-complexity` of `pyproject.toml` (ruff's C901) that is
                           none of the compiled kernels named in `house.toml`
 ``folder``                a folder with more modules than `house.toml` allows
-``untyped-signature``     ``dict[str, Any]`` in a public signature outside the codecs
+``untyped-signature``     ``dict[str, Any]`` in a public signature outside the codecs, by its own name or by
+                          one that stands for it
 ``shapes``                a public function that takes arrays and whose docstring (for a method, its own
                           or its class's) states no shape: ``[n, 3]``, ``[3]``, ``[...]`` or ``(n, 3)``;
                           "See `Base`" sends an override to what it overrides
@@ -30,7 +31,7 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -138,6 +139,7 @@ class House:
         codecs = set(self.options["codecs"])
         for codec in sorted(codecs - self.files.keys()):
             yield Finding("untyped-signature", HOUSE, f"{codec} is not a module")
+        aliases = _names_for(self.files, set(), _is_untyped)
         for file, tree in self.files.items():
             if file in codecs:
                 continue
@@ -145,12 +147,12 @@ class House:
                 continue
             for name, function in _public_functions(tree):
                 for annotation in _annotations(function):
-                    if UNTYPED.search(ast.unparse(annotation)):
+                    if _is_untyped(annotation, aliases[file]):
                         text = f"line {function.lineno}: {name} has {ast.unparse(annotation)}"
                         yield Finding("untyped-signature", file, text)
 
     def _shapes(self) -> Iterator[Finding]:
-        arrays = _array_names(self.files)
+        arrays = _names_for(self.files, ARRAYS, _is_array)
         for file, tree in self.files.items():
             if any(part.startswith("_") and not part.startswith("__") for part in Path(file).parts):
                 continue
@@ -195,27 +197,40 @@ def _public_functions(
             yield from _public_functions(node, f"{prefix}{node.name}.")
 
 
-def _array_names(files: dict[str, ast.Module]) -> dict[str, set[str]]:
-    """Return the names that stand for array types in each module: numpy's, and aliases made or imported,
-    for type checkers only too.
+Stands = Callable[[ast.expr, set[str]], bool]
+"""Whether a type is one that is looked for, given the names that stand for such in its module."""
+
+
+def _is_array(kind: ast.expr, known: set[str]) -> bool:
+    return bool(_names_in(kind) & known)
+
+
+def _is_untyped(kind: ast.expr, known: set[str]) -> bool:
+    return bool(UNTYPED.search(ast.unparse(kind)) or _names_in(kind) & known)
+
+
+def _names_for(files: dict[str, ast.Module], names: set[str], stands: Stands) -> dict[str, set[str]]:
+    """Return the names that stand for a type in each module: those given, and aliases made or imported, for
+    type checkers only too.
     """
-    names = {file: set(ARRAYS) for file in files}
+    found = {file: set(names) for file in files}
     growing = True
     while growing:
         growing = False
         for file, tree in files.items():
             guarded = [inner for node in tree.body if isinstance(node, ast.If) for inner in node.body]
-            found = {n for node in (*tree.body, *guarded) for n in _array_aliases(node, names, names[file])}
-            growing |= not found <= names[file]
-            names[file] |= found
-    return names
+            more = {n for node in (*tree.body, *guarded) for n in _aliases(node, found, found[file], stands)}
+            growing |= not more <= found[file]
+            found[file] |= more
+    return found
 
 
-def _array_aliases(node: ast.stmt, names: dict[str, set[str]], known: set[str]) -> Iterator[str]:
+def _aliases(node: ast.stmt, names: dict[str, set[str]], known: set[str], stands: Stands) -> Iterator[str]:
     if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
-        if isinstance(node.value, ast.Name | ast.Attribute | ast.Subscript | ast.BinOp):
+        told = isinstance(node, ast.AnnAssign) and "TypeAlias" in _names_in(node.annotation)
+        if told or isinstance(node.value, ast.Name | ast.Attribute | ast.Subscript | ast.BinOp):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            if _names_in(node.value) & known:
+            if stands(node.value, known):
                 yield from (t.id for t in targets if isinstance(t, ast.Name))
     elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
         base = node.module.replace(".", "/")

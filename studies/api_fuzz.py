@@ -54,7 +54,7 @@ from ground.jobs.row import JobRow
 from ground.jobs.worker import Worker
 from ground.resources.people.accounts import ensure_profiles
 from ground.settings import load_settings
-from studies.service_kills import drop_database, own_database
+from studies.common.databases import own_database
 
 CHECKS = [
     not_a_server_error,
@@ -466,17 +466,15 @@ def main() -> None:
     asked = parser.parse_args()
     logging.disable(logging.WARNING)
     print(f"seed {asked.seed}", flush=True)
-    own, name = own_database(asked.database) if asked.database else ("", "")
     found, processes = Found(), multiprocessing.get_context("spawn")
-    try:
-        with tempfile.TemporaryDirectory(prefix="outcrop-fuzz-") as folder:
-            order = begun(Path(folder), own, asked.seed, asked.processor_s)
-            while found.used_s < asked.processor_s:
-                with ProcessPoolExecutor(1, mp_context=processes) as pool:
-                    found = pool.submit(walked, order, found).result()
-    finally:
-        if name:
-            drop_database(asked.database, name)
+    with (
+        own_database(asked.database) as own,
+        tempfile.TemporaryDirectory(prefix="outcrop-fuzz-") as folder,
+    ):
+        order = begun(Path(folder), own, asked.seed, asked.processor_s)
+        while found.used_s < asked.processor_s:
+            with ProcessPoolExecutor(1, mp_context=processes) as pool:
+                found = pool.submit(walked, order, found).result()
     total = sum(len(set(METHODS) & set(path)) for path in document().values())
     print(
         f"{'postgresql' if asked.database else 'sqlite'}, seed {asked.seed}: {found.used_s:.0f} s of "

@@ -9,8 +9,10 @@ Dask worker, as many of the scheduler, as many of the `outcrop worker`, while ro
 scheduler stays away while jobs are asked for. In the end each job has succeeded, each was settled once, each
 run has the trace and products that its seed has in this process without a cluster, each plan the CRL.
 
-A process is killed when it is up again and a job has made progress since the kill before. Of two Dask
-workers one may be killed while the other has all the work: the kills are an upper bound of those that met it.
+A process is killed when it is up again, a job has made progress since the kill before, and at a random
+instant after that it has work: a Dask worker or the scheduler by the scheduler's word at that instant, the
+`outcrop worker` by the rows. An instant without work is let pass and another drawn, so that every kill
+counted has met some; how many were let pass is printed.
 """
 
 from __future__ import annotations
@@ -28,11 +30,14 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import httpx
+from distributed import Client
+from distributed.comm import CommClosedError
 from sqlalchemy import func, make_url, select
 
 from ground.app.job_kinds import job_kinds
@@ -57,11 +62,13 @@ from ground.resources.sols.create_sol import create_sol
 from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import create_target
 from ground.settings import ExecutorKind, load_settings
+from studies.common.databases import own_database
+from studies.common.processes import free_port
 from studies.nursery import start
-from studies.service_kills import drop_database, free_port, own_database
 
 LEASE_S = 3.0
-ATTEMPTS = 20
+ATTEMPTS = 100
+"""More than there are kills: one job may be met by each, and is to end well all the same."""
 PATIENCE_S = 240.0
 """Jobs that are not over so long after the last kill, or never in their middle, stand for a hang."""
 SEEDS = 6
@@ -74,6 +81,8 @@ PLANNER = Actor("Planner", Role.PLANNER)
 DASK_WORKERS = ("dask-worker-0", "dask-worker-1")
 KINDS = (DASK_WORKERS, ("scheduler",), ("worker",))
 STUDY_S = 0.05
+SCHEDULER_S = 2.0
+"""Longest wait for the scheduler's word of who works; it may just have been killed."""
 BEGUN = 0.02
 """Progress of work that has begun."""
 
@@ -130,6 +139,17 @@ class Machines:
             process.kill()
             _join(process)
 
+    def at_work(self) -> set[str]:
+        """Return the names of the Dask workers that have work now, by the scheduler's word."""
+        try:
+            with Client(self.scheduler, timeout=SCHEDULER_S, set_as_default=False) as client:
+                known = client.scheduler_info(n_workers=-1)["workers"]
+                return {
+                    str(known[at]["name"]) for at, work in client.processing().items() if work and at in known
+                }
+        except (OSError, TimeoutError, CommClosedError):
+            return set()
+
     def end(self) -> None:
         """Kill all for good."""
         self.ending.set()
@@ -158,7 +178,16 @@ class Machines:
     def _dask(self, name: str) -> subprocess.Popen[bytes]:
         given = ["scheduler", "--host", "127.0.0.1", "--port", str(self.scheduler_port), "--no-dashboard"]
         if name != "scheduler":
-            given = ["worker", self.scheduler, "--nthreads", "2", "--no-nanny", "--no-dashboard"]
+            given = [
+                "worker",
+                self.scheduler,
+                "--name",
+                name,
+                "--nthreads",
+                "2",
+                "--no-nanny",
+                "--no-dashboard",
+            ]
             given += ["--local-directory", str(self.folder / name)]
         with (self.folder / "dask.log").open("ab") as log:
             command = [sys.executable, "-m", "dask", *given]
@@ -290,6 +319,19 @@ def undisturbed(day: Day) -> list[str]:
     return asked
 
 
+def _with_work(day: Day, machines: Machines, names: tuple[str, ...]) -> str | None:
+    """Return one of these processes that has work at a random instant from now; None if none has."""
+    time.sleep(day.rng.uniform(0.0, 0.5))
+    if names == ("worker",):
+        busy = set(names) if day.progress() else set()
+    else:
+        busy = machines.at_work()
+        if busy and names == ("scheduler",):
+            busy = set(names)
+    up = [name for name in names if name in busy and machines.lives(name)]
+    return day.rng.choice(up) if up else None
+
+
 def kills(day: Day, machines: Machines, count: int) -> tuple[Counter[str], list[str]]:
     """Kill so many of each kind while jobs run; return what was met, and the subjects asked for."""
     found: Counter[str] = Counter()
@@ -299,13 +341,15 @@ def kills(day: Day, machines: Machines, count: int) -> tuple[Counter[str], list[
         for number in range(count):
             while day.count("queued", "running") < IN_FLIGHT:
                 asked.append(day.ask_any())
-            victim = day.rng.choice(names)
-            until(lambda victim=victim: machines.lives(victim), f"a {victim} that is up")
-            until(lambda before=before: day.goes_on(before), "a job that goes on")
-            time.sleep(day.rng.uniform(0.0, 0.5))
-            with day.repo.database.read() as session:
-                query = select(func.count()).select_from(JobRow).where(JobRow.state == "running")
-                found["jobs running at a kill"] += int(session.scalar(query) or 0)
+            until(partial(day.goes_on, before), "a job that goes on")
+            began = time.monotonic()
+            while (victim := _with_work(day, machines, names)) is None:
+                found["instants without work"] += 1
+                if not day.count("queued", "running"):
+                    asked.append(day.ask_any())
+                if time.monotonic() - began > PATIENCE_S:
+                    raise SystemExit(f"{names[0]} had no work within {PATIENCE_S:g} s")
+            found["jobs running at a kill"] += day.count("running")
             before = day.progress()
             machines.kill(victim)
             found[f"kills of a {names[0].removesuffix('-0')}"] += 1
@@ -450,13 +494,11 @@ def main() -> None:
     parser.add_argument("--database", default="", help="a PostgreSQL server; empty = SQLite")
     asked = parser.parse_args()
     began = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="outcrop-cluster-", ignore_cleanup_errors=True) as folder:
-        address, name = own_database(asked.database) if asked.database else ("", "")
-        try:
-            good = study(Path(folder), address, asked.kills, asked.away_s, asked.seed)
-        finally:
-            if name:
-                drop_database(asked.database, name)
+    with (
+        tempfile.TemporaryDirectory(prefix="outcrop-cluster-", ignore_cleanup_errors=True) as folder,
+        own_database(asked.database) as address,
+    ):
+        good = study(Path(folder), address, asked.kills, asked.away_s, asked.seed)
     kind = make_url(address).get_backend_name() if address else "sqlite"
     print(f"{kind}, seed {asked.seed}, {time.monotonic() - began:.0f} s, good: {good}")
     raise SystemExit(0 if good else 1)

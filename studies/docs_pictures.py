@@ -17,15 +17,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import grimp
-import matplotlib as mpl
-
-mpl.use("svg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import FancyBboxPatch
 
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import load_problem
 from planner.solve import solve
+from studies.common.drawing import BLUE, GREY, INK, ORANGE, PAPER, save
 from studies.common.pages import table, write_section
 
 if TYPE_CHECKING:
@@ -36,7 +34,6 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 PROBLEM = ROOT / "examples" / "first_plan" / "three-rocks.json"
-INK, PAPER, BLUE, ORANGE, GREY = "#263238", "#ffffff", "#1565c0", "#e65100", "#90a4ae"
 TINTS = {
     "ground": "#fff3e0",
     "planner": "#e3f2fd",
@@ -53,7 +50,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--out", type=Path, default=Path("docs"))
     docs = parser.parse_args().out
-    mpl.rcParams.update({"svg.hashsalt": "outcrop", "svg.fonttype": "none", "font.family": "sans-serif"})
     problem = load_problem(PROBLEM)
     results = [solve(problem, max_branches=count, time_limit_s=20) for count in range(MOST + 1)]
     images = docs / "img"
@@ -83,13 +79,6 @@ def figures(results: list[PlanResult]) -> str:
         [str(r.branches), f"{r.expected_utility:.2f}", f"{r.lower:.2f}", f"{r.upper:.2f}"] for r in results
     ]
     return table(["branches", "expected utility", "lower", "upper"], rows)
-
-
-def save(path: Path) -> None:
-    """Write the picture without a date, so that the same picture is the same file."""
-    plt.savefig(path, format="svg", metadata={"Date": None}, bbox_inches="tight", facecolor=PAPER)
-    plt.close()
-    path.write_text("\n".join(line.rstrip() for line in path.read_text().splitlines()) + "\n")
 
 
 def canvas(width: float, height: float) -> Axes:

@@ -4,6 +4,7 @@
     python -m studies.domains --out docs --seed 734112          # the same seeds again
     python -m studies.domains --tuning                          # seeds that constants were set on;
     writes nothing
+    python -m studies.domains --out docs --trackers             # odometry alone
 
 Domains: (a) the own renderer, (b) its geometry under the grain, albedo and blur of real Mars frames, (c) real
 stereo pairs turned and zoomed by known geometry and compressed to 1 to 4 bits a pixel. Targets follow a plain
@@ -190,9 +191,9 @@ def report(figures: Figures, seeds: Seeds, docs: Path) -> None:
         ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True
     ).stdout.strip()
     note = f"Seeds {seeds.values[0]} to {seeds.values[-1]}, drawn when the command ran; commit {commit}."
-    write_section(
-        docs, "tracking", "domains", f"{note}\n\n{tracker_table(figures)}\n{odometry_table(figures)}"
-    )
+    if figures.rows:
+        write_section(docs, "tracking", "domains", f"{note}\n\n{tracker_table(figures)}")
+    write_section(docs, "tracking", "odometry", f"{note}\n\n{odometry_table(figures)}")
 
 
 def main() -> None:
@@ -203,7 +204,7 @@ def main() -> None:
     parser.add_argument("--faults", type=int, default=4)
     parser.add_argument("--seed", type=int)
     parser.add_argument("--tuning", action="store_true")
-    parser.add_argument("--trackers", nargs="+", choices=list(MAKE), default=list(MAKE))
+    parser.add_argument("--trackers", nargs="*", choices=list(MAKE), default=list(MAKE))
     parser.add_argument("--imagery", type=Path, default=SHARED / "data/imagery")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "domains")
     arguments = parser.parse_args()

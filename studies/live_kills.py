@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.errors import ExecutiveError
-from executive.runtime.journal import JournalFile
+from executive.runtime.journal import JournalFile, never_began
 from executive.runtime.recovery import recorded_trace, replay
 from executive.runtime.wire import Address
 from executive.runtime.wire.contract import as_lines, check_wire
@@ -212,6 +212,9 @@ def judge_rover_run(site: Site, log: Path, outcome: Outcome) -> None:
     begun = [tuple(entry[1]) for entry in log_of(log) if entry[0] == "begin"]
     if len(begun) != len(set(begun)):
         outcome.problems.append(f"carried out twice: {begun}")
+    if outcome.ended and not begun and never_began(site.run / "journal.jsonl"):
+        outcome.ended += ", never began"  # the executive had not met it: nothing has left
+        return
     records = JournalFile(site.run / "journal.jsonl").records
     if replay(records) != recorded_trace(records):
         outcome.problems.append("the journal does not replay")

@@ -15,6 +15,7 @@ import statistics
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 from executive.ports import Acknowledgement
@@ -22,6 +23,11 @@ from studies.live_kills import put, quantile
 from tests.ros2.processes import EXAMPLE, Drive, Ros, until
 
 STAMP = re.compile(r"\[INFO\] \[([\d.]+)\] \[turtle_server\]: (.+)")
+
+
+def _told(ros: Ros, words: str, times: int) -> bool:
+    """Return whether the robot has said so more often than this."""
+    return len(stamps(ros, words)) > times
 
 
 def measure(ros: Ros, goals: int) -> dict[str, list[float]]:
@@ -33,14 +39,14 @@ def measure(ros: Ros, goals: int) -> dict[str, list[float]]:
     for n in range(goals):
         sent = time.time()
         command = drive.send("navigate", f"go-{n}", x=80.0, y=float(n % 2))
-        until(lambda n=n: len(stamps(ros, "a goal has come")) > n)  # type: ignore[misc]
+        until(partial(_told, ros, "a goal has come", n))
         time.sleep(0.1)
         aborted = time.time()
         drive.rover.abort(command)
         answer = drive.answer(command)
         told = time.time()
         assert isinstance(answer, Acknowledgement)
-        until(lambda n=n: len(stamps(ros, "stopped")) > n)  # type: ignore[misc]
+        until(partial(_told, ros, "stopped", n))
         found["came"].append(1000 * (stamps(ros, "a goal has come")[n] - sent))
         found["stood"].append(1000 * (stamps(ros, "stopped")[n] - aborted))
         found["told"].append(1000 * (told - aborted))

@@ -22,17 +22,27 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.contingency.bounds import relaxed_bound, upper_bound
+from planner.contingency.bounds import MARGIN, relaxed_bound, upper_bound
+from planner.contingency.by_place.bound import ng_bound
 from planner.contingency.flow_bound import flow_bound
+from planner.contingency.policy import Moves, Policy
+from planner.evaluate.majorant import Majorant
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.problem import Problem
 from planner.solve import PlanStatus, solve
+from planner.tally import tallied
 from tests.planner.examples import visits
 from tests.planner.reference.optimum import optimum
 from tests.planner.reference.problems import FAMILIES, generated
 
 FUTURES = 4000
+ABOVE_NODES = ((9, 8), (17, 19), (33, 38))
+"""Grids of functions above the value, in turn: coarse ones add most."""
+
+BY_PLACES_S = 1.5
+"""Limit of the bound with a memory of each place, s."""
+
 SLACK = 1e-6
 """Relative: the solver's tolerance."""
 
@@ -67,14 +77,18 @@ def main() -> None:
             break
         family, number = FAMILIES[k % len(FAMILIES)], int(rng.integers(1 << 30))
         problem, must = generated(family, number), rng.random() < 0.15
+        must = must and bool(problem.targets[0].observations)
         model = Model.of(problem)
         best = optimum(problem)
         slack = SLACK * max(1.0, best)
         done += 1
+        nodes = ABOVE_NODES[k // len(FAMILIES) % len(ABOVE_NODES)]
         for name, value in (
             ("table", upper_bound(model, limit_s=0.1).value),
+            ("above", Policy(Majorant(model, *nodes), moves=Moves.ALL).best() * (1.0 + MARGIN)),
             ("starts", relaxed_bound(model).value),
             ("drives", flow_bound(model, limit_s=1.0)),
+            ("places", _by_places(model)),
         ):
             if value < best - slack:
                 bad.append(f"{family} {number}: bound {name} {value:.4f} is below {best:.4f}")
@@ -102,6 +116,11 @@ def main() -> None:
     out.write_text(
         json.dumps({"seed": seed, "problems": done, "bad": bad}, indent=1) + "\n", encoding="utf-8"
     )
+
+
+def _by_places(model: Model) -> float:
+    with tallied():
+        return ng_bound(model, limit_s=BY_PLACES_S)
 
 
 def _with_must(problem: Problem) -> Problem:

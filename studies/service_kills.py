@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import random
 import secrets
-import socket
 import sys
 import tempfile
 import threading
@@ -29,7 +28,6 @@ from typing import Any
 
 import httpx
 from sqlalchemy import Engine, create_engine, func, make_url, select, text
-from sqlalchemy.engine import URL
 
 from ground.gdr.history import EventRow, verify_chains
 from ground.gdr.migrate import migrate
@@ -45,6 +43,8 @@ from ground.resources.sols.create_sol import create_sol
 from ground.resources.targets.row import TargetRow
 from ground.resources.uploads.row import UploadRow
 from ground.settings import load_settings
+from studies.common.databases import own_database
+from studies.common.processes import free_port
 from studies.killed_uplink import EXECUTE, INGEST, Uplink
 from studies.nursery import start
 
@@ -58,13 +58,6 @@ STUDY = "study"
 """Name of the study's own connections, which are not killed."""
 KINDS = ("server", "worker", EXECUTE, INGEST)
 CONNECTION = "connection"
-
-
-def free_port() -> int:
-    """Return a port of this machine that nobody listens on."""
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return int(listener.getsockname()[1])
 
 
 @dataclass
@@ -336,29 +329,6 @@ def _as_study(address: str) -> str:
     return named.render_as_string(hide_password=False)
 
 
-def own_database(address: str) -> tuple[str, str]:
-    """Return the addresses of a new database on a PostgreSQL server, and of the server."""
-    settings = load_settings(database_url=address)
-    server = make_url(settings.database_address)
-    name = f"outcrop_study_{secrets.token_hex(4)}"
-    _run(server, f'CREATE DATABASE "{name}"')
-    return server.set(database=name).render_as_string(hide_password=False), name
-
-
-def drop_database(address: str, name: str) -> None:
-    """Drop a database that `own_database` made."""
-    _run(
-        make_url(load_settings(database_url=address).database_address), f'DROP DATABASE "{name}" WITH (FORCE)'
-    )
-
-
-def _run(server: URL, statement: str) -> None:
-    engine = create_engine(server, isolation_level="AUTOCOMMIT")
-    with engine.connect() as connection:
-        connection.execute(text(statement))
-    engine.dispose()
-
-
 def main() -> None:
     """Print the counts; end with 1 if anything was lost, done twice or refused."""
     parser = argparse.ArgumentParser(
@@ -369,16 +339,14 @@ def main() -> None:
     parser.add_argument("--database", default="", help="a PostgreSQL server; empty = SQLite")
     asked = parser.parse_args()
     begun = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="outcrop-kills-") as folder:
-        address, name = own_database(asked.database) if asked.database else ("", "")
-        address = address or f"sqlite:///{Path(folder) / 'outcrop.db'}"
-        try:
-            found = study(Path(folder), address, asked.kills, asked.seed)
-        finally:
-            if name:
-                drop_database(asked.database, name)
+    with (
+        tempfile.TemporaryDirectory(prefix="outcrop-kills-") as folder,
+        own_database(asked.database) as own,
+    ):
+        address = own or f"sqlite:///{Path(folder) / 'outcrop.db'}"
+        found = study(Path(folder), address, asked.kills, asked.seed)
     wall_s = time.monotonic() - begun
-    print(f"{'postgresql' if name else 'sqlite'}, seed {asked.seed}, {wall_s:.0f} s: {dict(found)}")
+    print(f"{'postgresql' if own else 'sqlite'}, seed {asked.seed}, {wall_s:.0f} s: {dict(found)}")
     print({word: found[word] for word in BAD})
     raise SystemExit(1 if any(found[word] for word in BAD) else 0)
 

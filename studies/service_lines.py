@@ -27,8 +27,8 @@ from typing import Any
 import httpx
 import psycopg
 
-from studies.common.processes import answers, children, cpu_of, resident_mib, size_of, until
-from studies.service_kills import drop_database, free_port, own_database
+from studies.common.databases import own_database
+from studies.common.processes import answers, children, cpu_of, free_port, resident_mib, size_of, until
 
 ROOT = Path(__file__).parents[1]
 WORKERS = 3
@@ -218,9 +218,10 @@ def streams(site: Site, times: int) -> None:
 
 
 def dry_runs(site: Site, plan: str, count: int) -> None:
-    """Fly a plan so often, one after the other."""
+    """Fly a plan so often, one after the other, when each process has loaded what the work needs."""
     other = f"/missions/{site.missions[1]}/runs"
-    site.over(site.post(other, {"plan_id": plan, "rover": "abstract", "seed": 1})["id"])
+    first = [{"plan_id": plan, "rover": "abstract", "seed": 1 + k} for k in range(8 * WORKERS)]
+    site.over(*(site.post(other, order)["id"] for order in first))
     time.sleep(2.0)
     used, size = site.cpu_s(), size_of(site.folder / "data")
     for seed in range(count):
@@ -258,25 +259,21 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=50)
     parser.add_argument("--jobs", type=int, default=300)
     given = parser.parse_args()
-    address, name = own_database(given.database)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            site = Site(Path(folder), address)
-            try:
-                print(f"load {os.getloadavg()[0]:.1f}")
-                silence(site, given.silence_s)
-                order = {"iterations": 200, "time_limit_s": 60.0, "max_branches": 2}
-                job = site.post(f"/missions/{site.missions[1]}/plans", order)
-                site.over(job["id"])
-                plan = site.clients[0].get(f"/jobs/{job['id']}").json()["subject_id"]
-                dry_runs(site, plan, given.runs)
-                memory(site, plan, given.jobs, first=20)
-                streams(site, given.times)
-                waits(site, plan, given.times)
-            finally:
-                site.end()
-    finally:
-        drop_database(given.database, name)
+    with own_database(given.database) as address, tempfile.TemporaryDirectory() as folder:
+        site = Site(Path(folder), address)
+        try:
+            print(f"load {os.getloadavg()[0]:.1f}")
+            silence(site, given.silence_s)
+            order = {"iterations": 200, "time_limit_s": 60.0, "max_branches": 2}
+            job = site.post(f"/missions/{site.missions[1]}/plans", order)
+            site.over(job["id"])
+            plan = site.clients[0].get(f"/jobs/{job['id']}").json()["subject_id"]
+            dry_runs(site, plan, given.runs)
+            memory(site, plan, given.jobs, first=20)
+            streams(site, given.times)
+            waits(site, plan, given.times)
+        finally:
+            site.end()
 
 
 if __name__ == "__main__":

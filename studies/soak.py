@@ -33,8 +33,8 @@ import httpx
 
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.training import Team, make_team
-from studies.common.processes import answers, children, cpu_of, resident_mib, size_of, until
-from studies.service_kills import drop_database, free_port, own_database
+from studies.common.databases import own_database
+from studies.common.processes import answers, children, cpu_of, free_port, resident_mib, size_of, until
 from tests.ground.approving import signed_by_all
 
 ROOT = Path(__file__).parents[1]
@@ -272,13 +272,11 @@ def main() -> None:
     if asked.sols <= EARLY:
         parser.error(f"--sols is {asked.sols}; the last sol is compared with sol {EARLY}")
     print(f"seed {asked.seed}, load {os.getloadavg()[0]:.1f}", flush=True)
-    own, name = own_database(asked.database) if asked.database else ("", "")
-    try:
-        with tempfile.TemporaryDirectory(prefix="outcrop-soak-") as folder:
-            holds = study(Path(folder), own, asked.sols, asked.minutes, asked.seed)
-    finally:
-        if name:
-            drop_database(asked.database, name)
+    with (
+        own_database(asked.database) as own,
+        tempfile.TemporaryDirectory(prefix="outcrop-soak-") as folder,
+    ):
+        holds = study(Path(folder), own, asked.sols, asked.minutes, asked.seed)
     raise SystemExit(0 if holds else 1)
 
 

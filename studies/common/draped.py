@@ -18,6 +18,24 @@ from studies.common.tracking_worlds import Array
 Grey = npt.NDArray[np.float32]
 
 
+COARSEST = 64
+"""Texels of the frame to one of the coarsest level: 13 cm on the surface at least, a pixel 100 m away."""
+
+
+def halved(grain: Grey) -> list[Grey]:
+    """Return a texture (rows, columns) and coarser levels of it, each exactly half of the one before.
+
+    Cut so that the edge texels of all levels coincide: textures are reflected at their edges, and where those
+    lie apart a coarse level slides along the surface as it is seen from nearer by.
+    """
+    import cv2
+
+    levels = [grain[tuple(slice((n - 1) // COARSEST * COARSEST + 1) for n in grain.shape)]]
+    for _ in range(round(math.log2(COARSEST))):
+        levels.append(cv2.pyrDown(levels[-1]))
+    return levels
+
+
 class Drape:
     """Brightness of surfaces by the ground of one real frame, as fine as wanted.
 
@@ -37,9 +55,7 @@ class Drape:
         ground = whole[round(0.55 * rows) : round(0.97 * rows), round(0.05 * rows) : round(0.95 * rows)]
         slow = cv2.GaussianBlur(ground, (0, 0), 60.0)
         grain = np.clip(ground / np.maximum(slow, 1e-3), 0.3, 2.2).astype(np.float32)
-        self.levels = [grain]
-        while min(self.levels[-1].shape) > 8:
-            self.levels.append(cv2.pyrDown(self.levels[-1]))
+        self.levels = halved(grain)
         self.pixel_m = float(rng.uniform(0.002, 0.005))
         """Size of a texel on the surface: a navcam's pixel at 2.5 to 6 m, from where the ground was taken."""
         self.shift = rng.uniform(0, 1000, (4, 2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,13 @@ import httpx
 TICKS = os.sysconf("SC_CLK_TCK")
 """Of the kernel's clock in a second."""
 PATIENCE_S = 600.0
+
+
+def free_port() -> int:
+    """Return a port of this machine that nobody listens on."""
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])
 
 
 def answers(client: httpx.Client, path: str) -> bool:
@@ -48,6 +56,11 @@ def cpu_of(pid: int) -> float:
     except OSError:
         return 0.0
     return sum(int(fields[n]) for n in (11, 12, 13, 14)) / TICKS
+
+
+def cpu_of_all(pid: int) -> float:
+    """Return user and system seconds of a process and of all that run below it."""
+    return sum(map(cpu_of, (pid, *children(pid))))
 
 
 def resident_mib(pid: int) -> float:

@@ -71,7 +71,9 @@ def test_every_pattern_runs_in_the_page_as_the_page_says(site: str) -> None:
         assert buttons.count() == len(EXAMPLES)
         for number, (title, _, world) in enumerate(EXAMPLES):
             buttons.first.click()
-            run = came_of(page, number)["run"]
+            came = came_of(page, number)
+            assert "run" in came, (title, came)
+            run = came["run"]
             assert run["events"] == json.loads(world)["trace"], title
         assert errors == []
         assert {url for url in asked if not url.startswith((site, "blob:", "data:"))} == set()

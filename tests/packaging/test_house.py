@@ -19,6 +19,22 @@ FAULTS = {
     "planner/forgotten.py": "",
     "planner/tangled.py": f"def tangle(x: int) -> int:\n{DEEP}    return -1\n",
     "executive/untyped.py": "def plan(day: dict[str, list[int]]) -> 'Mapping[str, Any]':\n    return day\n",
+    "executive/documents.py": """
+from typing import Any, TypeAlias
+Form = dict[str, Any]
+Forms: TypeAlias = "list[Form]"
+""",
+    "executive/hidden.py": """
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+if TYPE_CHECKING:
+    from executive.documents import Forms as Pages
+Typed = Mapping[str, object]
+
+
+def read(forms: "Pages | None") -> Typed:
+    return {}
+""",
     "planner/shapeless.py": """
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -61,7 +77,9 @@ class Kept:
     def near(self, points: Reals) -> None:
         '''See `Moved`.'''
 """,
-    "executive/uses_them.py": "import executive.untyped, planner.shapeless, planner.tangled\n",
+    "executive/uses_them.py": (
+        "import executive.hidden, executive.untyped, planner.shapeless, planner.tangled\n"
+    ),
     "mission/astray.py": "",
     "mission/first.py": "import mission.second\n",
     "mission/second.py": "import mission.first\n",
@@ -136,6 +154,7 @@ def imports(with_faults: Path) -> str:
         "complexity: planner/tangled.py: line 1: `tangle` is too complex (17 > 15)",
         "folder: web: 32 modules; a folder holds at most 30",
         "untyped-signature: executive/untyped.py: line 1: plan has 'Mapping[str, Any]'",
+        "untyped-signature: executive/hidden.py: line 9: read has 'Pages | None'",
         "shapes: planner/shapeless.py: line 11: scaled states no shape of values, more",
         "shapes: planner/shapeless.py: line 37: Kept.__init__ states no shape of points",
         "py-typed: web: web/py.typed is missing",
@@ -155,6 +174,11 @@ def test_house_asks_for_shapes_only_where_a_public_function_takes_an_array(house
     told = [line for line in house.splitlines() if line.startswith("shapes: ")]
     assert {line.split(": ")[1] for line in told} == {"planner/shapeless.py"}
     assert len(told) == 2
+
+
+def test_house_looks_behind_the_names_of_types_and_no_further(house: str) -> None:
+    told = [line for line in house.splitlines() if "executive/hidden.py" in line]
+    assert len(told) == 1
 
 
 def test_named_kernel_counts_only_if_it_is_compiled(house: str) -> None:

@@ -93,12 +93,13 @@ def test_compose_file_fits_the_compose_schema() -> None:
 
 def test_compose_file_runs_api_worker_and_postgresql() -> None:
     services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
-    assert set(services) == {"migrate", "api", "worker", "db", "proxy", "signer"}
+    assert set(services) == {"migrate", "api", "worker", "db", "proxy", "signer", "scheduler", "dask-worker"}
     assert services["db"]["image"].startswith("postgres:")
     assert services["api"]["command"][:2] == ["outcrop", "serve"]
     assert services["worker"]["command"] == ["outcrop", "worker"]
     for name in ("api", "worker"):
-        assert services[name]["environment"]["OUTCROP_DATABASE_URL"].startswith("postgresql+psycopg://")
+        url = services[name]["environment"]["OUTCROP_DATABASE_URL"]
+        assert url.startswith("${OUTCROP_DATABASE_URL:-postgresql+psycopg://")
 
 
 def test_compose_commands_exist() -> None:
@@ -136,6 +137,18 @@ def test_help_loads_no_heavy_library() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_help_is_whole_and_drawn_without_rich() -> None:
+    code = "import sys\nfrom ground.cli.main import main\ntry: main()\nfinally: print('rich' in sys.modules)"
+    for words, told in (
+        ((), "Plan a mission's day on the server. Needs a server."),
+        (("mission",), "Needs no"),
+    ):
+        order = [sys.executable, "-c", code, *words, "--help"]
+        done = subprocess.run(order, cwd=ROOT, capture_output=True, text=True, check=True)
+        assert told in " ".join(done.stdout.split())
+        assert done.stdout.split()[-1] == "False"
 
 
 def test_wheel_names_every_room() -> None:

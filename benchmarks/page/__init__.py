@@ -1,0 +1,1 @@
+"""What `benchmarks.web` measures of the browser's page, a module for each kind of thing."""
