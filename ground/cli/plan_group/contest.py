@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import platform
-import secrets
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,6 +51,8 @@ def run(
 
     The bound on every policy comes from the planner `outcrop`, whether or not it takes part.
     """
+    import platform
+    import secrets
     from importlib.metadata import version
 
     from planner.contest.board import Entry, append, read_board, table
