@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -62,15 +62,11 @@ class Codec(Generic[T]):
         self._kind, self.format, self.what = kind, format, what
         self._upgrades, self._error = dict(upgrades or {}), error
 
-    def __getstate__(self) -> dict[str, Any]:
-        # The adapter holds compiled code; another process makes its own.
-        return {name: held for name, held in self.__dict__.items() if name != "_adapter"}
-
-    @cached_property
+    @property
     def _adapter(self) -> TypeAdapter[T]:
-        from pydantic import TypeAdapter
-
-        return TypeAdapter(self._kind)
+        kind: Any = self._kind
+        made: TypeAdapter[T] = _adapter_of(kind)
+        return made
 
     def read(self, text: str | bytes, where: str = "") -> T:
         """Return the value in a JSON text; `where` it is from stands before each message.
@@ -170,6 +166,17 @@ class Codec(Generic[T]):
         way = tuple(_true_way(first["loc"], members, missing=missing))
         place = _named_way(way, members)
         return self._wrong(f"{place} {_sentence(first)}".strip(), where, way)
+
+
+@cache
+def _adapter_of(kind: Any) -> TypeAdapter[Any]:
+    """Return what reads and writes a class: a codec that another process was sent finds it made there.
+
+    Making it takes as long as flying a short plan.
+    """
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(kind)
 
 
 def read_object(path: Path, error: type[Exception] = FormatError, what: str = "") -> dict[str, Any]:

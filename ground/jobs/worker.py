@@ -83,6 +83,9 @@ class Worker:
     TOLD_LOOK_S = 5.0
     """Where the database tells what waits and what is to stop: for leases that ran out, and words lost."""
 
+    YOUNG_S = 0.15
+    """Work tells no progress before: short work is over by then, and a row written costs a tenth of it."""
+
     CANCEL_S = 0.3
     """Least time between two looks whether a job is to stop."""
 
@@ -346,7 +349,7 @@ class Worker:
         seen = self._progress(running)
         if not running.lease.ours and running.stopping_since is None:
             self._ask_to_stop(running)
-        if seen != running.seen:
+        if seen != running.seen and now - running.began >= self.YOUNG_S:
             ours, cancel = renew(self.repo, running.claim, *seen)
             running.seen, running.renewed = seen, now
             if (cancel or not ours) and running.stopping_since is None:

@@ -10,9 +10,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypedDict
 
+from executive.engine.spec import PlanSpec
 from executive.ports import (
     Acknowledgement,
     Command,
@@ -28,6 +30,7 @@ from executive.ports import (
 )
 from executive.runtime.journal import FileJournal, Sink, record_of
 from executive.runtime.lines import line_of
+from executive.runtime.loading import load_plan
 from executive.runtime.session import RunOutcome, Session
 from ground import durable
 from ground.durable import DRAFT, put_in_place
@@ -245,7 +248,8 @@ def fly(
     file = FileJournal.create(folder / "journal.jsonl", sync=sync)
     journal: Sink = _Repeating(file, repeats) if repeats else file
     try:
-        session = Session(crl_text, recorder, run_id=run_id, journal=journal, listeners=listeners)
+        session = Session(_loaded(crl_text), recorder, run_id=run_id, journal=journal, listeners=listeners)
+        session.plan_text = crl_text  # the journal begins with the text as it came
         session.start()
         for heard in operator:
             session.inject(heard)
@@ -301,6 +305,12 @@ def write_run(
     else:
         draft.replace(done)
     return Flight(folder, outcome, tuple(samples), document)
+
+
+@lru_cache(maxsize=2)
+def _loaded(crl_text: str) -> PlanSpec:
+    """Return a plan ready to run: one plan is flown again and again, with other seeds."""
+    return load_plan(crl_text)
 
 
 class _Repeating:

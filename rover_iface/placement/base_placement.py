@@ -10,7 +10,7 @@ remote instrument the rover stands at a distance with a free line of sight.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from mission.instrument import Use
 from rover_iface.errors import PlacementError
 from rover_iface.frames import Pose, wrap_angle
-from rover_iface.mobility import Standing, settle
+from rover_iface.mobility import Standing, belly_gap, settle
 from rover_iface.placement.room import room_to_stand
 from rover_iface.profile import RoverProfile
 from rover_iface.terrain.terrain import Terrain
@@ -54,13 +54,13 @@ class ObservationPoint:
 
 @dataclass(frozen=True, slots=True)
 class _Rule:
-    """One reason to refuse a candidate: where it holds, what is wrong, and the best figure of all
-    candidates.
+    """One reason to refuse a candidate: where it holds, and in words, which are made when they are asked for,
+    what is wrong with the best figure of all candidates.
     """
 
     name: str
     bad: NDArray[np.bool_]
-    text: str
+    text: Callable[[], str]
 
 
 def place_base(
@@ -115,20 +115,37 @@ def place_base(
     origin = start if start is not None else Pose(0.0, 0.0)
     contact = figures.contact
     x, y, heading = _candidates(profile, px, py, origin, contact, figures.standoff_m)
-    standing = settle(terrain, profile, x, y, heading)
     here = np.array([px, py, pz])
+    standing = settle(terrain, profile, x, y, heading, belly=False)
     if contact:
         reach, tilt, rules = _arm_rules(profile, here, up, x, y, heading, standing)
     else:
-        reach, tilt, rules = _view_rules(terrain, profile, here, up, x, y, standing, figures.standoff_m)
+        reach, tilt, rules = _view_rules(profile, here, up, standing, x, y, figures.standoff_m)
     rules = [*_ground_rules(profile, standing, x, y, keep_out), *rules]
-    bad = np.zeros(len(x), dtype=bool)
-    for rule in rules:
-        bad |= rule.bad
-    if bad.all():
+    nearest = _least(reach)
+    most = _score(profile, origin, here, contact, x, y, heading, standing, reach, tilt, nearest)
+    most[_any(rules)] = -1.0
+
+    def worth(those: NDArray[np.intp]) -> Array:
+        """Return what some candidates [k] are worth with all that takes long; below 0 where they fall out."""
+        there = x[those], y[those], heading[those]
+        fit = _those(standing, those)
+        gap = standing.belly_gap[those] = fit.belly_gap[...] = belly_gap(terrain, profile, *there, fit)
+        clear = gap >= MARGIN_M
+        if not contact:
+            clear[clear] = _in_sight(terrain, profile, here, *(v[clear] for v in (*there[:2], fit.z)))
+        found = _score(profile, origin, here, contact, *there, fit, reach[those], tilt[those], nearest)
+        found *= 0.3 + 0.7 * room_to_stand(terrain, profile, here, *there, fit)
+        found[~clear] = -1.0
+        return found
+
+    best = _best((x, y, heading), most, worth, count)
+    if not best:
+        whole = settle(terrain, profile, x, y, heading)
+        rules = [*rules, _clearance_rule(whole)]
+        if not contact:
+            rules.append(_sight_rule(terrain, profile, here, x, y, whole))
         raise _refusal(target, instrument, rules)
-    score = _score(profile, origin, here, contact, x, y, heading, standing, reach, tilt)
-    score[bad] = -1.0
     return [
         ObservationPoint(
             Pose(
@@ -141,51 +158,59 @@ def place_base(
             ),
             target,
             instrument,
-            worth,
+            value,
             float(reach[k]),
             float(tilt[k]),
             float(standing.slope[k]),
             float(standing.belly_gap[k]),
         )
-        for k, worth in _best(terrain, profile, here, (x, y, heading), standing, score, count)
+        for k, value in best
     ]
 
 
+def _any(rules: Sequence[_Rule]) -> NDArray[np.bool_]:
+    """Return which candidates [n] any rule refuses."""
+    bad = np.zeros(len(rules[0].bad), dtype=bool)
+    for rule in rules:
+        bad |= rule.bad
+    return bad
+
+
+def _those(standing: Standing, chosen: NDArray[np.intp]) -> Standing:
+    """Return how the rover stands in some of the poses, by their indices [k]."""
+    return Standing(*(getattr(standing, f.name)[chosen] for f in fields(standing)))
+
+
 FIRST_LOOK = 24
-"""Candidates whose room is worked out at first, for it takes long; on generated ground (seed 1) the best pose
-is among them for 9 of 10 targets.
+"""Candidates that are looked at closely at first, for it takes long; on generated ground (seed 1) the best
+pose is among them for 9 of 10 targets.
 """
 
 
 def _best(
-    terrain: Terrain,
-    profile: RoverProfile,
-    point: Array,
     places: tuple[Array, Array, Array],
-    standing: Standing,
-    score: Array,
+    most: Array,
+    worth: Callable[[NDArray[np.intp]], Array],
     count: int,
 ) -> list[tuple[int, float]]:
-    """Return the best candidates that stand apart, and what each is worth with the room it has.
+    """Return the best candidates that stand apart, and what each is worth.
 
-    Room makes a candidate worth less and never more: those whose `score` [n] without it is below what was
-    found need not be looked at. `places` are x, y and heading [n], m and rad; a score below 0 is out.
+    A close look makes a candidate worth less than `most` [n] and never more: those for which that is below
+    what was found need not be looked at. `places` are x, y and heading [n], m and rad; one below 0 is out.
     """
     x, y, heading = places
-    order = np.argsort(-score, kind="stable")
-    order = order[score[order] >= 0]
-    worth = np.full(len(score), -1.0)
+    order = np.argsort(-most, kind="stable")
+    order = order[most[order] >= 0]
+    value = np.full(len(most), -1.0)
     looked, wanted = 0, FIRST_LOOK
     while True:
         new = order[looked:wanted]
-        fit = Standing(*(getattr(standing, f.name)[new] for f in fields(standing)))
-        room = room_to_stand(terrain, profile, point, x[new], y[new], heading[new], fit)
-        worth[new] = score[new] * (0.3 + 0.7 * room)
+        value[new] = worth(new)
         looked = wanted
-        least = -1.0 if looked >= len(order) else float(score[order[looked]])
+        least = -1.0 if looked >= len(order) else float(most[order[looked]])
         found: list[tuple[int, float]] = []
-        for k in np.argsort(-worth, kind="stable"):
-            if worth[k] <= least or len(found) == count:
+        for k in np.argsort(-value, kind="stable"):
+            if value[k] <= least or len(found) == count:
                 break
             close = any(
                 math.hypot(x[j] - x[k], y[j] - y[k]) < 0.25
@@ -193,7 +218,7 @@ def _best(
                 for j, _ in found
             )
             if not close:
-                found.append((int(k), float(worth[k])))
+                found.append((int(k), float(value[k])))
         if len(found) == count or looked >= len(order):
             return found
         wanted = 3 * looked
@@ -233,13 +258,15 @@ def check_observation_point(
     if figures.contact:
         reach, tilt, rules = _arm_rules(profile, here, up, x, y, heading, standing, share=1.0)
     else:
-        reach, tilt, rules = _view_rules(terrain, profile, here, up, x, y, standing, figures.standoff_m)
+        reach, tilt, rules = _view_rules(profile, here, up, standing, x, y, figures.standoff_m)
+        rules.append(_sight_rule(terrain, profile, here, x, y, standing))
     off_terrain, *others = _ground_rules(profile, standing, x, y, keep_out)
-    rules = [off_terrain, *rules, *others]  # without a stand there are no figures for the others
+    # Without a stand there are no figures for the others.
+    rules = [off_terrain, *rules, *others, _clearance_rule(standing)]
     for rule in rules:
         if bool(rule.bad[0]):
             raise PlacementError(
-                f"observation point ({pose.x:.2f}, {pose.y:.2f}) for target {target}: {rule.text}",
+                f"observation point ({pose.x:.2f}, {pose.y:.2f}) for target {target}: {rule.text()}",
                 {rule.name: 1},
             )
     score = _score(
@@ -253,6 +280,7 @@ def check_observation_point(
         standing,
         reach,
         tilt,
+        _least(reach),
     )
     score *= 0.3 + 0.7 * room_to_stand(terrain, profile, here, x, y, heading, standing)
     settled = Pose(
@@ -300,33 +328,60 @@ def _ground_rules(
     unknown = ~np.isfinite(standing.z)
     slope = np.nan_to_num(standing.slope, nan=0.0)
     tilt = np.nan_to_num(standing.tilt, nan=0.0)
-    gap = np.nan_to_num(standing.belly_gap, nan=0.0)
     step = np.nan_to_num(standing.step, nan=0.0)
     inside = np.zeros(len(x), dtype=bool)
     for polygon in keep_out:
         inside |= inside_polygon(x, y, polygon)
     return [
-        _Rule("terrain", unknown, "the rover would stand off the terrain"),
-        _Rule("keep-out", inside, "it lies in a keep-out region"),
+        _Rule("terrain", unknown, lambda: "the rover would stand off the terrain"),
+        _Rule("keep-out", inside, lambda: "it lies in a keep-out region"),
         _Rule(
             "slope",
             (slope > mobility.max_slope_rad) | (tilt > mobility.max_tilt_rad),
-            f"the ground slopes by {math.degrees(slope.min()):.0f} degrees or more; "
-            f"the rover stands on {math.degrees(mobility.max_slope_rad):.0f}",
-        ),
-        _Rule(
-            "clearance",
-            gap < MARGIN_M,
-            f"the ground comes within {100 * max(0.0, gap.max()):.0f} cm of the body; "
-            f"{100 * MARGIN_M:.0f} cm must be left",
+            lambda: (
+                f"the ground slopes by {math.degrees(slope.min()):.0f} degrees or more; "
+                f"the rover stands on {math.degrees(mobility.max_slope_rad):.0f}"
+            ),
         ),
         _Rule(
             "step",
             step > mobility.max_step_m,
-            f"wheels stand on steps of {100 * step.min():.0f} cm or more; "
-            f"the rover takes {100 * mobility.max_step_m:.0f} cm",
+            lambda: (
+                f"wheels stand on steps of {100 * step.min():.0f} cm or more; "
+                f"the rover takes {100 * mobility.max_step_m:.0f} cm"
+            ),
         ),
     ]
+
+
+def _clearance_rule(standing: Standing) -> _Rule:
+    """Return what the ground under the body refuses."""
+    gap = np.nan_to_num(standing.belly_gap, nan=0.0)
+    return _Rule(
+        "clearance",
+        gap < MARGIN_M,
+        lambda: (
+            f"the ground comes within {100 * max(0.0, gap.max()):.0f} cm of the body; "
+            f"{100 * MARGIN_M:.0f} cm must be left"
+        ),
+    )
+
+
+def _in_sight(
+    terrain: Terrain, profile: RoverProfile, point: Array, x: Array, y: Array, z: Array
+) -> NDArray[np.bool_]:
+    """Return from which places [n] on known ground at height `z` [n] the mast sees the point."""
+    eye = np.stack([x, y, z + profile.mast.height_m], axis=-1)
+    return terrain.line_of_sight(eye, np.broadcast_to(point, eye.shape))
+
+
+def _sight_rule(
+    terrain: Terrain, profile: RoverProfile, point: Array, x: Array, y: Array, standing: Standing
+) -> _Rule:
+    """Return what the ground between mast and target refuses."""
+    hidden = np.isfinite(standing.z)
+    hidden[hidden] = ~_in_sight(terrain, profile, point, x[hidden], y[hidden], standing.z[hidden])
+    return _Rule("sight", hidden, lambda: "the ground hides the target from the mast")
 
 
 def _least(values: Array) -> float:
@@ -370,54 +425,60 @@ def _arm_rules(
         _Rule(
             "reach",
             safe > arm.reach_m * share,
-            f"the target is {nearest:.2f} m from the arm's shoulder; the arm reaches {arm.reach_m:.2f} m",
+            lambda: (
+                f"the target is {nearest:.2f} m from the arm's shoulder; the arm reaches {arm.reach_m:.2f} m"
+            ),
         ),
         _Rule(
             "too close",
             safe < arm.min_reach_m,
-            f"the target is {nearest:.2f} m from the arm's shoulder; "
-            f"the arm works from {arm.min_reach_m:.2f} m",
+            lambda: (
+                f"the target is {nearest:.2f} m from the arm's shoulder; "
+                f"the arm works from {arm.min_reach_m:.2f} m"
+            ),
         ),
         _Rule(
             "azimuth",
             np.abs(azimuth) > arm.azimuth_limit_rad,
-            f"the target is {math.degrees(float(np.abs(azimuth).min())):.0f} degrees off the arm's middle; "
-            f"the arm turns {math.degrees(arm.azimuth_limit_rad):.0f}",
+            lambda: (
+                f"the target is {math.degrees(float(np.abs(azimuth).min())):.0f} degrees off the arm's "
+                f"middle; the arm turns {math.degrees(arm.azimuth_limit_rad):.0f}"
+            ),
         ),
         _Rule(
             "height",
             ~((height >= low) & (height <= high)),
-            f"the target is {float(height[np.argmin(safe)]):.2f} m above the wheels; "
-            f"the arm works from {low:.2f} to {high:.2f} m",
+            lambda: (
+                f"the target is {float(height[np.argmin(safe)]):.2f} m above the wheels; "
+                f"the arm works from {low:.2f} to {high:.2f} m"
+            ),
         ),
         _Rule(
             "normal",
             tilt > arm.max_tool_tilt_rad,
-            f"the tool would stand {math.degrees(_least(tilt)):.0f} degrees or more off the "
-            f"surface normal; {math.degrees(arm.max_tool_tilt_rad):.0f} are allowed",
+            lambda: (
+                f"the tool would stand {math.degrees(_least(tilt)):.0f} degrees or more off the "
+                f"surface normal; {math.degrees(arm.max_tool_tilt_rad):.0f} are allowed"
+            ),
         ),
     ]
     return reach, tilt, rules
 
 
 def _view_rules(
-    terrain: Terrain,
     profile: RoverProfile,
     point: Array,
     up: Array,
+    standing: Standing,
     x: Array,
     y: Array,
-    standing: Standing,
     standoff_m: float,
 ) -> tuple[Array, Array, list[_Rule]]:
-    """Return range [n], angle of view off the normal [n], and the rules of a remote observation."""
+    """Return range [n], angle of view off the normal [n], and the rules of a remote observation but sight."""
     eye = np.stack([x, y, standing.z + profile.mast.height_m], axis=-1)
     view = eye - point
     distance = np.linalg.norm(view, axis=-1)
     angle = np.arccos(np.clip(view @ up / distance, -1.0, 1.0))
-    known = np.isfinite(standing.z)
-    clear = np.zeros(len(x), dtype=bool)
-    clear[known] = terrain.line_of_sight(eye[known], np.broadcast_to(point, (int(known.sum()), 3)))
     limit = max(2.5 * standoff_m, standoff_m + 1.5)
     return (
         distance,
@@ -426,14 +487,15 @@ def _view_rules(
             _Rule(
                 "range",
                 np.nan_to_num(distance, nan=np.inf) > limit,
-                f"the target is {_least(distance):.2f} m away; {limit:.2f} m is the limit",
+                lambda: f"the target is {_least(distance):.2f} m away; {limit:.2f} m is the limit",
             ),
-            _Rule("sight", known & ~clear, "the ground hides the target from the mast"),
             _Rule(
                 "angle",
                 np.nan_to_num(angle, nan=0.0) > math.radians(85),
-                f"the surface is seen {math.degrees(_least(angle)):.0f} degrees off its normal "
-                "or more; 85 are allowed",
+                lambda: (
+                    f"the surface is seen {math.degrees(_least(angle)):.0f} degrees off its normal "
+                    "or more; 85 are allowed"
+                ),
             ),
         ],
     )
@@ -464,8 +526,12 @@ def _score(
     standing: Standing,
     reach: Array,
     tilt: Array,
+    nearest_m: float,
 ) -> Array:
-    """Return the worth of each candidate, 0 to 1: a product of terms that are 1 when ideal."""
+    """Return the worth of each candidate, 0 to 1: a product of terms that are 1 when ideal.
+
+    `nearest_m` is the least reach of all candidates, also of those that are not asked about.
+    """
     mobility = profile.mobility
     come = math.atan2(origin.y - point[1], origin.x - point[0])
     side = np.arctan2(y - point[1], x - point[0]) - come
@@ -482,7 +548,7 @@ def _score(
         facing = np.arctan2(point[1] - y, point[0] - x) - heading
         straight = 0.9 + 0.1 * np.cos(facing)
     else:
-        fit = 1.0 - 0.2 * np.clip(reach / max(1e-6, _least(reach)) - 1.0, 0, 1)
+        fit = 1.0 - 0.2 * np.clip(reach / max(1e-6, nearest_m) - 1.0, 0, 1)
         tool = 0.4 + 0.6 * np.cos(np.clip(tilt, 0, math.pi / 2))
         straight = np.ones_like(reach)
     score: Array = np.nan_to_num(approach * level * gap * flat * fit * tool * straight, nan=0.0)
@@ -504,7 +570,7 @@ def _refusal(target: str, instrument: str, rules: Sequence[_Rule]) -> PlacementE
     decisive = max(rules, key=lambda rule: (bool(rule.bad.all()), saved(rule), counts.get(rule.name, 0)))
     listing = ", ".join(f"{name} {n}" for name, n in sorted(counts.items(), key=lambda item: -item[1]))
     return PlacementError(
-        f"target {target} has no observation point for {instrument}: {decisive.text} "
+        f"target {target} has no observation point for {instrument}: {decisive.text()} "
         f"(of {total} poses fall out for {listing})",
         counts,
     )

@@ -130,13 +130,13 @@ def test_the_terrain_is_asked_before_the_database_is_held(
     from ground.gdr.database import in_act
     from ground.resources.targets import create_target
 
-    asked, ask = [], create_target.ground_at
+    asked, ask = [], create_target.surfaces_at
 
     def note(*given: Any) -> Any:
-        asked.append(in_act())
+        asked.extend([in_act()] * len(given[1]))
         return ask(*given)
 
-    monkeypatch.setattr(create_target, "ground_at", note)
+    monkeypatch.setattr(create_target, "surfaces_at", note)
     api.post(f"/missions/{mission.id}/targets/bulk", {"create": places(5)}, status=200)
     assert asked == [False] * 5
 

@@ -344,7 +344,7 @@ def test_the_terrain_is_asked_before_the_database_is_held(
     api, mission = world
     held: list[int] = []
     asked: list[bool] = []
-    write, ground_at = Database.write, create_target.ground_at
+    write, surfaces_at = Database.write, create_target.surfaces_at
 
     @contextlib.contextmanager
     def watched(database: Database) -> Iterator[Session]:
@@ -356,11 +356,11 @@ def test_the_terrain_is_asked_before_the_database_is_held(
                 held.pop()
 
     def seen(*given: Any) -> Any:
-        asked.append(bool(held))
-        return ground_at(*given)
+        asked.extend([bool(held)] * len(given[1]))
+        return surfaces_at(*given)
 
     monkeypatch.setattr(Database, "write", watched)
-    monkeypatch.setattr(create_target, "ground_at", seen)
+    monkeypatch.setattr(create_target, "surfaces_at", seen)
     table = "kind,name,east_m,north_m\n" + "".join(f"target,F{n},{n},1\n" for n in range(5))
     upload_id = upload(api, "good.csv", table.encode())
     assert len(api.post(f"/missions/{mission}/geometry", {"upload_id": upload_id})["targets"]) == 5

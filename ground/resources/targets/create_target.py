@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from sqlalchemy import func, select
@@ -24,7 +24,7 @@ from ground.resources.targets.row import TargetRow
 from ground.resources.targets.rules import free_name
 from ground.resources.targets.tie_target import tied_target
 from ground.resources.targets.value import Target
-from ground.resources.terrains.terrain import ground_at
+from ground.resources.terrains.terrain import Surface, surfaces_at
 
 if TYPE_CHECKING:
     from rover_iface.terrain import Terrain
@@ -106,14 +106,22 @@ def foresee_targets(
     """Return what making many targets takes long for; the error where the terrain says nothing of a point."""
     with repo.database.read() as session:
         terrain, start = _ground(repo, session, mission_id)
-        found: list[Foreseen | GroundError] = []
+        settled: list[TargetCreate | GroundError] = []
         for one in given:
             try:
-                settled = target_in_site(session, mission_id, one)
-                found.append((settled, _columns_at(terrain, start, settled.east_m, settled.north_m)))
+                settled.append(target_in_site(session, mission_id, one))
             except GroundError as err:
-                found.append(err)
-        return found
+                settled.append(err)
+    there = [(one.east_m, one.north_m) for one in settled if not isinstance(one, GroundError)]
+    columns = iter(_columns_at(terrain, start, there))
+    found: list[Foreseen | GroundError] = []
+    for form in settled:
+        if isinstance(form, GroundError):
+            found.append(form)
+        else:
+            here = next(columns)
+            found.append(here if isinstance(here, GroundError) else (form, here))
+    return found
 
 
 def target_columns(
@@ -128,7 +136,10 @@ def target_columns(
     UnobservedGroundError
         If it has one that no camera saw.
     """
-    return _columns_at(*_ground(repo, session, mission_id), east_m, north_m)
+    (found,) = _columns_at(*_ground(repo, session, mission_id), [(east_m, north_m)])
+    if isinstance(found, GroundError):
+        raise found
+    return found
 
 
 def _ground(repo: Repository, session: Session, mission_id: str) -> tuple[Terrain, Pose]:
@@ -137,22 +148,24 @@ def _ground(repo: Repository, session: Session, mission_id: str) -> tuple[Terrai
     return mission_terrain(repo, session, mission_id), start
 
 
-def _columns_at(terrain: Terrain, start: Pose, east_m: float, north_m: float) -> Columns:
-    point = ground_at(terrain, east_m, north_m, start)
+def _columns_at(
+    terrain: Terrain, start: Pose, points: Sequence[tuple[float, float]]
+) -> list[Columns | GroundError]:
+    """Return what the terrain says of points (east, north), m; why nothing can be made where it says so."""
+    return [
+        found if isinstance(found, GroundError) else _columns_of(found)
+        for found in surfaces_at(terrain, points, start)
+    ]
+
+
+def _columns_of(point: Surface) -> Columns | GroundError:
     if not point.observed:
-        raise UnobservedGroundError(
-            f"the ground at ({east_m:.2f}, {north_m:.2f}) was never observed, its height is filled in; "
-            "a target has to be a point that was seen",
+        return UnobservedGroundError(
+            f"the ground at ({point.east_m:.2f}, {point.north_m:.2f}) was never observed, its height is "
+            "filled in; a target has to be a point that was seen",
             pointer="/east_m",
         )
-    return {
-        "east_m": east_m,
-        "north_m": north_m,
-        "up_m": point.up_m,
-        "normal": point.normal,
-        "slope_rad": point.slope_rad,
-        "covariance_m2": point.covariance_m2,
-    }
+    return {f.name: getattr(point, f.name) for f in fields(point) if f.name != "observed"}
 
 
 @dataclass(frozen=True, slots=True)

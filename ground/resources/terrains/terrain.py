@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -168,6 +168,19 @@ def show_terrain(row: TerrainRow) -> TerrainValue:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """The ground at a point, and how well it is known from a stereo pair."""
+
+    east_m: float
+    north_m: float
+    up_m: float
+    normal: list[float]
+    slope_rad: float
+    covariance_m2: list[list[float]]
+    observed: bool
+
+
 def ground_at(terrain: Terrain, east_m: float, north_m: float, eye: Pose) -> TerrainPoint:
     """Return the ground at a point and how well it is known from a stereo pair over the pose `eye`.
 
@@ -176,39 +189,53 @@ def ground_at(terrain: Terrain, east_m: float, north_m: float, eye: Pose) -> Ter
     OutsideTerrainError
         If the terrain has no height there.
     """
+    (found,) = surfaces_at(terrain, [(east_m, north_m)], eye)
+    if isinstance(found, OutsideTerrainError):
+        raise found
+    camera, point = camera_over(terrain, eye), (east_m, north_m, found.up_m)
+    names = zip(("inner", "outer"), terrain.layers, strict=False)
+    layer = next((n for n, item in names if _covers(item.bounds, east_m, north_m)), "outer")
+    return TerrainPoint(
+        **asdict(found),
+        range_m=math.dist(camera, point),
+        in_view=bool(terrain.line_of_sight(camera, point, clearance_m=SINK_M, end_gap_m=0.05)),
+        layer=layer,
+    )
+
+
+def surfaces_at(
+    terrain: Terrain, points: Sequence[tuple[float, float]], eye: Pose
+) -> list[Surface | OutsideTerrainError]:
+    """Return the ground at points (east, north), m, and how well each is known from a stereo pair over the
+    pose `eye`; the error where the terrain has no height.
+    """
+    import numpy as np
+
     from rover_iface.errors import OutsideTerrainError as Outside
     from rover_iface.terrain import stereo_covariance
 
-    try:
-        up = terrain.height_at(east_m, north_m)
-    except Outside as err:
-        raise OutsideTerrainError(str(err), pointer="/east_m") from err
+    east, north = np.array(points, dtype=float).reshape(-1, 2).T
+    up, normal = terrain.height(east, north), terrain.normal(east, north, 0.2)
+    slope, observed = terrain.slope(east, north), terrain.observed(east, north)
+    camera = camera_over(terrain, eye)
+    found: list[Surface | OutsideTerrainError] = []
+    for k, (x, y) in enumerate(points):
+        try:
+            terrain.require_inside(x, y)
+        except Outside as err:
+            found.append(OutsideTerrainError(str(err), pointer="/east_m"))
+            continue
+        here = (x, y, float(up[k]))
+        known = stereo_covariance(camera, here, focal_px=FOCAL_PX, baseline_m=BASELINE_M)
+        tilt, seen = float(slope[k]), bool(observed[k])
+        found.append(Surface(x, y, round(here[2], 4), normal[k].tolist(), tilt, known.tolist(), seen))
+    return found
+
+
+def camera_over(terrain: Terrain, eye: Pose) -> tuple[float, float, float]:
+    """Return where the mast's cameras are, site frame, m, when the rover stands at a pose."""
     base = float(terrain.height(eye.east_m, eye.north_m))
-    camera = (eye.east_m, eye.north_m, (0.0 if math.isnan(base) else base) + CAMERA_HEIGHT_M)
-    distance = math.dist(camera, (east_m, north_m, up))
-    covariance = stereo_covariance(camera, (east_m, north_m, up), focal_px=FOCAL_PX, baseline_m=BASELINE_M)
-    layer = next(
-        (
-            n
-            for n, item in zip(("inner", "outer"), terrain.layers, strict=False)
-            if _covers(item.bounds, east_m, north_m)
-        ),
-        "outer",
-    )
-    return TerrainPoint(
-        east_m=east_m,
-        north_m=north_m,
-        up_m=round(up, 4),
-        normal=[float(c) for c in terrain.normal(east_m, north_m, 0.2)],
-        slope_rad=float(terrain.slope(east_m, north_m)),
-        covariance_m2=[[float(c) for c in line] for line in covariance],
-        range_m=distance,
-        observed=bool(terrain.observed(east_m, north_m)),
-        in_view=bool(
-            terrain.line_of_sight(camera, (east_m, north_m, up), clearance_m=SINK_M, end_gap_m=0.05)
-        ),
-        layer=layer,
-    )
+    return eye.east_m, eye.north_m, (0.0 if math.isnan(base) else base) + CAMERA_HEIGHT_M
 
 
 def _covers(bounds: tuple[float, float, float, float], east_m: float, north_m: float) -> bool:

@@ -6,6 +6,7 @@ import { listen, type Stream } from "../api/stream";
 import type {
   Comment,
   Draft,
+  Event,
   Finding,
   Job,
   KeepOut,
@@ -41,6 +42,10 @@ import { PresenceState } from "./presence.svelte";
 import type { WhatIfState } from "./what-if.svelte";
 
 const RELOAD_MS = 120;
+/** A list is read when nothing of it changed for so long: an act on 500 rows is told row by row. */
+const CALM_MS = 60;
+/** But it does not wait for calm longer than this. */
+const RELOAD_MOST_MS = 1000;
 /** Between two looks at the best plan so far: it is drawn within 0.3 s after it was found. */
 const DRAFT_MS = 80;
 /** Ids of the server: three letters for the kind, and 13 of chance. */
@@ -72,6 +77,15 @@ export interface Found {
   at_s: number;
   value: number;
   upper: number | null;
+}
+
+/** A list that is to be read soon. */
+interface Pending {
+  timer: ReturnType<typeof setTimeout>;
+  since: number;
+  last: number;
+  /** Revisions that were told, by id, null where it went: with all of them here, nothing is read. Null: read anyway. */
+  told: Map<string, number | null> | null;
 }
 
 const NO_FOCUS: Focus = {
@@ -216,7 +230,7 @@ export class MissionState {
   readonly presence: PresenceState;
   private stream: Stream | null = null;
   private readonly jobStreams = new Map<string, Stream>();
-  private readonly pending = new Map<string, ReturnType<typeof setTimeout>>();
+  private readonly pending = new Map<string, Pending>();
   private closed = false;
   private planLoaded = "";
 
@@ -272,14 +286,14 @@ export class MissionState {
     this.closed = true;
     this.stream?.close();
     for (const stream of this.jobStreams.values()) stream.close();
-    for (const timer of this.pending.values()) clearTimeout(timer);
+    for (const { timer } of this.pending.values()) clearTimeout(timer);
   }
 
   private changed(data: unknown): void {
     if (typeof data !== "object" || data === null || !("kind" in data)) return;
-    const kind = String(data.kind);
-    this.soon(kind);
-    if (kind === "target") this.soon("observation_request");
+    const { kind, subject_id: id, action, after } = data as Event;
+    this.soon(kind, [id, typeof after?.revision === "number" ? after.revision : null]);
+    if (kind === "target" && action !== "create") this.soon("observation_request");
     if (["target", "observation_request", "keep_out", "sol"].includes(kind)) {
       // Whatever was computed from the old state is stale now; the server says which.
       this.soon("path_network");
@@ -288,15 +302,39 @@ export class MissionState {
     if (kind === "run") this.soon("product");
   }
 
-  private soon(kind: string): void {
-    if (this.pending.has(kind)) return;
-    this.pending.set(
-      kind,
-      setTimeout(() => {
-        this.pending.delete(kind);
-        void app.attempt("Following the changes of others", () => this.reload(kind));
-      }, RELOAD_MS),
-    );
+  /** Read a list when its changes are over; `told` is the id of one and its revision then, null where it went. */
+  private soon(kind: string, told: readonly [string, number | null] | null = null): void {
+    const now = performance.now();
+    const waiting = this.pending.get(kind);
+    if (waiting === undefined) {
+      const timer = setTimeout(() => this.followUp(kind), RELOAD_MS);
+      this.pending.set(kind, { timer, since: now, last: now, told: told === null ? null : new Map([told]) });
+      return;
+    }
+    waiting.last = now;
+    if (told === null) waiting.told = null;
+    else waiting.told?.set(...told);
+  }
+
+  private followUp(kind: string): void {
+    const waiting = this.pending.get(kind);
+    if (waiting === undefined) return;
+    const now = performance.now();
+    if (now - waiting.last < CALM_MS && now - waiting.since < RELOAD_MOST_MS) {
+      waiting.timer = setTimeout(() => this.followUp(kind), CALM_MS);
+      return;
+    }
+    this.pending.delete(kind);
+    if (waiting.told !== null && [...waiting.told].every(([id, revision]) => this.isHere(kind, id, revision))) return;
+    void app.attempt("Following the changes of others", () => this.reload(kind));
+  }
+
+  /** Whether what is held of a thing is at least that new. */
+  private isHere(kind: string, id: string, revision: number | null): boolean {
+    const held = { target: this.targetById, observation_request: this.requestById }[kind];
+    if (held === undefined) return false;
+    const known = held.get(id);
+    return revision === null ? known === undefined : known !== undefined && known.revision >= revision;
   }
 
   /** Ask for what tells its place; again if the person chose another reference meanwhile. */
@@ -307,7 +345,7 @@ export class MissionState {
   }
 
   async reload(kind: string): Promise<void> {
-    clearTimeout(this.pending.get(kind)); // what was to be read soon is read now
+    clearTimeout(this.pending.get(kind)?.timer); // what was to be read soon is read now
     this.pending.delete(kind);
     switch (kind) {
       case "mission":
