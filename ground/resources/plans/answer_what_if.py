@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import OrderedDict
-from dataclasses import dataclass, replace
+from collections import OrderedDict, deque
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
@@ -48,6 +48,13 @@ class _Known:
     candidates: tuple[str, ...]
     today: Floats
     """What it earns in each future of its day."""
+    answers: deque[tuple[Problem, int | None, Outcome]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    """The newest answers: a keep-out that is dragged over ground that no drive needs changes nothing."""
+
+    def answered(self, changed: Problem, iterations: int | None) -> Outcome | None:
+        """Return what was found for the same day before, None where it was not asked about lately."""
+        found = (outcome for day, work, outcome in list(self.answers) if (day, work) == (changed, iterations))
+        return next(found, None)
 
 
 def answer_what_if(
@@ -77,17 +84,20 @@ def answer_what_if(
     try:
         base = known.problem if changes.keep_outs is None else _with_keep_outs(repo, plan_id, known, changes)
         changed = changed_problem(base, changes)
-        with _hands:
-            outcome = what_if(
-                known.problem,
-                known.plan,
-                changed,
-                known=known.candidates,
-                today=known.today,
-                max_branches=branches,
-                seed=seed,
-                iterations=iterations,
-            )
+        outcome = known.answered(changed, iterations)
+        if outcome is None:
+            with _hands:
+                outcome = what_if(
+                    known.problem,
+                    known.plan,
+                    changed,
+                    known=known.candidates,
+                    today=known.today,
+                    max_branches=branches,
+                    seed=seed,
+                    iterations=iterations,
+                )
+            known.answers.append((changed, iterations, outcome))
     except ChangeError as err:
         raise InvalidInputError(str(err), pointer=f"/changes/{err.member}") from err
     except PlannerError as err:

@@ -12,6 +12,8 @@ import {
   ImageBitmapLoader,
   LineBasicMaterial,
   LineSegments,
+  LinearFilter,
+  LinearMipmapLinearFilter,
   Matrix4,
   Mesh,
   MeshBasicMaterial,
@@ -20,9 +22,9 @@ import {
   PerspectiveCamera,
   Plane,
   Raycaster,
+  SRGBColorSpace,
   Scene,
   Sprite,
-  SRGBColorSpace,
   Texture,
   Vector2,
   Vector3,
@@ -96,6 +98,8 @@ export class SiteScene {
   private turning = false;
   private rest: ReturnType<typeof setTimeout> | null = null;
   private readonly drapes: Drape[] = [];
+  /** Of the ground's layers. */
+  private readonly materials: MeshLambertMaterial[] = [];
   private readonly targets = new Group();
   private readonly stand = new Group();
   private readonly plan = new Group();
@@ -203,8 +207,36 @@ export class SiteScene {
     texture.flipY = false;
     texture.needsUpdate = true;
     texture.colorSpace = SRGBColorSpace;
+    // A software renderer takes half a second for the mipmaps of a large picture: they come when all is shown.
+    if (this.software) {
+      texture.generateMipmaps = false;
+      texture.minFilter = LinearFilter;
+    }
     texture.anisotropy = this.low || this.software ? 1 : Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
     return texture;
+  }
+
+  /** Put other pictures onto the ground that is shown. */
+  setPictures(orthos: readonly (Texture | null)[]): void {
+    this.materials.forEach((material, k) => {
+      const ortho = orthos[k] ?? null;
+      if (material.map === ortho || ortho === null) return;
+      material.map?.dispose();
+      material.map = ortho;
+    });
+    this.invalidate();
+  }
+
+  /** Give the pictures of the ground the mipmaps that they were shown without. */
+  smooth(): void {
+    for (const { map } of this.materials) {
+      if (map === null || map.generateMipmaps) continue;
+      map.dispose(); // its storage has one level
+      map.generateMipmaps = true;
+      map.minFilter = LinearMipmapLinearFilter;
+      map.needsUpdate = true;
+    }
+    this.invalidate();
   }
 
   /** Show the ground, finest layer first, in the place of what was shown; the view stays where it is. */
@@ -217,7 +249,7 @@ export class SiteScene {
     }
     clear(this.ground);
     clear(this.coarse);
-    this.drapes.length = 0;
+    this.drapes.length = this.materials.length = 0;
     this.up = surface(layers.map((layer) => layer.grid));
     layers.forEach((layer, k) => {
       const hole = layers[k - 1]?.extent ?? null;
@@ -228,6 +260,7 @@ export class SiteScene {
       const meshes = [new Mesh(geometry, material), drape.mesh, new Mesh(thin, material), drape.over(thin)];
       if (k > 0) for (const mesh of meshes) mesh.position.y = -0.02;
       this.drapes.push(drape);
+      this.materials.push(material);
       this.ground.add(...meshes.slice(0, 2));
       this.coarse.add(...meshes.slice(2));
     });
