@@ -360,6 +360,24 @@ def test_progress_reaches_the_row(repo: Repository, worker: Worker) -> None:
     wait_for(repo, job, "cancelled")
 
 
+def test_work_that_is_young_tells_no_progress(
+    repo: Repository, worker: Worker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Worker, "YOUNG_S", 600.0)
+    job = queue(repo, "wait")
+    wait_for(repo, job, "running")
+    begun = row_of(repo, job).revision
+    time.sleep(1.0)
+    assert (row_of(repo, job).progress, row_of(repo, job).revision) == (0.0, begun)
+    monkeypatch.setattr(Worker, "YOUNG_S", 0.0)
+    until = time.monotonic() + 30.0
+    while row_of(repo, job).progress < 0.5:
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    cancel_job(repo, PLANNER, job)
+    wait_for(repo, job, "cancelled")
+
+
 class Machine(RuleBasedStateMachine):
     """Any order of claims, lost leases, late results and hand-backs settles each job at most once."""
 

@@ -63,6 +63,36 @@ def test_other_keep_outs_make_another_network(planned_day: Any) -> None:
     assert free["lost"] == []
 
 
+def test_a_keep_out_that_no_drive_needs_is_answered_without_another_search(
+    planned_day: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from planner import what_if
+
+    asked: list[Any] = []
+    solve = what_if.solve
+
+    def counted(*given: Any, **options: Any) -> Any:
+        asked.append(given)
+        return solve(*given, **options)
+
+    monkeypatch.setattr(what_if, "solve", counted)
+    api, _, requests, plan = planned_day
+    url = f"/plans/{plan['id']}/what-if"
+
+    def moved(by_m: float) -> dict[str, Any]:
+        ring = [[x + by_m, y] for x, y in ((-14.0, -14.0), (-13.0, -14.0), (-13.0, -13.0))]
+        answer: dict[str, Any] = api.post(url, {"keep_outs": [ring]}, status=200)
+        return {name: value for name, value in answer.items() if name not in ("elapsed_s", "changes")}
+
+    first = moved(0.0)
+    assert len(asked) == 1
+    assert moved(0.25) == first
+    assert len(asked) == 1
+    ring = [[1.0, -2.0], [7.0, -2.0], [7.0, 4.0], [1.0, 4.0]]
+    assert api.post(url, {"keep_outs": [ring]}, status=200)["lost"] == [requests["Near"]]
+    assert len(asked) == 2
+
+
 def test_a_demand_that_cannot_be_met_is_said(planned_day: Any) -> None:
     api, _, requests, plan = planned_day
     url = f"/plans/{plan['id']}/what-if"

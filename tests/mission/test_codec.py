@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -196,3 +197,10 @@ def test_values_check_what_joins_their_members() -> None:
             (Target("T", "", (0, 0, 0)),),
             (Request("R", "T", "mi", 1.0, (After("R9"),)),),
         )
+
+
+def test_a_codec_that_was_sent_to_a_process_shares_what_is_compiled_there() -> None:
+    sent = pickle.loads(pickle.dumps(DAYS))
+    assert sent is not DAYS
+    assert sent._adapter is DAYS._adapter
+    assert sent.schema() == DAYS.schema()

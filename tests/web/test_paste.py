@@ -68,11 +68,17 @@ def test_rows_are_pasted_as_one_act_and_those_that_cannot_be_used_are_shown(
         field.dispatch_event("drop", {"dataTransfer": content})
         expect(shown).to_have_count(0)
         changes.clear()
+        reads: list[str] = []
+        page.on("request", lambda r: reads.append(r.url) if r.method == "GET" else None)
         add.click()
         expect(field).to_have_count(0)  # the word of it is gone before a busy machine looks
         assert [url.rsplit("/", 2)[1:] for url in changes] == [["observation-requests", "bulk"]]
         page.keyboard.press("Escape")
         expect(page.get_by_test_id("target-row")).to_have_count(3 + ROWS)
+        page.wait_for_timeout(2000)  # what is told of the act has come
+        lists = [url.rsplit("/", 1)[1] for url in reads if "cursor" not in url]
+        for name in ("targets", "observation-requests"):
+            assert sum(one.startswith(name) for one in lists) == 1, lists
 
         changes.clear()
         page.keyboard.press("Control+z")
