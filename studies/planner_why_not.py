@@ -45,10 +45,13 @@ def orders(problem: Problem) -> dict[tuple[str, ...], float]:
 
 
 def best_of(problem: Problem, ranked: dict[tuple[str, ...], float], name: str | None) -> float:
-    """Return the value of the best order, or of the best that holds an observation."""
+    """Return the value of the best order, or of the best that holds an observation; with neither worth
+    anything, to do nothing is the best of all.
+    """
     fine = Evaluator(Model.of(problem))
     held = sorted((o for o in ranked if name is None or name in o), key=lambda o: -ranked[o])[:FINAL]
-    return max(fine.value(visits(problem, *order)).value for order in held)
+    best = max(fine.value(visits(problem, *order)).value for order in held)
+    return max(best, 0.0) if name is None else best
 
 
 def main() -> None:

@@ -6,8 +6,10 @@ import html
 from pathlib import Path
 
 from fastapi import FastAPI, Request
+from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 from starlette.responses import FileResponse, HTMLResponse, Response
+from starlette.types import Receive, Scope, Send
 
 from web import DIST
 
@@ -18,6 +20,15 @@ _NO_UI = (
     "<!doctype html><title>Outcrop</title><h1>Outcrop</h1><p>The UI is not built in this installation; "
     "the API is described at <a href='/api/v1/docs'>/api/v1/docs</a>.</p>"
 )
+
+
+class _Page(APIRoute):
+    """Stands for every address that nothing else has: there is nothing to change at one."""
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["method"] not in (self.methods or ()):
+            raise HTTPException(404, f"there is nothing at {scope['path']}")
+        await super().handle(scope, receive, send)
 
 
 def install_pages(app: FastAPI, dist: Path = DIST) -> None:
@@ -31,7 +42,6 @@ def install_pages(app: FastAPI, dist: Path = DIST) -> None:
     async def open_mct() -> Response:
         return FileResponse(OPEN_MCT, media_type="text/javascript", headers={"Cache-Control": "no-cache"})
 
-    @app.get("/{path:path}", include_in_schema=False)
     async def page(request: Request, path: str) -> Response:
         if path.startswith("api/") or not dist.is_dir():
             if path in {"", "index.html"}:
@@ -44,6 +54,10 @@ def install_pages(app: FastAPI, dist: Path = DIST) -> None:
         if path.startswith("assets/"):
             raise HTTPException(404, f"there is nothing at {request.url.path}")
         return FileResponse(dist / "index.html", headers={"Cache-Control": "no-cache"})
+
+    app.router.add_api_route(
+        "/{path:path}", page, methods=["GET"], include_in_schema=False, route_class_override=_Page
+    )
 
 
 def _inside(folder: Path, path: str) -> Path | None:

@@ -9,6 +9,8 @@ import typer
 
 from ground.cli.failure import refusals
 from ground.cli.geo_group.sky import sky
+from ground.cli.sim_group.drive import drive
+from ground.cli.sim_group.odometry import odometry
 
 if TYPE_CHECKING:
     from rover_iface.cameras.rig import CameraRig
@@ -37,6 +39,8 @@ LatitudeOption = Annotated[float, typer.Option(help="degrees north")]
 
 def register(app: typer.Typer) -> None:
     """Add the group to the program."""
+    sim.command("drive")(drive)
+    sim.command("odometry")(odometry)
     app.add_typer(sim)
     app.command("sky")(sky)
 

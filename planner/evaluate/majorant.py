@@ -278,6 +278,7 @@ class Majorant(Grid):
                 self._leg_p[a, b] = self._ends(self.model.leg_ln[a, b])
             fine, bulge = self._leg_p[a, b]
             late = int(tracked * self.model.track_leg_s * self._fine / self.step_t * (1.0 - 1e-12))
+            late = min(late, len(fine))  # the tracks alone may take longer than the day
             moved = np.zeros_like(fine)
             moved[: len(fine) - late] = fine[late:]
             self._leg_within[key] = self._raised(moved, bulge)

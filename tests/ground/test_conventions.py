@@ -124,3 +124,11 @@ def test_a_log_line_of_a_use_case_names_the_request(sqlite_api: Api, monkeypatch
     answers = [sqlite_api("GET", "/missions"), sqlite_api("GET", "/people/prs-1")]
     assert [a.status_code for a in answers] == [500, 500]
     assert seen == [a.headers["x-request-id"] for a in answers]
+
+
+def test_what_is_not_there_is_not_found_whatever_is_done_to_it(sqlite_api: Api, url: str) -> None:
+    for method in ("PATCH", "DELETE", "PUT", "POST"):
+        for path in ("/sols/sol-path/1", "/nothing", "/missions/a/b/c"):
+            answer = sqlite_api(method, path, {}, headers={"If-Match": "*"})
+            assert (answer.status_code, answer.json()["type"]) == (404, "urn:outcrop:problem:not-found")
+    assert sqlite_api("PUT", url, {}, headers={"If-Match": "*"}).status_code == 405

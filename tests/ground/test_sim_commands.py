@@ -11,7 +11,7 @@ import typer
 from PIL import Image
 from typer.testing import CliRunner
 
-from ground.cli import sim, sim_drive
+from ground.cli import sim
 from rover_iface.cameras.panorama import load_panorama
 from rover_iface.terrain import Recipe, generate_terrain, write_terrain
 
@@ -29,7 +29,6 @@ def terrain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(*arguments: str) -> tuple[int, str]:
     app = typer.Typer()
     sim.register(app)
-    sim_drive.register(app)
     result = CliRunner().invoke(app, ["sim", *arguments])
     return result.exit_code, result.output
 

@@ -21,9 +21,10 @@ from planner.evaluate.model import Model
 from planner.evaluate.propagate import Evaluator, State
 from planner.plan_tree import TimeCondition, TrackedCondition, count_branches
 from planner.problem import Problem, load_problem
+from planner.solve import PlanStatus, solve
 from planner.strategies.pico2005 import plan_pico2005
 from planner.tally import tallied
-from tests.planner.examples import example, observation, problems, visits
+from tests.planner.examples import example, observation, problem_document, problems, visits
 from tests.shared import shared
 
 INSTANCES = ["dev-reserve-4", "dev-windows-4", "dev-mixed-5", "dev-resource-4"]
@@ -208,3 +209,11 @@ def test_what_the_finest_table_leaves_is_for_the_other() -> None:
     with tallied():
         bound = upper_bound(Model.of(load_problem("examples/first_plan/three-rocks.json")), limit_s=2.8)
     assert bound.nodes == GRIDS[-1]
+
+
+@pytest.mark.parametrize("time_s", [20.0, 40.0, 60.0, 80.0, 200.0])
+def test_a_day_shorter_than_the_tracks_of_a_drive_has_a_plan_and_a_bound(time_s: float) -> None:
+    problem = dataclasses.replace(load_problem(problem_document(time_s=time_s)), overrun_penalty=1.0)
+    result = solve(problem, max_branches=2, iterations=2)
+    assert result.status in {PlanStatus.EMPTY, PlanStatus.PLANNED}
+    assert max(0.0, result.lower, result.expected_utility) <= result.upper + 1e-9

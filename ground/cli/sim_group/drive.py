@@ -8,13 +8,6 @@ from typing import Annotated, Any
 import typer
 
 from ground.cli.failure import refusals
-from ground.cli.sim import sim
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to the group of the simulated world."""
-    del app
-    sim.command("drive")(drive)
 
 
 def drive(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ground.cli.failure import refusals
-from ground.cli.sim import sim
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,12 +18,6 @@ if TYPE_CHECKING:
 
 SCALE = 0.5
 """Of the navcam's resolution; whole frames take four times as long and tell little more."""
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to the group of the simulated world."""
-    del app
-    sim.command("odometry")(odometry)
 
 
 def odometry(

@@ -1,0 +1,1 @@
+"""Commands that drive through the simulated world."""
