@@ -5,6 +5,7 @@ belly.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rover_iface.frames import Pose
 from rover_iface.profile import RoverProfile
+from rover_iface.profile.parts import Wheels
 
 Array = NDArray[np.floating]
 
@@ -73,17 +75,10 @@ def settle(
     wheels = profile.wheels
     c, s = np.cos(heading)[..., None], np.sin(heading)[..., None]
     axle = np.array(wheels.axle_x_m)
-    half = wheels.track_m / 2
-    # Wheels in the order left front, middle, rear, right front, middle, rear.
-    wheel_x = np.concatenate([axle, axle])
-    wheel_y = np.concatenate([np.full(3, half), np.full(3, -half)])
-    offset = np.linspace(-0.8, 0.8, 5) * wheels.radius_m
-    lift = np.sqrt(wheels.radius_m**2 - offset**2) - wheels.radius_m
-    px = wheel_x[:, None] + offset
-    py = np.broadcast_to(wheel_y[:, None], px.shape)
-    sx = x[..., None] + c * px.ravel() - s * py.ravel()
-    sy = y[..., None] + s * px.ravel() + c * py.ravel()
-    heights = ground.height(sx, sy).reshape(*x.shape, 6, 5)
+    px, py, lift = _wheel_points(wheels)
+    heights = ground.height(x[..., None] + c * px - s * py, y[..., None] + s * px + c * py).reshape(
+        *x.shape, 6, 5
+    )
     contact = (heights + lift).max(axis=-1)
 
     front = contact[..., [0, 3]]
@@ -107,6 +102,26 @@ def settle(
     return standing
 
 
+@lru_cache(maxsize=16)
+def _wheel_points(wheels: Wheels) -> tuple[Array, Array, Array]:
+    """Return where the wheels touch the ground at most, x and y [30] in the rover's frame, m, and how far the
+    wheel's outline stands above its lowest point there [5]. The wheels are left front, middle, rear, right
+    front, middle, rear.
+    """
+    axle, half = np.array(wheels.axle_x_m), wheels.track_m / 2
+    offset = np.linspace(-0.8, 0.8, 5) * wheels.radius_m
+    lift = np.sqrt(wheels.radius_m**2 - offset**2) - wheels.radius_m
+    x = (np.concatenate([axle, axle])[:, None] + offset).ravel()
+    return x, np.repeat([half, -half], 15), lift
+
+
+@lru_cache(maxsize=16)
+def _belly_points(length_m: float, width_m: float) -> tuple[Array, Array]:
+    """Return points under the body, x and y [63] in the rover's frame, m."""
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 9) * length_m, np.linspace(-0.5, 0.5, 7) * width_m)
+    return x.ravel(), y.ravel()
+
+
 def belly_gap(
     ground: Ground, profile: RoverProfile, x: Array, y: Array, heading: Array, standing: Standing
 ) -> Array:
@@ -115,9 +130,7 @@ def belly_gap(
     """
     wheels, body = profile.wheels, profile.body
     c, s = np.cos(heading)[..., None], np.sin(heading)[..., None]
-    bx = np.linspace(-0.5, 0.5, 9) * body.length_m
-    by = np.linspace(-0.5, 0.5, 7) * min(body.width_m, wheels.track_m - wheels.width_m)
-    gx, gy = (g.ravel() for g in np.meshgrid(bx, by))
+    gx, gy = _belly_points(body.length_m, min(body.width_m, wheels.track_m - wheels.width_m))
     under = ground.height(x[..., None] + c * gx - s * gy, y[..., None] + s * gx + c * gy)
     climb, roll = -standing.pitch[..., None], standing.roll[..., None]
     plane = standing.z[..., None] + np.tan(climb) * gx + np.tan(roll) * gy

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,9 +44,7 @@ def room_to_stand(
         Poses (n,), site metres and rad, and how the rover stands on them.
     """
     body = profile.body
-    along = np.arange(-body.length_m / 2 - MARGIN_M, body.length_m / 2 + MARGIN_M + 1e-6, _SPACING_M)
-    aside = np.arange(-body.width_m / 2 - MARGIN_M, body.width_m / 2 + MARGIN_M + 1e-6, _SPACING_M)
-    u, v = (g.ravel() for g in np.meshgrid(along, aside))
+    u, v = _outline(body.length_m, body.width_m)
     c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
     px, py = x[:, None] + u * c - v * s, y[:, None] + u * s + v * c
     # The plane of the wheels: pitch is positive nose down, roll left side up.
@@ -55,3 +55,12 @@ def room_to_stand(
     highest = np.nan_to_num(rise, nan=obstacle).max(axis=1)
     room: Array = np.clip((obstacle - highest) / (0.5 * obstacle), 0.0, 1.0)
     return room
+
+
+@lru_cache(maxsize=16)
+def _outline(length_m: float, width_m: float) -> tuple[Array, Array]:
+    """Return points within the outline, x and y [n] in the rover's frame, m."""
+    along = np.arange(-length_m / 2 - MARGIN_M, length_m / 2 + MARGIN_M + 1e-6, _SPACING_M)
+    aside = np.arange(-width_m / 2 - MARGIN_M, width_m / 2 + MARGIN_M + 1e-6, _SPACING_M)
+    u, v = np.meshgrid(along, aside)
+    return u.ravel(), v.ravel()

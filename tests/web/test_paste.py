@@ -106,3 +106,33 @@ def test_a_change_of_many_requests_is_one_act(server: Server) -> None:
         page.keyboard.press("Control+z")
         expect(page.get_by_test_id("target-row").first).to_contain_text("9")
         assert [one["value"] for one in ask(server, items)["items"]] == [9.0, 12.0, 4.0]
+
+
+def test_a_long_table_makes_the_rows_in_sight_and_loses_nothing_typed(server: Server) -> None:
+    mission, count = small_mission(server, "Long table", targets=0), 300
+    places = [{"name": f"L{k:03}", "east_m": -10 + k / 20, "north_m": 8.0} for k in range(count)]
+    form = {"instrument": "science_camera", "value": 2.0}
+    order = {"create": [{**form, "target": place} for place in places]}
+    ask(server, f"/missions/{mission}/observation-requests/bulk", order)
+    with chromium() as browser, open_page(browser, server) as page:
+        page.goto(f"{server.address}/?quality=test&webgl=off#/m/{mission}")
+        expect(page.get_by_test_id("target-row")).to_have_count(count)
+        page.get_by_role("button", name="Edit in a table").click()
+        table = page.get_by_role("table")
+        assert table.get_attribute("aria-rowcount") == str(count + 1)
+        assert table.locator("tbody tr").count() < 100
+        value = table.get_by_role("row", name="L003").get_by_label("Value")
+        value.fill("7")
+        table.evaluate("t => (t.parentElement.scrollTop = t.parentElement.scrollHeight)")
+        last = table.get_by_role("row", name=f"L{count - 1}")
+        expect(last).to_be_visible()
+        expect(value).to_have_count(0)
+        items = f"/missions/{mission}/observation-requests?limit=500"
+        page.wait_for_timeout(1000)
+        assert [one["value"] for one in ask(server, items)["items"]] == [2.0] * 3 + [7.0] + [2.0] * (
+            count - 4
+        )
+        last.get_by_label("Value").fill("5")
+        page.keyboard.press("Tab")
+        page.wait_for_timeout(1000)
+        assert ask(server, items)["items"][-1]["value"] == 5.0

@@ -30,6 +30,8 @@ def read_constraints(documents: Sequence[object]) -> tuple[Constraint, ...]:
     InvalidInputError
         If one is of no kind that is known, or a member of it is wrong.
     """
+    if not documents:
+        return ()
     try:
         found = CARRIED.from_document({"format": CARRIED.format, "constraints": list(documents)})
     except FormatError as err:
@@ -47,5 +49,7 @@ def read_constraints(documents: Sequence[object]) -> tuple[Constraint, ...]:
 
 def written_constraints(documents: Sequence[object]) -> list[Mapping[str, object]]:
     """Return a list of documents as it is stored, every member written; raises as `read_constraints` does."""
+    if not documents:
+        return []
     made: list[Document] = CARRIED.document(Carried(read_constraints(documents)))["constraints"]
     return made

@@ -74,7 +74,7 @@ export function partName(id: string, parts: ReadonlyMap<string, CrlNode>, names:
   }
   const at = /^at-(req-[a-z0-9]+)/.exec(id)?.[1];
   if (at !== undefined) return `visit for ${names.request(at)}${inBranch}`;
-  if (id === "go-on" || id.startsWith("go-on-")) return "go on without a branch";
+  if (id === "go-on" || id.startsWith("go-on-")) return `going on without a branch${inBranch}`;
   const text = named(id, names);
   return text === id ? words(id) : text;
 }

@@ -231,6 +231,8 @@ export class MissionState {
   private stream: Stream | null = null;
   private readonly jobStreams = new Map<string, Stream>();
   private readonly pending = new Map<string, Pending>();
+  /** How many reads of a list are under way. */
+  private readonly reads = new Map<string, number>();
   private closed = false;
   private planLoaded = "";
 
@@ -320,7 +322,8 @@ export class MissionState {
     const waiting = this.pending.get(kind);
     if (waiting === undefined) return;
     const now = performance.now();
-    if (now - waiting.last < CALM_MS && now - waiting.since < RELOAD_MOST_MS) {
+    const reads = (this.reads.get(kind) ?? 0) > 0; // it may bring what was told
+    if (reads || (now - waiting.last < CALM_MS && now - waiting.since < RELOAD_MOST_MS)) {
       waiting.timer = setTimeout(() => this.followUp(kind), CALM_MS);
       return;
     }
@@ -347,6 +350,15 @@ export class MissionState {
   async reload(kind: string): Promise<void> {
     clearTimeout(this.pending.get(kind)?.timer); // what was to be read soon is read now
     this.pending.delete(kind);
+    this.reads.set(kind, (this.reads.get(kind) ?? 0) + 1);
+    try {
+      await this.read(kind);
+    } finally {
+      this.reads.set(kind, (this.reads.get(kind) ?? 1) - 1);
+    }
+  }
+
+  private async read(kind: string): Promise<void> {
     switch (kind) {
       case "mission":
         this.mission = await calls.mission(this.id);
