@@ -277,7 +277,7 @@ def test_an_upload_shows_how_far_it_is_and_can_be_stopped(server: Server) -> Non
         session.send("Network.enable")
         slow = {"offline": False, "latency": 5, "downloadThroughput": 10_000_000, "uploadThroughput": 500_000}
         page.get_by_role("button", name="New mission").first.click()
-        page.get_by_label("Name").fill("Never made")
+        page.get_by_role("textbox", name="Name", exact=True).fill("Never made")
         page.get_by_label("A terrain of your own").check()
         page.get_by_test_id("terrain-file").set_input_files(
             {"name": "big.zip", "mimeType": "application/zip", "buffer": _big_upload()}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -14,6 +17,19 @@ from tests.web.test_traverse import axe
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 SOON_MS = 5_000
 """The page tells a selection after a quarter of a second; the rest is for a busy machine."""
+
+
+def lookers(server: Server, mission: str) -> list[str]:
+    """Return who looks at a mission, once for each page."""
+    return [one["person"] for one in ask(server, f"/missions/{mission}/presence")]
+
+
+def reached(holds: Callable[[], bool]) -> None:
+    """Wait until something holds of the server."""
+    end = time.monotonic() + SOON_MS / 1000
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.1)
 
 
 def look(page: Page, server: Server, mission: str) -> None:
@@ -32,7 +48,9 @@ def test_a_selection_of_somebody_else_appears_moves_and_goes_away(server: Server
         look(planner, server, mission)
         expect(planner.get_by_test_id("looker")).to_have_count(0)  # nobody else, and not oneself
         look(director, server, mission)
+        reached(lambda: len(lookers(server, mission)) == 2)  # both pages have said it, as the same person
         become(director, "flight director")
+        reached(lambda: lookers(server, mission) == ["Flight Director", "Planner"])
         mark = planner.get_by_role("button", name="Flight Director looks at this mission")
         expect(mark).to_have_text("FD", timeout=SOON_MS)
         expect(mark).to_have_attribute("title", "Flight Director looks at this mission")
@@ -67,7 +85,8 @@ def test_a_selection_of_somebody_else_appears_moves_and_goes_away(server: Server
         expect(planner.get_by_test_id("looker")).to_have_count(0, timeout=SOON_MS)
         expect(planner.get_by_test_id("seen-by")).to_have_count(0)
         expect(where).to_have_attribute("data-others", "")
-    assert ask(server, f"/missions/{mission}/presence") == []
+        planner.goto("about:blank")
+        reached(lambda: lookers(server, mission) == [])
     history = ask(server, f"/missions/{mission}/history?limit=500")["items"]
     assert {event["actor"] for event in history} == {"Planner"}  # who only looked is no part of it
 

@@ -197,7 +197,7 @@ def test_a_terrain_is_uploaded_in_the_page_and_a_broken_one_named(server: Server
         page = refused.new_page()
         page.goto(server.address)
         page.get_by_role("button", name="New mission").first.click()
-        page.get_by_label("Name").fill("Broken")
+        page.get_by_role("textbox", name="Name", exact=True).fill("Broken")
         page.get_by_label("A terrain of your own").check()
         field = page.get_by_test_id("terrain-file")
         field.set_input_files({"name": "notes.txt", "mimeType": "text/plain", "buffer": b"no terrain"})
@@ -210,7 +210,7 @@ def test_a_terrain_is_uploaded_in_the_page_and_a_broken_one_named(server: Server
 
         with open_page(browser, server, NO_WEBGL) as good:
             good.get_by_role("button", name="New mission").first.click()
-            good.get_by_label("Name").fill("Own yard")
+            good.get_by_role("textbox", name="Name", exact=True).fill("Own yard")
             good.get_by_label("A terrain of your own").check()
             good.get_by_test_id("terrain-file").set_input_files(
                 {"name": "yard.zip", "mimeType": "application/zip", "buffer": packed.getvalue()}

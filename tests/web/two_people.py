@@ -37,7 +37,7 @@ def token_of(server: Server) -> str:
 def found_service(page: Page, token: str) -> None:
     """Make the first administrator, then the accounts of the two people, and log out."""
     page.get_by_test_id("token").fill(token)
-    page.get_by_label("Name").fill(FOUNDER)
+    page.get_by_role("textbox", name="Name", exact=True).fill(FOUNDER)
     page.get_by_label("Password").fill(PASSWORD)
     page.get_by_role("button", name="Make the administrator").click()
     page.get_by_test_id("administer-people").click()
@@ -55,7 +55,7 @@ def found_service(page: Page, token: str) -> None:
 
 def log_in(page: Page, name: str) -> None:
     expect(page.get_by_role("button", name="Log in", exact=True)).to_be_visible()  # it reads the page anew
-    page.get_by_label("Name").fill(name)
+    page.get_by_role("textbox", name="Name", exact=True).fill(name)
     page.get_by_label("Password").fill(PASSWORD)
     page.get_by_role("button", name="Log in", exact=True).click()
     expect(page.get_by_test_id("account")).to_contain_text(name)

@@ -49,6 +49,8 @@ class AppState {
   connected = $state(true);
   readonly testQuality = new URLSearchParams(location.search).get("quality") === "test";
   readonly webglWanted = new URLSearchParams(location.search).get("webgl") !== "off";
+  /** What a page tells the server once more as the person who leaves it, before another one is at work on it. */
+  readonly farewells = new Set<() => Promise<unknown>>();
   private counter = 0;
 
   constructor() {
@@ -96,9 +98,15 @@ class AppState {
       }
     }
     if (wanted === null) return;
+    await this.takeLeave();
     const session = await calls.logIn(wanted);
     this.person = session.person ?? null;
     remember("person", wanted);
+  }
+
+  /** Let every part of the page take leave while the server still knows who it is. */
+  async takeLeave(): Promise<void> {
+    await Promise.allSettled([...this.farewells].map((farewell) => farewell()));
   }
 
   /** Whether the person may do something that needs one of these roles. */

@@ -17,6 +17,7 @@ export class PresenceState {
 
   private readonly page = crypto.randomUUID();
   private told = false;
+  private saying: Promise<void> = Promise.resolve();
   private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(readonly mission: string) {}
@@ -24,16 +25,24 @@ export class PresenceState {
   /** Say it from now on, while the page is seen; return what ends it. To be called in an effect. */
   begin(): () => void {
     const seen = (): void => {
-      if (document.hidden) this.leave();
+      if (document.hidden) void this.leave();
       else this.soon(0);
     };
-    const gone = (): void => this.leave();
+    const gone = (): void => void this.leave();
+    // What was said last may be under way still, and would come after the leave-taking.
+    const farewell = async (): Promise<void> => {
+      await this.saying;
+      await this.leave();
+      this.soon(BEAT_MS); // should it be the same person who goes on
+    };
+    app.farewells.add(farewell);
     document.addEventListener("visibilitychange", seen);
     addEventListener("pagehide", gone);
     return () => {
+      app.farewells.delete(farewell);
       document.removeEventListener("visibilitychange", seen);
       removeEventListener("pagehide", gone);
-      this.leave();
+      void this.leave();
     };
   }
 
@@ -51,23 +60,24 @@ export class PresenceState {
 
   private soon(wait: number): void {
     if (this.timer !== null) clearTimeout(this.timer);
-    this.timer = document.hidden ? null : setTimeout(() => void this.say(), wait);
+    this.timer = document.hidden ? null : setTimeout(() => this.say(), wait);
   }
 
-  private async say(): Promise<void> {
-    this.timer = setTimeout(() => void this.say(), BEAT_MS);
+  private say(): void {
+    this.timer = setTimeout(() => this.say(), BEAT_MS);
     this.told = true;
-    try {
-      this.take(await calls.sayPresence(this.mission, this.page, selectedOn(app.route)));
-    } catch {
-      // Who looks is told again soon; nothing else hangs on it.
-    }
+    // Who looks is told again soon; nothing else hangs on it.
+    this.saying = calls.sayPresence(this.mission, this.page, selectedOn(app.route)).then(
+      (lookers) => this.take(lookers),
+      () => undefined,
+    );
   }
 
-  private leave(): void {
+  private async leave(): Promise<void> {
     if (this.timer !== null) clearTimeout(this.timer);
     this.timer = null;
-    if (this.told) calls.leavePresence(this.mission, this.page).catch(() => undefined);
+    const told = this.told;
     this.told = false;
+    if (told) await calls.leavePresence(this.mission, this.page).catch(() => undefined);
   }
 }
