@@ -7,7 +7,7 @@ import statistics
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.error import HTTPError
@@ -19,7 +19,7 @@ from playwright.sync_api import Page, Route, expect, sync_playwright
 from ground.resources.runs.work import LIVE
 from tests.npm import npm_packages
 from tests.web.conftest import CHROMIUM, FLAGS, Server
-from tests.web.missions import ask, done, make_plan, small_mission
+from tests.web.missions import ask, done, make_plan, small_mission, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
@@ -135,13 +135,6 @@ def edit_and_fly(server: Server, mission: str, plan: str) -> tuple[str, str]:
     edited = str(ask(server, f"/plans/{plan}/edits", {"crl": crl})["id"])
     run = done(server, ask(server, f"/missions/{mission}/runs", {"plan_id": edited}))
     return edited, str(run["subject_id"])
-
-
-def until(what: Callable[[], bool], seconds: float = 120.0) -> None:
-    end = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < end, "it did not come"
-        time.sleep(0.1)
 
 
 def browse(page: Page, server: Server, path: str) -> None:

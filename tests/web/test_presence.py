@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.web.conftest import Server
-from tests.web.missions import ask, make_plan, small_mission
+from tests.web.missions import ask, make_plan, small_mission, until
 from tests.web.page import chromium, open_page, shot
 from tests.web.review_steps import become
 from tests.web.test_traverse import axe
@@ -17,19 +14,12 @@ from tests.web.test_traverse import axe
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 SOON_MS = 5_000
 """The page tells a selection after a quarter of a second; the rest is for a busy machine."""
+SOON_S = SOON_MS / 1000
 
 
 def lookers(server: Server, mission: str) -> list[str]:
     """Return who looks at a mission, once for each page."""
     return [one["person"] for one in ask(server, f"/missions/{mission}/presence")]
-
-
-def reached(holds: Callable[[], bool]) -> None:
-    """Wait until something holds of the server."""
-    end = time.monotonic() + SOON_MS / 1000
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.1)
 
 
 def look(page: Page, server: Server, mission: str) -> None:
@@ -48,9 +38,11 @@ def test_a_selection_of_somebody_else_appears_moves_and_goes_away(server: Server
         look(planner, server, mission)
         expect(planner.get_by_test_id("looker")).to_have_count(0)  # nobody else, and not oneself
         look(director, server, mission)
-        reached(lambda: len(lookers(server, mission)) == 2)  # both pages have said it, as the same person
+        until(
+            lambda: len(lookers(server, mission)) == 2, SOON_S
+        )  # both pages have said it, as the same person
         become(director, "flight director")
-        reached(lambda: lookers(server, mission) == ["Flight Director", "Planner"])
+        until(lambda: lookers(server, mission) == ["Flight Director", "Planner"], SOON_S)
         mark = planner.get_by_role("button", name="Flight Director looks at this mission")
         expect(mark).to_have_text("FD", timeout=SOON_MS)
         expect(mark).to_have_attribute("title", "Flight Director looks at this mission")
@@ -86,9 +78,24 @@ def test_a_selection_of_somebody_else_appears_moves_and_goes_away(server: Server
         expect(planner.get_by_test_id("seen-by")).to_have_count(0)
         expect(where).to_have_attribute("data-others", "")
         planner.goto("about:blank")
-        reached(lambda: lookers(server, mission) == [])
+        until(lambda: lookers(server, mission) == [], SOON_S)
     history = ask(server, f"/missions/{mission}/history?limit=500")["items"]
     assert {event["actor"] for event in history} == {"Planner"}  # who only looked is no part of it
+
+
+def test_who_changes_the_person_does_not_wait_for_a_word_that_hangs(server: Server) -> None:
+    mission = small_mission(server, "Heard slowly")
+    with chromium() as browser, open_page(browser, server, "?webgl=off") as page:
+        held: list[Route] = []
+        page.route("**/presence/*", lambda route: held.append(route))  # neither answered nor refused
+        look(page, server, mission)
+        page.wait_for_timeout(1_000)  # the page says it after a quarter of a second
+        assert held != []
+        with page.expect_response(
+            lambda got: got.url.endswith("/session") and got.request.method == "POST"
+        ) as told:
+            become(page, "flight director")
+        assert told.value.json()["person"]["name"] == "Flight Director"
 
 
 def test_a_comment_on_a_step_of_a_plan_is_seen_by_the_other_and_leads_to_the_step(server: Server) -> None:

@@ -32,6 +32,9 @@ export function remember(key: string, value: unknown): void {
   }
 }
 
+/** Nobody is kept from logging out by a word that the server does not answer. */
+const FAREWELL_MOST_MS = 1_000;
+
 class AppState {
   person = $state.raw<Person | null>(null);
   people = $state.raw<Person[]>([]);
@@ -104,9 +107,10 @@ class AppState {
     remember("person", wanted);
   }
 
-  /** Let every part of the page take leave while the server still knows who it is. */
+  /** Let every part of the page take leave while the server still knows who it is; who hangs is not waited for. */
   async takeLeave(): Promise<void> {
-    await Promise.allSettled([...this.farewells].map((farewell) => farewell()));
+    const all = Promise.allSettled([...this.farewells].map((farewell) => farewell()));
+    await Promise.race([all, new Promise((resolve) => setTimeout(resolve, FAREWELL_MOST_MS))]);
   }
 
   /** Whether the person may do something that needs one of these roles. */

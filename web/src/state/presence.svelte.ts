@@ -17,7 +17,8 @@ export class PresenceState {
 
   private readonly page = crypto.randomUUID();
   private told = false;
-  private saying: Promise<void> = Promise.resolve();
+  /** Words go one after the other: a leave-taking must not overtake what was said before it. */
+  private words: Promise<unknown> = Promise.resolve();
   private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(readonly mission: string) {}
@@ -25,15 +26,16 @@ export class PresenceState {
   /** Say it from now on, while the page is seen; return what ends it. To be called in an effect. */
   begin(): () => void {
     const seen = (): void => {
-      if (document.hidden) void this.leave();
+      if (document.hidden) this.leave();
       else this.soon(0);
     };
-    const gone = (): void => void this.leave();
-    // What was said last may be under way still, and would come after the leave-taking.
-    const farewell = async (): Promise<void> => {
-      await this.saying;
-      await this.leave();
+    const gone = (): void => {
+      if (this.hush()) void this.forget(); // a page that ends waits for nothing
+    };
+    const farewell = (): Promise<unknown> => {
+      this.leave();
       this.soon(BEAT_MS); // should it be the same person who goes on
+      return this.words;
     };
     app.farewells.add(farewell);
     document.addEventListener("visibilitychange", seen);
@@ -42,7 +44,7 @@ export class PresenceState {
       app.farewells.delete(farewell);
       document.removeEventListener("visibilitychange", seen);
       removeEventListener("pagehide", gone);
-      void this.leave();
+      this.leave();
     };
   }
 
@@ -66,18 +68,29 @@ export class PresenceState {
   private say(): void {
     this.timer = setTimeout(() => this.say(), BEAT_MS);
     this.told = true;
-    // Who looks is told again soon; nothing else hangs on it.
-    this.saying = calls.sayPresence(this.mission, this.page, selectedOn(app.route)).then(
-      (lookers) => this.take(lookers),
-      () => undefined,
-    );
+    this.words = this.words.then(async () => {
+      try {
+        this.take(await calls.sayPresence(this.mission, this.page, selectedOn(app.route)));
+      } catch {
+        // Who looks is told again soon; nothing else hangs on it.
+      }
+    });
   }
 
-  private async leave(): Promise<void> {
+  private leave(): void {
+    if (this.hush()) this.words = this.words.then(() => this.forget());
+  }
+
+  /** Say nothing more; return whether the server was told anything that it should forget. */
+  private hush(): boolean {
     if (this.timer !== null) clearTimeout(this.timer);
     this.timer = null;
     const told = this.told;
     this.told = false;
-    if (told) await calls.leavePresence(this.mission, this.page).catch(() => undefined);
+    return told;
+  }
+
+  private forget(): Promise<unknown> {
+    return calls.leavePresence(this.mission, this.page).catch(() => undefined);
   }
 }
