@@ -4,9 +4,11 @@ the rover stands, with what is left."""
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.web.conftest import Server
 from tests.web.page import chromium, field_of, open_page, shot
@@ -14,6 +16,9 @@ from tests.web.review_steps import approve, become, sign_as_author
 from tests.web.test_day_in_the_browser import make_plan, new_mission, pick, run_plan
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
+
+PLANS = re.compile(r"/plans(\?|$)")
+TARGETS = re.compile(r"/targets(\?|$)")
 
 
 def one_sol(page: Page, number: int) -> None:
@@ -29,6 +34,34 @@ def one_sol(page: Page, number: int) -> None:
     expect(page.get_by_test_id(f"sol-{number}")).to_contain_text("uplinked")
     page.get_by_test_id("execute").click()
     expect(page.get_by_test_id(f"sol-{number}")).to_contain_text(re.compile(r"\d of \d done"))
+
+
+@contextmanager
+def lists_come_late(page: Page) -> Iterator[None]:
+    """Let what the page reads of plans be answered only while it makes a target."""
+    held: list[Route] = []
+    late = True
+
+    def hold(route: Route) -> None:
+        if late:
+            held.append(route)
+        else:
+            route.continue_()
+
+    def let_go(route: Route) -> None:
+        nonlocal late
+        if late and route.request.method == "POST":
+            late = False
+            for one in held:
+                one.continue_()
+            page.wait_for_timeout(500.0)  # what waited for the lists goes on first
+        route.continue_()
+
+    page.route(PLANS, hold)
+    page.route(TARGETS, let_go)
+    yield
+    page.unroute(PLANS, hold)
+    page.unroute(TARGETS, let_go)
 
 
 def test_three_sols_close_and_each_begins_where_the_last_ended(server: Server) -> None:
@@ -49,10 +82,11 @@ def test_three_sols_close_and_each_begins_where_the_last_ended(server: Server) -
                 shot(page, "sols")
             if number == 3:
                 break
-            page.get_by_test_id("next-sol").click()
-            expect(page.get_by_test_id(f"sol-{number + 1}")).to_contain_text("no plan yet")
-            become(page, "planner")
-            pick(page, -3.0, 3.0 - 6.0 * number, "science_camera", 4)  # something new is asked each sol
+            with lists_come_late(page):  # who works on meanwhile still gets what they made
+                page.get_by_test_id("next-sol").click()
+                expect(page.get_by_test_id(f"sol-{number + 1}")).to_contain_text("no plan yet")
+                become(page, "planner")
+                pick(page, -3.0, 3.0 - 6.0 * number, "science_camera", 4)  # something new is asked each sol
         runs = [
             r for r in field_of(page, server, f"/missions/{mission}/runs")["items"] if r["kind"] == "training"
         ]
