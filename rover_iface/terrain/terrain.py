@@ -93,14 +93,14 @@ class Terrain:
     def height(self, x: ArrayLike, y: ArrayLike, *, ground: bool = False) -> Array:
         """Return heights, m, at points, NaN outside; `ground` leaves the rocks away where they are known."""
         x, y = _pair(x, y)
-        first, *others = self.layers
-        inside = first.covers(x, y)
-        if inside.all():  # most often: then there is nothing to put together
-            return first.sample(x, y, ground=ground)
         value = np.full(x.shape, np.nan)
-        value[inside] = first.sample(x[inside], y[inside], ground=ground)
-        for layer in others:
-            take = np.isnan(value) & layer.covers(x, y)
+        for layer in self.layers:
+            missing = np.isnan(value)
+            if not missing.any():
+                break
+            take = missing & layer.covers(x, y)
+            if take.all():
+                return layer.sample(x, y, ground=ground)
             if take.any():
                 value[take] = layer.sample(x[take], y[take], ground=ground)
         return value
