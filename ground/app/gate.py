@@ -162,12 +162,11 @@ class Gate:
         try:
             try:
                 await self._pass(scope, receive, safe_send, headers, method, path)
-            except GroundError as err:
-                await refusal(err, path)(scope, receive, safe_send)
             except Exception as err:
                 if status:
                     raise
-                await from_anything(path, err)(scope, receive, safe_send)
+                answer = refusal(err, path) if isinstance(err, GroundError) else from_anything(path, err)
+                await answer(scope, receive, safe_send)
         finally:
             route = scope.get("route")
             place = getattr(route, "path_format", None) or getattr(route, "path", None) or "other"
@@ -209,15 +208,21 @@ class Gate:
                     raise HTTPException(413, f"the body has more than {limit} bytes")
             return message
 
+        # roles may be others then; whoever has the answer may rely on it
+        changes_access = method not in SAFE and (path.startswith(ACCESS) or path.endswith(COPY))
+
+        async def told(message: Message) -> None:
+            if changes_access and message["type"] == "http.response.start":
+                self.identities.forget()
+            await send(message)
+
         key = headers.get("idempotency-key") if method == "POST" and path not in REPEATABLE else None
         if method == "POST" and path in {SESSION, FIRST}:
-            await self._log_in(scope, counted, send)
+            await self._log_in(scope, counted, told)
         elif key is None:
-            await self.app(scope, counted, send)
+            await self.app(scope, counted, told)
         else:
-            await self._once(scope, counted, send, key)
-        if method not in SAFE and (path.startswith(ACCESS) or path.endswith(COPY)):  # roles may be others now
-            self.identities.forget()
+            await self._once(scope, counted, told, key)
 
     def _check_host(self, headers: Headers) -> None:
         """Refuse names under which we do not serve: what a page gets by rebinding its own name to
@@ -274,21 +279,25 @@ class Gate:
         if stored is not None:
             await replayed(stored)(scope, receive, send)
             return
-        start: Message | None = None
-        parts: list[bytes] = []
+        held: list[Message] = []
 
-        async def keep(message: Message) -> None:
-            nonlocal start
-            if message["type"] == "http.response.start":
-                start = message
-            elif message["type"] == "http.response.body":
-                parts.append(message.get("body", b""))
-            await send(message)
+        async def hold(message: Message) -> None:
+            """Send what was kept with its effect, and hold a refusal: who has it may use the key again."""
+            if once.answered:
+                await send(message)
+            else:
+                held.append(message)
 
         mark = ONCE.set(once)
         try:
-            await self.app(scope, _again(body), keep)
+            await self.app(scope, _again(body), hold)
         finally:
             ONCE.reset(mark)
-        if not once.answered and start is not None and start["status"] < 500:
-            await call(once.keep, start["status"], list(start["headers"]), b"".join(parts))
+        if held and held[0]["status"] < 500:
+            content = b"".join(message.get("body", b"") for message in held[1:])
+            stored = await call(once.keep, held[0]["status"], list(held[0]["headers"]), content)
+            if stored is not None:
+                await replayed(stored)(scope, receive, send)
+                return
+        for message in held:
+            await send(message)

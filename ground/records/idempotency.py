@@ -131,13 +131,23 @@ class Once:
             except AnsweredMeanwhileError:
                 continue  # its answer is there now, or it failed and this one is the first
 
-    def keep(self, status: int, headers: list[tuple[bytes, bytes]], body: bytes) -> None:
-        """Keep an answer without effect: a refusal."""
-        try:
-            with self.repo.database.act(self._begin), self.repo.database.write() as session:
-                self._write(session, status, headers, body)
-        except (AnsweredBeforeError, AnsweredMeanwhileError):
-            return
+    def keep(self, status: int, headers: list[tuple[bytes, bytes]], body: bytes) -> StoredAnswer | None:
+        """Keep an answer without effect, a refusal; return the one that was kept meanwhile, if there is one.
+
+        Raises
+        ------
+        IdempotencyError
+            If the key was used meanwhile with another request.
+        """
+        while True:
+            try:
+                with self.repo.database.act(self._begin), self.repo.database.write() as session:
+                    self._write(session, status, headers, body)
+                return None
+            except AnsweredBeforeError as err:
+                return err.answer
+            except AnsweredMeanwhileError:
+                continue
 
     def _write(self, session: Session, status: int, headers: list[tuple[bytes, bytes]], body: bytes) -> None:
         row = session.get_one(IdempotencyRow, (self.actor, self.key))

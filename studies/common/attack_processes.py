@@ -123,6 +123,13 @@ class ProcessScript(Script):
         try:
             _await(server.http, process, log)
             yield server
+        except httpx.TransportError as err:
+            process.join(1.0)
+            words = log.read_text(errors="replace")
+            self.rover.count(
+                "requests without an answer",
+                f"{err!r} of {self.moves}, server's exit {process.exitcode}: {words[-200:]}",
+            )
         finally:
             server.http.close()
             repo.database.dispose()

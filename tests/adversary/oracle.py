@@ -34,6 +34,7 @@ BAD = (
     "altered",
     "twice",
     "tracebacks",
+    "requests without an answer",
     "refusals of more than a line",
     "approved without a signature",
 )

@@ -20,6 +20,7 @@ import httpx
 import numpy as np
 import pytest
 from anyio.from_thread import BlockingPortal, start_blocking_portal
+from fastapi import FastAPI
 from sqlalchemy import create_engine, make_url, text
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -216,8 +217,10 @@ def mission(repo: Repository, terrain_folder: Path) -> Mission:
 class Api:
     """Calls the application without a socket; `jobs()` does the work that waits."""
 
-    def __init__(self, repo: Repository, portal: BlockingPortal, client: httpx.AsyncClient) -> None:
-        self.repo, self._portal, self._client = repo, portal, client
+    def __init__(
+        self, repo: Repository, app: FastAPI, portal: BlockingPortal, client: httpx.AsyncClient
+    ) -> None:
+        self.repo, self.app, self.portal, self.client = repo, app, portal, client
 
     def __call__(
         self, method: str, path: str, json: Any = None, *, who: str | None = None, **options: Any
@@ -231,9 +234,9 @@ class Api:
             path = f"/api/v1{path}"
 
         async def send() -> httpx.Response:
-            return await self._client.request(method, path, json=json, headers=headers, **options)
+            return await self.client.request(method, path, json=json, headers=headers, **options)
 
-        return self._portal.call(send)
+        return self.portal.call(send)
 
     def get(self, path: str, **options: Any) -> Any:
         response = self("GET", path, **options)
@@ -254,7 +257,7 @@ def open_api(repo: Repository) -> Iterator[Api]:
     with start_blocking_portal() as portal:
         transport = httpx.ASGITransport(app=app, raise_app_exceptions=True)
         client = httpx.AsyncClient(transport=transport, base_url="http://testserver", timeout=60.0)
-        yield Api(repo, portal, client)
+        yield Api(repo, app, portal, client)
         portal.call(client.aclose)
 
 

@@ -53,7 +53,7 @@ def log_in(api: Api, name: str, password: str = PASSWORD, program: str = "a brow
     given = {"name": name, "password": password}
     answer = api("POST", "/session", given, headers={"User-Agent": program})
     assert answer.status_code == 201, answer.text
-    api._client.cookies.clear()
+    api.client.cookies.clear()
     cookie = answer.headers["set-cookie"].split(";")[0]
     return {"Cookie": cookie, "X-CSRF-Token": answer.json()["csrf_token"]}
 

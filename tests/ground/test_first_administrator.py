@@ -57,7 +57,7 @@ def test_the_token_of_the_log_makes_one_administrator_once(
     assert service.post("/first-administrator", form(second))["role"] == "admin"
     service("POST", "/session", {"name": "Ada", "password": PASSWORD})
     assert service.get("/people")["items"]
-    service._client.cookies.clear()
+    service.client.cookies.clear()
     assert service.get("/session")["wants_administrator"] is False
     for token in (first, second):
         problem(service("POST", "/first-administrator", form(token, "Eve")), 409, "conflict")

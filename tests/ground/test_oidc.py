@@ -134,13 +134,13 @@ def begin(api: Api) -> tuple[str, str]:
     cookie = answer.headers["set-cookie"]
     assert "HttpOnly" in cookie
     assert "Secure" in cookie
-    api._client.cookies.clear()
+    api.client.cookies.clear()
     return answer.headers["location"], cookie.split(";")[0]
 
 
 def come_back(api: Api, brought: dict[str, str], cookie: str) -> Any:
     answer = api("GET", "/oidc/callback", params=brought, headers={"Cookie": cookie})
-    api._client.cookies.clear()
+    api.client.cookies.clear()
     return answer
 
 

@@ -67,6 +67,46 @@ def test_a_refusal_is_repeated_too_and_leaves_nothing_behind(api: Api, mission: 
     assert (second.json(), second.headers["idempotent-replay"]) == (first.json(), "true")
 
 
+def test_a_refusal_is_kept_before_it_is_answered(
+    api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who has the refusal may use its key again at once; the second request was left without an answer."""
+    url, keep = f"/missions/{mission.id}/targets", Once.keep
+    api.post(url, {**BODY, "name": "Rock"})
+    others: list[int] = []
+
+    def late(self: Once, *given: Any) -> Any:
+        if not others:
+            others.append(0)
+            others[0] = api("POST", url, {**BODY, "name": "Stone"}, headers=KEY).status_code
+        return keep(self, *given)
+
+    monkeypatch.setattr(Once, "keep", late)
+    first = api("POST", url, {**BODY, "name": "Rock"}, headers=KEY)
+    assert others == [201]
+    assert (first.status_code, first.json()["type"]) == (422, "urn:outcrop:problem:idempotency-key-reused")
+
+
+def test_of_two_refusals_with_one_key_the_one_that_was_kept_is_answered(
+    api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, keep = f"/missions/{mission.id}/targets", Once.keep
+    rock = api.post(url, {**BODY, "name": "Rock"})
+    others: list[Any] = []
+
+    def late(self: Once, *given: Any) -> Any:
+        if not others:
+            others.append(None)
+            api("DELETE", f"/targets/{rock['id']}", headers={"If-Match": "*"})
+            others[0] = api("POST", url, {**BODY, "name": "Rock"}, headers=KEY)
+        return keep(self, *given)
+
+    monkeypatch.setattr(Once, "keep", late)
+    first = api("POST", url, {**BODY, "name": "Rock"}, headers=KEY)
+    assert others[0].status_code == 201
+    assert (first.status_code, first.json()) == (201, others[0].json())
+
+
 def test_a_job_asked_for_with_a_key_is_queued_once_and_seen_after_the_answer(
     api: Api, mission: Mission
 ) -> None:

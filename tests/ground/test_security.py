@@ -253,7 +253,7 @@ def test_without_an_account_nothing_is_seen(accounts: Api) -> None:
 
 def test_a_session_changes_things_only_with_its_csrf_token(accounts: Api) -> None:
     headers = log_in(accounts, "admin")
-    accounts._client.cookies.clear()
+    accounts.client.cookies.clear()
     assert accounts.get("/session", headers=headers)["person"]["name"] == "admin"
     body = {"name": "New", "password": PASSWORD}
     assert accounts("POST", "/people", body, headers=headers).status_code == 201
@@ -272,7 +272,7 @@ def test_forged_and_outdated_tokens_are_refused(accounts: Api) -> None:
         accounts("GET", "/missions", headers={"Cookie": "outcrop_session=forged"}), 401, "not-authenticated"
     )
     headers = log_in(accounts, "viewer")
-    accounts._client.cookies.clear()
+    accounts.client.cookies.clear()
     with accounts.repo.database.write() as session:
         session.execute(update(CredentialRow).values(expires_utc=utc_now()))
     problem(accounts("GET", "/missions", headers=headers), 401, "not-authenticated")
@@ -280,13 +280,13 @@ def test_forged_and_outdated_tokens_are_refused(accounts: Api) -> None:
 
 def test_an_api_key_works_until_it_is_taken_back_and_is_never_stored(accounts: Api) -> None:
     headers = log_in(accounts, "scientist")
-    accounts._client.cookies.clear()
+    accounts.client.cookies.clear()
     made = accounts.post("/api-keys", {"name": "script"}, headers=headers)
     key = {"Authorization": f"Bearer {made['secret']}"}
     assert accounts.get("/session", headers=key)["person"]["name"] == "scientist"
     assert made["secret"].encode() not in (accounts.repo.data_dir / "outcrop.db").read_bytes()
     other = log_in(accounts, "planner")
-    accounts._client.cookies.clear()
+    accounts.client.cookies.clear()
     problem(accounts("DELETE", f"/api-keys/{made['id']}", headers=other), 403, "forbidden")
     assert accounts("DELETE", f"/api-keys/{made['id']}", headers=headers).status_code == 204
     until = time.monotonic() + 5.0
@@ -307,9 +307,9 @@ def test_the_door_closes_after_five_failed_logins(accounts: Api) -> None:
 
 def test_a_new_password_ends_sessions_and_the_old_one(accounts: Api) -> None:
     headers = log_in(accounts, "viewer")
-    accounts._client.cookies.clear()
+    accounts.client.cookies.clear()
     set_password(accounts.repo, SYSTEM_ACTOR, "viewer", "another horse battery")
-    accounts._client._transport.app.state.identities.forget()  # type: ignore[attr-defined]
+    accounts.app.state.identities.forget()
     problem(accounts("GET", "/missions", headers=headers), 401, "not-authenticated")
     answer = accounts("POST", "/session", {"name": "viewer", "password": PASSWORD})
     problem(answer, 401, "not-authenticated")
@@ -317,7 +317,7 @@ def test_a_new_password_ends_sessions_and_the_old_one(accounts: Api) -> None:
 
 
 def test_guesses_at_the_same_time_are_five_and_another_address_still_enters(accounts: Api) -> None:
-    app = accounts._client._transport.app  # type: ignore[attr-defined]
+    app = accounts.app
 
     async def guess(host: str, password: str, times: int) -> list[int]:
         transport = httpx.ASGITransport(app=app, client=(host, 1))
@@ -328,12 +328,12 @@ def test_guesses_at_the_same_time_are_five_and_another_address_still_enters(acco
 
     counts: Counter[int] = Counter()
     for _ in range(5):
-        counts.update(accounts._portal.call(guess, "10.0.0.1", "wrong-password", 60))
+        counts.update(accounts.portal.call(guess, "10.0.0.1", "wrong-password", 60))
     assert counts == {401: 5, 429: 295}
-    assert accounts._portal.call(guess, "10.0.0.1", PASSWORD, 1) == [429]
-    assert accounts._portal.call(guess, "10.0.0.2", PASSWORD, 1) == [201]
+    assert accounts.portal.call(guess, "10.0.0.1", PASSWORD, 1) == [429]
+    assert accounts.portal.call(guess, "10.0.0.2", PASSWORD, 1) == [201]
     app.state.limits = LogInLimits()  # another server, or this one after a restart
-    assert accounts._portal.call(guess, "10.0.0.1", PASSWORD, 1) == [429]
+    assert accounts.portal.call(guess, "10.0.0.1", PASSWORD, 1) == [429]
 
 
 def test_one_guess_for_each_of_many_names_is_limited_by_address() -> None:
@@ -683,6 +683,36 @@ def test_a_role_for_one_mission_counts_there_only(api: Api, mission: Mission) ->
     assert api("POST", f"/missions/{mission.id}/targets", body, who="Viewer").status_code == 201
     other = api.post(f"/missions/{mission.id}/copy", {"name": "Other"})
     problem(api("POST", f"/missions/{other['id']}/targets", body, who="Viewer"), 403, "forbidden")
+
+
+def test_a_role_counts_as_soon_as_the_change_is_answered(api: Api, mission: Mission) -> None:
+    """Not a moment later, when another connection may have asked already."""
+    person = next(p for p in api.get("/people")["items"] if p["name"] == "Viewer")
+    target: Any = {"json": {"east_m": 1.0, "north_m": 1.0}, "headers": {"X-Outcrop-Person": "Viewer"}}
+    url = f"/api/v1/missions/{mission.id}/targets"
+    problem(api("POST", f"/missions/{mission.id}/targets", target["json"], who="Viewer"), 403, "forbidden")
+    client = api.client
+    answered: list[int] = []
+
+    async def spy(scope: Any, receive: Any, send: Any) -> None:
+        async def first_look(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                answered.append((await client.post(url, **target)).status_code)
+            await send(message)
+
+        await api.app(scope, receive, first_look)
+
+    async def change() -> int:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(spy), base_url="http://testserver") as own:
+            answer = await own.patch(
+                f"/api/v1/people/{person['id']}",
+                json={"mission_roles": {mission.id: "scientist"}},
+                headers={"If-Match": "*", "X-Outcrop-Person": "Administrator"},
+            )
+            return answer.status_code
+
+    assert api.portal.call(change) == 200
+    assert answered == [201]
 
 
 # ---- repeats
