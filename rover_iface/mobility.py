@@ -73,27 +73,25 @@ def settle(
         np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(heading, dtype=float)
     )
     wheels = profile.wheels
-    c, s = np.cos(heading)[..., None], np.sin(heading)[..., None]
+    c, s = np.cos(heading), np.sin(heading)
     axle = np.array(wheels.axle_x_m)
-    px, py, lift = _wheel_points(wheels)
-    heights = ground.height(x[..., None] + c * px - s * py, y[..., None] + s * px + c * py).reshape(
-        *x.shape, 6, 5
-    )
-    contact = (heights + lift).max(axis=-1)
+    px, py, lift = (_before(v, x.ndim) for v in _wheel_points(wheels))
+    # Poses are the last axes: the largest of five in a row is slow to find where they are the first.
+    heights = ground.height(x + c * px - s * py, y + s * px + c * py).reshape(6, 5, *x.shape)
+    contact = (heights + lift).max(axis=1).reshape(2, 3, *x.shape)
 
-    front = contact[..., [0, 3]]
+    front, middle, rear = contact[:, 0], contact[:, 1], contact[:, 2]
     bogie_share = (wheels.bogie_pivot_x_m - axle[2]) / (axle[1] - axle[2])
-    bogie = contact[..., [2, 5]] + bogie_share * (contact[..., [1, 4]] - contact[..., [2, 5]])
+    bogie = rear + bogie_share * (middle - rear)
     rise = (front - bogie) / (axle[0] - wheels.bogie_pivot_x_m)
     pivot = bogie + rise * (wheels.rocker_pivot_x_m - wheels.bogie_pivot_x_m)
-    climb = np.arctan(rise.mean(axis=-1))
+    climb = np.arctan(rise.mean(axis=0))
     pitch = -climb
-    roll = np.arctan2(pivot[..., 0] - pivot[..., 1], wheels.track_m)
-    z = pivot.mean(axis=-1) - np.tan(climb) * wheels.rocker_pivot_x_m
+    roll = np.arctan2(pivot[0] - pivot[1], wheels.track_m)
+    z = pivot.mean(axis=0) - np.tan(climb) * wheels.rocker_pivot_x_m
 
-    sides = contact.reshape(*contact.shape[:-1], 2, 3)
-    level = sides - np.tan(climb)[..., None, None] * axle
-    step = np.abs(np.diff(level, axis=-1)).max(axis=(-2, -1))
+    level = contact - np.tan(climb) * _before(axle, x.ndim)
+    step = np.abs(np.diff(level, axis=1)).max(axis=(0, 1))
     slope = np.arctan(np.hypot(np.tan(climb), np.tan(roll)))
     gap = np.full_like(z, np.inf)
     standing = Standing(z, roll, pitch, gap, step, slope)
@@ -129,13 +127,18 @@ def belly_gap(
     origin above x, y [n], site frame, m, towards heading [n], rad, as they stand there.
     """
     wheels, body = profile.wheels, profile.body
-    c, s = np.cos(heading)[..., None], np.sin(heading)[..., None]
-    gx, gy = _belly_points(body.length_m, min(body.width_m, wheels.track_m - wheels.width_m))
-    under = ground.height(x[..., None] + c * gx - s * gy, y[..., None] + s * gx + c * gy)
-    climb, roll = -standing.pitch[..., None], standing.roll[..., None]
-    plane = standing.z[..., None] + np.tan(climb) * gx + np.tan(roll) * gy
-    gap: Array = (plane + body.clearance_m - under).min(axis=-1)
+    c, s = np.cos(heading), np.sin(heading)
+    points = _belly_points(body.length_m, min(body.width_m, wheels.track_m - wheels.width_m))
+    gx, gy = (_before(v, x.ndim) for v in points)
+    under = ground.height(x + c * gx - s * gy, y + s * gx + c * gy)
+    plane = standing.z + np.tan(-standing.pitch) * gx + np.tan(standing.roll) * gy
+    gap: Array = (plane + body.clearance_m - under).min(axis=0)
     return gap
+
+
+def _before(values: Array, axes: int) -> Array:
+    """Return values [k] as an axis before `axes` others."""
+    return values.reshape(-1, *(1,) * axes)
 
 
 def settled_pose(ground: Ground, profile: RoverProfile, x: float, y: float, heading: float) -> Pose:

@@ -347,6 +347,9 @@ def product_line(product: Product) -> ProductLine:
     }
 
 
+_encode = json.JSONEncoder(sort_keys=True).encode
+
+
 def _write_lines(path: Path, rows: Iterable[Any]) -> None:
     with path.open("w", encoding="utf-8") as file:
-        file.writelines(json.dumps(row, sort_keys=isinstance(row, dict)) + "\n" for row in rows)
+        file.writelines(_encode(row) + "\n" for row in rows)

@@ -45,14 +45,16 @@ def room_to_stand(
     """
     body = profile.body
     u, v = _outline(body.length_m, body.width_m)
-    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    px, py = x[:, None] + u * c - v * s, y[:, None] + u * s + v * c
+    u, v = u[:, None], v[:, None]
+    c, s = np.cos(heading), np.sin(heading)
+    px, py = x + u * c - v * s, y + u * s + v * c
     # The plane of the wheels: pitch is positive nose down, roll left side up.
-    plane = standing.z[:, None] - u * np.tan(standing.pitch)[:, None] + v * np.tan(standing.roll)[:, None]
+    plane = standing.z - u * np.tan(standing.pitch) + v * np.tan(standing.roll)
     rise = terrain.height(px, py) - plane
     rise[np.hypot(px - point[0], py - point[1]) < OWN_ROCK_M] = 0.0
     obstacle = 0.7 * profile.mobility.max_step_m
-    highest = np.nan_to_num(rise, nan=obstacle).max(axis=1)
+    rise[np.isnan(rise)] = obstacle
+    highest = rise.max(axis=0)
     room: Array = np.clip((obstacle - highest) / (0.5 * obstacle), 0.0, 1.0)
     return room
 

@@ -111,6 +111,15 @@ class HeightLayer:
         value: Array = flat.reshape(x.shape)
         return value
 
+    def fill(self, value: Array, x: Array, y: Array, *, ground: bool = False) -> int:
+        """Put heights into `value` [n], m, where it is NaN and the raster knows them at `x`, `y` [n], site
+        frame, m; return for how many points there is still none.
+        """
+        from rover_iface.terrain.height_kernels import fill
+
+        data = self.ground if ground and self.ground is not None else self.heights
+        return fill(data, self.heights, self.west, self.south, self.spacing, x, y, value)
+
 
 @dataclass(frozen=True)
 class Ortho:
@@ -139,15 +148,21 @@ class Ortho:
         """Return the colour [..., 3] of the pixels that hold the points `x`, `y` [...], site metres, nearest
         inside the image.
         """
-        west, south, east, north = self.bounds
-        rows, columns = self.rgb.shape[:2]
-        c = ((np.asarray(x, dtype=float) - west) / (east - west) * columns).astype(np.int64)
-        r = ((north - np.asarray(y, dtype=float)) / (north - south) * rows).astype(np.int64)
-        found: NDArray[np.uint8] = self.rgb[np.clip(r, 0, rows - 1), np.clip(c, 0, columns - 1)]
+        rows, columns = self._pixels_of(x, y)
+        found: NDArray[np.uint8] = self.rgb[rows, columns]
         return found
 
     def crop(self, x: float, y: float, size_m: float, pixels: int = 128) -> NDArray[np.uint8]:
         """Return a square [pixels, pixels, 3] of `size_m` metres round a point, north up."""
         step = (np.arange(pixels) + 0.5) / pixels * size_m - size_m / 2
-        gx, gy = np.meshgrid(x + step, y - step)
-        return self.colour(gx, gy)
+        rows, columns = self._pixels_of(x + step, y - step)
+        found: NDArray[np.uint8] = self.rgb[rows[:, None], columns]
+        return found
+
+    def _pixels_of(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the rows that hold `y` and the columns that hold `x`, each of its own shape."""
+        west, south, east, north = self.bounds
+        rows, columns = self.rgb.shape[:2]
+        c = ((np.asarray(x, dtype=float) - west) / (east - west) * columns).astype(np.int64)
+        r = ((north - np.asarray(y, dtype=float)) / (north - south) * rows).astype(np.int64)
+        return np.clip(r, 0, rows - 1), np.clip(c, 0, columns - 1)

@@ -94,15 +94,10 @@ class Terrain:
         """Return heights, m, at points, NaN outside; `ground` leaves the rocks away where they are known."""
         x, y = _pair(x, y)
         value = np.full(x.shape, np.nan)
+        places = x.ravel(), y.ravel()
         for layer in self.layers:
-            missing = np.isnan(value)
-            if not missing.any():
+            if not layer.fill(value.reshape(-1), *places, ground=ground):
                 break
-            take = missing & layer.covers(x, y)
-            if take.all():
-                return layer.sample(x, y, ground=ground)
-            if take.any():
-                value[take] = layer.sample(x[take], y[take], ground=ground)
         return value
 
     def height_at(self, x: float, y: float, what: str = "point") -> float:
@@ -123,17 +118,12 @@ class Terrain:
         """
         x, y = _pair(x, y)
         half = (baseline_m if baseline_m is not None else 2 * self.spacing) / 2
-        middle = self.height(x, y)
-
-        def gradient(dx: float, dy: float) -> Array:
-            ahead, behind = self.height(x + dx, y + dy), self.height(x - dx, y - dy)
-            one = np.where(np.isnan(ahead), middle, ahead)
-            two = np.where(np.isnan(behind), middle, behind)
-            span = half * ((~np.isnan(ahead)).astype(float) + (~np.isnan(behind)).astype(float))
-            slope: Array = (one - two) / np.where(span > 0, span, np.nan)
-            return slope
-
-        gx, gy = gradient(half, 0.0), gradient(0.0, half)
+        off = np.reshape((half, -half, 0.0, 0.0, 0.0), (5, *(1,) * x.ndim))
+        heights = self.height(x + off, y + np.roll(off, 2, axis=0))
+        known = ~np.isnan(heights)
+        ends = np.where(known[:4], heights[:4], heights[4])
+        span = half * (known[0:4:2].astype(float) + known[1:4:2])
+        gx, gy = (ends[0:4:2] - ends[1:4:2]) / np.where(span > 0, span, np.nan)
         normal = np.stack([-gx, -gy, np.ones_like(gx)], axis=-1)
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
@@ -321,7 +311,6 @@ def stereo_covariance(
     focal_px: float,
     baseline_m: float,
     sigma_px: float = 0.5,
-    row_axis: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Array:
     """Return the covariance [3, 3] of a point picked in a stereo pair, in the frame of `eye` and `point`.
 
@@ -333,8 +322,6 @@ def stereo_covariance(
         Focal length in pixels and distance between the cameras, metres.
     sigma_px
         Error of each of the four image coordinates.
-    row_axis
-        "Up" of the image, by default the vertical.
 
     Notes
     -----
@@ -350,18 +337,14 @@ def stereo_covariance(
             f"{distance}, {focal_px}, {baseline_m}"
         )
     forward = ray / distance
-    right = np.cross(forward, np.asarray(row_axis, dtype=float))
-    if np.linalg.norm(right) < 1e-6:
-        right = np.array([1.0, 0.0, 0.0]) - forward * forward[0]
-    right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
     across = distance * sigma_px / focal_px
     along = distance**2 * math.sqrt(2) * sigma_px / (focal_px * baseline_m)
-    axes = np.column_stack([right, up, forward])
-    covariance: Array = axes @ np.diag([across**2, across**2, along**2]) @ axes.T
+    covariance: Array = across**2 * np.eye(3) + (along**2 - across**2) * np.outer(forward, forward)
     return covariance
 
 
 def _pair(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    a, b = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    a, b = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if a.shape != b.shape:
+        a, b = np.broadcast_arrays(a, b)
     return a, b

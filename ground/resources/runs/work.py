@@ -111,6 +111,9 @@ class Wish:
         return cls(**json.loads(text))
 
 
+_encode = json.JSONEncoder(separators=(",", ":")).encode
+
+
 class _Live:
     """Writes each sample and each record as a line, `["telemetry", {...}]` or `["trace", {...}]`, at its
     pace; does what the file of `control_run` asks, and writes `["control", {...}]` at the start and then.
@@ -158,7 +161,7 @@ class _Live:
         self._line("product", self.products[product.path])
 
     def _line(self, kind: str, data: Mapping[str, object]) -> None:
-        self._out.write(json.dumps([kind, data], separators=(",", ":")) + "\n")
+        self._out.write(_encode([kind, data]) + "\n")
         if self._wish.pace > 0 or self._wish.paused or kind in {"control", "product"}:
             self._out.flush()
 

@@ -220,11 +220,12 @@ def surfaces_at(
     camera = camera_over(terrain, eye)
     found: list[Surface | OutsideTerrainError] = []
     for k, (x, y) in enumerate(points):
-        try:
-            terrain.require_inside(x, y)
-        except Outside as err:
-            found.append(OutsideTerrainError(str(err), pointer="/east_m"))
-            continue
+        if math.isnan(up[k]):
+            try:
+                terrain.require_inside(x, y)
+            except Outside as err:
+                found.append(OutsideTerrainError(str(err), pointer="/east_m"))
+                continue
         here = (x, y, float(up[k]))
         known = stereo_covariance(camera, here, focal_px=FOCAL_PX, baseline_m=BASELINE_M)
         tilt, seen = float(slope[k]), bool(observed[k])
