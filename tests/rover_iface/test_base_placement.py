@@ -211,11 +211,12 @@ def test_on_a_slope_the_ground_itself_is_no_obstacle_to_stand() -> None:
 def test_what_is_not_looked_at_would_not_have_been_chosen(
     instrument: str, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Poses are the same, to the bit, whether room is worked out for a few candidates first or for all."""
+    """Poses are the same, to the bit, whether a few candidates are settled and looked at first or all."""
     ground, rng = generated(), np.random.default_rng(11)
 
-    def poses(first: int) -> list[object]:
-        monkeypatch.setattr(base_placement, "FIRST_LOOK", first)
+    def poses(settled: int, looked_at: int) -> list[object]:
+        monkeypatch.setattr(base_placement, "FIRST_SETTLED", settled)
+        monkeypatch.setattr(base_placement, "FIRST_LOOK", looked_at)
         found: list[object] = []
         for x, y in places:
             try:
@@ -226,4 +227,4 @@ def test_what_is_not_looked_at_would_not_have_been_chosen(
         return found
 
     places = rng.uniform(-10.0, 10.0, (12, 2)).tolist()
-    assert poses(1) == poses(24) == poses(10**6)
+    assert poses(7, 1) == poses(216, 24) == poses(10**6, 10**6)
