@@ -248,7 +248,7 @@ def _best(
 
 
 def _apart(x: Array, y: Array, heading: Array, value: Array, count: int) -> list[tuple[int, float]]:
-    """Return the `count` candidates of most `value` [n] that are no neighbours of a better one."""
+    """Return the `count` candidates of most `value` [n] that stand apart from every better one."""
     found: list[tuple[int, float]] = []
     for k in np.argsort(-value, kind="stable"):
         if value[k] < 0 or len(found) == count:
