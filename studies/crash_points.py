@@ -1,12 +1,13 @@
 """Crash points of the rover's ledger and of the file store, on disks that lose what was not synchronised.
 
-    .venv/bin/python -m studies.crash_points --points 100000
+    TMPDIR=/dev/shm .venv/bin/python -m studies.crash_points --points 100000
 
 Each point is a power cut at a random operation of a random sequence of entries, some of them while the
 ledger is mended after the one before. An entry whose `append` returned has to be there afterwards (else a
 package could run twice), none may be there that was never given, and the ledger has to open. A file whose
 `put` returned has to be in the store with its content, and no other may stand there damaged. The journal
-has a study of its own, `executive_crash_points`.
+has a study of its own, `executive_crash_points`. The store's part writes real files: in memory it takes a
+sixth of the time that it takes on a disk.
 """
 
 from __future__ import annotations
