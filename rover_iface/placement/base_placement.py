@@ -199,8 +199,8 @@ def _those(standing: Standing, chosen: NDArray[np.intp]) -> Standing:
 
 
 FIRST_SETTLED = 216
-"""Candidates of the arm that are set on the ground at first, a quarter: on generated ground (seed 7) no others
-are needed for half of the targets.
+"""Candidates of the arm that are set on the ground at first, a quarter: on generated ground (seed 7) half of
+the targets need no others.
 """
 
 FIRST_LOOK = 24
