@@ -6,8 +6,8 @@ Each point is a power cut at a random operation of a random sequence of entries,
 ledger is mended after the one before. An entry whose `append` returned has to be there afterwards (else a
 package could run twice), none may be there that was never given, and the ledger has to open. A file whose
 `put` returned has to be in the store with its content, and no other may stand there damaged. The journal
-has a study of its own, `executive_crash_points`. The store's part writes real files: in memory it takes a
-sixth of the time that it takes on a disk.
+has a study of its own, `executive_crash_points`. The store's part writes real files: in memory
+100,000 points take 8 minutes of a processor; on a disk they did not end in 90.
 """
 
 from __future__ import annotations

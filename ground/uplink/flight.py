@@ -347,7 +347,7 @@ def product_line(product: Product) -> ProductLine:
     }
 
 
-_encode = json.JSONEncoder(sort_keys=True).encode
+_encode = json.JSONEncoder(sort_keys=True).encode  # `json.dumps` makes an encoder for each line
 
 
 def _write_lines(path: Path, rows: Iterable[Any]) -> None:

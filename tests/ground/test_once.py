@@ -87,7 +87,7 @@ def test_a_refusal_is_kept_before_it_is_answered(
     assert (first.status_code, first.json()["type"]) == (422, "urn:outcrop:problem:idempotency-key-reused")
 
 
-def test_of_two_refusals_with_one_key_the_one_that_was_kept_is_answered(
+def test_a_refusal_gives_way_to_the_answer_that_was_kept_meanwhile(
     api: Api, mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     url, keep = f"/missions/{mission.id}/targets", Once.keep

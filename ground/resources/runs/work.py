@@ -111,7 +111,7 @@ class Wish:
         return cls(**json.loads(text))
 
 
-_encode = json.JSONEncoder(separators=(",", ":")).encode
+_encode = json.JSONEncoder(separators=(",", ":")).encode  # `json.dumps` makes an encoder for each line
 
 
 class _Live:
