@@ -221,8 +221,9 @@ class Driving:
             x, y = self.follower.position(name)[:2]
             navigator.ignore = (*navigator.on_map(float(x), float(y)), 0.45)
         yield from self.hardware.spend("navigator_step", looks)
-        way = navigator.choose(navigator.where(here), navigator.on_map(*goal))
-        return navigator.look_aside() if way is None and not navigator.given_up else way
+        pose = navigator.where(here)
+        way = navigator.choose(pose, navigator.on_map(*goal))
+        return navigator.look_aside(pose) if way is None and not navigator.given_up else way
 
     def _step_limit(self) -> float:
         """Return the longest way the tracker can follow: a share of the nearest tracked target's range."""

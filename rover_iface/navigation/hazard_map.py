@@ -9,11 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rover_iface.errors import RoverError
+from rover_iface.navigation.footing import MappedGround, filled
 from rover_iface.navigation.kernels import assess, gather
 from rover_iface.navigation.registration import Correction, RegistrationParameters, register
 from rover_iface.profile import RoverProfile
 
 Array = NDArray[np.floating]
+
+TOPS = 1.5
+"""Standard deviations above the mean of a cell: the edge of a stone that half fills it is one."""
+HOLE_CELLS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +178,24 @@ class HazardMap:
             max(0, math.floor(c - h)),
             min(columns, math.ceil(c + h) + 1),
         )
+
+    def ground(self, x: float, y: float, half_m: float) -> MappedGround:
+        """Return the heights round a place of the map, m, as high as the points of a cell mostly reach.
+
+        The mean of a cell hides the stone in its corner. Holes of a cell or two are as high as the highest
+        beside them.
+        """
+        r0, r1, c0, c1 = self._window(x, y, half_m)
+        weight, total, square = (sums[r0:r1, c0:c1] for sums in (self._weight, self._total, self._square))
+        known = weight >= self.parameters.least
+        mean = np.where(known, total / np.where(known, weight, 1.0), np.nan)
+        spread = np.sqrt(
+            np.maximum(0.0, np.where(known, square / np.where(known, weight, 1.0), 0.0) - mean**2)
+        )
+        heights = mean + TOPS * spread
+        for _ in range(HOLE_CELLS):
+            heights = filled(heights)
+        return MappedGround(heights, self.west + c0 * self.cell, self.south + r0 * self.cell, self.cell)
 
     def at(self, x: float, y: float) -> float:
         """Return the hazard of the cell that holds a point, NaN outside or unknown."""

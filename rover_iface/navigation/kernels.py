@@ -337,11 +337,8 @@ def try_ways(
                     col = math.floor((gx - west) / cell + 0.5)
                     row = math.floor((gy - south) / cell + 0.5)
                     number += 1.0
-                    if row < 0 or col < 0 or row >= rows or col >= columns:
-                        total += unknown
-                        blind += 1.0
-                        continue
-                    h = hazard[row, col]
+                    # beyond the map nobody has looked either
+                    h = hazard[row, col] if 0 <= row < rows and 0 <= col < columns else math.nan
                     unseen = math.isnan(h)
                     if unseen:
                         total += unknown

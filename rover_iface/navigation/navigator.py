@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from rover_iface.errors import RoverError
 from rover_iface.frames import Pose, Transform, wrap_angle
+from rover_iface.navigation.footing import FootingLimits, free_lengths
 from rover_iface.navigation.hazard_map import HazardMap, MapParameters
 from rover_iface.navigation.kernels import cost_to_go, obstacle_distance, try_ways
 from rover_iface.navigation.registration import Correction
@@ -55,6 +56,7 @@ class NavigatorParameters:
     drift_floor_m: float = 0.01
     short_share: float = 0.15
     short_m: float = 0.03
+    footing: FootingLimits = field(default_factory=FootingLimits)
 
     def __post_init__(self) -> None:
         if not 0 <= self.least_margin_m <= self.margin_m:
@@ -187,6 +189,7 @@ class Navigator:
         candidates = self._candidates(step * p.lookahead, pose, goal)
         body = self.profile.body
         drift = min(0.15, 2.0 * self.sigma_m)
+        stands = self._footing(pose, candidates)
         for margin in (p.margin_m, (p.margin_m + p.least_margin_m) / 2, p.least_margin_m):
             seen = try_ways(
                 self.map.hazard,
@@ -203,6 +206,7 @@ class Navigator:
                 p.unknown_cost,
                 *self.ignore,
             )
+            seen[:, 0] = np.maximum(seen[:, 0], stands)
             way = self._best(pose, goal, step, candidates, seen, field_)
             if way is not None:
                 self._stuck = 0
@@ -211,14 +215,26 @@ class Navigator:
         self._stuck += 1
         return None
 
-    def look_aside(self) -> Way:
-        """Return a turn in place for when no way is safe: to the left and right in turn, ever farther."""
-        return Way(math.radians(40.0) * (1 if self._stuck % 2 else -1) * self._stuck, 0.0, 0.0)
+    def look_aside(self, pose: Pose) -> Way | None:
+        """Return a turn in place from a pose on the map for when no way is safe; None where none is either.
+
+        To the left and right in turn, ever farther; the other way round where that would touch something.
+        """
+        turn = math.radians(40.0) * (1 if self._stuck % 2 else -1) * self._stuck
+        turns = np.array([[share * turn, 0.0, 0.0] for share in (1.0, -1.0, 0.5, -0.5)])
+        stands = self._footing(pose, turns)
+        return next((Way(*w) for w, well in zip(turns.tolist(), stands, strict=True) if well >= 0.0), None)
 
     @property
     def given_up(self) -> bool:
         """Return whether so many looks in a row showed no way that it is time to give up."""
         return self._stuck >= self.parameters.patience
+
+    def _footing(self, pose: Pose, ways: Array) -> Array:
+        body = self.profile.body
+        half_m = float(np.abs(ways[:, 2]).max()) + math.hypot(body.length_m, body.width_m)
+        ground = self.map.ground(pose.x, pose.y, half_m)
+        return free_lengths(ground, self.profile, pose, ways, self.parameters.footing)
 
     def _candidates(self, length: float, pose: Pose, goal: tuple[float, float]) -> Array:
         p = self.parameters

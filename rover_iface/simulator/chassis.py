@@ -108,6 +108,7 @@ class Chassis:
         for _ in range(count):
             if collision:
                 break
+            before = (x, y, heading, bx, by, bheading, pitch, roll, z)
             climb = -pitch if ds > 0 else pitch
             advance = ds * (1.0 - self.slip(climb)) * scale
             sideways = -self.softer * 0.25 * self.soil.slip_per_slope * math.sin(roll) * abs(ds)
@@ -121,15 +122,16 @@ class Chassis:
             expected = ds * (1.0 - self.soil.slip_flat)
             bx += expected * math.cos(bheading)
             by += expected * math.sin(bheading)
-            pitch_before = pitch
             bheading += bend / 2 + 0.3 * drift
             standing = settle(self.ground, self.profile, np.array([x]), np.array([y]), np.array([heading]))
             pitch, roll, z = float(standing.pitch[0]), float(standing.roll[0]), float(standing.z[0])
             if math.isnan(z):
+                # nothing is known of the ground there: it stands where it still was
+                x, y, heading, bx, by, bheading, pitch, roll, z = before
                 collision = "edge"
                 break
             # The height is reckoned from the attitude on the way, which the inertial sensor gives.
-            bz -= expected * math.sin((pitch + pitch_before) / 2)
+            bz -= expected * math.sin((pitch + before[6]) / 2)
             worst_gap = min(worst_gap, float(standing.belly_gap[0]))
             collision = self._hits(standing.belly_gap, standing.step, standing.tilt)
             true_length += abs(advance)

@@ -16,7 +16,7 @@ class Traverse:
     """How one drive ended: `arrived` by the rover's own estimate; `error_m` is how far off it truly is.
 
     `update_s` is the mean CPU time of a map update of four pairs, `drift_m` how far dead reckoning was off in
-    the end, `map_m` how far the place on the map was.
+    the end, `map_m` how far the place on the map was. `straight_m` is the straight line from start to goal.
     """
 
     arrived: bool
@@ -31,6 +31,7 @@ class Traverse:
     worst_gap_m: float
     drift_m: float
     map_m: float
+    straight_m: float
     track: tuple[tuple[float, float], ...]
 
 
@@ -69,7 +70,8 @@ def drive(
             arrived, reason = True, "arrived"
             break
         if progress.stalled(left):
-            arrived, reason = True, "as near as the ground allows"
+            arrived = left <= near_m
+            reason = "as near as the ground allows" if arrived else "no nearer"
             break
         looks += 1
         first = navigator.map.updates == 0
@@ -81,12 +83,13 @@ def drive(
         share = sensor.pairs_around / len(sensor.pans) if first else 1.0
         duration += step_cost.fixed_s * share
         energy += step_cost.fixed_j * share
-        way = navigator.choose(navigator.where(chassis.believed), goal)
+        here = navigator.where(chassis.believed)
+        way = navigator.choose(here, goal)
+        if way is None and not navigator.given_up:
+            way = navigator.look_aside(here)
         if way is None:
-            if navigator.given_up:
-                reason = "no safe path"
-                break
-            way = navigator.look_aside()
+            reason = "no safe path"
+            break
         driven = chassis.follow(way)
         duration += driven.duration_s
         energy += driven.energy_j
@@ -114,5 +117,6 @@ def drive(
         worst,
         math.hypot(chassis.believed.x - chassis.pose.x, chassis.believed.y - chassis.pose.y),
         math.hypot(here.x - chassis.pose.x, here.y - chassis.pose.y),
+        math.hypot(goal[0] - start[0], goal[1] - start[1]),
         tuple(track),
     )

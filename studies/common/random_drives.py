@@ -19,6 +19,9 @@ from rover_iface.terrain import generate_terrain
 from rover_iface.terrain.landscape import Recipe
 from rover_iface.terrain.terrain import Terrain
 
+SITE_HALF_M = 20.0
+SOFTER = 1.2
+
 
 @dataclass(frozen=True, slots=True)
 class Study:
@@ -82,8 +85,25 @@ def random_traverses(
             yield drive(Chassis(ground, profile, pose, soil=soil or Soil(), rng=rng), ground, goal)
 
 
+def site_traverses(
+    profile: RoverProfile, *, runs: int, seed: int, drives_per_site: int = 6
+) -> Iterator[Traverse]:
+    """Yield drives of 7 to 13 m over sites as the demo has them; the same by one seed.
+
+    The sites have a crater, ripples and bedrock with ledges that cross them from side to side, and their soil
+    is as soft as that of a day's rover on terrain (`studies.subframe_day`).
+    """
+    for number in range(math.ceil(runs / drives_per_site)):
+        rng = np.random.default_rng([seed, number, 7])
+        ground = GroundRaster.of(generate_terrain(seed + number), SITE_HALF_M)
+        for _ in range(min(drives_per_site, runs - number * drives_per_site)):
+            pose, goal = _ends(ground, profile, float(rng.uniform(7.0, 13.0)), rng)
+            chassis = Chassis(ground, profile, pose, softer=SOFTER, rng=rng)
+            yield drive(chassis, ground, goal, tolerance_m=0.25, near_m=0.5)
+
+
 def counted(found: Sequence[Traverse], length_m: float = 20.0) -> Study:
-    """Return counts and medians of drives `length_m` long."""
+    """Return counts and medians of drives; `length_m` is the straight line of each, 0 that they tell it."""
     reasons: dict[str, int] = {}
     for run in found:
         reasons[run.reason] = reasons.get(run.reason, 0) + 1
@@ -101,8 +121,8 @@ def counted(found: Sequence[Traverse], length_m: float = 20.0) -> Study:
         update_ms_median=float(np.median(updates)),
         update_ms_worst=float(updates.max()),
         looks_median=median([run.looks for run in found]),
-        length_ratio_median=median([run.length_m / length_m for run in went]),
-        error_share_median=median([run.error_m / length_m for run in went]),
+        length_ratio_median=median([run.length_m / (length_m or run.straight_m) for run in went]),
+        error_share_median=median([run.error_m / (length_m or run.straight_m) for run in went]),
         drift_m_median=median([run.drift_m for run in found]),
         map_m_median=median([run.map_m for run in found]),
     )

@@ -11,7 +11,8 @@ import pytest
 
 from rover_iface.errors import RoverError
 from rover_iface.frames import Pose
-from rover_iface.mobility import settled_pose
+from rover_iface.mobility import settle, settled_pose
+from rover_iface.navigation.footing import FootingLimits, MappedGround, filled, free_lengths, under_body
 from rover_iface.navigation.hazard_map import HazardMap, MapParameters
 from rover_iface.navigation.kernels import cast_ranges, cost_to_go, obstacle_distance, try_ways
 from rover_iface.navigation.navigator import Navigator, NavigatorParameters, Progress, Way, end_of
@@ -105,7 +106,9 @@ def test_an_arc_ends_where_the_circle_says() -> None:
 def test_the_rover_comes_near_the_tracked_targets_own_rock() -> None:
     rock = bumpy(lambda x, y: np.where(np.hypot(x - 1.6, y) < 0.3, 0.3, 0.0))
     hazards = looked(GroundRaster.of(rock, 5.9), Pose(0, 0))
-    navigator = Navigator(K9, hazards, step_m=0.6)
+    # planes alone: nowhere does the rover stand well 50 m to either side
+    planes = NavigatorParameters(footing=FootingLimits(astray=100.0, aside_m=50.0))
+    navigator = Navigator(K9, hazards, planes, step_m=0.6)
     before = navigator.choose(Pose(0, 0), (0.6, 0.0))
     navigator.ignore = (1.6, 0.0, 0.6)
     after = navigator.choose(Pose(0, 0), (0.6, 0.0))
@@ -262,6 +265,114 @@ def test_ground_never_seen_is_not_driven_onto_but_left() -> None:
     hazard[:] = 0.0
     hazard[20, 21] = np.nan  # under the mast, where no camera looks
     assert ways_over(hazard, (0.0, 0.0, 1.0)) == [1.0]
+
+
+def test_beyond_the_map_the_ground_counts_as_never_seen() -> None:
+    (free,) = ways_over(np.zeros((41, 41)), (0.0, 0.0, 3.0))
+    assert 1.2 < free < 1.6  # the nose is at the map's edge, 2.05 m away
+
+
+def ledge(rise_m: float) -> GroundRaster:
+    """Return level ground with a ledge across all of it at x = 2 m."""
+    return GroundRaster.of(bumpy(lambda x, y: np.where(x > 2.0, rise_m, 0.0) + 0.0 * y), 9.0)
+
+
+@pytest.mark.parametrize(("rise_m", "crossed"), [(0.05, True), (0.12, True), (0.25, False)])
+def test_a_ledge_that_the_wheels_climb_is_crossed_and_a_wall_is_not(rise_m: float, crossed: bool) -> None:
+    ground = ledge(rise_m)
+    chassis = Chassis(ground, K9, Pose(0.0, 0.0), rng=np.random.default_rng(1))
+    run = drive(chassis, ground, (5.0, 0.0))
+    assert run.arrived == crossed, run.reason
+    assert not run.collided or run.reason == "collision: edge"  # of the terrain, on the way round
+    assert run.straight_m == 5.0
+    assert chassis.pose.x > 4.0 if crossed else chassis.pose.x < 1.6
+
+
+def test_where_no_way_is_safe_only_a_turn_that_touches_nothing_is_made() -> None:
+    navigator = Navigator.fresh(K9, (0.0, 0.0), (4.0, 0.0))
+    assert navigator.look_aside(Pose(0.0, 0.0)) is None  # nothing has been seen
+    ground, sensor = GroundRaster.of(plane(), 9.0), StereoSensor(K9)
+    here = Pose(0.0, 0.0)
+    navigator.look(sensor.look(ground, here, np.random.default_rng(1), around=True), sensor.eye, here)
+    turn = navigator.look_aside(here)
+    assert turn is not None
+    assert turn.length_m == 0.0
+
+
+def test_footing_holds_wheels_tilt_and_belly_and_not_where_nothing_is_known() -> None:
+    def free(height: np.ndarray, *way: float) -> float:
+        ground = MappedGround(height, -4.0, -4.0, 0.1)
+        return float(free_lengths(ground, K9, Pose(0.0, 0.0), np.array([way]), FootingLimits())[0])
+
+    y, x = np.mgrid[-4.0:4.05:0.1, -4.0:4.05:0.1]
+    level = np.zeros_like(x)
+    assert free(level, 0.0, 0.0, 1.0) == pytest.approx(1.0)
+    assert free(level, 0.0, 0.5, -0.7) == pytest.approx(0.7)
+    assert free(level, 2.0, 0.0, 0.0) == 0.0
+    stone = np.where(np.hypot(x - 1.0, y) < 0.12, 0.19, 0.0)  # between the wheels, below the belly
+    assert 0.2 < free(stone, 0.0, 0.0, 1.0) < 0.6
+    kerb = np.where(y > 0.6, 0.3, 0.0)  # beside it, within reach of a wheel that turns
+    assert free(kerb, 0.0, 0.0, 1.0) == pytest.approx(1.0)
+    assert free(kerb, 1.2, 0.0, 0.5) == -1.0
+    assert free(np.where(x > 0.0, 0.7 * x, 0.0), 0.0, 0.0, 1.0) < 0.8  # 35 degrees
+    dark = np.where(x > 0.8, np.nan, 0.0)
+    assert 0.0 < free(dark, 0.0, 0.0, 1.0) < 0.4
+    below = np.where(np.hypot(x, y) < 0.3, np.nan, 0.0)  # where it stands no camera looks
+    assert free(below, 0.0, 0.0, 1.0) == pytest.approx(1.0)
+    assert free(level[:, :1], 0.0, 0.0, 1.0) == -1.0  # off the map
+
+
+def test_what_is_below_the_rover_is_the_plane_that_it_stands_on() -> None:
+    ground = GroundRaster.of(plane(0.2, 0.1), 5.0)
+    pose = settled_pose(ground, K9, 0.0, 0.0, 0.4)
+    dark = MappedGround(np.full((81, 81), np.nan), -4.0, -4.0, 0.1)
+    known = under_body(dark, K9, pose).heights
+    rows, columns = np.nonzero(np.isfinite(known))
+    assert len(rows) == pytest.approx(K9.body.length_m * K9.body.width_m / 0.01, rel=0.1)
+    expected = 0.2 * (columns * 0.1 - 4.0) + 0.1 * (rows * 0.1 - 4.0)
+    assert known[rows, columns] == pytest.approx(expected, abs=0.02)
+
+
+def test_holes_of_a_cell_are_filled_by_their_highest_neighbour_and_wide_ones_at_their_rim() -> None:
+    heights = np.zeros((9, 9))
+    heights[4, 3] = 0.3
+    heights[4, 4] = np.nan
+    assert filled(heights)[4, 4] == 0.3
+    wide = np.zeros((9, 9))
+    wide[:, 5:] = np.nan
+    assert np.isnan(filled(wide)[:, 6:]).all()
+    assert np.isfinite(filled(wide)[1:-1, 5]).all()
+
+
+def test_the_map_tells_how_high_the_points_of_a_cell_reach() -> None:
+    """A stone 9 cm wide and 20 cm high in one cell: its mean says 10 cm, the belly would meet 20."""
+    hazards = HazardMap(K9, (0.0, 0.0), 4.0)
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(-1.0, 1.0, 0.02), np.arange(-1.0, 1.0, 0.02)))
+    middle = hazards.west + hazards.cell * round(-hazards.west / hazards.cell)
+    stone = (np.abs(x - middle) < 0.05) & (y - middle > 0.0) & (y - middle < 0.05)
+    hazards.update([np.column_stack([x, y, np.where(stone, 0.2, 0.0)])], np.array([0.0, 0.0, 1.5]))
+    ground = hazards.ground(0.0, 0.0, 1.0)
+    assert 0.15 < float(ground.height(middle, middle)) < 0.3
+    assert abs(float(ground.height(middle + 0.5, middle))) < 1e-6
+
+
+def test_a_rover_at_the_edge_of_what_is_known_stands_where_it_still_was() -> None:
+    ground = GroundRaster.of(plane(), 3.0)
+    chassis = Chassis(ground, K9, Pose(1.5, 0.0), rng=np.random.default_rng(1))
+    driven = chassis.follow(Way(0.0, 0.0, 3.0))
+    assert driven.collision == "edge"
+    for pose in (chassis.pose, chassis.believed):
+        assert np.isfinite([pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll]).all()
+    assert 2.0 < chassis.pose.x < 3.0
+    standing = settle(ground, K9, *(np.array([v]) for v in (chassis.pose.x, 0.0, 0.0)))
+    assert np.isfinite(standing.z).all()
+
+
+def test_a_drive_that_is_shut_out_far_from_its_goal_has_not_arrived() -> None:
+    ground = ledge(0.4)
+    run = drive(Chassis(ground, K9, Pose(0.0, 0.0), rng=np.random.default_rng(2)), ground, (5.0, 0.0))
+    assert run.error_m > 2.0
+    assert not run.arrived
 
 
 def test_parameters_out_of_range_are_refused() -> None:
