@@ -41,7 +41,7 @@ def table(found: list[Traverse], seed: int, length_m: float) -> str:
             f"median {np.median(updates):.1f} ms, worst drive {updates.max():.1f} ms",
         ),
         ("looks", f"{study.looks_median:.0f} (median)"),
-        ("way driven", f"{study.length_ratio_median:.2f} of the straight line"),
+        ("distance driven", f"{study.length_ratio_median:.2f} of the straight line"),
         ("dead reckoning off in the end", f"{100 * study.drift_m_median:.0f} cm (median)"),
         ("place on the map off in the end", f"{100 * study.map_m_median:.0f} cm (median)"),
         ("least clearance under the belly", f"{100 * min(run.worst_gap_m for run in found):.1f} cm"),

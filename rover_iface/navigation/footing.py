@@ -27,8 +27,9 @@ class FootingLimits:
     """What the rover must keep from touching and tipping on mapped heights.
 
     Heights are off by stereo's noise and between cells, so `gap_m` is left under the belly, and `step_share`
-    and `tilt_share` of what the rover can do are used. To either side it must stand well, too, as far as it may
-    have come astray: that share of the way, at most `aside_m`. Poses are `every_m` and `every_rad` apart.
+    and `tilt_share` of what the rover can do are used. To either side it must stand well, too, as far as it
+    may have come astray: `astray` times the distance, at most `aside_m`. Poses are `every_m` and
+    `every_rad` apart.
     """
 
     gap_m: float = 0.05
@@ -53,7 +54,9 @@ class MappedGround:
     cell: float
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return bilinear heights [...], m, at points [...], m, of the map's frame; NaN beside unknown cells."""
+        """Return bilinear heights [...], m, at points [...], m, of the map's frame; NaN beside unknown
+        cells.
+        """
         rows, columns = self.heights.shape
         if min(rows, columns) < 2:  # off the map
             return np.full(np.broadcast_shapes(np.shape(x), np.shape(y)), np.nan)
