@@ -243,6 +243,8 @@ def brief(body: Any) -> Any:
     return body
 
 
+DOTS = (".", "..")
+"""Ids that a client takes out of an address (RFC 3986, 5.2.4): what is asked then is another operation."""
 METHODS = ("get", "put", "post", "patch", "delete")
 
 
@@ -306,7 +308,7 @@ class Walks:
             )
             if known is not None and not spared and rng.random() < KNOWN:
                 case.path_parameters[name] = known
-            elif spared:
+            elif spared or case.path_parameters[name] in DOTS:
                 case.path_parameters[name] = "none-such"
         headers = {**(case.headers or {}), "X-Outcrop-Person": rng.choice([*PEOPLE, *PEOPLE[:3] * 3])}
         if case.method in {"PATCH", "PUT", "DELETE"} and rng.random() < KNOWN:

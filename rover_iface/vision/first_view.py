@@ -10,7 +10,7 @@ track goes on from what that says.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from rover_iface.cameras.stereo import PointMatch
 from rover_iface.errors import TrackerError
 from rover_iface.vision.coverage_watch import INSIDE
 from rover_iface.vision.template import Template, TemplateMatcher, on_plane, parallax_px
-from rover_iface.vision.tracker import StereoView
+from rover_iface.vision.tracker import Image, StereoView
 
 DISPARITY_PX = 1.0
 """Three sigma of a disparity between designation and start (Kim et al. 2009, eq. 1)."""
@@ -29,6 +29,8 @@ LEAST_SCORE = 0.75
 """Correlation that an alignment in the first view needs; that of the key template."""
 MOST_PX = 2.0
 """Farther off in the first view it is another place."""
+MOST_UNKNOWN = 0.35
+"""Of what the ranges of now show from there: hidden there, or beyond the picture of now."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +56,27 @@ class Measured:
 def measured_drift(matcher: TemplateMatcher, first: Template, now: Template) -> Measured | None:
     """Return what the first view tells of the spot under `now.pixel`; None where it does not show it so.
 
-    `now.uncertainty` is what the chain of matches tells of it.
+    `now.uncertainty` is what the chain of matches tells of it. What is seen now is taken back to the first
+    view over the plane of its face; where that leads nowhere, and `now.relief` is there, by its ranges: from
+    near a rock is round and looked down on.
     """
     template = matcher.predict(now, first.camera, first.pixel, first.point)
+    told = None if template is None else _compared(matcher, first, now, template)
+    if told is not None or now.relief is None:
+        return told
+    half = matcher.options.context_px // 2
+    template = now.relief.seen_by(first.camera, first.point, first.point - now.point, half)
     if template is None:
         return None
+    inner = matcher.options.template_px // 2
+    core = template[half - inner : half + inner + 1, half - inner : half + inner + 1]
+    if np.isnan(core).mean() > MOST_UNKNOWN:
+        return None
+    return _compared(matcher, first, replace(now, depth_m2=now.ranged_m2), template)
+
+
+def _compared(matcher: TemplateMatcher, first: Template, now: Template, template: Image) -> Measured | None:
+    """Return what the first view tells of a spot, by what it should show of it: `template` [n, n]."""
     spot = first.pixel.copy()
     fitted = matcher.fit(first.image, template, spot, matcher.options.template_px // 2)
     if fitted is None:

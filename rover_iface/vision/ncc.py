@@ -281,7 +281,11 @@ class NccTracker:
             return at, match, drift
         camera, away = view.left_camera, judged.scores["range_m"]
         depth_m2 = _depth_m2(match) + self._bulge_m2(view, track.first.range_m)
-        now = Template(view.left, camera, at, match.point, match.normal, away, *drift, depth_m2)
+        ranged_m2 = _depth_m2(match) + self._bulge_m2(view, away)
+        relief = SeenRelief(view, away)
+        now = Template(
+            view.left, camera, at, match.point, match.normal, away, *drift, depth_m2, ranged_m2, relief
+        )
         found = measured_drift(self.matcher, track.first, now)
         if found is None:
             return at, match, drift
@@ -452,7 +456,9 @@ class NccTracker:
         track.travelled_m = view.travelled_m
         relief = SeenRelief(view, measured)
         depth_m2 = _depth_m2(match) + self._bulge_m2(view, measured)
-        track.last = Template(view.left, camera, at, match.point, normal, measured, *drift, depth_m2, relief)
+        track.last = Template(
+            view.left, camera, at, match.point, normal, measured, *drift, depth_m2, depth_m2, relief
+        )
         track.gallery.add(track.last, view.travelled_m)
         return TrackUpdate(
             target=target,

@@ -24,6 +24,9 @@ LEAST_CONTRAST = 0.5
 """Of 255: a smooth patch between rough ones is ranged too; what it is taken for, correlation tells."""
 HOLE_PARTS = 4
 """Known neighbours, of nine pixels, that fill one that no point falls on."""
+BLUR_SHARE = 0.45
+"""Standard deviation, px, for each pixel of this view beyond one that another camera sees as one."""
+LEAST_BLUR_PX = 0.3
 
 
 class SeenRelief:
@@ -89,6 +92,12 @@ class SeenRelief:
         import cv2
 
         half = ranges.shape[0] // 2
+        away = float(np.nanmedian(ranges)) if np.isfinite(ranges).any() else self.range_m
+        finer = away / camera.hs / (self.range_m / self.view.left_camera.hs)
+        blur_px = BLUR_SHARE * max(0.0, finer - 1.0)
+        left = (
+            self.view.left if blur_px < LEAST_BLUR_PX else cv2.GaussianBlur(self.view.left, (0, 0), blur_px)
+        )
         lines, samples = np.nonzero(np.isfinite(ranges))
         origin, rays = camera.back_project(middle + np.column_stack((samples, lines)) - half)
         ends = origin + rays * ranges[lines, samples][:, None]
@@ -96,7 +105,7 @@ class SeenRelief:
         out = np.full(ranges.shape, np.nan, np.float32)
         if len(source):
             grey = cv2.remap(
-                self.view.left,
+                left,
                 source[:, 0][None],
                 source[:, 1][None],
                 cv2.INTER_CUBIC,

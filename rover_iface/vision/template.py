@@ -142,6 +142,8 @@ class Template:
         of the spot against its surroundings: a rock bulges one way, so the templates of a chain err together.
     depth_m2
         Variance of the depth of that spot against what surrounds it, along the line of sight.
+    ranged_m2
+        Variance of that depth where the surroundings are taken by what stereo ranges, not as a plane.
     relief
         What the stereo pair of that view ranges, if it is kept.
     """
@@ -155,6 +157,7 @@ class Template:
     drift: Array = field(default_factory=lambda: np.zeros((3, 3)))
     parallax: Array = field(default_factory=lambda: np.zeros((3, 2)))
     depth_m2: float = 0.0
+    ranged_m2: float = 0.0
     relief: SeenRelief | None = None
 
     @property

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from rover_iface.vision.first_view import measured_drift
+from rover_iface.vision.seen_relief import SeenRelief
 from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
-from tests.rover_iface.vision.test_seen_relief import FAR_M, pair
+from tests.rover_iface.vision.test_seen_relief import FAR_M, FRONT, pair
 
 SPOT = np.array([FAR_M, 0.25, 0.1])
 FACE = np.array([-1.0, 0.0, 0.0])
@@ -58,3 +59,35 @@ def test_another_place_is_no_measurement() -> None:
     assert measured_drift(matcher, seen(0.0, SPOT, 0.0), now) is None
     flat = replace(now, image=np.full_like(now.image, 0.5))
     assert measured_drift(matcher, seen(0.0, SPOT, 0.0), flat) is None
+
+
+@pytest.mark.parametrize("aside", [0.04, 0.05])
+def test_where_a_plane_leads_nowhere_the_ranges_of_now_measure(aside: float) -> None:
+    """A spot beside the edge of the near board: half of what surrounds it lies 3 m deeper."""
+    matcher = TemplateMatcher(NccOptions())
+    spot, off = FRONT + np.array([0.0, aside, 0.0]), np.array([0.0, -0.006, 0.004])
+    first, now = seen(0.0, spot, 0.0), replace(seen(0.5, spot + off, 0.03), depth_m2=0.05**2)
+    assert measured_drift(matcher, first, now) is None
+    found = measured_drift(
+        matcher, first, replace(now, ranged_m2=0.002**2, relief=SeenRelief(pair(0.5), 6.0))
+    )
+    assert found is not None
+    told_m = float(np.sqrt(np.trace(found.drift + found.parallax @ found.parallax.T)))
+    assert told_m < 0.005
+    assert float(np.linalg.norm(found.off - off)) < 3.0 * told_m
+
+
+def test_what_another_camera_sees_smaller_is_averaged_and_not_picked() -> None:
+    """From four times as far, a pixel shows the mean of sixteen; one of them by itself is noise."""
+    view = pair(0.0)
+    relief = SeenRelief(view, FAR_M)
+    small = view.left_camera.scaled(0.25)
+    spot = np.array([FAR_M, 0.45, 0.3])
+    shown = relief.seen_by(small, spot, np.zeros(3), 5)
+    assert shown is not None
+    line, sample = (round(float(v)) for v in view.left_camera.project(spot)[::-1])
+    around = view.left[line - 22 : line + 23, sample - 22 : sample + 23]
+    known = shown[np.isfinite(shown)]
+    assert len(known) > 60
+    assert known.std() < 0.9 * around.std()
+    assert abs(float(known.mean() - around.mean())) < 0.05
