@@ -13,10 +13,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rover_iface.frames import Pose
 from rover_iface.mobility import Standing, settle
+from rover_iface.navigation.sensor import GroundRaster
 from rover_iface.profile import RoverProfile
 
 Array = NDArray[np.floating]
@@ -41,38 +42,6 @@ class FootingLimits:
     every_rad: float = 0.2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MappedGround:
-    """Heights [rows, columns], m, of cells of side `cell`, as a `mobility.Ground`; NaN where none is known.
-
-    `west` and `south` are the middle of the first cell.
-    """
-
-    heights: Array
-    west: float
-    south: float
-    cell: float
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return bilinear heights [...], m, at points [...], m, of the map's frame; NaN beside unknown
-        cells.
-        """
-        rows, columns = self.heights.shape
-        if min(rows, columns) < 2:  # off the map
-            return np.full(np.broadcast_shapes(np.shape(x), np.shape(y)), np.nan)
-        c = (np.asarray(x, dtype=float) - self.west) / self.cell
-        r = (np.asarray(y, dtype=float) - self.south) / self.cell
-        outside = (c < 0) | (r < 0) | (c > columns - 1) | (r > rows - 1)
-        c, r = np.where(outside, 0.0, c), np.where(outside, 0.0, r)
-        j = np.minimum(c.astype(np.int64), columns - 2)
-        i = np.minimum(r.astype(np.int64), rows - 2)
-        u, v = c - j, r - i
-        h = self.heights
-        lower = h[i, j] * (1 - u) + h[i, j + 1] * u
-        upper = h[i + 1, j] * (1 - u) + h[i + 1, j + 1] * u
-        return np.asarray(np.where(outside, np.nan, lower * (1 - v) + upper * v))
-
-
 def filled(heights: Array) -> Array:
     """Return heights [rows, columns] with each unknown one (NaN) that has three known neighbours or more as
     high as the highest of them.
@@ -87,19 +56,19 @@ def filled(heights: Array) -> Array:
     return np.where(np.isnan(heights) & (known.sum(axis=0) >= 3), highest, heights)
 
 
-def under_body(ground: MappedGround, profile: RoverProfile, pose: Pose) -> MappedGround:
+def under_body(ground: GroundRaster, profile: RoverProfile, pose: Pose) -> GroundRaster:
     """Return the ground with what nobody has seen below the rover taken to be the plane that it stands on.
 
     No camera looks there, and the rover stands on it well enough to begin with.
     """
     body = profile.body
-    around = math.hypot(body.length_m, body.width_m) / 2 + ground.cell
+    around = math.hypot(body.length_m, body.width_m) / 2 + ground.spacing
     rows, columns = ground.heights.shape
-    c, r = (pose.x - ground.west) / ground.cell, (pose.y - ground.south) / ground.cell
-    reach = math.ceil(around / ground.cell)
+    c, r = (pose.x - ground.west) / ground.spacing, (pose.y - ground.south) / ground.spacing
+    reach = math.ceil(around / ground.spacing)
     view = (_part(round(r), reach, rows), _part(round(c), reach, columns))
     i, j = np.mgrid[view]
-    east, north = (j - c) * ground.cell, (i - r) * ground.cell
+    east, north = (j - c) * ground.spacing, (i - r) * ground.spacing
     u = math.cos(pose.heading) * east + math.sin(pose.heading) * north
     v = -math.sin(pose.heading) * east + math.cos(pose.heading) * north
     below = (np.abs(u) <= body.length_m / 2) & (np.abs(v) <= body.width_m / 2)
@@ -107,7 +76,7 @@ def under_body(ground: MappedGround, profile: RoverProfile, pose: Pose) -> Mappe
     heights = ground.heights.copy()
     part = heights[view]
     part[...] = np.where(below & np.isnan(part), plane, part)
-    return MappedGround(heights, ground.west, ground.south, ground.cell)
+    return GroundRaster(heights, ground.west, ground.south, ground.spacing)
 
 
 def _part(middle: int, reach: int, count: int) -> slice:
@@ -117,7 +86,7 @@ def _part(middle: int, reach: int, count: int) -> slice:
 
 
 def free_lengths(
-    ground: MappedGround, profile: RoverProfile, pose: Pose, ways: Array, limits: FootingLimits
+    ground: GroundRaster, profile: RoverProfile, pose: Pose, ways: Array, limits: FootingLimits
 ) -> Array:
     """Return how far [n], m, the rover stands well along each way [n, 3] from a pose on the map.
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rover_iface.errors import RoverError
-from rover_iface.navigation.footing import MappedGround, filled
+from rover_iface.navigation.footing import filled
 from rover_iface.navigation.kernels import assess, gather
 from rover_iface.navigation.registration import Correction, RegistrationParameters, register
+from rover_iface.navigation.sensor import GroundRaster
 from rover_iface.profile import RoverProfile
 
 Array = NDArray[np.floating]
@@ -179,7 +180,7 @@ class HazardMap:
             min(columns, math.ceil(c + h) + 1),
         )
 
-    def ground(self, x: float, y: float, half_m: float) -> MappedGround:
+    def ground(self, x: float, y: float, half_m: float) -> GroundRaster:
         """Return the heights round a place of the map, m, as high as the points of a cell mostly reach.
 
         The mean of a cell hides the stone in its corner. Holes of a cell or two are as high as the highest
@@ -195,7 +196,9 @@ class HazardMap:
         heights = mean + TOPS * spread
         for _ in range(HOLE_CELLS):
             heights = filled(heights)
-        return MappedGround(heights, self.west + c0 * self.cell, self.south + r0 * self.cell, self.cell)
+        if min(heights.shape) < 2:  # off the map
+            heights = np.full((2, 2), np.nan)
+        return GroundRaster(heights, self.west + c0 * self.cell, self.south + r0 * self.cell, self.cell)
 
     def at(self, x: float, y: float) -> float:
         """Return the hazard of the cell that holds a point, NaN outside or unknown."""

@@ -12,7 +12,7 @@ import pytest
 from rover_iface.errors import RoverError
 from rover_iface.frames import Pose
 from rover_iface.mobility import settle, settled_pose
-from rover_iface.navigation.footing import FootingLimits, MappedGround, filled, free_lengths, under_body
+from rover_iface.navigation.footing import FootingLimits, filled, free_lengths, under_body
 from rover_iface.navigation.hazard_map import HazardMap, MapParameters
 from rover_iface.navigation.kernels import cast_ranges, cost_to_go, obstacle_distance, try_ways
 from rover_iface.navigation.navigator import Navigator, NavigatorParameters, Progress, Way, end_of
@@ -301,7 +301,7 @@ def test_where_no_way_is_safe_only_a_turn_that_touches_nothing_is_made() -> None
 
 def test_footing_holds_wheels_tilt_and_belly_and_not_where_nothing_is_known() -> None:
     def free(height: np.ndarray, *way: float) -> float:
-        ground = MappedGround(height, -4.0, -4.0, 0.1)
+        ground = GroundRaster(height, -4.0, -4.0, 0.1)
         return float(free_lengths(ground, K9, Pose(0.0, 0.0), np.array([way]), FootingLimits())[0])
 
     y, x = np.mgrid[-4.0:4.05:0.1, -4.0:4.05:0.1]
@@ -319,13 +319,14 @@ def test_footing_holds_wheels_tilt_and_belly_and_not_where_nothing_is_known() ->
     assert 0.0 < free(dark, 0.0, 0.0, 1.0) < 0.4
     below = np.where(np.hypot(x, y) < 0.3, np.nan, 0.0)  # where it stands no camera looks
     assert free(below, 0.0, 0.0, 1.0) == pytest.approx(1.0)
-    assert free(level[:, :1], 0.0, 0.0, 1.0) == -1.0  # off the map
+    off = HazardMap(K9, (90.0, 0.0), 8.0).ground(0.0, 0.0, 2.0).heights
+    assert free(off, 0.0, 0.0, 1.0) == -1.0
 
 
 def test_what_is_below_the_rover_is_the_plane_that_it_stands_on() -> None:
     ground = GroundRaster.of(plane(0.2, 0.1), 5.0)
     pose = settled_pose(ground, K9, 0.0, 0.0, 0.4)
-    dark = MappedGround(np.full((81, 81), np.nan), -4.0, -4.0, 0.1)
+    dark = GroundRaster(np.full((81, 81), np.nan), -4.0, -4.0, 0.1)
     known = under_body(dark, K9, pose).heights
     rows, columns = np.nonzero(np.isfinite(known))
     assert len(rows) == pytest.approx(K9.body.length_m * K9.body.width_m / 0.01, rel=0.1)
