@@ -20,6 +20,7 @@ Array = NDArray[np.floating]
 TOPS = 1.5
 """Standard deviations above the mean of a cell: the edge of a stone that half fills it is one."""
 HOLE_CELLS = 2
+"""Passes that close holes from their rim; what a rock hides is wider and stays unknown."""
 
 
 @dataclass(frozen=True, slots=True)

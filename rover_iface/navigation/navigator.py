@@ -189,7 +189,7 @@ class Navigator:
         candidates = self._candidates(step * p.lookahead, pose, goal)
         body = self.profile.body
         drift = min(0.15, 2.0 * self.sigma_m)
-        stands = self._footing(pose, candidates)
+        stands = np.minimum(self._footing(pose, candidates), self._clear(pose, candidates))
         for margin in (p.margin_m, (p.margin_m + p.least_margin_m) / 2, p.least_margin_m):
             seen = try_ways(
                 self.map.hazard,
@@ -229,6 +229,17 @@ class Navigator:
     def given_up(self) -> bool:
         """Return whether so many looks in a row showed no way that it is time to give up."""
         return self._stuck >= self.parameters.patience
+
+    def _clear(self, pose: Pose, ways: Array) -> Array:
+        """Return how far [n], m, the outline keeps clear of what no wheel climbs and of the own rock."""
+        grid, body = self.map, self.profile.body
+        x, y, radius = self.ignore
+        rows, columns = np.indices(grid.hazard.shape, sparse=True)
+        own = np.hypot(grid.west + columns * grid.cell - x, grid.south + rows * grid.cell - y) <= radius
+        hazard = np.nan_to_num(grid.hazard) * np.where(own, 1.0, grid.parameters.step_share)
+        half = body.length_m / 2, body.width_m / 2
+        at = grid.west, grid.south, grid.cell, pose.x, pose.y, pose.heading
+        return try_ways(hazard, *at, ways, *half, self.parameters.least_margin_m, 0.0, *self.ignore)[:, 0]
 
     def _footing(self, pose: Pose, ways: Array) -> Array:
         body = self.profile.body

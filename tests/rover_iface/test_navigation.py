@@ -288,6 +288,15 @@ def test_a_ledge_that_the_wheels_climb_is_crossed_and_a_wall_is_not(rise_m: floa
     assert chassis.pose.x > 4.0 if crossed else chassis.pose.x < 1.6
 
 
+def test_the_tracked_targets_own_rock_is_not_driven_over_though_wheels_would_climb_it() -> None:
+    ground = GroundRaster.of(bumpy(lambda x, y: np.where(np.hypot(x - 1.6, y) < 0.3, 0.115, 0.0)), 5.9)
+    navigator = Navigator(K9, looked(ground, Pose(0, 0)), step_m=1.5)
+    navigator.ignore = (1.6, 0.0, 0.6)
+    ahead = np.array([[0.0, 0.0, 2.0]])
+    assert navigator._footing(Pose(0, 0), ahead)[0] > 1.5
+    assert navigator._clear(Pose(0, 0), ahead)[0] < 0.85  # its nose at the rock
+
+
 def test_where_no_way_is_safe_only_a_turn_that_touches_nothing_is_made() -> None:
     navigator = Navigator.fresh(K9, (0.0, 0.0), (4.0, 0.0))
     assert navigator.look_aside(Pose(0.0, 0.0)) is None  # nothing has been seen
