@@ -20,13 +20,13 @@ from planner.path_network import (
 )
 from planner.problem import Problem, problem_from_dict
 from planner.problem_document import (
-    PROBLEMS,
     AmountDocument,
     LegDocument,
     ObservationDocument,
     PoseDocument,
     ProblemDocument,
     TargetDocument,
+    problem_document,
 )
 
 
@@ -122,7 +122,7 @@ def problem_of(day: Day, network: PathNetwork, costs: RoverCosts) -> DayProblem:
         "precedence": tuple((a, r) for r, request in terms.items() for a in request.after),
         "refs": dict(day.refs),
     }
-    return DayProblem(problem_from_dict(PROBLEMS.document(document)), stands, tuple(refused))
+    return DayProblem(problem_from_dict(problem_document(document)), stands, tuple(refused))
 
 
 def _asks_for_track(request: Request, day: Day) -> bool:
@@ -228,5 +228,7 @@ def _legs(network: PathNetwork, points: Mapping[str, str]) -> tuple[LegDocument,
             "p_lose": {t: round(p, 6) for t, p in route.p_lose.items() if t in points},
             "route": tuple((round(x, 3), round(y, 3)) for x, y in route.points),
         }
+        if route.p_fail > 0.0:
+            leg["p_fail"] = round(route.p_fail, 6)
         legs.append(leg)
     return tuple(legs)

@@ -243,11 +243,12 @@ class _Emitter:
         return bool(self.model.trackable[self.model.place_of[target]])
 
     def certain_drive(self, to: TargetId, require_tracked: bool, past: _Past) -> bool:
-        """Return whether a drive cannot be refused before it starts."""
+        """Return whether a drive can neither be refused before it starts nor fail."""
         if require_tracked and self.trackable(to):
             return False
         origins = {d.to for d in past.drives} | ({"start"} if all(d.may_fail for d in past.drives) else set())
-        return all(origin == to or (origin, to) in self.legs for origin in origins)
+        legs = (self.legs.get((origin, to)) for origin in origins if origin != to)
+        return all(leg is not None and leg.p_fail == 0.0 for leg in legs)
 
     def target_refs(self, target: TargetId) -> dict[str, Value]:
         return {f"target-{key}": value for key, value in self.targets[target].refs.items()}

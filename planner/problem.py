@@ -1,10 +1,10 @@
 """Planning problem as frozen values, made from its documents and turned into them again.
 
-Two forms are read: `contingency/1` (one observation per target) and `problem/1`, its superset (several
+Three forms are read: `contingency/1` (one observation per target), `problem/1`, its superset (several
 observations per target, precedence, must-do, windows, diminishing value, downlink volume, energy floor,
-chance constraint, asymmetric legs with their route on the ground, references to the mission's rows). Times
-are seconds from the start of the plan, energies joules, lengths metres in the site frame (east, north),
-angles radians.
+chance constraint, asymmetric legs with their route on the ground, references to the mission's rows), and
+`problem/2`, in which drives may fail. Times are seconds from the start of the plan, energies joules, lengths
+metres in the site frame (east, north), angles radians.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from planner.problem_document import (
     ProblemDocument,
     TargetDocument,
     contingency_document,
+    problem_document,
     says_all,
 )
 
@@ -118,7 +119,8 @@ class Target:
 @dataclass(frozen=True, slots=True)
 class Leg:
     """The drive from one place to a target's observation point. `p_lose[i]` is the chance to lose target i
-    on it.
+    on it, `p_fail` that it fails: it takes its time and energy, the rover then counts as back where it began,
+    and no drive leads to that target any more on this day.
     """
 
     origin: str
@@ -126,6 +128,7 @@ class Leg:
     time_s: Amount
     energy_j: Amount
     p_lose: Mapping[TargetId, float] = field(default_factory=dict)
+    p_fail: float = 0.0
     length_m: float | None = None
     route: tuple[tuple[float, float], ...] = ()
 
@@ -201,8 +204,8 @@ def problem_from_dict(data: object, where: str = "") -> Problem:
     Raises
     ------
     ProblemError
-        If the document is not a well-formed `contingency/1` or `problem/1`; the message names the member, its
-        value and the limit.
+        If the document is not a well-formed `contingency/1`, `problem/1` or `problem/2`; the message names
+        the member, its value and the limit.
     """
     document = PROBLEMS.from_document(data, where)
     assert isinstance(data, Mapping)  # as the codec found
@@ -319,6 +322,7 @@ def _leg(leg: LegDocument, targets: Set[TargetId]) -> Leg:
         time_s=_amount(leg["time_s"], f"{what}: time_s"),
         energy_j=_amount(leg["energy_j"], f"{what}: energy_j"),
         p_lose=losses,
+        p_fail=leg.get("p_fail") or 0.0,
         length_m=leg.get("length_m"),
         route=tuple((p[0], p[1]) for p in leg.get("route") or ()),
     )
@@ -411,6 +415,8 @@ def _leg_document(leg: Leg) -> LegDocument:
         "energy_j": _amount_document(leg.energy_j),
         "p_lose": {str(target): p for target, p in leg.p_lose.items()},
     }
+    if leg.p_fail:
+        d["p_fail"] = leg.p_fail
     if leg.length_m is not None:
         d["length_m"] = leg.length_m
     if leg.route:
@@ -420,7 +426,7 @@ def _leg_document(leg: Leg) -> LegDocument:
 
 def problem_to_dict(problem: Problem) -> dict[str, Any]:
     """Return the JSON form of a problem, in the format it was read from if that can say all of it, else
-    `problem/1`.
+    `problem/1`, or `problem/2` where drives may fail.
     """
     budget, start = problem.budget, problem.start
     d: ProblemDocument = {
@@ -447,4 +453,4 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
         d["precedence"] = problem.precedence
     if problem.source_format == CONTINGENCY.format and says_all(d):
         return CONTINGENCY.document(contingency_document(d))
-    return PROBLEMS.document(d)
+    return problem_document(d)

@@ -1,17 +1,20 @@
-"""The documents `problem/1` and `contingency/1` as types, read, checked and written by one codec.
+"""The documents `problem/2`, `problem/1` and `contingency/1` as types, read, checked and written by one
+codec.
 
-`contingency/1` holds one observation per target and is brought up to `problem/1`, its superset. Members that
-may be absent may also be null, but for those that are true or false.
+`contingency/1` holds one observation per target and is brought up to `problem/1`, its superset; in
+`problem/2` drives may fail. Members that may be absent may also be null, but for those that are true or
+false.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NotRequired, cast
 
 from annotated_types import MaxLen, MinLen
 from typing_extensions import TypedDict  # pydantic asks for it before Python 3.12
 
-from mission.codec import Codec
+from mission.codec import Codec, shown
 from mission.values import Chance, NotNegative, Positive, Share, document
 from planner.errors import ProblemError
 
@@ -91,8 +94,8 @@ class TargetDocument(TypedDict):
     observations: tuple[ObservationDocument, ...]
 
 
-LegDocument = TypedDict(
-    "LegDocument",
+SureLegDocument = TypedDict(
+    "SureLegDocument",
     {
         "from": Name,
         "to": Name,
@@ -104,7 +107,14 @@ LegDocument = TypedDict(
         "refs": NotRequired[object],
     },
 )
-document(LegDocument)
+document(SureLegDocument)
+
+
+@document
+class LegDocument(SureLegDocument):
+    """A drive that may fail."""
+
+    p_fail: NotRequired[Share | None]
 
 
 @document
@@ -132,19 +142,29 @@ class _Day(TypedDict):
     overrun_penalty: NotRequired[NotNegative | None]
     track_start: TrackStartDocument
     track_overhead_s_per_leg: NotNegative
-    legs: tuple[LegDocument, ...]
 
 
-@document
-class ProblemDocument(_Day):
-    """A planning problem."""
-
+class _Problem(_Day):
     budget: BudgetDocument
     max_overrun_probability: NotRequired[Share | None]
     start: NotRequired[PoseDocument | None]
     refs: NotRequired[dict[str, str] | None]
     precedence: NotRequired[tuple[Annotated[tuple[str, ...], MinLen(2), MaxLen(2)], ...] | None]
     targets: Annotated[tuple[TargetDocument, ...], MaxLen(MAX_TARGETS)]
+
+
+@document
+class ProblemDocument(_Problem):
+    """A planning problem."""
+
+    legs: tuple[LegDocument, ...]
+
+
+@document
+class SureProblemDocument(_Problem):
+    """A planning problem of `problem/1`, in which no drive fails."""
+
+    legs: tuple[SureLegDocument, ...]
 
 
 @document
@@ -166,6 +186,7 @@ class ContingencyDocument(_Day):
     family: NotRequired[object]
     seed: NotRequired[object]
     cone_half_angle_deg: NotRequired[object]
+    legs: tuple[SureLegDocument, ...]
     targets: Annotated[tuple[ContingencyTarget, ...], MaxLen(MAX_TARGETS)]
 
 
@@ -188,9 +209,27 @@ def _problem_of(members: dict[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in found.items() if k in ProblemDocument.__annotations__}
 
 
+def _without_failures(members: dict[str, Any]) -> dict[str, Any]:
+    """Return the members of a `problem/1`, in which no drive fails, as those of `problem/2`."""
+    legs = members.get("legs")
+    for leg in legs if isinstance(legs, list) else ():
+        if isinstance(leg, Mapping) and leg.get("p_fail") is not None:
+            ends = f"{leg.get('from')} -> {leg.get('to')}"
+            raise ProblemError(
+                f"problem legs[{ends}].p_fail is {shown(leg['p_fail'])}; drives that fail need the format "
+                f"problem/2"
+            )
+    return members
+
+
+def drives_fail(problem: ProblemDocument) -> bool:
+    """Return whether some drive of a problem has a chance to fail."""
+    return any(leg.get("p_fail") for leg in problem["legs"])
+
+
 def says_all(problem: ProblemDocument) -> bool:
     """Return whether `contingency/1` can say all that a problem does."""
-    if not problem.keys() <= ContingencyDocument.__annotations__.keys():
+    if not problem.keys() <= ContingencyDocument.__annotations__.keys() or drives_fail(problem):
         return False
     if not problem["budget"].keys() <= TrackStartDocument.__annotations__.keys():
         return False
@@ -230,8 +269,19 @@ def contingency_document(problem: ProblemDocument) -> ContingencyDocument:
 
 PROBLEMS = Codec(
     ProblemDocument,
-    "problem/1",
+    "problem/2",
     "problem",
-    upgrades={CONTINGENCY.format: ("problem/1", _problem_of)},
+    upgrades={CONTINGENCY.format: ("problem/1", _problem_of), "problem/1": ("problem/2", _without_failures)},
     error=ProblemError,
 )
+
+SURE_DRIVES = Codec(SureProblemDocument, "problem/1", "problem", error=ProblemError)
+"""What a problem in which no drive fails is written with: older programs read it, and its digest stays."""
+
+
+def problem_document(problem: ProblemDocument) -> dict[str, Any]:
+    """Return a problem as a document of the oldest form, `problem/1` or later, that can say all of it."""
+    if drives_fail(problem):
+        return PROBLEMS.document(problem)
+    sure = tuple({k: v for k, v in leg.items() if k != "p_fail"} for leg in problem["legs"])
+    return SURE_DRIVES.document(cast("SureProblemDocument", {**problem, "legs": sure}))

@@ -39,7 +39,7 @@ JSON Schema. Outcrop refuses a file by the first member that is wrong, with its 
 
 
 WHAT = {
-    "calibration": "Odds of lost tracks, times and energies of drives, and the runs they were learned from",
+    "calibration": "Odds of lost tracks and drives, times and energies, and the runs they are from",
     "campaign": "What many runs of one plan say together",
     "day": "One mission's day: targets, requests, keep-outs, start and limits",
     "dictionary": "The commands that a rover takes and the telemetry that it sends",

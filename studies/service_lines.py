@@ -35,8 +35,11 @@ WORKERS = 3
 PLANS = 40
 PLAN_S = 20.0
 """Time limit of a plan that keeps a worker busy."""
-SETTLING_S = 20.0
-"""Warm-ups end, pools fill."""
+SETTLING_S, BUSY_SHARE, SETTLED_WITHIN_S = 20.0, 0.05, 300.0
+"""Warm-ups end, pools fill: over when so long no more than this share of a core was used, or an error.
+
+The first start of a checkout compiles kernels, which takes longer than any fixed time.
+"""
 
 
 class Site:
@@ -132,9 +135,21 @@ class Site:
         return [sum(resident_mib(pid) for pid in (p.pid, *children(p.pid))) for p in self.workers]
 
 
+def settle(site: Site) -> None:
+    """Wait until the processes have done what each start brings with it."""
+    until_s = time.monotonic() + SETTLED_WITHIN_S
+    while True:
+        used = site.cpu_s()
+        time.sleep(SETTLING_S)
+        used = site.cpu_s() - used
+        if used <= BUSY_SHARE * SETTLING_S:
+            return
+        assert time.monotonic() < until_s, f"still at work: {used:.1f} s of a processor in {SETTLING_S:.0f} s"
+
+
 def silence(site: Site, seconds: float) -> None:
     """Count what is asked of the database while nobody does anything."""
-    time.sleep(SETTLING_S)
+    settle(site)
     before, used = site.transactions(), site.cpu_s()
     time.sleep(seconds)
     asked, used = site.transactions() - before, site.cpu_s() - used

@@ -19,13 +19,15 @@ class DrawTable:
     order.
 
     Durations are whole milliseconds (as seconds), energies whole thousandths of a joule. A tracked target i
-    is lost on the leg a -> b iff `leg_loss_u[f, a, b, i]` is less than its chance; an observation succeeds
-    iff `obs_success_u[f, k]` is less than its probability.
+    is lost on the leg a -> b iff `leg_loss_u[f, a, b, i]` is less than its chance, and the drive fails iff
+    `leg_fail_u[f, a, b]` is less than its own; an observation succeeds iff `obs_success_u[f, k]` is less
+    than its probability.
     """
 
     leg_time_s: Floats  # (N, n + 1, n + 1), without the overhead per tracked target
     leg_energy_j: Floats  # (N, n + 1, n + 1)
     leg_loss_u: Floats  # (N, n + 1, n + 1, n + 1)
+    leg_fail_u: Floats  # (N, n + 1, n + 1)
     obs_time_s: Floats  # (N, m)
     obs_energy_j: Floats  # (N, m)
     obs_success_u: Floats  # (N, m)
@@ -41,6 +43,7 @@ class DrawTable:
             self.leg_time_s[rows],
             self.leg_energy_j[rows],
             self.leg_loss_u[rows],
+            self.leg_fail_u[rows],
             self.obs_time_s[rows],
             self.obs_energy_j[rows],
             self.obs_success_u[rows],
@@ -52,7 +55,7 @@ def draw_table(problem: Problem, futures: int, seed: int) -> DrawTable:
     """Return `futures` futures of a problem; the same for the same seed."""
     model = Model.of(problem)
     n1, m = model.n + 1, model.m
-    streams = np.random.SeedSequence(seed).spawn(6)
+    streams = np.random.SeedSequence(seed).spawn(7)
     rng = [np.random.Generator(np.random.PCG64(s)) for s in streams]
 
     def amounts(r: np.random.Generator, mu: Floats, sigma: Floats) -> Floats:
@@ -67,6 +70,7 @@ def draw_table(problem: Problem, futures: int, seed: int) -> DrawTable:
         leg_time_s=leg_time,
         leg_energy_j=leg_energy,
         leg_loss_u=rng[2].random((futures, n1, n1, n1)),
+        leg_fail_u=rng[6].random((futures, n1, n1)),
         obs_time_s=amounts(rng[3], model.obs_ln[:, 0], model.obs_ln[:, 1]),
         obs_energy_j=amounts(rng[4], model.obs_ln[:, 2], model.obs_ln[:, 3]),
         obs_success_u=rng[5].random((futures, m)),
@@ -102,7 +106,7 @@ def earned(problem: Problem, plan: Plan, table: DrawTable) -> Earned:
     outcome = Outcome.empty(count)
     visited = np.zeros((count, len(program)), np.bool_)
     draws = Draws(
-        _milliseconds(table.leg_time_s), table.leg_energy_j, table.leg_loss_u,
+        _milliseconds(table.leg_time_s), table.leg_energy_j, table.leg_loss_u, table.leg_fail_u,
         _milliseconds(table.obs_time_s), table.obs_energy_j, table.obs_success_u,
     )  # fmt: skip
     roll(

@@ -55,10 +55,12 @@ def read_case(plan_file: Path, world_file: Path, rover: str, *, any_world: bool 
 
 def world_document(path: Path) -> World:
     """Return the `world/1` document in a file or folder, with everything inside and absolute paths."""
+    from rover_iface.simulator.model import PROBLEM_FORMATS
+
     if path.is_dir():
         path = path / "world.json"
     document = dict(read_object(path, InvalidInputError, "world"))
-    if document.get("format") in ("problem/1", "contingency/1"):
+    if document.get("format") in PROBLEM_FORMATS:
         problem = cast("ProblemDocument", document)
         return {"format": WORLD, "name": str(document.get("name", "")), "problem": problem}
     folder = path.parent.resolve()

@@ -33,6 +33,8 @@ Draw = tuple[str, tuple[int, ...]]
 """A draw by its array in `Future` and its index there."""
 
 NORMAL = ("leg_time_s", "leg_energy_j", "obs_time_s", "obs_energy_j")
+LOW_IS_BAD = ("leg_loss_u", "leg_fail_u")
+"""Coins of which a number below the chance is the bad side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,10 +152,12 @@ class RareSampler:
         self._model: AbstractModel = AbstractModel.from_problem(case.problem)
 
     def chance(self, draw: Draw) -> float:
-        """Return the true chance of a coin: of a loss, or of a spoilt observation."""
+        """Return the true chance of a coin: of a loss, of a drive that fails, or of a spoilt observation."""
         name, place = draw
         if name == "leg_loss_u":
             return float(self._model.p_lose[place])
+        if name == "leg_fail_u":
+            return float(self._model.p_fail[place])
         return 1.0 - self._model.observations[place[0]].p_success
 
     def fly(self, seed: int, tilt: Tilt) -> Sample:
@@ -172,8 +176,8 @@ class RareSampler:
             name, place = draw
             if name in NORMAL:
                 normals[draw] = float(getattr(noise, name.rsplit("_", 1)[0] + "_z")[place])
-            elif name == "leg_loss_u":
-                coins[draw] = bool(noise.leg_loss_u[place] < self._model.p_lose[place])
+            elif name in LOW_IS_BAD:
+                coins[draw] = bool(getattr(noise, name)[place] < self.chance(draw))
             else:
                 coins[draw] = bool(noise.obs_success_u[place] >= 1.0 - self.chance(draw))
         return Sample(row, normals, coins)
@@ -184,9 +188,9 @@ class RareSampler:
         for draw, chance in tilt.chance.items():
             name, place = draw
             array = getattr(noise, name)
-            bad = array[place] if name == "leg_loss_u" else 1.0 - array[place]
+            bad = array[place] if name in LOW_IS_BAD else 1.0 - array[place]
             bad = _bent(bad, self.chance(draw), chance)
-            array[place] = bad if name == "leg_loss_u" else 1.0 - bad
+            array[place] = bad if name in LOW_IS_BAD else 1.0 - bad
         return noise
 
     def log_ratio(self, sample: Sample, tilt: Tilt) -> float:
@@ -349,6 +353,7 @@ def _words(draw: Draw) -> str:
         "leg_time_s": "time of drive",
         "leg_energy_j": "energy of drive",
         "leg_loss_u": "chance of a loss on drive",
+        "leg_fail_u": "chance to fail of drive",
         "obs_time_s": "time of observation",
         "obs_energy_j": "energy of observation",
         "obs_success_u": "chance of failure of observation",

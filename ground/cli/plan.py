@@ -55,7 +55,7 @@ def register(app: typer.Typer) -> None:
 
 
 def plan(
-    file: Path = typer.Argument(..., help="A problem/1 or contingency/1 document."),
+    file: Path = typer.Argument(..., help="A problem: problem/2, problem/1 or contingency/1."),
     out: Path = typer.Option(..., "--out", help="Folder for plan.crl, plan_tree.json and summary.json."),
     strategy: str = typer.Option(
         "optimal", help="How branches are chosen: optimal, pico2005, or that of a package."

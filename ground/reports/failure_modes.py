@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from planner.plan_tree_document import StepDocument, TreeDocument
-    from planner.problem_document import ObservationDocument, ProblemDocument
+    from planner.problem_document import LegDocument, ObservationDocument, ProblemDocument
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,15 @@ class FailureMode:
 class _Walk:
     """What is collected along the tree. Names of targets are those of people."""
 
-    legs: Mapping[tuple[str, str], Mapping[str, float]]
+    legs: Mapping[tuple[str, str], LegDocument]
     observations: Mapping[str, tuple[str, ObservationDocument]]
     names: Mapping[str, str]
     lost: dict[tuple[str, str, str], list[tuple[float, frozenset[str]]]] = field(
         default_factory=lambda: defaultdict(list)
     )
     """Leg and target: the chance of each loss, with the observations that were made before it."""
+    short: dict[tuple[str, str], float] = field(default_factory=lambda: defaultdict(float))
+    """Leg: the chance that a drive on it ends short."""
     spoilt: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     attempted: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
@@ -74,9 +76,12 @@ class _Walk:
                     pass
 
     def drive(self, place: str, to: str, tracked: frozenset[str], chance: float, made: frozenset[str]) -> str:
-        for target, p_lose in self.legs.get((place, to), {}).items():
-            if target in tracked:
-                self.lost[(target, place, to)].append((chance * p_lose, made))
+        leg = self.legs.get((place, to))
+        if leg is not None:
+            for target, p_lose in (leg.get("p_lose") or {}).items():
+                if target in tracked:
+                    self.lost[(target, place, to)].append((chance * p_lose, made))
+            self.short[(place, to)] += chance * (leg.get("p_fail") or 0.0)
         return to
 
     def observe(self, name: str, chance: float) -> None:
@@ -92,10 +97,11 @@ def failure_modes(
     """Return the ways to lose value, the largest expected loss first.
 
     A track lost on a leg puts those observations of its target at stake that need it and were not made before
-    (a mean over the ways there, where they differ); an observation may bring nothing
-    usable (its success probability); and one that the plan holds may not be come to.
+    (a mean over the ways there, where they differ); a drive that ends short all that the plan holds of the
+    place it leads to; an observation may bring nothing usable (its success probability); and one that the
+    plan holds may not be come to.
     """
-    legs = {(leg["from"], leg["to"]): leg.get("p_lose") or {} for leg in problem.get("legs", ())}
+    legs = {(leg["from"], leg["to"]): leg for leg in problem.get("legs", ())}
     observations = {
         o["id"]: (t["id"], o) for t in problem.get("targets", ()) for o in t.get("observations", ())
     }
@@ -127,6 +133,10 @@ def failure_modes(
         if chance > 0.0:
             what = f"the track of {said(target)} is lost between {said(place)} and {said(to)}"
             found.append(FailureMode(what, min(chance, 1.0), loss / chance))
+    for (place, to), chance in walk.short.items():
+        stake = sum(worth(n) for n in walk.attempted if observations[n][0] == to)
+        what = f"the drive from {said(place)} to {said(to)} ends short"
+        found.append(FailureMode(what, min(chance, 1.0), stake))
     for name, chance in walk.spoilt.items():
         found.append(FailureMode(f"the {called(name)} brings nothing usable", min(chance, 1.0), worth(name)))
     for name, chance in walk.attempted.items():

@@ -64,7 +64,10 @@ def _chances(problem: Problem) -> Iterator[Unsaid]:
     ]
     if losing:
         yield Unsaid(some(losing), "tracks may be lost on the way", "in the file none is lost")
-    if uncertain or losing:
+    short = [f"leg {leg.origin} -> {leg.to}" for leg in problem.legs if leg.p_fail > 0.0]
+    if short:
+        yield Unsaid(some(short), "drives may fail", "in the file each arrives")
+    if uncertain or losing or short:
         what = "a plan there is one sequence, without branches for what may go otherwise"
         yield Unsaid("problem", what, "the file asks for the sequence")
     if uncertain and problem.overrun_penalty > 0.0:

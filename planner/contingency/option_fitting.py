@@ -101,7 +101,7 @@ class OptionFitter:
                 kept = {
                     s: m
                     for s, m in masses.items()
-                    if float(m.sum()) >= FOLLOWED * max(weight, 0.01) and s.place
+                    if float(m.sum()) >= FOLLOWED * max(weight, 0.01) and (s.place or s.closed)
                 }
                 if not kept:
                     continue

@@ -130,6 +130,9 @@ class LiveSets:
         """Return what can still be gained in a state of the evaluator, among the candidates."""
         model = self.model
         bits = self.candidates & ~state.done
+        for place in range(1, model.n + 1) if state.closed else ():
+            if state.closed >> place & 1 and place != state.place:
+                bits &= ~int(model.target_bits[place])
         for m in range(model.m):
             if not model.admits(1 << m):
                 bits &= ~(1 << m)
@@ -282,15 +285,17 @@ class Policy:
     def tracked_in(self, live: Live) -> list[int]:
         return [p for p in range(1, self.model.n + 1) if int(self.model.place_bits[p]) & live.bits]
 
-    def outcomes(self, live: Live, tracked: list[int]) -> list[int]:
-        """Return, per subset of the tracked targets that is lost (bit k = k-th), what is left."""
+    def outcomes(self, live: Live, tracked: list[int], given_up: int = 0) -> list[int]:
+        """Return, per subset of the tracked targets that is lost (bit k = k-th), what is left; observations
+        may be given up besides.
+        """
         out = []
         for lost in range(1 << len(tracked)):
-            bits = 0
+            bits = given_up
             for k, place in enumerate(tracked):
                 if (lost >> k) & 1:
                     bits |= int(self.model.place_bits[place])
-            out.append(self.index[self.sets.without(live, bits)] if lost else self.index[live])
+            out.append(self.index[self.sets.without(live, bits)] if bits else self.index[live])
         return out
 
     def chances(self, origins: list[int], to: int, tracked: list[int]) -> Any:
@@ -303,6 +308,7 @@ class Policy:
 
     def _fill(self, start_sets: set[int], should_stop: Callable[[], bool]) -> bool:
         model, table = self.model, self.table
+        comes_back = bool(model.fail[0].any())
         for s, live in enumerate(self.lives):
             if should_stop():
                 return False
@@ -320,7 +326,7 @@ class Policy:
             here = [p for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits]
             for place in here:
                 self._observe_here(s, live, place)
-            start = [0] if s in start_sets else []
+            start = [0] if s in start_sets or comes_back else []
             if self.moves is Moves.ALL:
                 if not self._drive_anywhere(s, live, tracked, here, [*start, *range(1, model.n + 1)]):
                     return False
@@ -362,7 +368,7 @@ class Policy:
         table, rows = self.table, self.outcomes(live, tracked)
         for place in here:
             origins = [a for a in away if self.model.has_leg[a, place]]
-            for chosen, values in self._departures(place, origins, rows, tracked):
+            for chosen, values in self._departures(place, origins, live, rows, tracked):
                 table[chosen, s] = np.maximum(table[chosen, s], values)
 
     def _drive_anywhere(
@@ -382,19 +388,19 @@ class Policy:
             following: set[int] = set()
             for place in sorted(risen):
                 others = [a for a in origins if a != place and self.model.has_leg[a, place]]
-                for chosen, values in self._departures(place, others, rows, tracked):
+                for chosen, values in self._departures(place, others, live, rows, tracked):
                     better = np.any(values > table[chosen, s], axis=(1, 2))
                     table[chosen, s] = np.maximum(table[chosen, s], values)
                     following.update(a for a, rose in zip(chosen, better, strict=True) if rose and a)
             risen = following
         if origins[0] == 0:
             for place in (p for p in origins[1:] if p not in here and self.model.has_leg[0, p]):
-                for chosen, values in self._departures(place, [0], rows, tracked):
+                for chosen, values in self._departures(place, [0], live, rows, tracked):
                     table[chosen, s] = np.maximum(table[chosen, s], values)
         return not risen or not self.grid.bounds  # only a bound needs the last digit
 
     def _departures(
-        self, place: int, origins: list[int], rows: list[int], tracked: list[int]
+        self, place: int, origins: list[int], live: Live, rows: list[int], tracked: list[int]
     ) -> Iterator[tuple[list[int], Any]]:
         """Yield origins, and the values of driving to a place from each of them, (origins, nt, ng)."""
         if not origins:
@@ -407,9 +413,29 @@ class Policy:
         chances = self._chances.get(key)
         if chances is None:
             chances = self._chances[key] = self.chances(origins, place, tracked)
-        arrival = self.table[place][rows].reshape(len(rows), -1)
-        mixed = (chances @ arrival).reshape(-1, *grid.shape)
-        yield from grid.before_legs(origins, place, count, mixed)
+        yield from grid.before_legs(
+            origins, place, count, self._after(place, origins, live, rows, tracked, chances)
+        )
+
+    def _after(
+        self, place: int, origins: list[int], live: Live, rows: list[int], tracked: list[int], chances: Any
+    ) -> Any:
+        """Return the values after drives to a place, by how they may end, (origins, nt, ng).
+
+        A drive that fails gives up what is live at the place, and the rover is back. One to a place where
+        nothing is live never fails here, which is worth no less: who is as well off at the origin could have
+        stayed there.
+        """
+        grid = self.grid
+        mixed = (chances @ self.table[place][rows].reshape(len(rows), -1)).reshape(-1, *grid.shape)
+        wanted = int(self.model.target_bits[place]) & live.bits
+        if wanted and self.model.fail[origins, place].any():
+            left = self.outcomes(live, tracked, wanted)
+            for k, a in enumerate(origins):
+                p = grid.dtype.type(self.model.fail[a, place])
+                back = chances[k] @ self.table[a][left].reshape(len(left), -1)
+                mixed[k] += p * (back.reshape(grid.shape) - mixed[k])
+        return mixed
 
     # ------------------------------------------------------------------------------------- questions
 
@@ -456,9 +482,8 @@ class Policy:
         if value is None:
             live = self.lives[s]
             tracked = self.tracked_in(live)
-            rows = self.outcomes(live, tracked)
-            arrival = self.table[to][rows].reshape(len(rows), -1)
-            mixed = (self.chances([place], to, tracked) @ arrival).reshape(self.grid.shape)
+            rows, chances = self.outcomes(live, tracked), self.chances([place], to, tracked)
+            mixed = self._after(to, [place], live, rows, tracked, chances)[0]
             value = self._drives[key] = self.grid.before_leg(place, to, len(tracked), mixed)
         return value
 

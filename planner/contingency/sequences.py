@@ -16,7 +16,7 @@ import numpy as np
 from planner.contingency.policy import Policy
 from planner.contingency.seeding import round_about
 from planner.evaluate.model import Model
-from planner.evaluate.propagate import State, after_done, can_observe, loss_outcomes
+from planner.evaluate.propagate import State, after_done, can_drive, can_observe, drive_outcomes
 from planner.plan_tree import Navigate, Observe, OnFail, Plan, Step, TrackStop
 
 Masses = dict[State, Any]
@@ -80,10 +80,13 @@ def advance(policy: Policy, masses: Masses, m: int) -> tuple[Masses, float]:
             for hop in model.hops(state.place, target):
                 coming: Masses = {}
                 for on_way, part in going.items():
+                    if not can_drive(model, on_way, hop):
+                        _add(after, on_way, part)
+                        continue
                     arrived = grid.after_leg(on_way.place, hop, on_way.tracked.bit_count(), part)
                     earned -= model.penalty * float(part.sum() - arrived.sum())
-                    for p, tracked in loss_outcomes(model, on_way.place, hop, on_way.tracked):
-                        _add(coming, State(hop, on_way.done, tracked), p * arrived)
+                    for p, then in drive_outcomes(model, on_way, hop):
+                        _add(coming if then.place == hop else after, then, p * arrived)
                 going = coming
             for there, part in going.items():
                 _add(ready, there, part)

@@ -57,7 +57,8 @@ class Model:
 
     Places are 0 (start) and 1..n (observation points, in the order of the targets). Observations are 0..m-1.
     `leg` and `obs` hold (mean T, sd T, mean G, sd G); `leg_ln` and `obs_ln` the log-normal parameters
-    (mu T, sigma T, mu G, sigma G). `loss[a, b, i]` is the chance to lose target i (1..n) on the leg a -> b.
+    (mu T, sigma T, mu G, sigma G). `loss[a, b, i]` is the chance to lose target i (1..n) on the leg a -> b,
+    `fail[a, b]` that this drive fails.
     """
 
     problem: Problem
@@ -74,6 +75,7 @@ class Model:
     leg_ln: Floats
     has_leg: Truths  # (n + 1, n + 1)
     loss: Floats  # (n + 1, n + 1, n + 1)
+    fail: Floats  # (n + 1, n + 1)
     obs: Floats  # (m, 4)
     obs_ln: Floats
     obs_place: Ints  # (m,)
@@ -102,10 +104,12 @@ class Model:
         leg = np.full((n + 1, n + 1, 4), np.nan)
         leg_ln = np.full((n + 1, n + 1, 4), np.nan)
         loss = np.zeros((n + 1, n + 1, n + 1))
+        fail = np.zeros((n + 1, n + 1))
         for row in problem.legs:
             a, b = place[row.origin], place[row.to]
             leg[a, b] = row.time_s.mean, row.time_s.sd, row.energy_j.mean, row.energy_j.sd
             leg_ln[a, b] = (*log_normal(row.time_s), *log_normal(row.energy_j))
+            fail[a, b] = row.p_fail
             for target, p in row.p_lose.items():
                 loss[a, b, place[target]] = p
         obs = np.zeros((m, 4))
@@ -137,6 +141,7 @@ class Model:
             leg_ln=leg_ln,
             has_leg=~np.isnan(leg[:, :, 0]),
             loss=loss,
+            fail=fail,
             obs=obs,
             obs_ln=obs_ln,
             obs_place=obs_place,

@@ -25,11 +25,14 @@ FINE = (91, 55)
 
 
 class State(NamedTuple):
-    """Where the rover is, which observations are done and which targets are tracked (as bits)."""
+    """Where the rover is, which observations are done, which targets are tracked, and to which places no
+    drive leads any more as one failed (as bits).
+    """
 
     place: int
     done: int
     tracked: int
+    closed: int = 0
 
 
 ORIGIN = State(0, 0, 0)
@@ -50,6 +53,32 @@ def loss_outcomes(model: Model, a: int, b: int, tracked: int) -> list[tuple[floa
     return outcomes
 
 
+def drive_outcomes(model: Model, state: State, to: int) -> list[tuple[float, State]]:
+    """Return (chance, state) after a drive to a place; chances sum to one. One that failed is back."""
+    a, p_fail = state.place, float(model.fail[state.place, to])
+    outcomes: list[tuple[float, State]] = []
+    for p, tracked in loss_outcomes(model, a, to, state.tracked):
+        if p_fail < 1.0:
+            outcomes.append(((1.0 - p_fail) * p, State(to, state.done, tracked, state.closed)))
+        if p_fail > 0.0:
+            outcomes.append((p_fail * p, State(a, state.done, tracked, state.closed | 1 << to)))
+    return outcomes
+
+
+def drives_ahead(program: Program) -> list[int]:
+    """Return, for each row, the places (bits) to which some row that may follow, or itself, drives."""
+    ahead = [0]
+    for op, arg, go, fail in list(zip(program.op, program.arg, program.go, program.fail, strict=True))[1:]:
+        own = 1 << int(arg) if op == Op.NAVIGATE else 0
+        ahead.append(own | ahead[go] | ahead[fail])  # every row comes after its successors
+    return ahead
+
+
+def can_drive(model: Model, state: State, to: int) -> bool:
+    """Return whether a drive to another place may begin."""
+    return bool(model.has_leg[state.place, to]) and not state.closed >> to & 1
+
+
 def after_done(model: Model, state: State, m: int) -> State:
     """Return the state after observation m: its target is no longer tracked once nothing is left to place
     there.
@@ -59,7 +88,7 @@ def after_done(model: Model, state: State, m: int) -> State:
     tracked = state.tracked
     if model.is_place[m] and not int(model.place_bits[place]) & ~done:
         tracked &= ~(1 << place)
-    return State(state.place, done, tracked)
+    return State(state.place, done, tracked, state.closed)
 
 
 def can_observe(model: Model, state: State, m: int) -> bool:
@@ -162,11 +191,14 @@ class Backward:
         self._zero = np.zeros(grid.shape, grid.dtype)
         self._tails = tails or TailValues(grid)
         self._numbers = self._tails.numbers_of(program)
+        self._ahead = drives_ahead(program) if self.model.fail.any() else []
 
     def value(self, row: int, state: State) -> Any:
         """Return the expected utility still to come at a row, shape (nt, ng); do not write to it."""
         if row == 0:
             return self._zero
+        if state.closed:
+            state = state._replace(closed=state.closed & self._ahead[row])
         number = self._numbers[row]
         known = self._tails.known.get((number, state))
         if known is None:
@@ -181,11 +213,11 @@ class Backward:
         if op == Op.NAVIGATE:
             if state.place == arg:
                 return self.value(go, state)
-            if not model.has_leg[state.place, arg]:
+            if not can_drive(model, state, arg):
                 return self.value(fail, state)
             after: Any = None
-            for p, tracked in loss_outcomes(model, state.place, arg, state.tracked):
-                part = p * self.value(go, State(arg, state.done, tracked))
+            for p, then in drive_outcomes(model, state, arg):
+                part = p * self.value(go if then.place == arg else fail, then)
                 after = part if after is None else after + part
             return grid.before_leg(state.place, arg, state.tracked.bit_count(), after)
         if op == Op.OBSERVE:
@@ -235,6 +267,7 @@ def forward_from(grid: Grid, program: Program, row: int, masses: dict[State, Any
     """Return the mass at every row when the given masses meet `row`."""
     model = grid.model
     flow: Flow = {row: dict(masses)}
+    ahead = drives_ahead(program) if model.fail.any() else []
 
     def add(target: int, state: State, mass: Any) -> None:
         states = flow.setdefault(target, {})
@@ -250,12 +283,14 @@ def forward_from(grid: Grid, program: Program, row: int, masses: dict[State, Any
             if op == Op.NAVIGATE:
                 if state.place == arg:
                     add(go, state, mass)
-                elif not model.has_leg[state.place, arg]:
+                elif not can_drive(model, state, arg):
                     add(fail, state, mass)
                 else:
                     arrived = grid.after_leg(state.place, arg, state.tracked.bit_count(), mass)
-                    for p, tracked in loss_outcomes(model, state.place, arg, state.tracked):
-                        add(go, State(arg, state.done, tracked), p * arrived)
+                    if state.closed:  # of places no longer driven to the last one that failed is known alone
+                        state = state._replace(closed=state.closed & ahead[here])
+                    for p, then in drive_outcomes(model, state, arg):
+                        add(go if then.place == arg else fail, then, p * arrived)
             elif op == Op.OBSERVE:
                 if not can_observe(model, state, arg):
                     add(fail, state, mass)

@@ -64,6 +64,7 @@ class World(NamedTuple):
     leg_ln: Floats
     has_leg: Truths
     loss: Floats
+    fails: Floats
     obs_ln: Floats
     obs_place: Ints
     worth: Floats  # (m,) what an observation earns
@@ -79,8 +80,8 @@ class World(NamedTuple):
     def of(model: Model, worth: Floats) -> World:
         """Return a model as the kernel takes it; `worth` [m] is what each observation earns, in utility."""
         return World(
-            model.n, model.leg_ln, model.has_leg, model.loss, model.obs_ln, model.obs_place, worth,
-            model.p_success, model.is_place, model.predecessors, model.trackable, model.place_bits,
+            model.n, model.leg_ln, model.has_leg, model.loss, model.fail, model.obs_ln, model.obs_place,
+            worth, model.p_success, model.is_place, model.predecessors, model.trackable, model.place_bits,
             model.target_bits, model.diminishing,
         )  # fmt: skip
 
@@ -100,6 +101,7 @@ class Draws(NamedTuple):
     leg_t: Floats  # (N, n + 1, n + 1)
     leg_g: Floats
     leg_u: Floats  # (N, n + 1, n + 1, n + 1)
+    leg_fail_u: Floats  # (N, n + 1, n + 1)
     obs_t: Floats  # (N, m)
     obs_g: Floats
     obs_u: Floats
@@ -108,7 +110,8 @@ class Draws(NamedTuple):
     def none() -> Draws:
         """Return the table of a run whose draws are hashes."""
         legs, observations = np.zeros((0, 0, 0)), np.zeros((0, 0))
-        return Draws(legs, legs, np.zeros((0, 0, 0, 0)), observations, observations, observations)
+        losses = np.zeros((0, 0, 0, 0))
+        return Draws(legs, legs, losses, legs, observations, observations, observations)
 
 
 class Outcome(NamedTuple):
@@ -131,7 +134,8 @@ class Outcome(NamedTuple):
 
 
 class Passages(NamedTuple):
-    """Time, energy, what was earned, place, tracks and what was done with which each future came to each row.
+    """Time, energy, what was earned, place, tracks, what was done and where no drive leads any more, with
+    which each future came to each row.
 
     Arrays of shape (futures, rows); the time is NaN where a future never came to a row.
     """
@@ -142,20 +146,21 @@ class Passages(NamedTuple):
     place: Ints
     tracked: Ints
     done: Ints
+    closed: Ints
 
     @staticmethod
     def empty(futures: int, rows: int) -> Passages:
         """Return room for so many; none of either where no row is watched."""
         shape = futures, rows
         amounts = (np.full(shape, np.nan) for _ in range(3))
-        return Passages(*amounts, *(np.zeros(shape, np.int64) for _ in range(3)))
+        return Passages(*amounts, *(np.zeros(shape, np.int64) for _ in range(4)))
 
     def part(self, low: int, high: int) -> Passages:
         """Return the room of some of the futures."""
         at = slice(low, high)
         return Passages(
             self.time_s[at], self.energy_j[at], self.earned[at],
-            self.place[at], self.tracked[at], self.done[at],
+            self.place[at], self.tracked[at], self.done[at], self.closed[at],
         )  # fmt: skip
 
     def at(self, row: int, futures: int) -> Standing:
@@ -166,7 +171,8 @@ class Passages(NamedTuple):
 
 class Standing(NamedTuple):
     """Where some futures stand at one row: their numbers, and time, energy, what was earned, place, tracks
-    (bits of places) and what was done (bits of observations) there. Arrays of one length.
+    (bits of places), what was done (bits of observations) and to where no drive leads any more (bits of
+    places) there. Arrays of one length.
     """
 
     number: Ints
@@ -176,12 +182,13 @@ class Standing(NamedTuple):
     place: Ints
     tracked: Ints
     done: Ints
+    closed: Ints
 
     @staticmethod
     def at_start() -> Standing:
         """Return that of a run in which every future begins at the start."""
         amounts, bits = np.zeros(0), np.zeros(0, np.int64)
-        return Standing(bits, amounts, amounts, amounts, bits, bits, bits)
+        return Standing(bits, amounts, amounts, amounts, bits, bits, bits, bits)
 
 
 @njit(nogil=True, cache=True)
@@ -216,14 +223,14 @@ def roll(
     op, arg, value, go, fail, entry = program
     per_s, t_max, e_max, hotel, penalty, track_t, track_e, track_leg, window = costs
     (
-        n, leg_ln, has_leg, loss, obs_ln, obs_place, worth, p_success, is_place, predecessors, trackable,
-        place_bits, target_bits, diminishing,
+        n, leg_ln, has_leg, loss, fails, obs_ln, obs_place, worth, p_success, is_place, predecessors,
+        trackable, place_bits, target_bits, diminishing,
     ) = world  # fmt: skip
     seed, day_sd, keep, p_recover = odds
-    leg_t, leg_g, leg_u, obs_t, obs_g, obs_u = draws
+    leg_t, leg_g, leg_u, leg_fail_u, obs_t, obs_g, obs_u = draws
     utility, time_used, energy_used, over = outcome
-    seen_t, seen_e, seen_u, seen_place, seen_tracked, seen_done = seen
-    number, begin_t, begin_e, begin_u, begin_place, begin_tracked, begin_done = begin
+    seen_t, seen_e, seen_u, seen_place, seen_tracked, seen_done, seen_closed = seen
+    number, begin_t, begin_e, begin_u, begin_place, begin_tracked, begin_done, begin_closed = begin
     resumed = number.shape[0] > 0
     n1 = n + 1
     day_sigma = math.sqrt(math.log1p(day_sd * day_sd))
@@ -242,11 +249,12 @@ def roll(
         ever = 0
         ntrk = 0
         done = 0
+        closed = 0
         pc = entry
         if resumed:
             t, u, loc = begin_t[f] * per_s, begin_u[f], begin_place[f]
             g = begin_e[f] - hotel * begin_t[f]
-            tracked, done = begin_tracked[f], begin_done[f]
+            tracked, done, closed = begin_tracked[f], begin_done[f], begin_closed[f]
             ever = tracked
             for k in range(1, n1):
                 ntrk += (tracked >> k) & 1
@@ -267,12 +275,13 @@ def roll(
                 seen_place[f, pc] = loc
                 seen_tracked[f, pc] = tracked
                 seen_done[f, pc] = done
+                seen_closed[f, pc] = closed
             if o == 0:
                 break
             i = arg[pc]
             if o == 3:
                 if loc != i:
-                    if not has_leg[loc, i]:
+                    if not has_leg[loc, i] or (closed >> i) & 1:
                         pc = fail[pc]
                         continue
                     base = 16 + (loc * n1 + i) * (n1 + 2)
@@ -303,6 +312,13 @@ def roll(
                             ):
                                 tracked |= 1 << k
                                 ntrk += 1
+                    p = fails[loc, i]
+                    if p > 0.0:
+                        chance = leg_fail_u[f, loc, i] if drawn else uniform(key, base + n1 + 1)
+                        if chance < p:
+                            closed |= 1 << i
+                            pc = fail[pc]
+                            continue
                     loc = i
                 pc = go[pc]
             elif o == 4:
@@ -353,7 +369,7 @@ def roll(
             elif o == 9:
                 pc = go[pc] if (done >> i) & 1 else fail[pc]
             elif o == 1:
-                if loc != 0 or not trackable[i] or (tracked >> i) & 1:
+                if loc != 0 or closed != 0 or not trackable[i] or (tracked >> i) & 1:
                     pc = fail[pc]
                     continue
                 t += track_t

@@ -122,6 +122,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
                     **costs,
                     p_lose=dict(zip(tracked, loss.tolist(), strict=True)),
                     segments=tuple(path),
+                    p_fail=-math.expm1(-request.calibration.fail_per_m * costs["length_m"]),
                 )
             )
     order = {name: i for i, name in enumerate(places)}

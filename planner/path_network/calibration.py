@@ -8,6 +8,7 @@ A leg of length L (m), total turn R (rad), mean uphill slope tangent U and rise 
     energy    mean = energy_factor * drive_power * mean duration + mass * gravity * C / efficiency
               sd   = energy_cv * mean
     loss      p    = 1 - exp(-(inside_per_m * x_in + outside_per_m * x_out + occluded_per_m * x_occ))
+    failure   p    = 1 - exp(-fail_per_m * L)
 
 with x_in, x_out and x_occ the metres driven inside a target's tracking region, outside it, and with the
 target hidden by ground. Metres outside count `1 + angle_gain_per_rad * excess` times, excess being the
@@ -20,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -36,11 +37,12 @@ Count = Annotated[int, Ge(0)]
 
 @value
 class Calibration:
-    """Parameters of the leg model above, and their source (`calibration/1`).
+    """Parameters of the leg model above, and their source (`calibration/2`; without failures
+    `calibration/1`).
 
-    `legs`, `tracks` (watched on a leg) and `losses` say on how much evidence the numbers rest; all 0 for
-    numbers taken from literature. The `_se_per_m` are standard errors of the fitted rates; 0 for a rate that
-    was not fitted.
+    `legs`, `tracks` (watched on a leg), `losses` and `failures` (drives that ended short of their goal) say
+    on how much evidence the numbers rest; all 0 for numbers taken from literature. The `_se_per_m` are
+    standard errors of the fitted rates; 0 for a rate that was not fitted.
     """
 
     name: Text
@@ -62,6 +64,9 @@ class Calibration:
     inside_se_per_m: NotNegative = 0.0
     outside_se_per_m: NotNegative = 0.0
     occluded_se_per_m: NotNegative = 0.0
+    fail_per_m: NotNegative = 0.0
+    fail_se_per_m: NotNegative = 0.0
+    failures: Count = 0
 
     def __post_init__(self) -> None:
         for name in ("name", "source"):
@@ -99,7 +104,24 @@ K9_CALIBRATION = Calibration(
 )
 
 
-CALIBRATIONS = Codec(Calibration, "calibration/1", "calibration", error=ProblemError)
+CALIBRATIONS = Codec(
+    Calibration,
+    "calibration/2",
+    "calibration",
+    upgrades={"calibration/1": ("calibration/2", lambda members: members)},
+    error=ProblemError,
+)
+
+
+def calibration_document(calibration: Calibration) -> dict[str, Any]:
+    """Return a calibration as a document; where no drive failed as `calibration/1`, which older programs
+    read.
+    """
+    document = CALIBRATIONS.document(calibration)
+    if calibration.fail_per_m or calibration.failures:
+        return document
+    later = ("fail_per_m", "fail_se_per_m", "failures")
+    return {**{k: v for k, v in document.items() if k not in later}, "format": "calibration/1"}
 
 
 # --------------------------------------------------------------------------- fitting
@@ -260,6 +282,8 @@ def fit_calibration(
     drive_power_w: float,
     exposure_m: npt.ArrayLike | None = None,
     lost: npt.ArrayLike | None = None,
+    failures: int = 0,
+    tried_m: float = 0.0,
 ) -> Calibration:
     """Return a calibration fitted to driven legs; what the legs do not tell stays as in `prior`.
 
@@ -270,6 +294,9 @@ def fit_calibration(
     exposure_m, lost
         Tracks watched, [k, 2 or 3] and [k], as for `fit_loss` with columns inside, outside and (optional)
         occluded.
+    failures, tried_m
+        Drives that failed, and metres driven by all, those too: a failure is as likely on each metre, so the
+        rate that makes it most likely is their ratio.
     """
     length = np.asarray(length_m, dtype=np.float64)
     turn = np.asarray(turn_rad, dtype=np.float64)
@@ -292,6 +319,9 @@ def fit_calibration(
             error = loss.standard_error[k]
             errors[k] = error if math.isfinite(error) else 1.0 / float(metres[k])
         tracks, losses = x.shape[0], int(np.asarray(lost).sum())
+    fails, fails_se = (
+        (failures / tried_m, math.sqrt(max(failures, 1)) / tried_m) if tried_m > 0.0 else (0.0, 0.0)
+    )
     return Calibration(
         name=name,
         source=source,
@@ -312,4 +342,7 @@ def fit_calibration(
         inside_se_per_m=errors[0],
         outside_se_per_m=errors[1],
         occluded_se_per_m=errors[2],
+        fail_per_m=fails if tried_m > 0.0 else prior.fail_per_m,
+        fail_se_per_m=fails_se if tried_m > 0.0 else prior.fail_se_per_m,
+        failures=failures,
     )

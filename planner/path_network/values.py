@@ -225,6 +225,8 @@ class Route:
         Drive energy, without the hotel load.
     p_lose
         Target id -> chance that its track is lost on the way, for every tracked target.
+    p_fail
+        Chance that the drive ends short of its destination.
     segments
         Indices into `PathNetwork.segments`, in driving order.
     """
@@ -241,6 +243,7 @@ class Route:
     energy_sd_j: float
     p_lose: Mapping[str, float]
     segments: tuple[int, ...]
+    p_fail: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

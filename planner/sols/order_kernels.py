@@ -223,10 +223,13 @@ class Table(NamedTuple):
 
 
 class Amounts(NamedTuple):
-    """Log-normal parameters (mu T, sigma T, mu G, sigma G) of drives (P, P, 4) and observations (m, 4)."""
+    """Log-normal parameters (mu T, sigma T, mu G, sigma G) of drives (P, P, 4) and observations (m, 4), and
+    the chances that drives fail (P, P).
+    """
 
     leg: Array
     obs: Array
+    fail: Array
 
 
 class Told(NamedTuple):
@@ -258,7 +261,10 @@ def _act(table: Table, arrived: bool, k: int, i: int, t: float, drawn: float) ->
 def carried_out(
     days: Days, needs: Needs, amounts: Amounts, table: Table, seed: int, futures: int, told: Told
 ) -> None:
-    """Carry a policy out in so many futures, written into `told`; the success coin is averaged out."""
+    """Carry a policy out in so many futures, written into `told`; the success coin is averaged out.
+
+    Where a drive fails the rover is back, and what it was driving to is left out on all sols.
+    """
     np.random.seed(seed)
     sols = len(days.time_s)
     for s in range(futures):
@@ -288,13 +294,21 @@ def carried_out(
                     following = i + act - 1
                     to = needs.place[table.order[following]]
                     took, used, over = 0.0, 0.0, False
+                    fails = False
                     if to != place:
+                        if not needs.has_leg[place, to]:  # back where a drive failed, which leads elsewhere
+                            break
                         took = _draw(amounts.leg[place, to, 0], amounts.leg[place, to, 1])
                         used = _draw(amounts.leg[place, to, 2], amounts.leg[place, to, 3])
                         used += days.hotel_w * took
                         over = t + took > days.time_s[k] or b - used < days.reserve_j[k]
+                        p_fail = amounts.fail[place, to]
+                        fails = p_fail > 0.0 and np.random.random() < p_fail
                     if not over:
-                        i, place, arrived = following, to, True
+                        if fails:
+                            i = following + 1
+                        else:
+                            i, place, arrived = following, to, True
                 t += took
                 b = max(b - used, days.reserve_j[k])
                 if over:

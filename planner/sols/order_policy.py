@@ -167,5 +167,5 @@ class OrderPolicies:
             np.zeros((futures, sols)),
         )
         spend(Step.ACTION, 2.0 * futures * (len(table.order) + sols))
-        carried_out(days, needs, Amounts(model.leg_ln, model.obs_ln), table, seed, futures, told)
+        carried_out(days, needs, Amounts(model.leg_ln, model.obs_ln, model.fail), table, seed, futures, told)
         return told

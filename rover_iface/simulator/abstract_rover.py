@@ -5,8 +5,11 @@ on this rover must earn what the planner's own evaluation earns. Its rules, thos
 
 - a leg takes its drawn time plus the overhead for each target tracked when it starts; when it ends, each
   tracked target is lost iff its number is below its chance; driving to where the rover stands takes nothing;
+- a leg whose number is below its chance to fail fails when it ends: the rover is back where it began, and no
+  drive leads to that target any more;
 - `navigate` with `require_tracked` fails before leaving if the target needs its track and has lost it;
-- `trackstart` works at the start place only, for a target with an observation that needs it and no track yet;
+- `trackstart` works before the first drive only, for a target with an observation that needs it and no track
+  yet;
 - an observation fails at once, without time or energy, if the rover is not at its place, it was made before,
   one that must precede it was not made, or it needs its target tracked and the target is not;
 - otherwise it takes its drawn time and energy and is then *made*, whether or not its success coin showed a
@@ -22,6 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -60,16 +64,16 @@ def make_rover(
     Parameters
     ----------
     world
-        A world, a `world/1` document, a `problem/1` or `contingency/1` document, or the file of one.
+        A world, a `world/1` document, a document of a problem (`model.PROBLEM_FORMATS`), or the file of one.
     out
         Folder of the run, into which products are written (`products/`); without it there are none.
     seed
         Draws one future of the problem; 0 or the seed of the world when absent. Ignored with `draws`.
     draws
         One future: a `model.Future`, or plain arrays, a mapping or an object with its names: `leg_time_s`
-        [n+1, n+1], `leg_energy_j`, `leg_loss_u` [n+1, n+1, n+1], `obs_time_s` [m], `obs_energy_j`,
-        `obs_success_u`; a leading axis of length 1 is allowed. Places are 0 = start, then the targets in
-        order.
+        [n+1, n+1], `leg_energy_j`, `leg_loss_u` [n+1, n+1, n+1], `leg_fail_u` [n+1, n+1], `obs_time_s` [m],
+        `obs_energy_j`, `obs_success_u`; a leading axis of length 1 is allowed. Places are 0 = start, then
+        the targets in order.
     faults
         Faults on demand, besides those of the world.
     progress_s
@@ -159,6 +163,7 @@ class AbstractRover(RoutineRover):
         self._index = model.index
         self._tracked: list[int] = []
         self._made: set[int] = set()
+        self._closed: set[int] = set()
         self.set_pose(self.pose)
         self.set("tilt", 0.0)
         self.set("novelty", 0.0)
@@ -241,8 +246,8 @@ class AbstractRover(RoutineRover):
         place = self._index.get(target)
         if place is None:
             return Outcome(False, f"unknown target {target}")
-        if self.place != 0:
-            return Outcome(False, "not at the start")
+        if self.place != 0 or self._closed:
+            return Outcome(False, "not at the start" if self.place != 0 else "a drive was tried already")
         if not self._needs_track(place):
             return Outcome(False, "target needs no track")
         if place in self._tracked:
@@ -274,6 +279,8 @@ class AbstractRover(RoutineRover):
             return Outcome(False, f"target {target} is not tracked")
         if self.place == to:
             return Outcome(True, values={"distance_m": 0.0, "energy_j": 0.0, "error_m": 0.0})
+        if to in self._closed:
+            return Outcome(False, f"a drive to {target} failed before")
         origin = self._from if self.place is None else self.place
         seconds = float(self.future.leg_time_s[origin, to])
         if math.isnan(self.model.leg_time_s[origin, to, 0]):
@@ -288,10 +295,16 @@ class AbstractRover(RoutineRover):
         if self.slow_factor != 1.0:
             duration = round(duration * self.slow_factor)
         route = self._route(origin, to)
+        fails = bool(self.future.leg_fail_u[origin, to] < self.model.p_fail[origin, to])
         self._from, self.place = origin, None
-        yield Step(duration + overhead, energy, route)
-        self.place = to
+        yield Step(duration + overhead, energy, there_and_back(route) if fails else route)
+        self.place = origin if fails else to
         self._draw_losses(origin, to)
+        if fails:
+            self._closed.add(to)
+            for place in range(1, len(self.model.poses)):
+                self._set_range(place)
+            return Outcome(False, "no way through", {"distance_m": route_length(route), "energy_j": energy})
         pose = self.model.poses[to]
         if pose is not None:
             heading = pose.heading if pose.heading or len(route) < 2 else self.pose.heading
@@ -458,6 +471,22 @@ class AbstractRover(RoutineRover):
         if point is not None:
             whole["point_m"] = list(point)
         return int(self.write_product(command, kind, data, ".png", whole))
+
+
+def there_and_back(route: Route) -> Route:
+    """Return half of a way and the same back to where it began: a drive that found none through."""
+    whole = route_length(route)
+    if len(route) < 2 or whole <= 0.0:
+        return route
+    out, gone = [route[0]], 0.0
+    for here, there in pairwise(route):
+        step = math.dist(here, there)
+        share = min(1.0, (whole / 2.0 - gone) / step) if step > 0.0 else 1.0
+        out.append((here[0] + share * (there[0] - here[0]), here[1] + share * (there[1] - here[1])))
+        gone += step
+        if gone >= whole / 2.0:
+            break
+    return (*out, *out[-2::-1])
 
 
 @lru_cache(maxsize=64)

@@ -1,9 +1,8 @@
 """The world of the abstract rover: a planning problem as plain arrays, and one future of it.
 
-The problem is a JSON document `contingency/1` or `problem/1`. Places are numbered 0 = start, then the
-targets in
-order; observations in the order of the targets. This room reads the document by itself: it never sees the
-planner.
+The problem is a JSON document `contingency/1`, `problem/1` or `problem/2`. Places are numbered 0 = start,
+then the targets in order; observations in the order of the targets. This room reads the document by itself:
+it never sees the planner.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from rover_iface.profile import RoverProfile
 
 Array = NDArray[np.floating]
 START = "start"
+PROBLEM_FORMATS = ("contingency/1", "problem/1", "problem/2")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class AbstractModel:
     constant.
 
     `leg_time_s[a, b]`, `leg_energy_j[a, b]` are [n+1, n+1, 2] with NaN where there is no leg; `p_lose[a, b,
-    i]` is the chance to lose tracked target i on that leg.
+    i]` is the chance to lose tracked target i on that leg, `p_fail[a, b]` that this drive fails.
     """
 
     name: str
@@ -61,6 +61,7 @@ class AbstractModel:
     leg_time_s: Array
     leg_energy_j: Array
     p_lose: Array
+    p_fail: Array
     routes: Mapping[tuple[int, int], tuple[tuple[float, float], ...]]
     hotel_w: float
     battery_j: float
@@ -92,8 +93,9 @@ class AbstractModel:
             If the format is unknown or a member is missing or malformed.
         """
         form = document.get("format")
-        if form not in ("contingency/1", "problem/1"):
-            raise WorldError(f'problem: "format" is {form!r}; "contingency/1" and "problem/1" are readable')
+        if form not in PROBLEM_FORMATS:
+            known = ", ".join(f'"{name}"' for name in PROBLEM_FORMATS)
+            raise WorldError(f'problem: "format" is {form!r}; readable are {known}')
         try:
             return _read(document, legacy=form == "contingency/1")
         except (KeyError, TypeError, ValueError, AttributeError, IndexError) as err:
@@ -105,12 +107,14 @@ class Future:
     """What will happen, whatever is done: one row of a table of draws.
 
     Places as in `AbstractModel`. A tracked target i is lost on the leg a -> b iff `leg_loss_u[a, b, i]` is
-    less than its chance; observation k succeeds iff `obs_success_u[k]` is less than its probability.
+    less than its chance, the drive fails iff `leg_fail_u[a, b]` is less than its own; observation k succeeds
+    iff `obs_success_u[k]` is less than its probability.
     """
 
     leg_time_s: Array
     leg_energy_j: Array
     leg_loss_u: Array
+    leg_fail_u: Array
     obs_time_s: Array
     obs_energy_j: Array
     obs_success_u: Array
@@ -118,6 +122,8 @@ class Future:
     @staticmethod
     def from_arrays(table: Any, model: AbstractModel) -> Future:
         """Return a future from arrays: a mapping or any object with these names, a leading axis of 1 allowed.
+
+        `leg_fail_u` may be absent where no drive of the problem can fail.
 
         Raises
         ------
@@ -129,6 +135,7 @@ class Future:
             "leg_time_s": (n, n),
             "leg_energy_j": (n, n),
             "leg_loss_u": (n, n, n),
+            "leg_fail_u": (n, n),
             "obs_time_s": (m,),
             "obs_energy_j": (m,),
             "obs_success_u": (m,),
@@ -136,6 +143,8 @@ class Future:
         arrays = {}
         for name, shape in shapes.items():
             value = table.get(name) if isinstance(table, Mapping) else getattr(table, name, None)
+            if value is None and name == "leg_fail_u" and not model.p_fail.any():
+                value = np.ones(shape)
             if value is None:
                 raise WorldError(f'table of draws: "{name}" is missing')
             array = np.asarray(value, dtype=float)
@@ -160,7 +169,7 @@ class Future:
 @dataclass(frozen=True, eq=False)
 class Noise:
     """What chance gives to one future, apart from the problem's odds: standard normal numbers behind times
-    and energies, uniform ones behind losses and successes. Arrays as in `Future`.
+    and energies, uniform ones behind losses, failures and successes. Arrays as in `Future`.
 
     Two problems with the same places and observations that are given the same noise share their future.
     """
@@ -168,6 +177,7 @@ class Noise:
     leg_time_z: Array
     leg_energy_z: Array
     leg_loss_u: Array
+    leg_fail_u: Array
     obs_time_z: Array
     obs_energy_z: Array
     obs_success_u: Array
@@ -176,11 +186,12 @@ class Noise:
     def draw(model: AbstractModel, seed: int) -> Noise:
         """Return the noise of a seed; each array has a stream of its own."""
         n, m = len(model.targets) + 1, len(model.observations)
-        streams = [np.random.default_rng([seed, k]) for k in range(6)]
+        streams = [np.random.default_rng([seed, k]) for k in range(7)]
         return Noise(
             streams[0].standard_normal((n, n)),
             streams[1].standard_normal((n, n)),
             streams[2].random((n, n, n)),
+            streams[6].random((n, n)),
             streams[3].standard_normal(m),
             streams[4].standard_normal(m),
             streams[5].random(m),
@@ -193,6 +204,7 @@ class Noise:
             spread[0].amounts(self.leg_time_z),
             spread[1].amounts(self.leg_energy_z),
             self.leg_loss_u,
+            self.leg_fail_u,
             spread[2].amounts(self.obs_time_z),
             spread[3].amounts(self.obs_energy_z),
             self.obs_success_u,
@@ -278,11 +290,13 @@ def _read(document: Document, *, legacy: bool) -> AbstractModel:
     leg_time = np.full((n, n, 2), np.nan)
     leg_energy = np.full((n, n, 2), np.nan)
     p_lose = np.zeros((n, n, n))
+    p_fail = np.zeros((n, n))
     routes: dict[tuple[int, int], tuple[tuple[float, float], ...]] = {}
     for leg in document["legs"]:
         a, b = index[leg["from"]], index[leg["to"]]
         leg_time[a, b] = _amount(leg["time_s"])
         leg_energy[a, b] = _amount(leg["energy_j"])
+        p_fail[a, b] = float(leg.get("p_fail") or 0.0)
         for target, chance in leg.get("p_lose", {}).items():
             p_lose[a, b, index[target]] = float(chance)
         if leg.get("route"):
@@ -297,6 +311,7 @@ def _read(document: Document, *, legacy: bool) -> AbstractModel:
         leg_time_s=leg_time,
         leg_energy_j=leg_energy,
         p_lose=p_lose,
+        p_fail=p_fail,
         routes=routes,
         hotel_w=float(document["hotel_w"]),
         battery_j=float(document["budget"]["energy_j"]),

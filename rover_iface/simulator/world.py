@@ -37,11 +37,10 @@ from rover_iface.errors import WorldError
 from rover_iface.frames import Pose
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.faults import Fault, load_faults
+from rover_iface.simulator.model import PROBLEM_FORMATS
 
 if TYPE_CHECKING:
     from rover_iface.terrain.terrain import Terrain
-
-_PROBLEMS = ("problem/1", "contingency/1")
 
 
 @value
@@ -186,7 +185,7 @@ def load_world(source: WorldSource) -> World:
             path = path / "world.json"
         folder, where = path.parent, str(path)
         source = read_object(path, WorldError, "world")
-    if source.get("format") in _PROBLEMS:
+    if source.get("format") in PROBLEM_FORMATS:
         problem = source
         source = {"format": WORLDS.format, "name": str(source.get("name", "")), "start": source.get("start")}
     read = WORLDS.from_document({name: item for name, item in source.items() if item is not None}, where)

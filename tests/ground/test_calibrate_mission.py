@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,10 +22,12 @@ from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
 from ground.resources.observation_requests.bodies import ObservationRequestCreate
 from ground.resources.observation_requests.create_request import create_request
+from ground.resources.path_networks.geometry import network_geometry
 from ground.resources.problems.inputs_digest import inputs_digest
 from ground.resources.problems.mission_day import choose_sol, mission_day, worksite
 from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.create_target import create_target
+from planner.problem import problem_to_dict
 from tests.ground.conftest import PLANNER, Api
 
 
@@ -33,10 +36,11 @@ def recorded(folder: Path, number: int, *, lost: bool) -> Path:
     return record_drives(folder / f"run{number}", [(2.0 + number % 3, lost)])
 
 
-def record_drives(out: Path, drives: Sequence[tuple[float, bool]]) -> Path:
+def record_drives(out: Path, drives: Sequence[tuple[float, bool]], *, short: Sequence[int] = ()) -> Path:
     """Write what a rover on terrain records of drives of so many metres, each past a target of its own.
 
     Each begins where the first did; its target is 3 m aside, lost on the way or not, and given up after it.
+    The drives numbered in `short`, from 1 on, did not come to where they were to.
     """
     (out / "products").mkdir(parents=True, exist_ok=True)
     journal: list[dict[str, Any]] = []
@@ -44,11 +48,17 @@ def record_drives(out: Path, drives: Sequence[tuple[float, bool]]) -> Path:
     for number, (length, lost) in enumerate(drives, start=1):
         begin_s = 2000.0 * (number - 1) + 20.0
         end_s = begin_s + 180.0 + 100.0 * length
-        result = {"e": "result", "t": 1000 * end_s, "command": ["r", "drive", number], "success": True,
+        result = {"e": "result", "t": 1000 * end_s, "command": ["r", "drive", number],
+                  "success": number not in short,
                   "values": {"energy_j": 9000.0 * length}}  # fmt: skip
         journal += [
             {"k": "step", "t": 1000 * begin_s, "events": []},
-            {"k": "send", "id": ["r", "drive", number], "action": "navigate", "parameters": {"x": length}},
+            {
+                "k": "send",
+                "id": ["r", "drive", number],
+                "action": "navigate",
+                "parameters": {"target": f"T{number}"},
+            },
             {"k": "step", "t": 1000 * end_s, "events": [result]},
         ]
         odometry += [
@@ -191,3 +201,29 @@ def test_the_work_tells_how_far_it_is_and_stops_when_asked(
     with pytest.raises(WorkStoppedError):
         work(order, lambda share, _what: said.append(share), lambda: len(said) >= 20)
     assert len(said) == 20 < calls
+
+
+def test_drives_that_ended_short_have_odds_and_those_that_lost_their_own_track_do_not(
+    repo: Repository, mission: Mission, tmp_path: Path
+) -> None:
+    drives = [(3.0, number in (2, 5)) for number in range(1, 17)]
+    record_drives(tmp_path / "run", drives, short=(2, 7, 9, 11))
+    found = calibrate_from_folders(repo, PLANNER, mission.id, [tmp_path / "run"]).calibration
+    assert found is not None
+    assert (found["format"], found["failures"], found["legs"]) == ("calibration/2", 3, 12)
+    assert found["fail_per_m"] == pytest.approx(3 / (16 * 3.0))
+    target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
+    asked = ObservationRequestCreate(target_id=target.id, instrument="science_camera", value=5.0)
+    create_request(repo, PLANNER, mission.id, asked)
+    with repo.database.read() as session:
+        site = worksite(repo, session, session.get_one(MissionRow, mission.id))
+        wanted = mission_day(
+            repo, session, session.get_one(MissionRow, mission.id), choose_sol(session, mission.id, None)
+        )
+    day = site.prepare(wanted, lambda _share, _what: None)
+    (leg,) = day.problem.legs
+    assert leg.p_fail == pytest.approx(1.0 - math.exp(-found["fail_per_m"] * leg.length_m), abs=1e-5)
+    assert problem_to_dict(day.problem)["format"] == "problem/2"
+    geometry: Any = network_geometry(day)
+    shown = {one["start"]: one["p_fail"] for one in geometry["segments"]}
+    assert shown["start"] == pytest.approx(leg.p_fail, abs=1e-4)

@@ -62,3 +62,13 @@ def test_a_track_that_is_no_longer_needed_is_nothing_to_lose() -> None:
 def test_an_empty_plan_cannot_fail_and_the_list_is_cut() -> None:
     assert failure_modes({"plan": []}, small_problem(), NAMES) == []
     assert len(failure_modes(tree(), small_problem(), NAMES, most=2)) == 2
+
+
+def test_a_drive_that_may_end_short_puts_at_stake_what_the_plan_holds_of_its_place() -> None:
+    problem = small_problem()
+    for leg in problem["legs"]:
+        leg["p_fail"] = 0.2
+    told = {mode.what: mode for mode in failure_modes(tree(), problem, NAMES)}
+    short = told["the drive from Rock to Slab ends short"]
+    # both options drive to Slab: 0.6 and 0.4 of the futures
+    assert (short.chance, short.at_stake) == (pytest.approx(0.2), pytest.approx(5.0))

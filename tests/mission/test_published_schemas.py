@@ -15,7 +15,7 @@ from mission.sol_timeline import SOL_SERIES
 from neighbours.flight.flight_map import FLIGHT_MAP
 from planner.path_network.calibration import CALIBRATIONS
 from planner.plan_tree_document import TREES
-from planner.problem_document import PROBLEMS
+from planner.problem_document import PROBLEMS, SURE_DRIVES
 from rover_iface.profile import PROFILES
 from rover_iface.ros2.mapping import MAPPINGS
 from rover_iface.simulator.faults import FAULTS
@@ -27,8 +27,8 @@ FORMATS = Path(__file__).parents[2] / "docs/formats"
 
 
 CODECS: list[Codec[Any]] = [
-    DAYS, PROFILES, FAULTS, WORLDS, TERRAINS, ROCKS, PROBLEMS, TREES, CALIBRATIONS, MAPPINGS, SOL_SERIES,
-    FLIGHT_MAP,
+    DAYS, PROFILES, FAULTS, WORLDS, TERRAINS, ROCKS, PROBLEMS, SURE_DRIVES, TREES, CALIBRATIONS, MAPPINGS,
+    SOL_SERIES, FLIGHT_MAP,
 ]  # fmt: skip
 
 

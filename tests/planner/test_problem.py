@@ -128,7 +128,7 @@ def test_an_old_leg_says_what_is_lost_on_it() -> None:
 
 BAD: list[tuple[tuple[Any, ...], Any, str]] = [
     (("format",), "problem/9", r'has the format "problem/9", newer than this program; it reads conting'),
-    (("format",), "day/1", r'has the format "day/1"; it must be "problem/1" or older'),
+    (("format",), "day/1", r'has the format "day/1"; it must be "problem/2" or older'),
     (("budget", "time_s"), -1, r"budget.time_s is -1; it must be at least 0"),
     (("budget", "time_s"), "soon", r'budget.time_s must be a number, found "soon"'),
     (("budget", "energy_j"), _GONE, r"budget.energy_j is missing"),

@@ -96,6 +96,34 @@ def test_a_target_is_lost_iff_its_number_is_below_its_chance() -> None:
         assert r.get("trackerstate T2") == state
 
 
+def test_a_drive_that_fails_is_back_and_its_target_is_not_driven_to_again() -> None:
+    problem = small_problem()
+    problem["format"] = "problem/2"
+    for leg in problem["legs"]:
+        leg["p_fail"] = 0.4 if leg["from"] == "start" and leg["to"] == "T1" else 0.0
+    numbers = np.zeros((3, 3))
+    numbers[0, 1] = 0.39
+    r = make_rover(problem, draws=fixed(leg_fail_u=numbers))
+    with pytest.raises(WorldError, match='"leg_fail_u" is missing'):
+        make_rover(problem, draws=fixed())
+    begun = r.pose
+    first = do(r, "navigate", target="T1")
+    assert (first.success, first.reason) == (False, "no way through")
+    assert first.t_ms == 1000 * r.model.leg_time_s[0, 1, 0]
+    assert first.values["energy_j"] == r.model.leg_energy_j[0, 1, 0]
+    assert (r.pose.x, r.pose.y) == pytest.approx((begun.x, begun.y))
+    assert r.place == 0
+    for action, target, reason in (
+        ("navigate", "T1", "a drive to T1 failed before"),
+        ("trackstart", "T2", "a drive was tried already"),
+    ):
+        refused = do(r, action, target=target)
+        assert (refused.success, refused.reason, refused.t_ms) == (False, reason, first.t_ms)
+    assert do(r, "navigate", target="T2").success
+    numbers[0, 1] = 0.4
+    assert do(make_rover(problem, draws=fixed(leg_fail_u=numbers)), "navigate", target="T1").success
+
+
 def test_a_lost_coin_fails_the_action_but_the_observation_is_made() -> None:
     r = rover(obs_success_u=np.array([0.9, 0.0, 0.0]))
     do(r, "trackstart", target="T1")

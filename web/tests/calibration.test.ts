@@ -16,8 +16,13 @@ describe("the odds that a mission has learned", () => {
       occluded_per_m: 0.15,
       tracks: 20,
       losses: 4,
+      legs: 12,
+      failures: 3,
+      fail_per_m: 0.021,
+      fail_se_per_m: 0.012,
     });
     expect(learned?.rates.map(rate)).toEqual(["0.027 ± 0.007", "0.050, not seen", "0.150, not seen"]);
     expect([learned?.losses, learned?.tracks]).toEqual([4, 20]);
+    expect([learned?.failures, learned?.legs, learned && rate(learned.short)]).toEqual([3, 12, "0.021 ± 0.012"]);
   });
 });

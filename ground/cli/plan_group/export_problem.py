@@ -23,7 +23,7 @@ class ProblemForm(StrEnum):
 
 
 def export_problem(
-    file: Annotated[Path, typer.Argument(help="A problem/1 or contingency/1 document.")],
+    file: Annotated[Path, typer.Argument(help="A problem: problem/2, problem/1 or contingency/1.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the files.")],
     form: Annotated[ProblemForm, typer.Option("--as", help="What is written.")] = ProblemForm.PDDL,
     goal: Annotated[

@@ -41,7 +41,10 @@ class WatchedTrack:
 
 @dataclass(frozen=True, slots=True)
 class DrivenLeg:
-    """One drive of a run; poses (east, north, heading) are dead reckoning's, energy is without hotel load."""
+    """One drive of a run; poses (east, north, heading) are dead reckoning's, energy is without hotel load.
+
+    `to` is the target that it was to come to, empty for a drive to a place.
+    """
 
     run: str
     task: str
@@ -51,6 +54,15 @@ class DrivenLeg:
     energy_j: float
     arrived: bool
     tracks: tuple[WatchedTrack, ...]
+    to: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """Whether it set out and ended short, other than by the track that it followed: that has odds of its
+        own.
+        """
+        lost = any(t.lost and t.target == self.to for t in self.tracks)
+        return not self.arrived and self.duration_s > 0.0 and not lost
 
     @property
     def length_m(self) -> float:
@@ -93,28 +105,29 @@ def _last_table(folder: Path, kind: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _drives(journal: Sequence[Mapping[str, Any]]) -> list[tuple[str, float, float, Mapping[str, Any]]]:
-    """Return task, begin and end (s) and the result of every drive that came to a result."""
+def _drives(journal: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, float, float, Mapping[str, Any]]]:
+    """Return task, target, begin and end (s) and the result of every drive that came to a result."""
     now, sent, found = 0.0, {}, []
     for record in journal:
         now = record.get("t", 1000.0 * now) / 1000.0
         if record["k"] == "send" and record["action"] == "navigate":
-            sent[tuple(record["id"])] = now
+            sent[tuple(record["id"])] = now, str(record["parameters"].get("target", ""))
         elif record["k"] == "step":
             for event in record["events"]:
-                begin = sent.pop(tuple(event.get("command", ())), None) if event["e"] == "result" else None
-                if begin is not None:
-                    found.append((str(event["command"][1]), begin, event["t"] / 1000.0, event))
+                begun = sent.pop(tuple(event.get("command", ())), None) if event["e"] == "result" else None
+                if begun is not None:
+                    begin_s, to = begun
+                    found.append((str(event["command"][1]), to, begin_s, event["t"] / 1000.0, event))
     return found
 
 
 def _leg(
     run: str,
-    drive: tuple[str, float, float, Mapping[str, Any]],
+    drive: tuple[str, str, float, float, Mapping[str, Any]],
     odometry: Sequence[Mapping[str, Any]],
     history: Sequence[Mapping[str, Any]],
 ) -> DrivenLeg:
-    task, begin_s, end_s, result = drive
+    task, to, begin_s, end_s, result = drive
     tracks = []
     for target in sorted({row["target"] for row in history}):
         rows = [row for row in history if row["target"] == target and row["t_s"] <= end_s]
@@ -134,6 +147,7 @@ def _leg(
         float(result["values"].get("energy_j", 0.0)),
         bool(result["success"]),
         tuple(tracks),
+        to,
     )
 
 
@@ -212,6 +226,8 @@ def calibrate(
         drive_power_w=rover.drive_power_w,
         exposure_m=exposures or None,
         lost=lost or None,
+        failures=sum(leg.failed for leg in legs),
+        tried_m=sum(leg.length_m for leg in legs),
     )
 
 

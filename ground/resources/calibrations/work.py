@@ -34,7 +34,7 @@ def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool
 
 def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> Mapping[str, object]:
     """Return the document; see above, but wrong runs are an `InvalidInputError`."""
-    from planner.path_network import CALIBRATIONS
+    from planner.path_network import calibration_document
     from rover_iface.profile import load_profile
 
     def tell(share: float, what: str) -> None:
@@ -66,4 +66,4 @@ def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], boo
         source=f"{len(legs)} legs of {runs} of rover profile {profile.name} {profile.version}",
         report=lambda share: tell(READING + (1.0 - READING) * share, "metres in and out of view"),
     )
-    return CALIBRATIONS.document(fitted)
+    return calibration_document(fitted)

@@ -80,9 +80,9 @@ def require_drive_rules(rules: Sequence[DriveRuleBody], target_ids: Collection[s
 def require_calibration(document: Mapping[str, object]) -> Mapping[str, object]:
     """Return a `calibration/1` document with all its members; raise if it is none."""
     from planner.errors import PlannerError
-    from planner.path_network import CALIBRATIONS
+    from planner.path_network import CALIBRATIONS, calibration_document
 
     try:
-        return CALIBRATIONS.document(CALIBRATIONS.from_document(document))
+        return calibration_document(CALIBRATIONS.from_document(document))
     except PlannerError as err:
         raise InvalidInputError(str(err), pointer="/calibration") from err

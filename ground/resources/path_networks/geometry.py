@@ -37,6 +37,7 @@ def network_geometry(day: PreparedDay) -> Mapping[str, object]:
                 "energy_mean_j": round(route.energy_mean_j, 1),
                 "energy_sd_j": round(route.energy_sd_j, 1),
                 "p_lose": {t: round(p, 5) for t, p in route.p_lose.items()},
+                "p_fail": round(route.p_fail, 5),
             }
             for route in network.routes
             if route.origin in used and route.destination in used

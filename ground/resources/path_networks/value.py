@@ -20,7 +20,9 @@ class NetworkNode:
 
 @dataclass(frozen=True, slots=True)
 class NetworkSegment:
-    """A drive between two places, one way; `p_lose` is the chance to lose each tracked target on it."""
+    """A drive between two places, one way; `p_lose` is the chance to lose each tracked target on it,
+    `p_fail` the chance that it ends short of its place.
+    """
 
     id: str
     start: str
@@ -32,6 +34,7 @@ class NetworkSegment:
     energy_mean_j: float
     energy_sd_j: float
     p_lose: dict[str, float]
+    p_fail: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

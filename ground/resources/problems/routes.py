@@ -10,5 +10,5 @@ router = resource_routes(
     "planning",
     lists="List planning problems.",
     limit=20,
-    reads="Read a planning problem; `document` has the form `problem/1`.",
+    reads="Read a planning problem; `document` has the form `problem/1` or `problem/2`.",
 )

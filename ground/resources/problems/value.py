@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A planning problem as it was given to the planner (`document` has the form `problem/1`)."""
+    """A planning problem as it was given to the planner (`document`: `problem/1` or `problem/2`)."""
 
     id: str
     mission_id: str

@@ -25,7 +25,7 @@ class RunWork:
     run_dir, files_dir, terrain_dir
         Folders of the run, of the file store and of the terrain.
     problem
-        The planning problem (`problem/1`), from which a rover draws its world.
+        The planning problem (`problem/1` or `problem/2`), from which a rover draws its world.
     rover_profile, sky
         What the rover is that is simulated, and where the sun stands at the start.
     faults

@@ -13,6 +13,7 @@ from planner.errors import ProblemError
 from planner.path_network import (
     CALIBRATIONS,
     K9_CALIBRATION,
+    calibration_document,
     fit_calibration,
     fit_loss,
     fit_mean,
@@ -77,7 +78,7 @@ def test_the_file_form_survives_a_round_trip(tmp_path: Path) -> None:
     path = tmp_path / "c.json"
     path.write_text(CALIBRATIONS.write(K9_CALIBRATION), encoding="utf-8")
     assert CALIBRATIONS.read_file(path) == K9_CALIBRATION
-    assert json.loads(path.read_text())["format"] == "calibration/1"
+    assert json.loads(path.read_text())["format"] == "calibration/2"
 
 
 @pytest.mark.parametrize(
@@ -166,8 +167,31 @@ def test_what_is_written_keeps_to_the_published_schema() -> None:
     jsonschema = pytest.importorskip("jsonschema")
     path = Path(__file__).parents[3] / "docs/formats/calibration-1.schema.json"
     schema = json.loads(path.read_text(encoding="utf-8"))
-    document = CALIBRATIONS.document(K9_CALIBRATION)
+    document = calibration_document(K9_CALIBRATION)
     jsonschema.validate(document, schema)
+    assert CALIBRATIONS.from_document(document) == K9_CALIBRATION
     assert set(schema["properties"]) == set(document)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({**document, "inside_per_m": -1}, schema)
+
+
+def test_drives_that_failed_have_a_rate_and_older_programs_read_what_has_none() -> None:
+    given = {
+        "name": "run", "source": "drawn", "prior": K9_CALIBRATION,
+        "length_m": np.linspace(1, 5, 20), "turn_rad": np.zeros(20), "duration_s": np.full(20, 500.0),
+        "energy_j": np.full(20, 500.0), "speed_m_s": 0.06, "turn_rate_rad_s": 0.1, "drive_power_w": 70.0,
+    }  # fmt: skip
+    rng = np.random.default_rng(8)
+    goal = rng.uniform(2.0, 12.0, 4000)
+    stopped = rng.exponential(1.0 / 0.03, 4000)
+    driven, short = np.minimum(goal, stopped), stopped < goal
+    fitted = fit_calibration(**given, failures=int(short.sum()), tried_m=float(driven.sum()))
+    assert abs(fitted.fail_per_m - 0.03) < 3 * fitted.fail_se_per_m < 0.006
+    document = calibration_document(fitted)
+    assert document["format"] == "calibration/2"
+    assert CALIBRATIONS.from_document(document) == fitted
+    path = Path(__file__).parents[3] / "docs/formats/calibration-2.schema.json"
+    pytest.importorskip("jsonschema").validate(document, json.loads(path.read_text(encoding="utf-8")))
+    none = fit_calibration(**given, failures=0, tried_m=100.0)
+    assert (none.fail_per_m, none.fail_se_per_m) == (0.0, 0.01)
+    assert calibration_document(none)["format"] == "calibration/1"

@@ -1,7 +1,8 @@
 """What the best policy earns where all amounts are constant: every choice in every state is tried.
 
-Drives may lose tracks, so a policy is not a sequence; it may go anywhere a leg leads to, as often as it
-likes, and come back. Nothing here is shared with the planner but the problem's values.
+Drives may lose tracks and fail, so a policy is not a sequence; it may go anywhere a leg leads to, as often as
+it likes, and come back. Tracks begin before the first drive. Nothing here is shared with the planner but the
+problem's values.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ def optimum(problem: Problem) -> float:
             len(chosen) * problem.track_start_energy_j,
         )
         if not every.over(time_s, drawn_j):
-            best = max(best, every.value(START, frozenset(), chosen, time_s, drawn_j))
+            best = max(best, every.value(START, frozenset(), chosen, frozenset(), time_s, drawn_j))
     return best
 
 
 class _EveryChoice:
-    """The value of a state: place, what is done, what is tracked, time and energy drawn."""
+    """The value of a state: place, what is done, what is tracked, where no drive leads any more as one
+    failed, time and energy drawn.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -49,18 +52,23 @@ class _EveryChoice:
         budget = self.problem.budget
         return time_s > budget.time_s or drawn_j + self.problem.hotel_w * time_s > budget.usable_energy_j
 
-    def _value(self, place: str, done: Names, tracked: Names, time_s: float, drawn_j: float) -> float:
+    def _value(
+        self, place: str, done: Names, tracked: Names, closed: Names, time_s: float, drawn_j: float
+    ) -> float:
         best = 0.0
         if tracked:  # to stop a track is free
-            best = max(self.value(place, done, tracked - {t}, time_s, drawn_j) for t in tracked)
+            best = max(self.value(place, done, tracked - {t}, closed, time_s, drawn_j) for t in tracked)
         for o in self.observations.values():
             if o.id not in done and o.target == place:
-                best = max(best, self.observed(o, done, tracked, time_s, drawn_j))
+                best = max(best, self.observed(o, done, tracked, closed, time_s, drawn_j))
         for leg in self.legs.get(place, ()):
-            best = max(best, self.driven(leg, done, tracked, time_s, drawn_j))
+            if leg.to not in closed:
+                best = max(best, self.driven(leg, done, tracked, closed, time_s, drawn_j))
         return best
 
-    def observed(self, o: Observation, done: Names, tracked: Names, time_s: float, drawn_j: float) -> float:
+    def observed(
+        self, o: Observation, done: Names, tracked: Names, closed: Names, time_s: float, drawn_j: float
+    ) -> float:
         opens, closes = o.window_s or (0.0, float("inf"))
         if time_s > closes or not self.before.get(o.id, set()) <= done:
             return 0.0
@@ -74,7 +82,7 @@ class _EveryChoice:
         if o.needs_track:
             tracked = self.tracked_after(tracked, after, o.target)
         worth = o.utility * o.p_success * self.fading[o.target] ** earlier
-        return worth + self.value(o.target, after, tracked, ends, used)
+        return worth + self.value(o.target, after, tracked, closed, ends, used)
 
     def tracked_after(self, tracked: Names, done: Names, target: str) -> Names:
         """A track ends with the last observation that needs it."""
@@ -82,7 +90,9 @@ class _EveryChoice:
         left = any(o.target == target and o.needs_track and o.id not in done for o in every)
         return tracked if left else tracked - {target}
 
-    def driven(self, leg: Leg, done: Names, tracked: Names, time_s: float, drawn_j: float) -> float:
+    def driven(
+        self, leg: Leg, done: Names, tracked: Names, closed: Names, time_s: float, drawn_j: float
+    ) -> float:
         ends = time_s + leg.time_s.mean + len(tracked) * self.problem.track_overhead_s_per_leg
         used = drawn_j + leg.energy_j.mean
         if self.over(ends, used):
@@ -96,5 +106,9 @@ class _EveryChoice:
                 chance *= p if gone else 1.0 - p
             if chance > 0.0:
                 kept = frozenset(n for n, gone in zip(names, lost, strict=True) if not gone)
-                total += chance * self.value(leg.to, done, kept, ends, used)
+                if leg.p_fail < 1.0:
+                    total += (1.0 - leg.p_fail) * chance * self.value(leg.to, done, kept, closed, ends, used)
+                if leg.p_fail > 0.0:
+                    back = self.value(leg.origin, done, kept, closed | {leg.to}, ends, used)
+                    total += leg.p_fail * chance * back
         return total

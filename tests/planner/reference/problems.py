@@ -7,7 +7,7 @@ import numpy as np
 from planner.problem import Problem, problem_from_dict
 from tests.planner.examples import amount, problem_document
 
-FAMILIES = ("plain", "twice", "hub", "precedence", "fading", "tracking", "penalty", "through")
+FAMILIES = ("plain", "twice", "hub", "precedence", "fading", "tracking", "penalty", "through", "failing")
 
 
 def generated(family: str, seed: int, *, spread: float = 0.0) -> Problem:
@@ -49,6 +49,12 @@ def generated(family: str, seed: int, *, spread: float = 0.0) -> Problem:
         document["targets"][0]["observations"] = []
         back = ("T3",) if seed % 2 else ("T2", "T3")
         document["legs"] = [leg for leg in document["legs"] if leg["from"] not in back]
+    if family == "failing":  # on some the way through another place is missing, too
+        document["format"] = "problem/2"
+        for leg in document["legs"]:
+            leg["p_fail"] = float(rng.choice([0.0, 0.1, 0.3, 0.6]))
+        if seed % 3 == 0:
+            document["legs"] = [leg for leg in document["legs"] if leg["from"] != "T1" or leg["to"] != "T3"]
     if family == "fading":
         for target in document["targets"]:
             target["diminishing"] = 0.5

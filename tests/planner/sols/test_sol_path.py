@@ -196,3 +196,21 @@ def test_a_target_that_no_way_leads_to_hinders_no_other() -> None:
     problem = problem_from_dict(document)
     path = solve_sols(problem, same_budgets(problem, 2), time_limit_s=0.1)
     assert {o for sol in path.outline for o in sol.observations} == {"O1", "O2"}
+
+
+def test_a_drive_that_fails_costs_what_it_was_for_on_all_sols() -> None:
+    """Two rocks side by side, time for both: each is come to with the chance of its own drive alone."""
+    rows = [[observation("O1", utility=10.0)], [observation("O2", utility=4.0)]]
+    document = problem_document(
+        places=[(3.0, 0.0), (3.0, 1.0)], observations=rows, spread=0.0, loss=0.0, time_s=9000.0, energy_j=2e6
+    )
+    document["format"] = "problem/2"
+    for leg in document["legs"]:
+        leg["p_fail"] = 0.4 if leg["to"] == "T1" else 0.25
+    problem = problem_from_dict(document)
+    found = solve_sols(problem, same_budgets(problem, 2), time_limit_s=0.2)
+    expected = 10.0 * 0.6 + 4.0 * 0.75
+    assert found.mean == pytest.approx(expected, abs=4.0 * found.standard_error)
+    assert found.upper >= expected
+    assert found.plan is not None
+    assert found.plan.expected_utility == pytest.approx(expected, rel=0.01)

@@ -1,4 +1,4 @@
-/** What a `calibration/1` document says of lost tracks, for people. */
+/** What a `calibration/2` document (or `/1`, in which no drive failed) says of lost tracks and drives, for people. */
 
 import { number } from "./format";
 
@@ -14,6 +14,10 @@ export interface Learned {
   rates: Rate[];
   tracks: number;
   losses: number;
+  /** Drives that ended short of their goal. */
+  short: Rate;
+  failures: number;
+  legs: number;
 }
 
 const PLACES: [string, string][] = [
@@ -35,6 +39,9 @@ export function calibrationOf(document: Record<string, unknown> | null): Learned
     })),
     tracks: value("tracks"),
     losses: value("losses"),
+    short: { where: "", perMetre: value("fail_per_m"), error: value("fail_se_per_m") },
+    failures: value("failures"),
+    legs: value("legs"),
   };
 }
 
