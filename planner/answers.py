@@ -82,7 +82,7 @@ def with_plan(
     found: Found,
     prices: Sequence[float],
     *,
-    evaluator: str = "grid",
+    evaluator: str = "",
     notes: tuple[str, ...] = (),
 ) -> PlanResult:
     """Return a plan with its bounds and the notes on its steps."""
@@ -105,7 +105,7 @@ def with_plan(
             upper=upper,
             optimum_estimate=known,
             curve=tuple(choice.values),
-            evaluator=evaluator,
+            evaluator=evaluator or choice.evaluator,
             searched=found.done,
             reasons=(*(notes or part.notes), *why_unbranched(order, found, tree)),
             regret_left=None if known is None else max(0.0, known - expected),

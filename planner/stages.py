@@ -12,13 +12,14 @@ from planner.constraints.overrun import OverrunChance
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
+from planner.contingency.order_in_futures import CLOSE, SCANNED, order_in_futures
 from planner.contingency.reduction import Reduction, held_by, mean_route_of, only, reduce_problem
 from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.contingency.selection import makeable, predecessors_of
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
-from planner.evaluate.monte_carlo import Estimate
+from planner.evaluate.monte_carlo import Estimate, simulate
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, Evaluator
 from planner.large_plans import Checked, checked, plan_large
@@ -27,7 +28,7 @@ from planner.options import PlannerOptions
 from planner.plan_choice import drop_rare, held_up
 from planner.plan_edits import fitted
 from planner.plan_tree import Observe, Plan, PlanTree, TrackStart, Visit, count_branches, planned_observations
-from planner.problem import Problem
+from planner.problem import ObservationId, Problem
 from planner.progress import Watch
 from planner.strategies import Found, Task
 from planner.strategies.registry import Curve
@@ -47,6 +48,13 @@ LIVE_SET_S = 4e-4
 
 MANY_TARGETS = 8
 """Targets up to which `PlannerOptions.bound_s` is meant."""
+
+SURELY_MORE = 4.0
+"""Standard errors by which an order must earn more than what the search found: it was chosen in the same
+futures."""
+
+MOST_ORDERED = 12
+"""Observations up to which orders are tried in futures: one more takes a round of some 20 changes longer."""
 
 LEFT_SHARE = 0.7
 """Share of what is left of the limit for the bound of many targets. By hand: linear programs come beside."""
@@ -85,11 +93,14 @@ class Order:
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """A plan that held up on fresh futures, with its check, and the values by number of branches."""
+    """A plan that held up on fresh futures, with its check, and the values by number of branches, as the
+    `evaluator` says them.
+    """
 
     plan: Plan
     check: Estimate | None
     values: list[float]
+    evaluator: str = "grid"
 
     @property
     def mean(self) -> float:
@@ -223,11 +234,32 @@ def searched_within(
 def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
     """Return the plan of a curve that holds up; where something must be done, one whose main line does it."""
     found = _held_up(order, model, curve)
-    if not order.must or order.must <= _main_line(found.plan):
+    if not order.must:
+        return found if OverrunChance.of(order.problem) is not None else _or_order(order, model, found)
+    if order.must <= _main_line(found.plan):
         return found
     route = mean_seed(model, must=sum(1 << m for m in range(model.m) if model.must_do[m]))
     plan = route_plan(model, route)
     return _held_up(order, model, [(0.0, plan)])
+
+
+def _or_order(order: Order, model: Model, found: Chosen) -> Chosen:
+    """Return what was found, or an order without branches where futures say for sure that it earns more."""
+    if model.m > MOST_ORDERED:
+        return found
+    seed, begin = order.seed + 5, [mean_seed(model), tuple(model.number_of[o] for o in _line(found.plan))]
+    means = [simulate(model, route_plan(model, one), SCANNED, seed=seed).utility.mean() for one in begin]
+    plan = route_plan(model, order_in_futures(model, begin[means.index(max(means))], seed=seed))
+    if not plan or plan == found.plan or not model.admits_plan(plan):
+        return found
+    earned, before = (simulate(model, one, CLOSE, seed=seed).utility for one in (plan, found.plan))
+    more = earned - before
+    if float(more.mean()) <= SURELY_MORE * float(more.std()) / math.sqrt(CLOSE) + 1e-9:
+        return found
+    options = order.options
+    count = options.quick_check_futures if order.quick else options.check_futures
+    check = simulate(model, plan, count, seed=order.seed + 1).estimate()
+    return Chosen(plan, check, [max(value, check.mean) for value in found.values], "monte-carlo")
 
 
 def best_warm_plan(order: Order) -> Checked | None:
@@ -264,8 +296,12 @@ def _does_what_must_be(problem: Problem, plan: Plan) -> bool:
     )
 
 
+def _line(plan: Plan) -> list[ObservationId]:
+    return [s.observation for s in plan if isinstance(s, Observe | Visit)]
+
+
 def _main_line(plan: Plan) -> set[str]:
-    return {str(s.observation) for s in plan if isinstance(s, Observe | Visit)}
+    return set(map(str, _line(plan)))
 
 
 def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:

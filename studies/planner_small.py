@@ -4,10 +4,10 @@
 
 Problems of `tests.planner.reference.problems`: ways back, missing legs and hubs, two windows on one rock,
 precedence, must-do, fading value, lost tracks, penalties; all amounts constant, as the reference asks
-(`tests/planner/reference/optimum.py`, written from the problem's definition). Drives cannot fail in the
-model, so no problem has any that do. Checked for each: no bound is below the optimum; the certified lower
-bound of the plan is not above it; with up to 3 branches the plan is worth no less than the best order without
-branches, found on a quick search (coarse grid), by more than 0.1 %.
+(`tests/planner/reference/optimum.py`, written from the problem's definition), and drives that fail. Checked
+for each: no bound is below the optimum; the certified lower bound of the plan is not above it; with up to 3
+branches the plan of a quick search (coarse grid) is worth no less than the best order without branches, by
+more than 0.1 % and 4 standard errors of their difference in common futures that took no part in any choice.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from planner.contingency.policy import Moves, Policy
 from planner.evaluate.majorant import Majorant
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
+from planner.plan_tree import Plan
 from planner.problem import Problem
 from planner.solve import PlanStatus, solve
 from planner.tally import tallied
@@ -36,7 +37,9 @@ from tests.planner.examples import visits
 from tests.planner.reference.optimum import optimum
 from tests.planner.reference.problems import FAMILIES, generated
 
-FUTURES = 4000
+RANKED, CHECKED = 4_000, 200_000
+"""Futures in which all orders are carried out, and in which the best `FINAL` of them are compared."""
+FINAL = 3
 ABOVE_NODES = ((9, 8), (17, 19), (33, 38))
 """Grids of functions above the value, in turn: coarse ones add most."""
 
@@ -47,16 +50,30 @@ SLACK = 1e-6
 """Relative: the solver's tolerance."""
 
 
-def best_order(problem: Problem) -> float:
-    """Return what the best order of at most four observations earns, by its mean over common futures."""
+def best_orders(problem: Problem) -> list[Plan]:
+    """Return the best orders of at most four observations, by their means over common futures."""
     model = Model.of(problem)
     names = [str(o.id) for o in problem.observations]
-    best = 0.0
-    for count in range(1, min(len(names), 4) + 1):
-        for order in itertools.permutations(names, count):
-            plan = visits(problem, *order)
-            best = max(best, float(simulate(model, plan, FUTURES, seed=1).utility.mean()))
-    return best
+    plans = [
+        visits(problem, *order)
+        for count in range(1, min(len(names), 4) + 1)
+        for order in itertools.permutations(names, count)
+    ]
+    means = {plan: float(simulate(model, plan, RANKED, seed=1).utility.mean()) for plan in plans}
+    return sorted(plans, key=lambda plan: -means[plan])[:FINAL]
+
+
+def worse_than_an_order(problem: Problem, found: Plan, seed: int) -> str:
+    """Return what a plan earns less than one of the best orders; empty where that may be chance."""
+    model = Model.of(problem)
+    earned = simulate(model, found, CHECKED, seed=seed).utility
+    for plan in best_orders(problem):
+        order = simulate(model, plan, CHECKED, seed=seed).utility
+        more = order - earned
+        error = float(more.std()) / len(more) ** 0.5
+        if float(more.mean()) > 4.0 * error + 0.001 * max(1.0, float(order.mean())):
+            return f"plan {earned.mean():.4f}, best order {order.mean():.4f}"
+    return ""
 
 
 def main() -> None:
@@ -101,10 +118,8 @@ def main() -> None:
         if must:
             continue
         earned = 0.0 if result.check is None else result.check.mean
-        error = 0.0 if result.check is None else result.check.standard_error
-        order = best_order(problem)
-        if earned < order * 0.999 - 4.0 * error - slack:
-            bad.append(f"{family} {number}: plan {earned:.4f}, best order {order:.4f}")
+        if worse := worse_than_an_order(problem, result.tree.plan, number):
+            bad.append(f"{family} {number}: {worse}")
         if best > 0.0:
             shares.append(earned / best)
     print("\n".join(bad))

@@ -23,6 +23,8 @@ from planner.problem import ObservationId, Problem, load_problem, problem_from_d
 from planner.solve import PlanStatus, Progress, solve
 from planner.tally import StoppedError
 from tests.planner.examples import example, observation, problem_document, visits
+from tests.planner.reference.optimum import optimum
+from tests.planner.reference.problems import generated
 from tests.shared import shared
 
 register_all()
@@ -429,3 +431,20 @@ def test_a_plan_alone_has_neither_bound_nor_notes() -> None:
     assert alone.upper == math.inf
     assert whole.tree.step_notes
     assert not alone.tree.step_notes
+
+
+@pytest.mark.parametrize(
+    ("family", "number"), [("penalty", 1042672941), ("penalty", 759329973), ("twice", 724271341)]
+)
+@pytest.mark.parametrize("quick", [False, True])
+def test_an_order_that_ends_close_to_a_budget_is_not_passed_over(
+    family: str, number: int, quick: bool
+) -> None:
+    """All amounts are constant: between its nodes a grid takes such an end for a likely overrun."""
+    problem = generated(family, number)
+    best = optimum(problem)
+    found = solve(problem, max_branches=3, time_limit_s=1.0, quick=quick)
+    assert found.check is not None
+    assert found.check.mean > 0.995 * best - 4.0 * found.check.standard_error
+    assert found.lower <= best + 1e-6
+    assert best <= found.upper + 1e-6
