@@ -66,6 +66,9 @@ from studies.common.databases import own_database
 from studies.common.processes import free_port
 from studies.nursery import start
 
+TRACEBACK, SHOWN = "Traceback (most recent call last)", 4_000
+"""What begins one in a log, and characters of it that are told."""
+
 LEASE_S = 3.0
 ATTEMPTS = 100
 """More than there are kills: one job may be met by each, and is to end well all the same."""
@@ -473,7 +476,9 @@ def study(folder: Path, database: str, count: int, away_s: float, seed: int) -> 
     print(f"kills: {dict(met)}")
     print(f"outage: {fared}")
     print(f"judged: {dict(found)}")
-    print(f"starts: {dict(machines.starts)}, tracebacks of worker and server: {logs.count('Traceback')}")
+    print(f"starts: {dict(machines.starts)}, tracebacks of worker and server: {logs.count(TRACEBACK)}")
+    for told in logs.split(TRACEBACK)[1:]:
+        print(TRACEBACK + told[:SHOWN])
     repo.database.dispose()
     good = not any(found[word] for word in BAD)
     if fared:
