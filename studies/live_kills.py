@@ -117,6 +117,10 @@ def watched_rover(site: Site, log: Path) -> Iterator[None]:
         process.wait()
 
 
+TASKS = ["back", "fixed", "go", "last", "look", "rest"]
+"""What a rover begins in a run of `PLAN` that comes to its end."""
+
+
 def log_of(path: Path) -> list[list[Any]]:
     """Return what a rover wrote down."""
     return [json.loads(line) for line in path.read_text("utf-8").splitlines()] if path.exists() else []
@@ -222,7 +226,10 @@ def judge_rover_run(site: Site, log: Path, outcome: Outcome) -> None:
         outcome.ended = str(json.loads((site.run / "run.json").read_text("utf-8"))["outcome"])
     if any(record["k"] == "send" and record["action"] == "safemode" for record in records):
         outcome.ended += ", safed"
-    if outcome.gone and not outcome.ended.endswith("safed"):
+    whole = outcome.ended == "SUCCEEDED" and sorted(task for _, task, _ in begun) == TASKS
+    if (
+        outcome.gone and not outcome.ended.endswith("safed") and not whole
+    ):  # whole: it went after the plan's end
         outcome.problems.append(f"{outcome.ended}, and the rover was never told to be safe")
 
 
@@ -239,7 +246,7 @@ def judge(site: Site, log: Path, outcome: Outcome) -> None:
     begun = [tuple(entry[1]) for entry in log_of(log) if entry[0] == "begin"]
     if len(begun) != len(set(begun)):
         outcome.problems.append(f"carried out twice: {begun}")
-    if sorted(task for _, task, _ in begun) != ["back", "fixed", "go", "last", "look", "rest"]:
+    if sorted(task for _, task, _ in begun) != TASKS:
         outcome.problems.append(f"carried out {begun}")
     try:
         records = JournalFile(site.run / "journal.jsonl").records

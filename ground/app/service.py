@@ -34,6 +34,7 @@ from ground.resources.people.first_administrator import invite
 from ground.resources.people.log_in_limits import LogInLimits
 from ground.resources.upkeep.store_size import StoreSize
 from ground.settings import Settings, load_settings
+from ground.spare_memory import SpareMemory
 
 logger = logging.getLogger(__name__)
 
@@ -55,6 +56,7 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
     worker = make_worker(repo) if with_worker else None
     courier = Courier(repo) if with_worker else None
     hub = Hub(repo)
+    spare = SpareMemory()
 
     @asynccontextmanager
     async def life(_app: FastAPI) -> AsyncIterator[None]:
@@ -62,6 +64,7 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
             worker.start(warm_up_quietly if warm else None)
         if courier is not None:
             courier.start()
+        spare.start()
         if warm:
             threading.Thread(target=warm_up_quietly, name="warm-up", daemon=True).start()
         try:
@@ -72,6 +75,7 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
             if worker is not None:
                 await run_in_threadpool(worker.stop)
             await run_in_threadpool(hub.stop)
+            await run_in_threadpool(spare.stop)
             repo.database.dispose()
 
     app = build_api(lifespan=life)

@@ -19,6 +19,7 @@ from ground.errors import JobFailedError
 from ground.jobs.queue import Work
 from ground.logs import set_up_logging
 from ground.settings import ExecutorKind, Settings
+from ground.spare_memory import SPARE
 from ground.tracing import Part, noting_parts, now_ns, this_place, within
 from mission import MissionError
 from mission.codec import Codec
@@ -112,7 +113,9 @@ def run_work(
     began_ns = now_ns()
     with threadpool_limits(limits=1), within(traceparent), noting_parts(bool(traceparent)) as parts:
         result = work(order, channel.report, channel.should_stop)
-    return Done(result, began_ns, now_ns(), this_place(), peak_bytes(), tuple(parts))
+    done = Done(result, began_ns, now_ns(), this_place(), peak_bytes(), tuple(parts))
+    SPARE.give_back()
+    return done
 
 
 class InlineExecutor(Executor):

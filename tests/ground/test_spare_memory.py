@@ -1,0 +1,63 @@
+"""What a process has freed goes back to the system."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ground import spare_memory
+from ground.spare_memory import SpareMemory
+
+FRAGMENTED = """
+import gc, threading
+from ground.spare_memory import SpareMemory, resident_bytes
+
+pins = []
+
+def work():
+    kept = [bytes(600 + k % 4000) for k in range(60_000)]
+    pins.append(kept[::400])  # what stays lies among what goes
+
+for _ in range(3):
+    threads = [threading.Thread(target=work) for _ in range(8)]
+    [t.start() for t in threads]
+    [t.join() for t in threads]
+gc.collect()
+spare = SpareMemory()
+before = resident_bytes()
+tried = spare.give_back()
+print(before >> 20, resident_bytes() >> 20, tried, spare.give_back())
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says what a process holds")
+def test_freed_memory_goes_back_and_only_a_process_that_grew_is_asked() -> None:
+    done = subprocess.run([sys.executable, "-c", FRAGMENTED], capture_output=True, text=True, check=True)
+    before, after, tried, again = done.stdout.split()
+    assert (tried, again) == ("True", "False")
+    assert int(after) < 0.6 * int(before)
+
+
+def test_without_the_function_nothing_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spare_memory, "_trim", lambda: None)
+    assert not SpareMemory(grown=0).give_back()
+
+
+def test_a_server_looks_now_and_then_until_it_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spare_memory, "LOOK_S", 0.001)
+    asked = []
+    spare = SpareMemory(grown=0)
+    monkeypatch.setattr(spare, "give_back", lambda: asked.append(1))
+    spare.start()
+    end = time.monotonic() + 10.0
+    while len(asked) < 3 and time.monotonic() < end:
+        time.sleep(0.001)
+    spare.stop()
+    assert len(asked) >= 3
+    count = len(asked)
+    assert spare._thread is not None
+    assert not spare._thread.is_alive()
+    assert len(asked) == count
