@@ -384,9 +384,9 @@ def live(root: Instance) -> list[Instance]:
             continue
         nodes.append(node)
         if node.kind is BRANCH:
-            chosen = [node.below[node.chosen]] if node.chosen is not None else []
-            others = [n for i, n in enumerate(node.below) if i != node.chosen]
-            below = [*chosen, *(n for n in others if n.state is not INACTIVE)]
+            choice = node.choice()
+            others = [n for n in node.below if n is not choice and n.state is not INACTIVE]
+            below = others if choice is None else [choice, *others]
         else:
             below = [*node.below]
         stack.extend(reversed([*below, *node.extra]))

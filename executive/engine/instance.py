@@ -137,6 +137,7 @@ class Instance:
         """Outcome fixed on entry to FAILING; published at the end."""
         self.final_reason = ""
         self.chosen: int | None = None
+        """Number of the chosen option in the definition of a branch; its node is `choice()`."""
         self.tried: set[str] | None = None
         """Ids of the options of a branch that have been chosen."""
         self.untried: list[tuple[int, OptionSpec]] | None = None
@@ -159,6 +160,19 @@ class Instance:
         while node is not None:
             yield node
             node = node.parent
+
+    def choice(self) -> Instance | None:
+        """Return the node of the chosen option of a branch.
+
+        None before the choice, and where a replacement has put that node elsewhere: a branch that it stops
+        keeps only nodes that go too, so its nodes no longer stand beside its options.
+        """
+        if self.chosen is None:
+            return None
+        wanted = self.spec.children[self.chosen].id
+        if self.chosen < len(self.below) and self.below[self.chosen].id == wanted:
+            return self.below[self.chosen]
+        return next((child for child in self.below if child.id == wanted), None)
 
     def children(self) -> tuple[Instance, ...]:
         """Return all nodes one level down, inserted and detached ones included."""

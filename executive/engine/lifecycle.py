@@ -200,8 +200,7 @@ def crossed(run: Run, node: Instance) -> bool:
     """
     child = node
     for above in node.ancestors():
-        chosen = above.chosen is not None and above.below[above.chosen] is child
-        others = above.below if chosen and above in run.crossed else ()
+        others = above.below if above in run.crossed and above.choice() is child else ()
         if any(other.state in STARTED for other in others if other is not child):
             return True
         child = above
@@ -260,8 +259,8 @@ def run_branch(run: Run, node: Instance) -> tuple[bool, bool]:
         outcome = SKIPPED if spec.if_none is IfNone.SKIP else FAILED
         finish(run, node, outcome, "no-eligible-option")  # row 16b
         return True, False
-    child = node.below[node.chosen]
-    if child.state is not FINISHED:
+    child = node.choice()
+    if child is None or child.state is not FINISHED:
         return False, False
     if child.failed_fatally():
         if not (spec.next_on_failure and choose(run, node)):

@@ -247,7 +247,7 @@ def reopen(run: Run) -> None:
 def is_complete(node: Instance) -> bool:
     """Tell whether a composite is complete (CRL.md 4.6)."""
     if node.kind is BRANCH:
-        child = node.below[node.chosen] if node.chosen is not None else None
+        child = node.choice()
         return child is not None and child.state is FINISHED and not child.failed_fatally()
     return node.remaining == 0 and not node.fatal
 

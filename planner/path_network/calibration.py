@@ -21,13 +21,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 from annotated_types import Ge, MinLen
 
-from mission.codec import Codec
+from mission.codec import Codec, Document
 from mission.values import NotNegative, value
 from planner.errors import ProblemError
 
@@ -113,7 +113,7 @@ CALIBRATIONS = Codec(
 )
 
 
-def calibration_document(calibration: Calibration) -> dict[str, Any]:
+def calibration_document(calibration: Calibration) -> Document:
     """Return a calibration as a document; where no drive failed as `calibration/1`, which older programs
     read.
     """

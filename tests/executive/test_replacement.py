@@ -31,6 +31,10 @@ def test_a_task_that_was_kept_bounds_the_fresh_composite_above_it() -> None:
     assert check_seed(30_546_399)  # found by 100,000 replacements: the engine held the fresh root back
 
 
+def test_a_branch_that_stops_knows_its_choice_when_others_of_its_nodes_went_elsewhere() -> None:
+    assert check_seed(157_374_708, OPTION_EDITS)  # found by 102,000 replacements: a traceback of the engine
+
+
 def test_a_start_window_that_closes_at_the_horizon_is_part_of_the_comparison() -> None:
     text = f"""(plan :id p :node (task :id a :action act :wait-for-conditions ((database (:k = 1)))
         :start-temporal-conditions ((0 {HORIZON_MS // 1000}))))"""
