@@ -32,16 +32,15 @@ of `track_overhead_s` per tracked target and leg, which the planner adds. Start 
 from mission import KeepOut, Pose
 from planner.path_network.build import build_network
 from planner.path_network.calibration import (
-    CALIBRATIONS,
     K9_CALIBRATION,
     Calibration,
     LossFit,
     RegressionFit,
-    calibration_document,
     fit_calibration,
     fit_loss,
     fit_mean,
 )
+from planner.path_network.calibration_document import CALIBRATIONS, calibration_document
 from planner.path_network.values import (
     START,
     DriveRule,

@@ -27,7 +27,6 @@ import numpy as np
 import numpy.typing as npt
 from annotated_types import Ge, MinLen
 
-from mission.codec import Codec, Document
 from mission.values import NotNegative, value
 from planner.errors import ProblemError
 
@@ -102,26 +101,6 @@ K9_CALIBRATION = Calibration(
     occluded_per_m=0.15,
     angle_gain_per_rad=1.0,
 )
-
-
-CALIBRATIONS = Codec(
-    Calibration,
-    "calibration/2",
-    "calibration",
-    upgrades={"calibration/1": ("calibration/2", lambda members: members)},
-    error=ProblemError,
-)
-
-
-def calibration_document(calibration: Calibration) -> Document:
-    """Return a calibration as a document; where no drive failed as `calibration/1`, which older programs
-    read.
-    """
-    document = CALIBRATIONS.document(calibration)
-    if calibration.fail_per_m or calibration.failures:
-        return document
-    later = ("fail_per_m", "fail_se_per_m", "failures")
-    return {**{k: v for k, v in document.items() if k not in later}, "format": "calibration/1"}
 
 
 # --------------------------------------------------------------------------- fitting

@@ -13,7 +13,7 @@ from mission.codec import Codec
 from mission.day import DAYS
 from mission.sol_timeline import SOL_SERIES
 from neighbours.flight.flight_map import FLIGHT_MAP
-from planner.path_network.calibration import CALIBRATIONS
+from planner.path_network.calibration_document import CALIBRATIONS
 from planner.plan_tree_document import TREES
 from planner.problem_document import PROBLEMS, SURE_DRIVES
 from rover_iface.profile import PROFILES
