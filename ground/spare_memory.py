@@ -7,26 +7,19 @@ after a few sols of requests and jobs, and a little more after each. Where the C
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
-import os
 import threading
+import time
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
-
-GROWN = 16 << 20
-"""Bytes that a process grows by before it is trimmed again: that takes some hundredths of a second."""
 
 LOOK_S = 30.0
-"""How often a server looks how much it holds."""
+"""How often a server gives back."""
 
-
-def resident_bytes() -> int:
-    """Return what this process holds in memory; 0 where its system does not say (it is Linux that does)."""
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        return int(Path("/proc/self/statm").read_bytes().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    return 0
+SERVED_S, WORKED_S = 0.05, 0.5
+"""Processor seconds since the last time before which a server, or a process that does jobs, gives nothing
+back: to do so takes some hundredths of one, and who did nothing has nothing.
+"""
 
 
 @cache
@@ -38,27 +31,30 @@ def _trim() -> Callable[[int], int] | None:
 
 
 class SpareMemory:
-    """Gives a process's freed memory back when it has grown by `grown` bytes since that was done last."""
+    """Gives a process's freed memory back once it has used so many seconds of a processor since the last time.
 
-    def __init__(self, grown: int = GROWN) -> None:
-        self.grown = grown
+    How much a process holds does not tell when: what was in use at the last time may be free by now.
+    """
+
+    def __init__(self, used_s: float) -> None:
+        self.used_s = used_s
         self._lock = threading.Lock()
-        self._held = 0
+        self._last_s = 0.0
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
     def give_back(self) -> bool:
-        """Give memory back if the process has grown; return whether it was tried."""
+        """Give memory back if the process has worked; return whether it was tried."""
         trim = _trim()
         with self._lock:
-            if trim is None or resident_bytes() < self._held + self.grown:
+            if trim is None or time.process_time() - self._last_s < self.used_s:
                 return False
             trim(0)
-            self._held = resident_bytes()
+            self._last_s = time.process_time()
         return True
 
     def start(self) -> None:
-        """Look now and then, in a thread, until stopped."""
+        """Give back now and then, in a thread, until stopped."""
         self._thread = threading.Thread(target=self._look, name="spare-memory", daemon=True)
         self._thread.start()
 
@@ -73,5 +69,5 @@ class SpareMemory:
             self.give_back()
 
 
-SPARE = SpareMemory()
-"""That of this process."""
+OF_JOBS = SpareMemory(WORKED_S)
+"""That of a process that does jobs."""

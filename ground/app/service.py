@@ -34,7 +34,7 @@ from ground.resources.people.first_administrator import invite
 from ground.resources.people.log_in_limits import LogInLimits
 from ground.resources.upkeep.store_size import StoreSize
 from ground.settings import Settings, load_settings
-from ground.spare_memory import SpareMemory
+from ground.spare_memory import SERVED_S, SpareMemory
 
 logger = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ def build_app(repo: Repository, *, with_worker: bool, warm: bool = False) -> Fas
     worker = make_worker(repo) if with_worker else None
     courier = Courier(repo) if with_worker else None
     hub = Hub(repo)
-    spare = SpareMemory()
+    spare = SpareMemory(SERVED_S)
 
     @asynccontextmanager
     async def life(_app: FastAPI) -> AsyncIterator[None]:

@@ -19,7 +19,7 @@ from ground.errors import JobFailedError
 from ground.jobs.queue import Work
 from ground.logs import set_up_logging
 from ground.settings import ExecutorKind, Settings
-from ground.spare_memory import SPARE
+from ground.spare_memory import OF_JOBS
 from ground.tracing import Part, noting_parts, now_ns, this_place, within
 from mission import MissionError
 from mission.codec import Codec
@@ -114,7 +114,7 @@ def run_work(
     with threadpool_limits(limits=1), within(traceparent), noting_parts(bool(traceparent)) as parts:
         result = work(order, channel.report, channel.should_stop)
     done = Done(result, began_ns, now_ns(), this_place(), peak_bytes(), tuple(parts))
-    SPARE.give_back()
+    OF_JOBS.give_back()
     return done
 
 

@@ -24,8 +24,10 @@ from tests.seeds import drawn_seed
 FUTURES = 20_000
 BEYOND_CHANCE = 5.0
 """Standard errors: once in three million comparisons."""
-EXACT = tuple(family for family in FAMILIES if family != "fading")
-"""Where no track is lost and amounts are constant, the files of these say all that bears on the choice."""
+EXACT = tuple(family for family in FAMILIES if family not in ("fading", "failing"))
+"""Where no track is lost, no drive fails and amounts are constant, the files of these say all that bears on
+the choice.
+"""
 
 
 def value(problem: Problem, plan: Plan) -> Estimate:
