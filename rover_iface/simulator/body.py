@@ -21,6 +21,10 @@ from rover_iface.simulator.world import World
 from rover_iface.streams import stream
 from rover_iface.terrain.terrain import Terrain
 
+ROUND_M = 8.0
+"""How much farther than it works a rover may be led round rocks: on four days of `studies.subframe_day`
+(906202541 to 906202544) three drives ended at the edge of the ground."""
+
 
 class Body:
     """A rover's body in its true world.
@@ -56,7 +60,7 @@ class Body:
         self.map = terrain
         self.targets = {t.id: t for t in world_targets(world)}
         self.terrain = true_terrain(world, terrain, self.targets.values(), seed, self._half_width())
-        self.ground = GroundRaster.of(self.terrain, self._half_width())
+        self.ground = GroundRaster.of(self.terrain, self._half_width() + ROUND_M)
         self.chassis = Chassis(
             self.ground,
             self.profile,
@@ -90,7 +94,7 @@ class Body:
     def renderer(self) -> Renderer:
         """Return the eye of the simulation; made when first needed."""
         start = self.world.start
-        scene = scene_from_terrain(self.terrain, (start.x, start.y), radius_m=self._half_width())
+        scene = scene_from_terrain(self.terrain, (start.x, start.y), radius_m=self._half_width() + ROUND_M)
         if self.own_shadow:
             scene = ShadowedScene(scene, OwnShadow(self.profile, lambda: self.pose.site_from_rover))
         return Renderer(scene)
@@ -100,7 +104,7 @@ class Body:
         return Sun(self.sun_clock.direction(t_s))
 
     def _half_width(self) -> float:
-        """Return how far from the origin the rover may get: its targets and 6 m more, 12 to 40 m."""
+        """Return how far from the origin the rover works: its targets and 6 m more, 12 to 40 m."""
         far = [abs(self.world.start.x), abs(self.world.start.y)]
         for target in self.targets.values():
             far += [abs(target.point[0]), abs(target.point[1])]

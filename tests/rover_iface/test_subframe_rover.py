@@ -313,6 +313,16 @@ def test_another_tracker_is_asked_for_by_name(world: Path) -> None:
         make_abstract(world, tracker="ncc")
 
 
+def test_the_ground_reaches_as_far_as_a_rover_is_led_round_rocks(world: Path) -> None:
+    """Drives ended at the edge of the ground, 6 m beyond the farthest target."""
+    document = json.loads((world / "world.json").read_text())
+    rover = make_rover(document, terrain=plane(half=40.0, spacing=0.5), seed=1)
+    far = max(abs(v) for t in rover.body.targets.values() for v in t.point[:2])
+    beyond = max(12.0, far + 6.0) + 5.0
+    for x, y in ((beyond, 0.0), (0.0, -beyond), (-beyond, beyond)):
+        assert np.isfinite(rover.body.ground.height(x, y))
+
+
 def test_rocks_can_be_strewn_on_any_ground() -> None:
     bare = plane(0.05, 0.0)
     rocky = strew_rocks(bare, seed=1, half_m=9.0, total_cover=0.08, keep_clear=[(0, 0, 2.0)])
