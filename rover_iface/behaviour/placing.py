@@ -27,8 +27,10 @@ from rover_iface.errors import RenderError, RoverError, TrackerError
 from rover_iface.vision.tracker import TrackUpdate
 
 MOST_OFF_M = 0.02
-"""95 % error across the surface up to which a tool is put on a target: further off it is not a placement
+"""95 % error on the surface up to which a tool is put on a target: further off it is not a placement
 (Pedersen and others 2005 place within 1 cm; 2 cm is asked for here)."""
+RELIEF_SLOPE = 0.5
+"""What lies astray across a surface lies deeper or higher by so much of it: `NccOptions.relief_slope`."""
 INSIDE_95 = 5.991
 """95 % of chi square with two degrees of freedom."""
 
@@ -77,17 +79,18 @@ def require_known(followed: Followed, arm_m: float) -> None:
     """Refuse to put a tool on a target whose place is known too poorly.
 
     What the tool's axis is off along itself the contact takes up; what it is off across decides which
-    point is touched.
+    point is touched. That point lies deeper or higher than the target by the relief of rock.
 
     Raises
     ------
     TrackerError
-        If the 95 % error across the surface's normal, the arm's own in it, is over the limit.
+        If the 95 % error of the point that is touched, the arm's own in it, is over the limit.
     """
-    off_m = across_m(followed.update.covariance, followed.target.normal, arm_m)
+    across = across_m(followed.update.covariance, followed.target.normal, arm_m)
+    off_m = across * math.hypot(1.0, RELIEF_SLOPE)
     if off_m > MOST_OFF_M:
         raise TrackerError(
-            f"target {followed.target.id} is known to {100 * off_m:.1f} cm across its surface (95 %); "
+            f"target {followed.target.id} is known to {100 * off_m:.1f} cm on its surface (95 %); "
             f"{100 * MOST_OFF_M:.0f} cm is the limit"
         )
 

@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_iface.behaviour.placing import across_m
+from rover_iface.behaviour.following import Followed
+from rover_iface.behaviour.placing import across_m, require_known
+from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.contract import write_contract_world
+from rover_iface.errors import TrackerError
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
+from rover_iface.vision.tracker import TrackState, TrackUpdate
 from tests.rover_iface.test_subframe_rover import do
 
 
@@ -40,8 +44,23 @@ def test_a_target_known_too_poorly_is_refused_with_its_figure(world: Path) -> No
     told = do(rover, "ipplaceinstrument", target="T1")
     assert not told.success
     assert told.values["made"] is False
-    assert "is known to 4.9 cm across its surface (95 %); 2 cm is the limit" in told.reason
+    assert "is known to 5.5 cm on its surface (95 %); 2 cm is the limit" in told.reason
     assert "T1" not in rover.truth.touched
+
+
+@pytest.mark.parametrize(("sigma_m", "refused"), [(0.0076, True), (0.0065, False)])
+def test_what_is_touched_beside_a_target_lies_deeper_by_the_relief_of_rock(
+    sigma_m: float, refused: bool
+) -> None:
+    """A track told to 1.8 cm was 0.9 cm off across a step: the tool touched 2.3 cm from its target."""
+    update = TrackUpdate("T1", TrackState.TRACKED, np.zeros(3), sigma_m**2 * np.eye(3), 1.0, np.zeros(2))
+    followed = Followed(DesignatedTarget("T1", (0.0, 0.0, 0.0)), update, None)  # type: ignore[arg-type]
+    assert across_m(update.covariance, (0.0, 0.0, 1.0), 0.0) < 0.02
+    if refused:
+        with pytest.raises(TrackerError, match=r"known to 2\.1 cm on its surface"):
+            require_known(followed, 0.0)
+    else:
+        require_known(followed, 0.0)
 
 
 def test_what_is_off_along_the_normal_is_the_contacts_to_find() -> None:
