@@ -31,7 +31,7 @@ def _trim() -> Callable[[int], int] | None:
 
 
 class SpareMemory:
-    """Gives a process's freed memory back once it has used so many seconds of a processor since the last time.
+    """Gives a process's freed memory back once it has used `used_s` of a processor since the last time.
 
     How much a process holds does not tell when: what was in use at the last time may be free by now.
     """

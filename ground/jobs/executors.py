@@ -148,6 +148,14 @@ def knock(address: str) -> None:
         raise OSError(f"the Dask scheduler {address} does not answer ({err.strerror or err})") from err
 
 
+def is_news(record: logging.LogRecord) -> bool:
+    """Return whether a line of Dask's event loop says what the worker does not: not that a lost scheduler
+    dropped the work, which comes as a traceback now and then.
+    """
+    error = record.exc_info[1] if record.exc_info else None
+    return type(error).__name__ != "FutureCancelledError"
+
+
 class ClusterExecutor(Executor):
     """Does the work on a Dask cluster, over a connection of its own that ends with it.
 
@@ -166,6 +174,7 @@ class ClusterExecutor(Executor):
         from distributed import Client
 
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # the worker tells it in a line
+        logging.getLogger("tornado.application").addFilter(is_news)
         options: dict[str, Any] = {"timeout": HELLO_S, "set_as_default": False, **cluster.options()}
         try:
             self._client = Client(cluster.address, **options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import subprocess
@@ -25,7 +26,7 @@ from ground.cluster import Cluster, do_as, program
 from ground.errors import OtherProgramError, UnavailableError
 from ground.gdr.repository import Repository
 from ground.jobs.engine import of_engine
-from ground.jobs.executors import ClusterExecutor
+from ground.jobs.executors import ClusterExecutor, is_news
 from ground.jobs.presence import FORGOTTEN_S, GONE_S, Beat, Presence, present
 from ground.jobs.worker import Worker
 from ground.settings import ExecutorKind, SettingsError, load_settings
@@ -69,6 +70,16 @@ def test_a_scheduler_that_is_away_is_told_within_seconds_and_leaves_nothing_open
         ClusterExecutor(Cluster(f"tcp://127.0.0.1:{port}"))
     assert time.monotonic() - began < 5.0
     assert (threading.active_count(), open_files()) == (threads, files)
+
+
+@pytest.mark.parametrize(("error", "told"), [("FutureCancelledError", False), ("ValueError", True)])
+def test_work_that_a_lost_scheduler_drops_is_told_by_the_worker_alone(error: str, told: bool) -> None:
+    kind = type(error, (Exception,), {})
+    record = logging.LogRecord(
+        "tornado.application", logging.ERROR, "", 0, "in callback", (), (kind, kind(), None)
+    )
+    assert is_news(record) is told
+    assert is_news(logging.LogRecord("tornado.application", logging.ERROR, "", 0, "no traceback", (), None))
 
 
 def test_a_server_without_a_worker_says_how_the_engine_of_another_process_fares(api: Api) -> None:
