@@ -43,6 +43,11 @@ describe("the drives at a target", () => {
     ]);
   });
 
+  it("say the larger chance of both directions to end short, none where the network knows of none", () => {
+    const segments = NETWORK.segments.map((s, k) => (k === 0 ? s : { ...s, p_fail: 0.05 * k }));
+    expect(drivesAt({ ...NETWORK, segments }, [], "A").map((d) => d.short)).toEqual([0, 0.1]);
+  });
+
   it("show a forbidden one that the network no longer has", () => {
     const gone = { ...NETWORK, segments: NETWORK.segments.slice(1) };
     const rules: DriveRule[] = [{ from_target_id: null, to_target_id: "A", via_m: null }];

@@ -19,10 +19,17 @@ export interface Drive {
   length_m: number | null;
   time_s: number | null;
   loss: number;
+  /** The chance that it ends short of its place, the larger of both directions. */
+  short: number;
 }
 
 interface NetworkWithCosts extends Network {
-  segments: readonly (Network["segments"][number] & { length_m: number; time_mean_s: number; p_lose: Record<string, number> })[];
+  segments: readonly (Network["segments"][number] & {
+    length_m: number;
+    time_mean_s: number;
+    p_lose: Record<string, number>;
+    p_fail?: number;
+  })[];
 }
 
 const between = (rule: DriveRule, a: string | null, b: string | null): boolean =>
@@ -60,6 +67,7 @@ export function drivesAt(network: NetworkWithCosts | null, rules: readonly Drive
       length_m: found[0]?.length_m ?? null,
       time_s: found[0]?.time_mean_s ?? null,
       loss: Math.max(0, ...found.flatMap((s) => Object.values(s.p_lose))),
+      short: Math.max(0, ...found.map((s) => s.p_fail ?? 0)),
     };
   });
   return drives.sort((a, b) => (a.length_m ?? Number.POSITIVE_INFINITY) - (b.length_m ?? Number.POSITIVE_INFINITY));
