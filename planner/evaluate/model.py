@@ -253,7 +253,9 @@ class Model:
     @cached_property
     def chances(self) -> Chances:
         """What the rules leave of the chances that observations are made, for bounds over every policy."""
-        chances = Chances(best_survival(self)[self.obs_place], np.ones(self.m))
+        arrival = best_arrival(self)
+        survival = best_survival(self) * arrival  # drives fail and lose tracks independently
+        chances = Chances(survival[self.obs_place], arrival[self.obs_place])
         for rule in self.rules:
             rule.relax(self, chances)
         return chances
@@ -263,6 +265,12 @@ class Model:
         place = int(self.obs_place[m])
         before = (done & int(self.target_bits[place])).bit_count()
         return float(self.utility[m] * self.p_success[m] * self.diminishing[place] ** before)
+
+
+def best_arrival(model: Model) -> Floats:
+    """Return, per place, the largest chance to come there, (n + 1,): no drive follows one that failed."""
+    fails = np.where(model.has_leg, model.fail, np.inf).min(axis=0)
+    return np.where(np.isfinite(fails), 1.0 - fails, 1.0)
 
 
 def best_survival(model: Model) -> Floats:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from benchmarks.common.draws import draw_table, earned
 from benchmarks.executive_equality import compare
+from planner.contingency.bounds import flow_bound, relaxed_bound
 from planner.contingency.policy import Moves, Policy
 from planner.errors import ProblemError
 from planner.evaluate.grid import Grid, Rounding
@@ -123,6 +124,16 @@ def test_the_policy_is_worth_what_trying_every_choice_earns(seed: int) -> None:
         down = Policy(Grid(Model.of(problem), *nodes, Rounding.DOWN), moves=Moves.ALL).best()
         up = Policy(Grid(Model.of(problem), *nodes, Rounding.UP), moves=Moves.TO_WORK).best()
         assert up - 1e-4 <= best <= down + 1e-4
+
+
+def test_bounds_without_a_table_know_how_seldom_a_place_is_come_to() -> None:
+    """Enough of everything, and one drive in two to each target fails whatever way is taken."""
+    problem = failing(0.5, spread=0.0, loss=0.0, time_s=50_000.0, energy_j=2e7)
+    model, most = Model.of(problem), problem.utility_sum
+    best = optimum(problem)
+    assert best == pytest.approx(0.5 * most)
+    for found in (flow_bound(model, limit_s=1.0), relaxed_bound(model).value):
+        assert best - 1e-6 <= found <= 0.51 * most
 
 
 def test_the_planner_reckons_with_them_and_the_executive_earns_what_it_says() -> None:
