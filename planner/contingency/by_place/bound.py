@@ -21,7 +21,7 @@ FIRST_STEPS, FIRST_AIM = 20, 0.1
 """Points looked at for energy and for time with no memory but a place's own, and how far the first step aims
 below the bound. By hand."""
 
-STAGES = (1 / 1000, 1 / 600, 1 / 400, 1 / 250, 1 / 160, 1 / 100, 1 / 70)
+STAGES = (1 / 1000, 1 / 600, 1 / 400, 1 / 250, 1 / 160, 1 / 100, 1 / 70, 1 / 50)
 """Share of the limit that a question takes for the closer of the two: before each stage the policy so far is
 followed, and what it forgets is remembered as far as that goes. By hand, on 15 and 30 targets of seed 5."""
 
