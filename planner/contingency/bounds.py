@@ -50,7 +50,7 @@ MANY_OBSERVATIONS = 60
 LEAST_PRICED_S = 0.2
 """Limit from which the bound by multipliers is tried: less finds none worth having. By hand."""
 
-BY_PLACE_FROM_S, SMALL_MEMORY_SHARE = 8.0, 0.15
+BY_PLACE_FROM_S, SMALL_MEMORY_SHARE = 8.0, 0.08
 """Limit from which the bound with a memory of each place is made too, and what the one with a single small
 memory has of it then: that one knows precedence, and energy is rounded less where amounts hardly scatter. By
 hand."""
@@ -88,9 +88,10 @@ def upper_bound(
     with consumption rounded down on a fine grid.
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them. It bounds every policy, also one
-    that goes through places or comes back. Where no table fits, the best of three is taken: linear programs,
+    that goes through places or comes back. Where no table fits, the best of these is taken: linear programs,
     `relaxed_bound` over start times, which knows windows, and `flow_bound` over expected drives, which knows
-    where targets lie, and `priced_bound`, a table on one resource that remembers what matters most.
+    where targets lie; `priced_bound`, a table on one resource that remembers what matters most; and for
+    longer limits `ng_bound`, which remembers by place and leg.
     """
     best = trivial_bound(model)
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0 or best.value <= 0.0:

@@ -1,7 +1,8 @@
 """Compiled sweeps of the ng-route relaxation: values on one resource, and what their policy does.
 
 Axes: a state s is a place and what is remembered there as made (bits), numbered from `base` of its place on;
-a count c of carried tracks; a node i of the resource. A leg-state is a leg and what is remembered after it.
+a node i of the resource; a count c of carried tracks. A leg-state is a leg and what is remembered after it.
+Counts stand side by side, in eights, so that one instruction does eight; those past the last are idle.
 """
 
 from __future__ import annotations
@@ -15,10 +16,14 @@ from numpy.typing import NDArray
 from planner.evaluate.model import Floats, Ints
 
 Singles = NDArray[np.float32]
-Choices = NDArray[np.int32]
+Choices = NDArray[np.int16]
 
 FAINT = 1e-7
 """Chance of a state below which the policy is not followed further."""
+
+
+LANES = 8
+"""Counts that are worked out together: single precision in registers of 256 bits."""
 
 
 class Masses(NamedTuple):
@@ -31,6 +36,18 @@ class Masses(NamedTuple):
     within: Singles  # (actions, nodes) chance to use no more than so many nodes, and above it between them
     summed: Singles  # (actions, nodes) sum of `hat` up to there
     quick: Floats  # (actions,) chance that is left out, of a drive that hardly uses anything
+
+
+class Drives(NamedTuple):
+    """Masses of drives with 0, 1, ... tracks, as in `Masses`, the counts side by side."""
+
+    hat: Singles  # (legs, nodes, counts)
+    bulge: Singles  # (legs, nodes, counts)
+    within: Singles  # (legs, nodes, counts)
+    summed: Singles  # (legs, nodes, counts)
+    low: Ints  # (legs,) first node with a mass, of any count
+    high: Ints  # (legs,) node after the last
+    quick: Singles  # (legs, counts)
 
 
 class Layout(NamedTuple):
@@ -50,8 +67,9 @@ class Layout(NamedTuple):
     way: Ints  # (ways + 1,) first entry in `arrival` of each set of what is known
     arrival: Ints  # states that may be found on arrival
     alive: Ints  # (states,) tracks remembered
-    tracked: Ints  # (places, bits) the bits that stand for tracks, and -1
+    tracked: Ints  # (places, bits) the bits that stand for tracks, then -1
     living: Ints  # (ways,) tracks that live
+    turn: Ints  # (legs,) legs in order of `way_base`: those side by side that share it find the same
     thin: Singles  # (legs, counts, counts) chance that so many of so many other tracks are left
     first_made: Ints  # (places + 1,) observations are in order of their place
     bit: Ints  # (observations,) its bit at its place
@@ -64,59 +82,108 @@ class Layout(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """Values plus penalty and their concave kinks, at states and after drives; and what is done.
+    """Values plus penalty, at states and after drives; and what is done.
 
     That is a leg, legs + observation, -1 ends the day, -2 gives up another track, -3 - bit one remembered.
     """
 
-    value: Singles  # (states, counts, nodes)
-    kink: Singles  # (states, counts, nodes)
-    arriving: Singles  # (leg-states, counts, nodes)
-    bend: Singles  # (leg-states, counts, nodes)
-    choice: Choices  # (states, counts, nodes) as below
+    value: Singles  # (states, nodes, counts)
+    arriving: Singles  # (leg-states, nodes, counts)
+    choice: Choices  # (states, nodes, counts) as above; without nodes where it is not asked for
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _dot(mass: Singles, value: Singles) -> np.float32:
-    found = np.float32(0.0)
-    for j in range(len(mass)):
-        found += mass[j] * value[j]
-    return found
+def _expected(mass: Singles, value: Singles, found: Singles) -> None:
+    """Fill in what masses (nodes, counts) make of values (nodes, counts)."""
+    for o in range(0, len(found), LANES):
+        a = b = c = d = e = f = g = h = np.float32(0.0)
+        for j in range(len(mass)):
+            a += mass[j, o] * value[j, o]
+            b += mass[j, o + 1] * value[j, o + 1]
+            c += mass[j, o + 2] * value[j, o + 2]
+            d += mass[j, o + 3] * value[j, o + 3]
+            e += mass[j, o + 4] * value[j, o + 4]
+            f += mass[j, o + 5] * value[j, o + 5]
+            g += mass[j, o + 6] * value[j, o + 6]
+            h += mass[j, o + 7] * value[j, o + 7]
+        found[o], found[o + 1], found[o + 2], found[o + 3] = a, b, c, d
+        found[o + 4], found[o + 5], found[o + 6], found[o + 7] = e, f, g, h
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _concave(value: Singles, i: int) -> float:
-    """Return by how much the slope falls at a node, in utility a node."""
-    return max(np.float32(0.0), value[i] + value[i] - value[i - 1] - value[i + 1])
+def _kink(value: Singles, j: int, c: int) -> np.float32:
+    """Return by how much the slope falls a node after the j-th, in utility a node."""
+    return max(np.float32(0.0), value[j + 1, c] + value[j + 1, c] - value[j, c] - value[j + 2, c])
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _before_legs(a: Layout, legs: Masses, w: Tables, i: int, top: float, by: Singles, left: Singles) -> None:
-    """Fill in the values before each drive, [leg-states, counts]; `left` holds the last cell's bulges."""
-    rest = a.nodes - 1 - i
+def _bulges(mass: Singles, value: Singles, found: Singles) -> None:
+    """Fill in what concave kinks add, of masses (nodes, counts).
+
+    `value` begins one node before the first of `mass`, and ends one after the last.
+    """
+    for o in range(0, len(found), LANES):
+        a = b = c = d = e = f = g = h = np.float32(0.0)
+        for j in range(len(mass)):
+            a += mass[j, o] * _kink(value, j, o)
+            b += mass[j, o + 1] * _kink(value, j, o + 1)
+            c += mass[j, o + 2] * _kink(value, j, o + 2)
+            d += mass[j, o + 3] * _kink(value, j, o + 3)
+            e += mass[j, o + 4] * _kink(value, j, o + 4)
+            f += mass[j, o + 5] * _kink(value, j, o + 5)
+            g += mass[j, o + 6] * _kink(value, j, o + 6)
+            h += mass[j, o + 7] * _kink(value, j, o + 7)
+        found[o], found[o + 1], found[o + 2], found[o + 3] = a, b, c, d
+        found[o + 4], found[o + 5], found[o + 6], found[o + 7] = e, f, g, h
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _before_legs(
+    a: Layout, legs: Drives, w: Tables, i: int, top: float, most: float, by: Singles, left: Singles
+) -> None:
+    """Fill in the values before each drive, [leg-states, counts]; `left` holds the last cell's bulges.
+
+    `most` is more than what the observations of any place win. What is left out of a drive begins another one
+    at this node, after some observations: it wins less than what `top` and this node's own values allow.
+    """
+    rest, lanes = a.nodes - 1 - i, by.shape[1]
+    highest, quick = np.float32(a.penalty), np.float32(0.0)
+    far, bulge = np.zeros(lanes, np.float32), np.zeros(lanes, np.float32)
     for e in range(len(a.origin)):
-        for c in range(a.counts):
-            k = e * a.counts + c
-            low, high = legs.low[k], min(legs.high[k], rest + 1)
-            far = np.float32(legs.within[k, rest] - legs.summed[k, rest])
-            more = np.float32(legs.quick[k] * top)
+        low, high = legs.low[e], min(legs.high[e], rest + 1)
+        first, last = max(low, 2), min(legs.high[e], rest)  # a drive of one node bulges nowhere
+        for c in range(lanes):
+            far[c] = legs.within[e, rest, c] - legs.summed[e, rest, c]
+            quick = max(quick, legs.quick[e, c])
+        for s in range(a.leg_base[e], a.leg_base[e + 1]):
+            row = w.arriving[s]
+            found, end = by[s], row[a.nodes - 1]
+            found[:] = 0.0
+            bulge[:] = 0.0
+            if high > low:
+                _expected(legs.hat[e, low:high], row[i + low : i + high], found)
+            if last > first:
+                _bulges(legs.bulge[e, first:last], row[i + first - 1 : i + last + 1], bulge)
+            for c in range(lanes):
+                found[c] += far[c] * end[c] + max(bulge[c], left[s, c])
+                left[s, c] = bulge[c]
+                highest = max(highest, found[c])
+    if quick > 0.0:
+        top = min(top, float(highest + most) / (1.0 - min(float(quick), 0.999)))
+        for e in range(len(a.origin)):
             for s in range(a.leg_base[e], a.leg_base[e + 1]):
-                v, b = np.float32(0.0), np.float32(0.0)
-                if high > low:
-                    v = _dot(legs.hat[k, low:high], w.arriving[s, c, i + low : i + high])
-                    b = _dot(legs.bulge[k, low:high], w.bend[s, c, i + low : i + high])
-                by[s, c] = v + far * w.arriving[s, c, a.nodes - 1] + more + max(b, left[s, c])
-                left[s, c] = b
+                for c in range(lanes):
+                    by[s, c] += np.float32(legs.quick[e, c] * top)
 
 
 @njit(cache=True, nogil=True)
-def _fewer(a: Layout, c: int) -> int:
+def fewer(a: Layout, c: int) -> int:
     """Return the count after one track is gone."""
     return c if c == a.counts - 1 and not a.whole else c - 1
 
 
 @njit(cache=True, nogil=True)
-def _tracks(a: Layout, e: int, held: int) -> int:
+def known_tracks(a: Layout, e: int, held: int) -> int:
     """Return how many of the tracks known on a leg live."""
     count = 0
     for b in range(a.held[e]):
@@ -126,14 +193,17 @@ def _tracks(a: Layout, e: int, held: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _found(a: Layout, value: Singles, e: int, held: int, c: int, i: int) -> int:
-    """Return the best state on arrival with what is known, -1 where there are fewer tracks."""
+def found_at(a: Layout, value: Singles, e: int, held: int, c: int, i: int) -> int:
+    """Return the best state on arrival with what is known, -1 where there are fewer tracks.
+
+    `value` [states, nodes, counts] is that of `Tables`.
+    """
     best, found = np.float32(-1.0), -1
     first = a.way_base[e] + held
     for k in range(a.way[first], a.way[first + 1]):
         s = a.arrival[k]
-        if (a.alive[s] <= c or (c == a.counts - 1 and not a.whole)) and value[s, c, i] > best:
-            best, found = value[s, c, i], s
+        if (a.alive[s] <= c or (c == a.counts - 1 and not a.whole)) and value[s, i, c] > best:
+            best, found = value[s, i, c], s
     return found
 
 
@@ -143,22 +213,28 @@ def _after_node(a: Layout, w: Tables, i: int, now: Singles, at: Singles, other: 
 
     `now` [states, counts] holds their values there, 0 where more tracks are remembered than counted.
     """
-    counts = a.counts
+    counts, lanes = a.counts, now.shape[1]
     fixed = counts if a.whole else counts - 1  # counts that are numbers
-    for e in range(len(a.origin)):
+    found = -1
+    for e in a.turn:
         size, keys = 1 << a.held[e], 1 << a.common[e]
         for held in range(size):
             first = a.way_base[e] + held
             tracks = a.living[first]
-            at[held] = 0.0
-            for k in range(a.way[first], a.way[first + 1]):
-                state = now[a.arrival[k]]
-                for c in range(counts):
-                    at[held, c] = max(at[held, c], state[c])
-            other[held] = at[held]
+            if found != a.way_base[e]:
+                at[held] = 0.0
+                for k in range(a.way[first], a.way[first + 1]):
+                    state = now[a.arrival[k]]
+                    for c in range(lanes):
+                        at[held, c] = max(at[held, c], state[c])
+            for c in range(lanes):
+                other[held, c] = at[held, c]
             for c in range(tracks, fixed):
-                chance, values = a.thin[e, c - tracks, : c - tracks + 1], at[held, tracks : c + 1]
-                other[held, c] = _dot(chance, values)
+                v = np.float32(0.0)
+                for k in range(c - tracks + 1):
+                    v += a.thin[e, c - tracks, k] * at[held, tracks + k]
+                other[held, c] = v
+        found = a.way_base[e]
         for b in range(a.held[e]):
             lost = np.float32(a.lasting[e, b])
             if lost <= 0.0:
@@ -173,87 +249,136 @@ def _after_node(a: Layout, w: Tables, i: int, now: Singles, at: Singles, other: 
                     other[held, c] += lost * (gone[c - 1] - other[held, c])
         for held in range(keys, size):
             before = other[held & (keys - 1)]
-            for c in range(counts):
+            for c in range(lanes):
                 before[c] = max(before[c], other[held, c])
         for key in range(keys):
-            s = a.leg_base[e] + key
-            for c in range(counts):
-                w.arriving[s, c, i] = other[key, c]
-                if 0 < i + 1 < a.nodes - 1:
-                    w.bend[s, c, i + 1] = _concave(w.arriving[s, c], i + 1)
+            after = w.arriving[a.leg_base[e] + key, i]
+            for c in range(lanes):
+                after[c] = other[key, c]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def backward(a: Layout, legs: Masses, made: Masses, gain: Floats, top: float, w: Tables) -> None:
+def _take_better(values: Singles, which: int, best: Singles, done: Singles) -> None:
+    """Replace the best values by those that are better, and say of which action these are."""
+    number = np.float32(which)
+    for c in range(len(values)):
+        better = values[c] > best[c]
+        best[c] = values[c] if better else best[c]
+        done[c] = number if better else done[c]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _one_fewer(a: Layout, values: Singles, fewer_tracks: Singles) -> None:
+    """Fill in the values that each count has with one track fewer; 0 where there is none."""
+    fewer_tracks[0] = 0.0
+    for c in range(1, len(values)):
+        fewer_tracks[c] = values[c - 1]
+    if not a.whole:
+        fewer_tracks[a.counts - 1] = values[a.counts - 1]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _make(
+    a: Layout, made: Masses, m: int, i: int, gain: float, value: Singles, last: Singles, found: Singles
+) -> None:
+    """Fill in the values before an observation from those after it, (nodes, counts), with what it wins.
+
+    `last` holds the last cell's bulges [counts].
+    """
+    rest, lanes = a.nodes - 1 - i, len(found)
+    high, end = min(made.high[m], rest + 1), min(made.high[m], rest)
+    far = np.float32(made.within[m, rest] - made.summed[m, rest])
+    won = np.float32(made.within[m, rest] * gain)
+    before = np.zeros(lanes, np.float32)
+    bulge = np.zeros(lanes, np.float32)
+    for j in range(high):
+        for c in range(lanes):
+            before[c] += made.hat[m, j] * value[i + j, c]
+    for j in range(1, end):
+        for c in range(lanes):
+            bulge[c] += made.bulge[m, j] * _kink(value, i + j - 1, c)
+    for c in range(lanes):
+        before[c] += far * value[a.nodes - 1, c] + max(bulge[c], last[c]) + won
+        last[c] = bulge[c]
+    if a.counted[m]:
+        _one_fewer(a, before, found)
+    else:
+        found[:] = before
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def backward(a: Layout, legs: Drives, made: Masses, gain: Floats, top: float, w: Tables) -> None:
     """Fill the tables from the last node to the first.
 
     `gain` [observations] is the worth of each less its multiplier, and no policy that makes each once at most
     has a value plus penalty above `top`, both in utility.
     """
-    by = np.zeros((len(w.arriving), a.counts), np.float32)
-    left = np.zeros((len(w.arriving), a.counts), np.float32)
-    at = np.zeros((1 << a.held.max(), a.counts), np.float32)
+    lanes, asked = w.value.shape[2], w.choice.shape[1] == a.nodes
+    by = np.zeros((len(w.arriving), lanes), np.float32)
+    left = np.zeros((len(w.arriving), lanes), np.float32)
+    at = np.zeros((1 << a.held.max(), lanes), np.float32)
     other = np.zeros_like(at)
-    now = np.zeros((len(w.value), a.counts), np.float32)
-    last = np.zeros((len(w.value), a.counts, 8), np.float32)
-    count = len(a.origin)
+    now = np.zeros((len(w.value), lanes), np.float32)
+    here = 0
+    for p in range(len(a.bits)):
+        here = max(here, a.first_made[p + 1] - a.first_made[p])
+    last = np.zeros((len(w.value), here, lanes), np.float32)
+    best, done, found = np.zeros(lanes, np.float32), np.zeros(lanes, np.float32), np.zeros(lanes, np.float32)
+    count, most = len(a.origin), 0.0
+    for p in range(len(a.bits)):
+        most = max(most, np.maximum(gain[a.first_made[p] : a.first_made[p + 1]], 0.0).sum())
     for i in range(a.nodes - 1, -1, -1):
         rest = a.nodes - 1 - i
-        _before_legs(a, legs, w, i, top, by, left)
+        _before_legs(a, legs, w, i, top, most, by, left)
         for p in range(len(a.bits)):
             for bits in range((1 << a.bits[p]) - 1, -1, -1):
                 s = a.base[p] + bits
-                for c in range(a.counts):
-                    full = c == a.counts - 1 and not a.whole
-                    if a.alive[s] > c and not full:
+                best[:], done[:] = a.penalty, -1
+                for e in range(a.first_leg[p], a.first_leg[p + 1]):
+                    _take_better(by[a.key[a.key_base[e] + bits]], e, best, done)
+                for m in range(a.first_made[p], a.first_made[p + 1]):
+                    if bits >> a.bit[m] & 1 or i > a.close[m] or gain[m] <= 0.0:
                         continue
-                    best, done = np.float32(a.penalty), -1
-                    if c > a.alive[s] and w.value[s, c - 1, i] > best:
-                        best, done = w.value[s, c - 1, i], -2
-                    for m in range(len(a.tracked[p])):
-                        b = a.tracked[p, m]
-                        if b >= 0 and not bits >> b & 1:
-                            q = s + (1 << b)
-                            d = c if full else c - 1
-                            if w.value[q, d, i] > best:
-                                best, done = w.value[q, d, i], -3 - b
-                    for e in range(a.first_leg[p], a.first_leg[p + 1]):
-                        v = by[a.key[a.key_base[e] + bits], c]
-                        if v > best:
-                            best, done = v, e
-                    for m in range(a.first_made[p], a.first_made[p + 1]):
-                        if bits >> a.bit[m] & 1 or gain[m] <= 0.0 or i > a.close[m]:
-                            continue
-                        d = c - 1 if a.counted[m] and not full else c
-                        q = s + (1 << a.bit[m])
-                        h = min(made.high[m], rest + 1)
-                        b = _dot(made.bulge[m, :h], w.kink[q, d, i : i + h])
-                        v = _dot(made.hat[m, :h], w.value[q, d, i : i + h])
-                        v += (made.within[m, rest] - made.summed[m, rest]) * w.value[q, d, a.nodes - 1]
-                        v += made.within[m, rest] * np.float32(gain[m])
-                        v += max(b, last[s, c, m - a.first_made[p]])
-                        last[s, c, m - a.first_made[p]] = b
-                        if v > best:
-                            best, done = v, count + m
-                    if rest and w.value[s, c, i + 1] > best:
-                        best = w.value[s, c, i + 1]
-                    w.value[s, c, i] = now[s, c] = best
-                    w.choice[s, c, i] = done
-                    if 0 < i + 1 < a.nodes - 1:
-                        w.kink[s, c, i + 1] = _concave(w.value[s, c], i + 1)
+                    after = w.value[s + (1 << a.bit[m])]
+                    _make(a, made, m, i, gain[m], after, last[s, m - a.first_made[p]], found)
+                    _take_better(found, count + m, best, done)
+                for k in range(len(a.tracked[p])):
+                    b = a.tracked[p, k]
+                    if b < 0:
+                        break
+                    if not bits >> b & 1:
+                        _one_fewer(a, now[s + (1 << b)], found)
+                        _take_better(found, -3 - b, best, done)
+                least = a.alive[s]
+                if rest:
+                    later = w.value[s, i + 1]
+                    for c in range(lanes):
+                        best[c] = max(best[c], later[c])
+                for c in range(least + 1, a.counts):
+                    if best[c - 1] > best[c]:
+                        best[c], done[c] = best[c - 1], -2
+                for c in range(min(least, a.counts if a.whole else a.counts - 1)):
+                    best[c] = 0.0  # more tracks are remembered than counted
+                for c in range(a.counts, lanes):
+                    best[c] = 0.0
+                w.value[s, i] = best
+                now[s] = best
+                if asked:
+                    for c in range(lanes):
+                        w.choice[s, i, c] = np.int16(done[c])
         _after_node(a, w, i, now, at, other)
 
 
 @njit(cache=True, nogil=True)
-def _spread(a: Layout, e: int, held: int, c: int, ways: Ints, chances: Floats) -> int:
+def spread(a: Layout, e: int, held: int, c: int, ways: Ints, chances: Floats) -> int:
     """Fill in what is known and counted after a drive, (entries, 2), with chances; return how many."""
-    tracks, count = _tracks(a, e, held), 1
+    tracks, count = known_tracks(a, e, held), 1
     ways[0, 0], ways[0, 1], chances[0] = held, c, 1.0
     for b in range(a.held[e]):
         lost = a.lasting[e, b]
         if lost > 0.0 and not held >> b & 1:
             for k in range(count):
-                ways[count + k, 0], ways[count + k, 1] = ways[k, 0] | 1 << b, _fewer(a, ways[k, 1])
+                ways[count + k, 0], ways[count + k, 1] = ways[k, 0] | 1 << b, fewer(a, ways[k, 1])
                 chances[count + k] = chances[k] * lost
                 chances[k] *= 1.0 - lost
             count *= 2
@@ -271,34 +396,44 @@ def _spread(a: Layout, e: int, held: int, c: int, ways: Ints, chances: Floats) -
 
 
 @njit(cache=True, nogil=True)
+def known_best(a: Layout, w: Tables, e: int, key: int, c: int, i: int, ways: Ints, p: Floats) -> int:
+    """Return what is known of the tracks of the place itself, at its best, where a drive ends at a node.
+
+    `ways` (entries, 2) and `p` (entries,) are room for what `spread` fills in.
+    """
+    keys, size = 1 << a.common[e], 1 << a.held[e]
+    best, chosen = -1.0, -1
+    for held in range(key, size, keys):
+        if known_tracks(a, e, held) <= c or (c == a.counts - 1 and not a.whole):
+            value = 0.0
+            for k in range(spread(a, e, held, c, ways, p)):
+                s = found_at(a, w.value, e, ways[k, 0], ways[k, 1], i)
+                value += p[k] * w.value[s, i, ways[k, 1]]
+            if value > best:
+                best, chosen = value, held
+    return chosen
+
+
+@njit(cache=True, nogil=True)
 def _arrive(a: Layout, w: Tables, arriving: Singles, mass: Floats, i: int, ways: Ints, p: Floats) -> None:
     """Put the chances of what arrives at a node on the states that are found there."""
     for e in range(len(a.origin)):
-        keys, size = 1 << a.common[e], 1 << a.held[e]
-        for key in range(keys):
+        for key in range(1 << a.common[e]):
             for c in range(a.counts):
-                here = arriving[a.leg_base[e] + key, c, i]
+                here = arriving[a.leg_base[e] + key, i, c]
                 if here < FAINT:
                     continue
-                best, chosen = -1.0, -1
-                for held in range(key, size, keys):
-                    if _tracks(a, e, held) <= c or (c == a.counts - 1 and not a.whole):
-                        value = 0.0
-                        for k in range(_spread(a, e, held, c, ways, p)):
-                            s = _found(a, w.value, e, ways[k, 0], ways[k, 1], i)
-                            value += p[k] * w.value[s, ways[k, 1], i]
-                        if value > best:
-                            best, chosen = value, held
-                for k in range(_spread(a, e, chosen, c, ways, p)):
-                    s = _found(a, w.value, e, ways[k, 0], ways[k, 1], i)
-                    mass[s, ways[k, 1], i] += here * p[k]
+                chosen = known_best(a, w, e, key, c, i, ways, p)
+                for k in range(spread(a, e, chosen, c, ways, p)):
+                    s = found_at(a, w.value, e, ways[k, 0], ways[k, 1], i)
+                    mass[s, i, ways[k, 1]] += here * p[k]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def forward(a: Layout, legs: Masses, made: Masses, w: Tables, mass: Floats) -> Floats:
+def forward(a: Layout, legs: Drives, made: Masses, w: Tables, mass: Singles) -> Floats:
     """Return how often each observation is made [observations] by the policy of the tables.
 
-    `mass` [states, counts, nodes] holds the chances that the day begins with and is used up. Faint masses are
+    `mass` [states, nodes, counts] holds the chances that the day begins with and is used up. Faint masses are
     dropped, and what moves no node on is moved one: the result steers multipliers, and bounds nothing.
     """
     often = np.zeros(len(a.bit))
@@ -312,24 +447,23 @@ def forward(a: Layout, legs: Masses, made: Masses, w: Tables, mass: Floats) -> F
             for bits in range(1 << a.bits[p]):
                 s = a.base[p] + bits
                 for c in range(a.counts - 1, -1, -1):
-                    here, done = mass[s, c, i], w.choice[s, c, i]
+                    here, done = mass[s, i, c], w.choice[s, i, c]
                     if here < FAINT or done == -1:
                         continue
                     if done == -2:
-                        mass[s, c - 1, i] += here
+                        mass[s, i, c - 1] += here
                     elif done < 0:
-                        mass[s + (1 << (-3 - done)), _fewer(a, c), i] += here
+                        mass[s + (1 << (-3 - done)), i, fewer(a, c)] += here
                     elif done >= count:
                         m = done - count
-                        d = _fewer(a, c) if a.counted[m] else c
+                        d = fewer(a, c) if a.counted[m] else c
                         q = s + (1 << a.bit[m])
                         often[m] += here * made.within[m, a.nodes - 1 - i]
                         for j in range(min(made.high[m], a.nodes - i)):
                             if i + max(j, 1) < a.nodes:
-                                mass[q, d, i + max(j, 1)] += here * made.hat[m, j]
+                                mass[q, i + max(j, 1), d] += here * made.hat[m, j]
                     else:
                         q = a.key[a.key_base[done] + bits]
-                        k = done * a.counts + c
-                        for j in range(max(1, legs.low[k]), min(legs.high[k], a.nodes - i)):
-                            arriving[q, c, i + j] += here * legs.hat[k, j]
+                        for j in range(max(1, legs.low[done]), min(legs.high[done], a.nodes - i)):
+                            arriving[q, i + j, c] += here * legs.hat[done, j, c]
     return often

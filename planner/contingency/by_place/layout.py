@@ -2,19 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.contingency.by_place.kernels import Layout, Singles
+from planner.contingency.by_place.kernels import LANES, Layout, Singles
 from planner.evaluate.model import Floats, Ints, Model, Truths
 from planner.tally import SECONDS, Step
 
-Memory = list[tuple[int, ...]]
-"""Of each place, the wanted observations (by their number there) that are remembered; its own among them."""
 
-EACH = 1.8
-"""What a product takes, in moves of `Step.PRICED`. By hand, on 15 targets at load 8."""
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """The wanted observations, by their number there, that are remembered, and where.
+
+    `at` holds those of each place, its own among them; `on` those that are not forgotten on a leg, of those
+    that both its places remember. Without `on` that is all of them; a leg that it does not name keeps none.
+    """
+
+    at: tuple[tuple[int, ...], ...]
+    on: Mapping[tuple[int, int], Set[int]] | None = None
+
+    @staticmethod
+    def of(at: Iterable[Iterable[int]], on: Mapping[tuple[int, int], Set[int]] | None = None) -> Memory:
+        """Return a memory of what each place remembers, in order, and of what is kept on legs."""
+        return Memory(tuple(tuple(own) for own in at), on)
+
+    def common(self, a: int, b: int) -> list[int]:
+        """Return what is remembered all along a leg, in order."""
+        kept = self.at[b] if self.on is None else self.on.get((a, b), ())
+        return sorted(m for m in self.at[a] if m in kept and m in self.at[b])
+
+
+EACH, STATE, STATE_LEG = 0.95, 65.0, 5.0
+"""What a product of a drive takes, in moves of `Step.PRICED`, and what a state takes at each node, with more
+for each leg from its place. By hand, on 15 targets at load 11."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,25 +61,49 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """What a relaxation takes: seconds of a question, as reckoned, and MB."""
+    """What a relaxation has of states and of leg-states, for each count of tracks and node."""
 
-    seconds: float
-    table_mb: float
+    places: int
+    legs: int
+    counts: int  # of tracks, idle ones among them
+    nodes: int
+    states: float
+    ways: float
 
     @staticmethod
     def of(model: Model, memory: Memory, most: int, steps: int) -> Size:
         """Return the size of a relaxation before anything is made."""
-        nodes, counts = steps + 1, min(most, int(Wanted.of(model).counted.sum())) + 1
-        states = sum(2.0 ** len(own) for own in memory)
-        sets = [set(own) for own in memory]
-        legs = _legs(model)
-        ways = sum(2.0 ** len(sets[a] & sets[b]) for a, b in legs)
-        products = counts * nodes * (nodes * ways + states * (2.0 * len(legs) / len(memory) + 20.0))
-        tables = counts * nodes * (20.0 * states + 12.0 * ways + 24.0 * len(legs))
-        return Size(products * EACH * SECONDS[Step.PRICED], tables / 1e6)
+        counts = lanes_of(min(most, int(Wanted.of(model).counted.sum())))
+        states = sum(2.0 ** len(own) for own in memory.at)
+        legs = legs_of(model)
+        ways = sum(2.0 ** len(memory.common(a, b)) for a, b in legs)
+        return Size(len(memory.at), len(legs), counts, steps + 1, states, ways)
+
+    def with_more(self, states: float, ways: float) -> Size:
+        """Return the size with so many more states and leg-states."""
+        return replace(self, states=self.states + states, ways=self.ways + ways)
+
+    @property
+    def seconds(self) -> float:
+        """What a question takes of a processor, as reckoned."""
+        drives = EACH * self.nodes * self.ways
+        states = self.states * (STATE + STATE_LEG * self.legs / self.places)
+        return self.counts * self.nodes * (drives + states) * SECONDS[Step.PRICED]
+
+    @property
+    def table_mb(self) -> float:
+        """What the tables take, and the masses of drives while they are made, MB."""
+        each = 10.0 * self.states + 8.0 * self.ways + 48.0 * self.legs
+        return self.counts * self.nodes * each / 1e6
 
 
-def _legs(model: Model) -> list[tuple[int, int]]:
+def lanes_of(most: int) -> int:
+    """Return how many counts of tracks are worked out where so many are the most."""
+    return -(-(most + 1) // LANES) * LANES
+
+
+def legs_of(model: Model) -> list[tuple[int, int]]:
+    """Return the legs that lead to a place, in order of their origin."""
     every = range(model.n + 1)
     return [(a, b) for a in every for b in every[1:] if a != b and model.has_leg[a, b]]
 
@@ -66,22 +112,22 @@ def layout_of(
     model: Model, wanted: Wanted, counted: Truths, memory: Memory, most: int, steps: int, close: Ints
 ) -> Layout:
     """Return states and moves; `most` tracks are counted; `close` [wanted] is the last node to begin at."""
-    legs = _legs(model)
-    bits = np.array([len(own) for own in memory], np.int64)
+    legs = legs_of(model)
+    bits = np.array([len(own) for own in memory.at], np.int64)
     base = np.concatenate([[0], np.cumsum(1 << bits)])
     whole = most == int(counted.sum())
     alive = np.zeros(int(base[-1]), np.int64)
-    tracked = np.full((len(memory), max(1, int(bits.max()))), -1)
-    for p, own in enumerate(memory):
-        for j, m in enumerate(own):
-            if counted[m]:
-                alive[base[p] : base[p + 1]] += 1 - (np.arange(1 << bits[p]) >> j & 1)
-                tracked[p, j] = j
+    tracked = np.full((len(memory.at), max(1, int(bits.max()))), -1)
+    for p, own in enumerate(memory.at):
+        held = [j for j, m in enumerate(own) if counted[m]]
+        tracked[p, : len(held)] = held
+        for j in held:
+            alive[base[p] : base[p + 1]] += 1 - (np.arange(1 << bits[p]) >> j & 1)
     ways = _Ways(model, wanted, counted, memory, base)
     for a, b in legs:
         ways.add(a, b)
     origin = np.array([a for a, _ in legs], np.int64)
-    places = np.arange(len(memory) + 1)
+    places = np.arange(len(memory.at) + 1)
     return Layout(
         base=base,
         bits=bits,
@@ -97,11 +143,12 @@ def layout_of(
         way=np.array(ways.way, np.int64),
         arrival=np.array(ways.arrival, np.int64),
         living=np.array(ways.living, np.int64),
+        turn=np.array(sorted(range(len(legs)), key=lambda e: ways.way_base[e]), np.int64),
         alive=alive,
         tracked=tracked,
         thin=_thinned(model, wanted.place[counted], legs, most, whole),
         first_made=np.searchsorted(wanted.place, places),
-        bit=np.array([memory[p].index(m) for m, p in enumerate(wanted.place)], np.int64),
+        bit=np.array([memory.at[p].index(m) for m, p in enumerate(wanted.place)], np.int64),
         counted=counted,
         close=close,
         whole=whole,
@@ -120,7 +167,7 @@ class _Ways:
 
     def __init__(self, model: Model, wanted: Wanted, counted: Truths, memory: Memory, base: Ints) -> None:
         self.model, self.wanted, self.counted, self.memory, self.base = model, wanted, counted, memory, base
-        self.widest = max(len(own) for own in memory) + 1
+        self.widest = max(len(own) for own in memory.at) + 1
         self.leg_base, self.way = [0], [0]
         self.key_base: list[int] = []
         self.keys: list[Ints] = []
@@ -130,11 +177,13 @@ class _Ways:
         self.way_base: list[int] = []
         self.arrival: list[int] = []
         self.living: list[int] = []
+        self.ends: list[tuple[int, tuple[int, ...]]] = []  # where each leg leads, and what is known on it
+        self.seen: dict[tuple[int, tuple[int, ...]], int] = {}
 
     def add(self, a: int, b: int) -> None:
         """Add a leg."""
-        here, there = self.memory[a], self.memory[b]
-        common = [m for m in here if m in there]
+        here, there = self.memory.at[a], self.memory.at[b]
+        common = self.memory.common(a, b)
         tracks = [m for m in there if self.counted[m]]
         known = common + [m for m in tracks if self.wanted.place[m] == b and m not in common]
         sets = np.arange(1 << len(here))
@@ -149,7 +198,12 @@ class _Ways:
         self.lasting.append(lasting + [-1.0] * (self.widest - len(known)))
         self.held.append(len(known))
         self.common.append(len(common))
+        self.ends.append((b, tuple(known)))
+        if self.ends[-1] in self.seen:
+            self.way_base.append(self.seen[self.ends[-1]])
+            return
         self.way_base.append(len(self.way) - 1)
+        self.seen[self.ends[-1]] = len(self.way) - 1
         options = [0]
         for m in tracks:
             if m not in known:

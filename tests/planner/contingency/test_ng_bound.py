@@ -7,15 +7,18 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from planner.contingency.by_place.bound import ng_bound
-from planner.contingency.by_place.layout import Memory, Wanted
+from planner.contingency.by_place.bundle import Bundle
+from planner.contingency.by_place.layout import Memory, Wanted, legs_of
 from planner.contingency.by_place.masses_above import masses_above
-from planner.contingency.by_place.relaxation import NgRelaxation
+from planner.contingency.by_place.memories import Credits
+from planner.contingency.by_place.relaxation import Actions, NgRelaxation
 from planner.contingency.policy import Moves, Policy
 from planner.contingency.priced_relaxation import Weights
 from planner.evaluate.grid import Grid, Rounding
-from planner.evaluate.model import Model
+from planner.evaluate.model import Floats, Model
 from planner.problem import Problem, problem_from_dict
 from planner.tally import tallied
 from tests.planner.examples import observation, problem_document
@@ -29,19 +32,22 @@ SLACK = 1e-4
 def _any_memory(model: Model, rng: np.random.Generator) -> Memory:
     """Return a memory of each place drawn at random, in any order; its own observations are in it."""
     place = Wanted.of(model).place
-    memory: Memory = []
+    at = []
     for p in range(model.n + 1):
         some = set(rng.permutation(len(place))[: rng.integers(len(place) + 1)].tolist())
         every = sorted(some | set(np.nonzero(place == p)[0].tolist()))
-        memory.append(tuple(rng.permutation(every).tolist()))
-    return memory
+        at.append(rng.permutation(every).tolist())
+    if rng.random() < 0.4:
+        return Memory.of(at)
+    kept = rng.random((model.n + 1, model.n + 1, len(place))) < rng.choice([0.0, 0.5, 0.8])
+    return Memory.of(at, {(a, b): set(np.nonzero(kept[a, b])[0].tolist()) for a, b in legs_of(model)})
 
 
 def _any_relaxation(model: Model, rng: np.random.Generator) -> float:
     """Return the bound of a relaxation with memory, count, prices, resource and grid drawn at random."""
     weights = Weights.of(model, float(rng.choice([0.0, 0.3, 1.0])))
     steps, most = int(rng.choice([16, 32, 64])), int(rng.integers(5))
-    relaxation = NgRelaxation(model, weights, steps, _any_memory(model, rng), most)
+    relaxation = NgRelaxation(model, Actions.of(model, weights, steps, most), _any_memory(model, rng))
     worth = relaxation.wanted.worth
     return relaxation.bound(rng.choice([0.0, 1.0]) * worth * rng.uniform(0.0, 1.2, len(worth)))
 
@@ -84,9 +90,10 @@ def test_with_everything_remembered_it_is_the_optimal_value(family: str) -> None
         model = Model.of(_timed(family, 5000 + seed))
         value = Policy(Grid(model, 161, 2), moves=Moves.ALL).best()
         every = tuple(range(len(Wanted.of(model).number)))
-        memory = [every] * (model.n + 1)
+        memory = Memory.of([every] * (model.n + 1))
         for steps, above in ((16, math.inf), (24, math.inf), (48, 0.08), (192, 0.01)):
-            relaxation = NgRelaxation(model, Weights.of(model, 1.0), steps, memory, len(every))
+            actions = Actions.of(model, Weights.of(model, 1.0), steps, len(every))
+            relaxation = NgRelaxation(model, actions, memory)
             bound = relaxation.bound(np.zeros(len(every)))
             assert value - 2e-4 * (value + model.penalty) <= bound <= (1.0 + above) * value + 0.01
 
@@ -98,7 +105,7 @@ def test_an_expectation_lies_below_the_chords_between_its_nodes() -> None:
     cells = np.zeros(each * steps + 1)
     cells[each : 5 * each // 2] = rng.uniform(0.0, 1.0, 3 * each // 2) ** 6  # takes 1 to 2.5 nodes
     cells /= cells.sum()
-    masses, fine = masses_above([cells], steps + 1, drives=False), np.arange(each * steps + 1)
+    masses, fine = masses_above([cells], 1, steps + 1, drives=False), np.arange(each * steps + 1)
     kink = np.minimum(0.0, knot - np.arange(steps + 1.0))
     bulge = np.append(masses.bulge[0], 0.0)  # what lies before the action ends adds nothing
     node = [
@@ -119,7 +126,8 @@ def test_only_what_is_tracked_is_owed_for() -> None:
     document = problem_document(places=[(9.0, 0.0)] * 2, observations=rows, time_s=9000.0)
     problem = dataclasses.replace(problem_from_dict(document), track_start_time_s=5000.0)
     model = Model.of(problem)
-    relaxation = NgRelaxation(model, Weights.of(model, 1.0), 64, [(), (0,), (1,)], 2)
+    actions = Actions.of(model, Weights.of(model, 1.0), 64, 2)
+    relaxation = NgRelaxation(model, actions, Memory.of([(), (0,), (1,)]))
     owed = relaxation.wanted.worth * relaxation.wanted.chance
     assert relaxation.bound(relaxation.wanted.worth) == pytest.approx(owed.max(), rel=1e-3)
 
@@ -141,6 +149,91 @@ def test_it_comes_near_the_best_policy_and_is_the_same_again() -> None:
             found.append(ng_bound(model, limit_s=4.0))
     assert 0.999 * earned <= found[0] <= 1.03 * earned
     assert found[0] == found[1]
+
+
+def _made_again(relaxation: NgRelaxation) -> float:
+    """Return what the policy of the last bound makes again, in observations in the mean of a day."""
+    walks = relaxation.walks(2000, rng=np.random.default_rng(3))
+    again = sum(int((e[:n, 2] >= 0).sum()) for e, n in zip(walks.events, walks.happened, strict=True))
+    assert walks.happened.sum() > 0
+    return again / len(walks.happened)
+
+
+def _relaxed(model: Model, memory: Memory) -> NgRelaxation:
+    """Return the relaxation of a model in time with a memory, asked without multipliers."""
+    relaxation = NgRelaxation(model, Actions.of(model, Weights.of(model, 1.0), 96, 15), memory)
+    relaxation.bound(np.zeros(len(relaxation.wanted.worth)))
+    return relaxation
+
+
+def test_a_policy_makes_again_what_it_forgets_and_nothing_that_it_remembers() -> None:
+    model = Model.of(_day())
+    own = [[m] if p else [] for p, m in enumerate([-1, *range(6)])]
+    assert _made_again(_relaxed(model, Memory.of(own))) > 0.5
+    assert _made_again(_relaxed(model, Memory.of([range(6)] * 7))) == 0.0
+    assert _made_again(_relaxed(model, Memory.of([range(6)] * 7, {}))) > 0.5  # every leg forgets
+
+
+def test_memory_grows_where_the_policy_comes_back_and_makes_the_bound_closer() -> None:
+    model = Model.of(_day())
+    own = Memory.of([[m] if p else [] for p, m in enumerate([-1, *range(6)])], {})
+    relaxation, credits = _relaxed(model, own), Credits(model)
+    none = np.zeros(6)
+    before, again = relaxation.bound(none), _made_again(relaxation)
+    for more in (2.0, 6.0, 30.0):
+        credits.follow(relaxation)
+        limit = more * relaxation.size.seconds
+        larger = _relaxed(model, credits.enlarged(relaxation.memory, 15, 96, limit))
+        assert larger.size.seconds <= limit
+        for leg in legs_of(model):
+            assert set(relaxation.memory.common(*leg)) <= set(larger.memory.common(*leg))
+        relaxation = larger
+    assert relaxation.bound(none) < 0.9 * before
+    assert _made_again(relaxation) < 0.5 * again
+
+
+def test_a_lost_track_is_remembered_from_the_start_on() -> None:
+    rows = [[observation(f"O{k}", "place", utility=5.0)] for k in range(3)]
+    places = [(6.0, 0.0), (0.0, 6.0), (-6.0, 0.0)]
+    model = Model.of(problem_from_dict(problem_document(places=places, observations=rows, time_s=12000.0)))
+    relaxation, credits = _relaxed(model, Memory.of([(), (0,), (1,), (2,)], {})), Credits(model)
+    credits.follow(relaxation)
+    memory = credits.enlarged(relaxation.memory, 15, 96, 1e9)
+    assert memory.at[0]
+    assert any(set(memory.common(a, b)) for a, b in legs_of(model) if a)
+
+
+@pytest.mark.parametrize("count", [3, 9])
+def test_every_count_of_tracks_is_worked_out(count: int) -> None:
+    """A day with time for all earns all, whether the counts fill one register or two."""
+    rows = [[observation(f"O{k}", "place", utility=2.0 + k)] for k in range(count)]
+    places = [(2.0 * math.cos(k), 2.0 * math.sin(k)) for k in range(count)]
+    document = problem_document(places=places, observations=rows, time_s=90000.0, energy_j=1e9, loss=0.0)
+    model = Model.of(problem_from_dict(document))
+    every = Memory.of([range(count)] * (count + 1))
+    relaxation = NgRelaxation(model, Actions.of(model, Weights.of(model, 1.0), 16, 15), every)
+    assert relaxation.bound(np.zeros(count)) == pytest.approx(float(relaxation.wanted.worth.sum()), rel=1e-3)
+    state, tracks, _ = relaxation.began
+    assert (state, tracks) == (0, count)
+
+
+def test_a_bundle_finds_the_lowest_point() -> None:
+    """Of a maximum of planes, as linear programming finds it."""
+    rng = np.random.default_rng(11)
+    slopes, at_zero = rng.normal(size=(40, 8)), rng.uniform(0.0, 5.0, 40)
+    slopes[:8] = -np.eye(8)
+
+    def look(point: Floats) -> tuple[float, Floats]:
+        values = at_zero + slopes @ point
+        return float(values.max()) + 10.0, slopes[int(values.argmax())]
+
+    program = linprog(
+        np.append(np.zeros(8), 1.0), np.hstack([slopes, -np.ones((40, 1))]), -at_zero, bounds=[(0, None)] * 9
+    )
+    found = Bundle(np.full(8, 3.0)).lowered(look, 200, first=0.1, should_stop=lambda: False)
+    assert found.point.min() >= 0.0
+    assert found.value == pytest.approx(look(found.point)[0])
+    assert found.value == pytest.approx(float(program.fun) + 10.0, rel=2e-3)
 
 
 def test_what_takes_too_much_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from planner.contingency.long_routes import best_long_route, plan_long, widened
+from planner.contingency.long_routes import better_of, long_routes, plan_long, widened
 from planner.contingency.reduction import live_sets_of
 from planner.contingency.sampled_branches import grow_branches
 from planner.contingency.sampled_conditions import Arrivals, fitted_condition
@@ -106,7 +106,7 @@ def test_what_is_seen_at_a_step_is_what_the_plan_up_to_there_ends_with() -> None
 def test_a_changed_ending_earns_what_the_whole_changed_plan_earns() -> None:
     problem = _many(5)
     model = Model.of(problem)
-    start = best_long_route(problem, seed=1)
+    start = long_routes(problem, seed=1)[0]
     assert start is not None
     plan = grow_branches(model, start.plan, Growth(2, 1, iterations=900))[-1][1]
     assert count_branches(plan)
@@ -132,7 +132,7 @@ def _later_parts(plan: Plan) -> Iterator[tuple[Path, int, int]]:
 def test_sampled_notes_agree_with_those_from_a_grid() -> None:
     problem = _many(3)
     model = Model.of(problem)
-    start = best_long_route(problem, seed=1)
+    start = long_routes(problem, seed=1)[0]
     assert start is not None
     plan = grow_branches(model, start.plan, Growth(2, 1, iterations=1500))[-1][1]
     sampled = annotate_sampled(model, PlanTree("x", plan), seed=3)
@@ -205,3 +205,26 @@ def test_a_part_of_a_very_large_problem_holds_the_route_and_as_much_else_as_fits
     assert len(part.observations) == MAX_BITS
     assert names <= {o.id for o in part.observations}
     assert planned_observations(()) == set()
+
+
+def test_routes_come_in_order_and_the_better_plan_of_each_number_of_branches_is_kept() -> None:
+    routes = long_routes(_many(5), seed=1)
+    assert len({route.plan for route in routes}) == len(routes) > 1
+    assert [route.value for route in routes] == sorted((route.value for route in routes), reverse=True)
+    a, b = routes[0].plan, routes[1].plan
+    assert better_of([(1.0, a), (2.0, a)], [(1.5, b)]) == [(1.5, b), (2.0, a)]
+    assert better_of([(1.0, a)], [(1.0, b), (3.0, b)]) == [(1.0, a), (3.0, b)]
+
+
+def test_branches_are_grown_from_a_second_route_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, starts = _many(14), []
+
+    def grown(model: Model, plan: Plan, *_: object, **__: object) -> list[tuple[float, Plan]]:
+        starts.append(plan)
+        return [(float(len(starts)), plan)]
+
+    monkeypatch.setattr("planner.contingency.long_routes.grow_branches", grown)
+    found = plan_long(problem, Growth(2, 1))
+    assert found is not None
+    assert starts == [route.plan for route in long_routes(problem, seed=1)[:2]]
+    assert found.curve == [(2.0, starts[1])]
