@@ -125,6 +125,10 @@ class FileJournal:
         try:
             self._file = os.open(path, os.O_WRONLY | os.O_APPEND)
             self._size = os.fstat(self._file).st_size
+            if self._size and sync:
+                # What a process before wrote may be in the system's memory alone. It was read, so it is
+                # believed, and the rover is told that it is kept.
+                self._fsync()
         except OSError as error:
             raise JournalError(f"journal {path} cannot be opened: {error.strerror}") from error
 

@@ -165,8 +165,8 @@ class LiveRuntime:
             self.clock = clock if clock is not None else self._clock_again(file, wall())
             self._now = max(self.clock.now_ms(), last_time(file.records))
             self._attach()
-            self._ask_for_missed(last_number(file.records))
             self._sink = FileJournal(journal, number=len(file.records))
+            self._ask_for_missed(last_number(file.records))  # what the journal holds is durable by now
             self.session = resume_session(
                 file.records,
                 self._inbox,

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import random
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from executive.errors import JournalError
+from executive.runtime import journal as journal_module
 from executive.runtime.journal import JournalFile, never_began
 from executive.runtime.live import LiveRuntime
 from executive.runtime.recovery import recorded_trace
-from tests.executive.killed_runs import QUIET, live_through
-from tests.executive.test_live import Port
+from tests.executive.killed_runs import DAY, QUIET, Fate, NumberingRover, live_through
+from tests.executive.test_live import HandClock, Port
 
 NOON = datetime(2031, 5, 4, 12, tzinfo=UTC)
 LATE = "(task :id late :action image :start-temporal-conditions ((7200 9000)))"
@@ -90,7 +92,32 @@ def test_what_is_no_beginning_of_a_header_is_refused(tmp_path: Path, content: by
     assert path.read_bytes() == content
 
 
+def test_the_rover_is_told_what_is_kept_only_once_it_is_durable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a process that died wrote may be in the system's memory alone when the next one reads it."""
+    rover = NumberingRover(Fate(random.Random(0)))
+
+    def process() -> LiveRuntime:
+        return LiveRuntime(
+            DAY, rover, run_id="day", journal=tmp_path / "j", resume=True, clock=HandClock(), settings=QUIET
+        )
+
+    process().turn()
+    order: list[str] = []
+    monkeypatch.setattr(journal_module.os, "fsync", lambda _file: order.append("fsync"))
+    monkeypatch.setattr(rover, "commit", lambda _number: order.append("commit"))
+    process().shut_down()
+    assert order[:2] == ["fsync", "commit"]
+
+
 # --- kills at any instant ------------------------------------------------------------
+
+
+def test_what_two_deaths_leave_is_not_acknowledged_before_it_is_durable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live_through(200_614_151, tmp_path, monkeypatch)  # found by 63,000 crash points: a beat was lost
 
 
 def test_a_run_killed_at_any_instant_comes_to_its_end(
