@@ -235,7 +235,8 @@ def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
     """Return the plan of a curve that holds up; where something must be done, one whose main line does it."""
     found = _held_up(order, model, curve)
     if not order.must:
-        return found if OverrunChance.of(order.problem) is not None else _or_order(order, model, found)
+        ours = order.strategy == "optimal" and OverrunChance.of(order.problem) is None
+        return _or_order(order, model, found) if ours else found
     if order.must <= _main_line(found.plan):
         return found
     route = mean_seed(model, must=sum(1 << m for m in range(model.m) if model.must_do[m]))
