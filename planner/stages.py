@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from planner.constraints.must_do import pressing
 from planner.constraints.overrun import OverrunChance
 from planner.constraints.rule import MAX_BITS
@@ -14,6 +16,7 @@ from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.order_in_futures import CLOSE, SCANNED, order_in_futures
 from planner.contingency.reduction import Reduction, held_by, mean_route_of, only, reduce_problem
+from planner.contingency.sampled_branches import better_by_branches
 from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.contingency.selection import makeable, predecessors_of
@@ -193,12 +196,8 @@ def better_of(model: Model, one: Curve, other: Curve) -> Curve:
     """Return for each number of branches the plan of two curves that is worth more, on the fine grids."""
     evaluator = Evaluator(model)
     values = {plan: evaluator.value(plan).value for curve in (one, other) for _, plan in curve}
-    better: Curve = []
-    for most in range(max(len(one), len(other))):
-        pair = [curve[min(most, len(curve) - 1)][1] for curve in (one, other) if curve]
-        plan = max(pair, key=lambda plan: values[plan])
-        better.append((values[plan], plan))
-    return better
+    valued = [[(values[plan], plan) for _, plan in curve] for curve in (one, other)]
+    return better_by_branches(*valued)
 
 
 def searched_within(
@@ -246,7 +245,8 @@ def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
 
 def _or_order(order: Order, model: Model, found: Chosen) -> Chosen:
     """Return what was found, or an order without branches where futures say for sure that it earns more."""
-    if model.m > MOST_ORDERED:
+    nodes = order.options.quick_nodes if order.quick else order.options.search_nodes
+    if order.plan_only or model.m > MOST_ORDERED or not _blurred(model, nodes):
         return found
     seed, begin = order.seed + 5, [mean_seed(model), tuple(model.number_of[o] for o in _line(found.plan))]
     means = [simulate(model, route_plan(model, one), SCANNED, seed=seed).utility.mean() for one in begin]
@@ -261,6 +261,17 @@ def _or_order(order: Order, model: Model, found: Chosen) -> Chosen:
     count = options.quick_check_futures if order.quick else options.check_futures
     check = simulate(model, plan, count, seed=order.seed + 1).estimate()
     return Chosen(plan, check, [max(value, check.mean) for value in found.values], "monte-carlo")
+
+
+def _blurred(model: Model, nodes: tuple[int, int]) -> bool:
+    """Return whether a day that makes everything scatters by less than half a cell of a grid.
+
+    Be it in time or in energy, the grid then takes ends that are nearly certain for ones that scatter.
+    """
+    into = np.nan_to_num(model.leg[:, :, 1::2]).max(axis=0)[model.obs_place]
+    spread = np.sqrt(np.square(into).sum(axis=0) + np.square(model.obs[:, 1::2]).sum(axis=0))
+    cells = np.array([model.t_max_s, model.e_max_j]) / (np.array(nodes) - 1)
+    return bool(np.any(spread < cells / 2.0))
 
 
 def best_warm_plan(order: Order) -> Checked | None:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -114,7 +115,8 @@ def run_work(
     with threadpool_limits(limits=1), within(traceparent), noting_parts(bool(traceparent)) as parts:
         result = work(order, channel.report, channel.should_stop)
     done = Done(result, began_ns, now_ns(), this_place(), peak_bytes(), tuple(parts))
-    OF_JOBS.give_back()
+    if parent_process() is not None:  # a process for jobs alone: in a server's own, the server gives back
+        OF_JOBS.give_back()
     return done
 
 

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.reduction import mean_route_of, only
-from planner.contingency.sampled_branches import Curve, grow_branches
+from planner.contingency.sampled_branches import Curve, better_by_branches, grow_branches
 from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import route_plan
 from planner.contingency.selection import makeable
@@ -99,17 +99,8 @@ def plan_long(
                 told(plan, value)
 
         other = grow_branches(model, second, limits, should_stop=should_stop, told=told_if_better)
-        curve = better_of(curve, other)
+        curve = better_by_branches(curve, other)
     return LongPlan(model, curve)
-
-
-def better_of(one: Curve, other: Curve) -> Curve:
-    """Return for each number of branches the plan of two curves that is worth more, the first of equals."""
-    better: Curve = []
-    for most in range(max(len(one), len(other))):
-        pair = [curve[min(most, len(curve) - 1)] for curve in (one, other)]
-        better.append(max(pair, key=lambda valued: valued[0]))
-    return better
 
 
 def widened(problem: Problem, names: set[ObservationId]) -> Problem:

@@ -23,6 +23,17 @@ from planner.plan_edits import lists_of, put_option, steps_at, without_unused_tr
 from planner.plan_tree import Branch, Navigate, Observe, Option, Path, Plan, count_branches
 
 Curve = list[tuple[float, Plan]]
+
+
+def better_by_branches(*curves: Curve) -> Curve:
+    """Return for each number of branches the plan of the curves that is worth most, the first of equals."""
+    held = [curve for curve in curves if curve]
+    return [
+        max((curve[min(most, len(curve) - 1)] for curve in held), key=lambda valued: valued[0])
+        for most in range(max(map(len, held), default=0))
+    ]
+
+
 """Value and plan with at most 0, 1, 2, ... branches."""
 
 SHORTLIST = 10

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from planner.contingency.long_routes import better_of, long_routes, plan_long, widened
+from planner.contingency.long_routes import long_routes, plan_long, widened
 from planner.contingency.reduction import live_sets_of
-from planner.contingency.sampled_branches import grow_branches
+from planner.contingency.sampled_branches import better_by_branches, grow_branches
 from planner.contingency.sampled_conditions import Arrivals, fitted_condition
 from planner.contingency.sampled_futures import Change, Growth, Sampler
 from planner.evaluate.grid import Grid
@@ -212,8 +212,8 @@ def test_routes_come_in_order_and_the_better_plan_of_each_number_of_branches_is_
     assert len({route.plan for route in routes}) == len(routes) > 1
     assert [route.value for route in routes] == sorted((route.value for route in routes), reverse=True)
     a, b = routes[0].plan, routes[1].plan
-    assert better_of([(1.0, a), (2.0, a)], [(1.5, b)]) == [(1.5, b), (2.0, a)]
-    assert better_of([(1.0, a)], [(1.0, b), (3.0, b)]) == [(1.0, a), (3.0, b)]
+    assert better_by_branches([(1.0, a), (2.0, a)], [(1.5, b)]) == [(1.5, b), (2.0, a)]
+    assert better_by_branches([(1.0, a)], [(1.0, b), (3.0, b)]) == [(1.0, a), (3.0, b)]
 
 
 def test_branches_are_grown_from_a_second_route_too(monkeypatch: pytest.MonkeyPatch) -> None:
