@@ -127,13 +127,15 @@ def test_the_policy_is_worth_what_trying_every_choice_earns(seed: int) -> None:
 
 
 def test_bounds_without_a_table_know_how_seldom_a_place_is_come_to() -> None:
-    """Enough of everything, and one drive in two to each target fails whatever way is taken."""
+    """Enough of everything, and one drive in two to each target fails whatever way is taken: who goes to each
+    in turn earns half of all, and nobody more.
+    """
     problem = failing(0.5, spread=0.0, loss=0.0, time_s=50_000.0, energy_j=2e7)
-    model, most = Model.of(problem), problem.utility_sum
-    best = optimum(problem)
-    assert best == pytest.approx(0.5 * most)
+    model, half = Model.of(problem), 0.5 * problem.utility_sum
+    plan = visits(problem, *(str(o.id) for o in problem.observations))
+    assert estimate(model, plan, 100_000, seed=2).mean == pytest.approx(half, rel=0.01)
     for found in (flow_bound(model, limit_s=1.0), relaxed_bound(model).value):
-        assert best - 1e-6 <= found <= 0.51 * most
+        assert half - 1e-6 <= found <= 1.02 * half
 
 
 def test_the_planner_reckons_with_them_and_the_executive_earns_what_it_says() -> None:
