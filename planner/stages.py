@@ -66,6 +66,10 @@ LEAST_BOUND_S = 0.2
 """Seconds for a bound where the search has used up the limit: without one a plan says nothing. By hand."""
 
 
+FINER = 2
+"""By what the nodes of either axis are more where a grid blurs; a table may then be `FINER**2` times smaller."""
+
+
 @dataclass(frozen=True, eq=False)
 class Order:
     """What is asked of one planning; the members are those of `solve.solve`."""
@@ -159,11 +163,22 @@ def pressed(model: Model) -> Model:
 def searched(order: Order, model: Model, part: Reduction, *, quick: bool) -> Found:
     """Return the plans that the strategy finds, by number of branches."""
     options = order.options
-    usual = options.coarse_nodes if part.live_sets > options.many_live_sets else options.search_nodes
-    grid = Grid(model, *(options.quick_nodes if quick else usual))
+    grid = Grid(model, *(options.quick_nodes if quick else _search_nodes(model, part, options)))
     warm, watch = order.warm, order.watch
     task = Task(model, grid, order.max_branches, order.iterations, warm, quick, options, watch)
     return order.search(task)
+
+
+def _search_nodes(model: Model, part: Reduction, options: PlannerOptions) -> tuple[int, int]:
+    """Return the nodes of a grid in time and energy: fewer for a large table, more where they blur certain ends.
+
+    Three constant observations earned 8.71 of 8.96 on the usual nodes and 8.96 on finer and on coarser ones.
+    """
+    if part.live_sets > options.many_live_sets:
+        return options.coarse_nodes
+    nt, ng = options.search_nodes
+    small = FINER**2 * part.live_sets <= options.many_live_sets
+    return (FINER * nt, FINER * ng) if small and _blurred(model, (nt, ng)) else (nt, ng)
 
 
 def searched_with_part(order: Order, model: Model, part: Reduction) -> Found:

@@ -434,7 +434,8 @@ def test_a_plan_alone_has_neither_bound_nor_notes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("family", "number"), [("penalty", 1042672941), ("penalty", 759329973), ("twice", 724271341)]
+    ("family", "number"),
+    [("penalty", 1042672941), ("penalty", 759329973), ("twice", 724271341), ("plain", 342190994)],
 )
 @pytest.mark.parametrize("quick", [False, True])
 def test_an_order_that_ends_close_to_a_budget_is_not_passed_over(
