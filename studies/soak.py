@@ -6,9 +6,10 @@
 One `outcrop serve` with its worker, and people who do over REST what a sol is made of: targets and requests,
 a bulk of edits that is taken back, a plan, a dry run, three signatures, a package that a simulated rover
 carries out, its run taken in, an archive, the next sol. What is left of a sol's share of the time somebody
-reads. After each sol the same requests are asked, beside such that ask nothing, and processor time, memory
-and open files of the server are noted. In the end the history is verified, `outcrop prune` removes what it
-may, and every product is opened from its target.
+reads. After each sol the same requests are asked, beside such that ask nothing, and their processor time is
+noted; then nobody asks until the server has given back what it freed, and its memory and open files are
+noted. In the end the history is verified, `outcrop prune` removes what it may, and every product is opened
+from its target.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from typing import Any
 
 import httpx
 
+from ground.spare_memory import LOOK_S
 from ground.uplink.execute import Place, execute_package
 from ground.uplink.training import Team, make_team
 from studies.common.databases import own_database
@@ -43,6 +45,8 @@ ROUNDS, PROBES, BARE = 6, 100, 200
 
 A machine is not as fast all day; the ratio of the two says more than either.
 """
+REST_S = LOOK_S + 5.0
+"""Nobody asks for so long before memory is noted: what it holds in the middle of work hangs on the moment."""
 EARLY = 3
 """The sol that the last one is compared with: by then all is loaded."""
 COST = "processor time a request, to one that asks nothing"
@@ -233,10 +237,11 @@ def study(folder: Path, database: str, sols: int, minutes: float, seed: int) -> 
         for number in range(1, sols + 1):
             began, size = time.monotonic(), size_of(data)
             mission.sol(number)
-            while time.monotonic() - began < 60.0 * minutes / sols:
+            while time.monotonic() - began + REST_S < 60.0 * minutes / sols:
                 mission.ask(5)
                 time.sleep(0.5)
             request_ms, bare_ms = costs(server, mission)
+            time.sleep(REST_S)
             memory_mib, files = state_of(server)
             late = {"memory": memory_mib, "open files": files, COST: request_ms / bare_ms}
             early = late if number == EARLY else early

@@ -41,7 +41,9 @@ def register(app: typer.Typer) -> None:
         if not worker:
             os.environ["OUTCROP_SERVE_WORKER"] = "false"
         from ground.cli.repository import settings_or_fail
+        from ground.spare_memory import keep_together
 
+        keep_together()
         settings = settings_or_fail()
         listener = socket.socket(socket.AF_INET6 if ":" in settings.host else socket.AF_INET)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -91,7 +93,9 @@ def register(app: typer.Typer) -> None:
         from ground.cli.repository import open_or_fail
         from ground.jobs.worker import Worker
         from ground.logs import set_up_logging
+        from ground.spare_memory import keep_together
 
+        keep_together()
         repo = open_or_fail()
         set_up_logging(repo.settings.log_format, repo.settings.log_level)
         _trace()

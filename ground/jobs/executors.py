@@ -20,7 +20,7 @@ from ground.errors import JobFailedError
 from ground.jobs.queue import Work
 from ground.logs import set_up_logging
 from ground.settings import ExecutorKind, Settings
-from ground.spare_memory import OF_JOBS
+from ground.spare_memory import OF_JOBS, keep_together
 from ground.tracing import Part, noting_parts, now_ns, this_place, within
 from mission import MissionError
 from mission.codec import Codec
@@ -202,6 +202,7 @@ def _begin_process(form: str, level: str) -> None:
     """Log as the server does, and leave Ctrl-C to it: it hands its jobs back itself."""
     import signal
 
+    keep_together()
     set_up_logging(form, level)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

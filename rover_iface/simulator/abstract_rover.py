@@ -46,6 +46,9 @@ from rover_iface.simulator.world import World, WorldSource, load_world
 from rover_iface.telemetry import TrackState
 from rover_iface.terrain.terrain import Terrain
 
+TAKEN = 24
+"""Pictures that are kept as PNG: as many as a plan for twelve targets takes, 0.15 MB each."""
+
 
 def make_rover(
     world: WorldSource,
@@ -489,7 +492,7 @@ def there_and_back(route: Route) -> Route:
     return (*out, *out[-2::-1])
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=4)
 def _blank(size: int) -> bytes:
     return png(np.full((size, size, 3), (150, 117, 97), dtype=np.uint8))
 
@@ -510,7 +513,7 @@ def _encoded(pixels: NDArray[np.uint8]) -> bytes:
     return _encoded_once(pixels.shape, pixels.tobytes())
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=TAKEN)
 def _encoded_once(shape: tuple[int, ...], content: bytes) -> bytes:
     """Return pixels as PNG. Runs of one plan take the same pictures, and encoding one costs 4 ms."""
     return png(np.frombuffer(content, dtype=np.uint8).reshape(shape))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 import time
@@ -53,6 +54,8 @@ def test_without_the_function_nothing_is_done(monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_server_looks_now_and_then_until_it_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spare_memory, "LOOK_S", 0.001)
+    frozen: list[int] = []
+    monkeypatch.setattr(gc, "freeze", lambda: frozen.append(1))
     asked = []
     spare = SpareMemory(0.0)
     monkeypatch.setattr(spare, "give_back", lambda: asked.append(1))
@@ -62,7 +65,48 @@ def test_a_server_looks_now_and_then_until_it_is_stopped(monkeypatch: pytest.Mon
         time.sleep(0.001)
     spare.stop()
     assert len(asked) >= 3
+    assert len(frozen) == 1  # what it began with, and no more
     count = len(asked)
     assert spare._thread is not None
     assert not spare._thread.is_alive()
     assert len(asked) == count
+
+
+LARGE = """
+import os
+import numpy as np
+from ground.spare_memory import keep_together
+from studies.common.processes import resident_mib
+
+if {together}:
+    keep_together()
+before = resident_mib(os.getpid())
+pins = []
+for _ in range(40):
+    large = [np.ones(2_000_000 // 8) for _ in range(10)]
+    pins.append(bytes(3000))  # what stays lies behind what goes
+    del large
+print(resident_mib(os.getpid()) - before)
+"""
+
+
+def _left_over(together: bool) -> float:
+    code = LARGE.format(together=together)
+    return float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
+
+
+@pytest.mark.skipif(
+    spare_memory._trim() is None or not Path("/proc/self/smaps_rollup").exists(),
+    reason="no malloc_trim here (glibc has it), or no word of what a process holds (Linux)",
+)
+def test_large_arrays_go_back_where_they_have_places_of_their_own() -> None:
+    left = _left_over(True)
+    assert left < 4.0
+    assert left < 0.5 * _left_over(False)
+
+
+def test_a_process_without_the_function_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(spare_memory, "_of_c", lambda name: asked.append(name))
+    spare_memory.keep_together()
+    assert asked == ["mallopt"]
