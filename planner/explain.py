@@ -11,8 +11,10 @@ import numpy as np
 
 from planner.constraints.registry import columns_of
 from planner.constraints.rule import Obstacle
+from planner.contingency.forced_order import forced_orders
 from planner.contingency.policy import Policy
 from planner.contingency.reduction import live_sets_of, moves_of, only, reachable_targets
+from planner.contingency.seeding import route_plan
 from planner.contingency.sequences import Masses, best_sequences, sequence_steps
 from planner.errors import PlannerError
 from planner.evaluate.grid import Grid, Rounding
@@ -131,6 +133,7 @@ def _best_unbranched(model: Model, forced: int | None = None) -> tuple[float, Pl
     model = model.within_reach()
     policy = Policy(Grid(model, *GRID, Rounding.MID, np.float32), moves=moves_of(model))
     best: tuple[float, Plan] = (0.0 if forced is None else -np.inf, ())
+    orders: list[tuple[int, ...]] = []
     untracked: Masses = {State(0, 0, 0): np.zeros(())}
     for tracked, bound in sorted(policy.start_values().items(), key=lambda item: (-item[1], item[0]))[:24]:
         if bound <= best[0]:
@@ -143,6 +146,12 @@ def _best_unbranched(model: Model, forced: int | None = None) -> tuple[float, Pl
                     TrackStart(model.target_ids[p - 1]) for p in range(1, model.n + 1) if (tracked >> p) & 1
                 )
                 best = found.value, (*head, *sequence_steps(policy, found.order, untracked))
+                orders.append(found.order)
+    if forced is not None and best[1]:
+        evaluator = Evaluator(model)
+        found_near = forced_orders(model, policy.grid, reversed(orders), forced)
+        plans = (best[1], *(route_plan(model, order) for order in found_near))
+        best = max(((evaluator.value(plan).value, plan) for plan in plans), key=lambda pair: pair[0])
     return best
 
 

@@ -67,7 +67,7 @@ LEAST_BOUND_S = 0.2
 
 
 FINER = 2
-"""By what the nodes of either axis are more where a grid blurs; a table may then be `FINER**2` times smaller."""
+"""How many times the nodes of either axis a grid has where it blurs, for tables of few live sets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ def searched(order: Order, model: Model, part: Reduction, *, quick: bool) -> Fou
 
 
 def _search_nodes(model: Model, part: Reduction, options: PlannerOptions) -> tuple[int, int]:
-    """Return the nodes of a grid in time and energy: fewer for a large table, more where they blur certain ends.
+    """Return the nodes in time and energy: fewer for a large table, more where a grid blurs certain ends.
 
     Three constant observations earned 8.71 of 8.96 on the usual nodes and 8.96 on finer and on coarser ones.
     """

@@ -93,7 +93,7 @@ def draw(request: NetworkRequest, network: PathNetwork, full: PathNetwork, path:
     aim = network.regions[0].target
     for axes, net, title in (
         (both[0], full, f"every shortest route: {len(full.segments)} segments"),
-        (both[1], network, f"consolidated (3 %): {len(network.segments)} segments; colour = loss of {aim}"),
+        (both[1], network, f"consolidated (1.5 %): {len(network.segments)} segments; colour = loss of {aim}"),
     ):
         if request.terrain is not None:
             grid = request.terrain

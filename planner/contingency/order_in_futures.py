@@ -36,7 +36,7 @@ def order_in_futures(model: Model, begin: Order, *, seed: int) -> Order:
     """
     order, earned = begin, _earned(model, begin, CLOSE, seed)
     for _ in range(ROUNDS):
-        scanned = {new: float(_earned(model, new, SCANNED, seed).mean()) for new in _changed(model, order)}
+        scanned = {new: float(_earned(model, new, SCANNED, seed).mean()) for new in changed(model, order)}
         likely = sorted(scanned, key=lambda new: (-scanned[new], new))
         best, gain, kept = order, 0.0, earned
         for new in likely[:TRIED]:
@@ -55,7 +55,7 @@ def _earned(model: Model, order: Order, futures: int, seed: int) -> Floats:
     return simulate(model, route_plan(model, order), futures, seed=seed, threads=1).utility
 
 
-def _changed(model: Model, order: Order) -> Iterator[Order]:
+def changed(model: Model, order: Order) -> Iterator[Order]:
     """Yield each order that one change leads to, once."""
     seen = {order}
     for new in _changes(model, order):

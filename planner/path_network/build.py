@@ -198,13 +198,14 @@ def _rises(terrain: TerrainGrid, a: FloatArray, b: FloatArray, length_m: FloatAr
 
 def _used_edges(edges: IntArray, routes: ShortestRoutes, places: int) -> npt.NDArray[np.bool_]:
     """Return which edges some shortest route between two places takes."""
-    pairs: set[tuple[int, int]] = set()
+    nodes = int(edges.max(initial=0)) + 1
+    pairs: set[int] = set()
     for source in range(places):
         for destination in range(source + 1, places):
             if np.isfinite(routes.distance[source, destination]):
-                nodes = routes.route(source, destination)
-                pairs.update((min(u, v), max(u, v)) for u, v in pairwise(nodes))
-    return np.fromiter(((u, v) in pairs for u, v in edges.tolist()), dtype=bool, count=len(edges))
+                passed = routes.route(source, destination)
+                pairs.update(min(u, v) * nodes + max(u, v) for u, v in pairwise(passed))
+    return np.isin(edges[:, 0] * nodes + edges[:, 1], list(pairs))
 
 
 def _route(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import heapq
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -30,31 +31,52 @@ def greedy_spanner(
     if stretch <= 0:
         keep[:] = True
         return keep
-    neighbours: list[list[tuple[int, float]]] = [[] for _ in range(nodes)]
-    ends = edges.tolist()
-    lengths = length_m.tolist()
-    for e in np.argsort(length_m, kind="stable").tolist():
-        a, b = ends[e]
-        if _further_than(neighbours, a, b, (1.0 + stretch) * lengths[e]):
-            keep[e] = True
-            neighbours[a].append((b, lengths[e]))
-            neighbours[b].append((a, lengths[e]))
+    ends = np.concatenate([edges, edges[:, ::-1]])
+    order = np.argsort(ends[:, 0], kind="stable")
+    begin = np.searchsorted(ends[order, 0], np.arange(nodes + 1))
+    _keep(
+        edges,
+        length_m,
+        1.0 + stretch,
+        np.argsort(length_m, kind="stable"),
+        (begin, ends[order, 1], order % len(edges)),
+        keep,
+    )
     return keep
 
 
-def _further_than(neighbours: list[list[tuple[int, float]]], a: int, b: int, limit: float) -> bool:
-    """Return whether b is further from a than `limit` (Dijkstra that stops there)."""
-    best = {a: 0.0}
-    queue = [(0.0, a)]
-    while queue:
-        d, v = heapq.heappop(queue)
-        if v == b:
-            return False
-        if d > best[v]:
-            continue
-        for w, length in neighbours[v]:
-            onward = d + length
-            if onward <= limit and onward < best.get(w, np.inf):
-                best[w] = onward
-                heapq.heappush(queue, (onward, w))
-    return True
+@numba.njit(cache=True, nogil=True)
+def _keep(  # pragma: no cover - compiled
+    edges: IntArray,
+    length_m: FloatArray,
+    most: float,
+    turn: IntArray,
+    neighbours: tuple[IntArray, IntArray, IntArray],
+    keep: npt.NDArray[np.bool_],
+) -> None:
+    """Set `keep` [m], looking at the edges in `turn`.
+
+    `neighbours` are those of each node: where they begin in the other two, the nodes, and the edges to them.
+    """
+    begin, there, by = neighbours
+    best = np.full(len(begin) - 1, np.inf)
+    for e in turn:
+        a, b, limit = edges[e, 0], edges[e, 1], most * length_m[e]
+        best[a] = 0.0
+        reached, queue, joined = [a], [(0.0, a)], False
+        while queue:  # Dijkstra that stops at the limit
+            d, v = heapq.heappop(queue)
+            if v == b:
+                joined = True
+                break
+            if d > best[v]:
+                continue
+            for k in range(begin[v], begin[v + 1]):
+                onward = d + length_m[by[k]]
+                if keep[by[k]] and onward <= limit and onward < best[there[k]]:
+                    best[there[k]] = onward
+                    reached.append(there[k])
+                    heapq.heappush(queue, (onward, there[k]))
+        keep[e] = not joined
+        for v in reached:
+            best[v] = np.inf

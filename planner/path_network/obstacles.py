@@ -16,13 +16,14 @@ from shapely.geometry.base import BaseGeometry
 from mission import KeepOut, Pose, TerrainGrid
 from planner.errors import NetworkError
 from planner.path_network.hazards import hazard_polygons
+from planner.path_network.sight import Discs
 from planner.path_network.values import (
     START,
     FloatArray,
     NetworkRequest,
 )
 
-_ARC = 3  # segments to a quarter circle of clearance
+_ARC = 4  # segments to a quarter circle of clearance
 _SHRINK_M = 1e-6  # a segment along an obstacle's edge is free, one through its inside is not
 _HAIR_M = 1e-5  # a segment along an opening's edge is free
 _SLIVER_M = 1e-4  # corners nearer than this to a straight edge only slow the search down
@@ -47,6 +48,8 @@ class Obstacles:
         The part of `hard` that was found in the heights.
     openings
         Ground inside `blocked` that the drives to and from a place (east, north) may use.
+    discs
+        A part of `blocked` in which many segments are found quickly.
     """
 
     hard: tuple[Polygon, ...]
@@ -54,6 +57,7 @@ class Obstacles:
     blocked: BaseGeometry
     hazards: tuple[Polygon, ...]
     openings: Mapping[tuple[float, float], BaseGeometry]
+    discs: Discs
 
     def free(self, lines: npt.NDArray[np.object_], *places: tuple[float, float]) -> npt.NDArray[np.bool_]:
         """Return which straight lines [n] (shapely, site frame, m) may be driven on the way to or from these
@@ -103,18 +107,16 @@ def check_request(request: NetworkRequest) -> tuple[Polygon, ...]:
         _check_pose(f"observation point {point.id}", point.pose)
         _check_inside(f"observation point {point.id}", point.pose.east_m, point.pose.north_m, bounds)
     polygons = tuple(_polygon(k) for k in request.keep_outs)
-    for polygon, keep_out in zip(polygons, request.keep_outs, strict=True):
-        if _strictly_in(polygon, request.start.east_m, request.start.north_m):
+    things = [("start", request.start.east_m, request.start.north_m)]
+    things += [(f"target {t.id}", t.east_m, t.north_m) for t in request.targets]
+    spots = shapely.points([(east, north) for _, east, north in things])
+    met = shapely.STRtree(polygons).query(spots, predicate="within").T
+    for thing, keep_out in sorted(met.tolist(), key=lambda pair: pair[::-1]):
+        name, east, north = things[thing]
+        if _strictly_in(polygons[keep_out], east, north):
             raise NetworkError(
-                f"start ({request.start.east_m:g}, {request.start.north_m:g}) lies inside keep-out "
-                f"{keep_out.id}"
+                f"{name} ({east:g}, {north:g}) lies inside keep-out {request.keep_outs[keep_out].id}"
             )
-        for target in request.targets:
-            if _strictly_in(polygon, target.east_m, target.north_m):
-                raise NetworkError(
-                    f"target {target.id} ({target.east_m:g}, {target.north_m:g}) lies inside keep-out "
-                    f"{keep_out.id}"
-                )
     return polygons
 
 
@@ -229,7 +231,7 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
         *("a hazard in the terrain" for _ in hazards),
     )
     if not hard:
-        return Obstacles((), (), Polygon(), (), {}), notes
+        return Obstacles((), (), Polygon(), (), {}, Discs((), 0.0)), notes
     blocked = _with_clearance(hard, rover.clearance_m, 0.0)
     if shapely.get_num_coordinates(blocked) > 2 * options.maximum_corners:
         blocked = _with_clearance(hard, rover.clearance_m, options.outward_m)
@@ -240,7 +242,8 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
         opening = _opening(hard, tree, blocked, pose, rover.clearance_m)
         if opening is not None:
             openings[pose.east_m, pose.north_m] = opening
-    return Obstacles(tuple(hard), names, blocked, tuple(hazards), openings), notes
+    discs = Discs(hard, rover.clearance_m)
+    return Obstacles(tuple(hard), names, blocked, tuple(hazards), openings, discs), notes
 
 
 def _with_clearance(hard: tuple[Polygon, ...], clearance_m: float, outward_m: float) -> BaseGeometry:

@@ -31,6 +31,9 @@ SECTORS, NEAREST, LOOKED_AT = 12, 3, 400
 """Directions in which near corners are looked for, corners in each, and neighbours that they come from. By
 hand: 36 segments to be looked at from a corner, of about 25 obstacles round it."""
 
+PIECE_M = 40.0
+"""Longer segments are looked at piece by piece: the box round a long slanting one holds half the map."""
+
 OPEN_GROUND_M = 20.0
 """Without an edge of the map, ground so far round everything is looked at."""
 
@@ -130,8 +133,7 @@ def build_visibility_graph(
         kept = np.ones(len(first), dtype=bool)
     first, second = first[kept], second[kept]
     if not obstacles.blocked.is_empty and len(first):
-        free = clear_of(obstacles.blocked, nodes.lines(first, second))
-        first, second = first[free], second[free]
+        first, second = _seen(nodes, first, second, obstacles)
     edges = np.stack([first, second], axis=1).astype(np.int64)
     if len(corners[0]) > most_corners:
         edges = np.unique(np.concatenate([edges, safe]), axis=0)
@@ -142,6 +144,22 @@ def build_visibility_graph(
     if len(corners[0]) > most_corners:
         graph = _with_all_pairs_in_use(graph, nodes, obstacles)
     return graph
+
+
+def _seen(
+    nodes: _Nodes, first: IntArray, second: IntArray, obstacles: Obstacles
+) -> tuple[IntArray, IntArray]:
+    """Return the pairs of nodes that see each other."""
+    open_ = ~obstacles.discs.close(nodes.xy[first], nodes.xy[second])
+    first, second = first[open_], second[open_]
+    begin, way = nodes.xy[first], nodes.xy[second] - nodes.xy[first]
+    count = np.maximum(1, np.ceil(np.hypot(*way.T) / PIECE_M).astype(np.int64))
+    of = np.repeat(np.arange(len(first)), count)
+    step = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count))[:, None]
+    ends = [begin[of] + (step + k) / count[of, None] * way[of] for k in (0, 1)]
+    free = clear_of(obstacles.blocked, shapely.linestrings(np.stack(ends, axis=1)))
+    seen = np.bincount(of, ~free, minlength=len(first)) == 0
+    return first[seen], second[seen]
 
 
 def _convex(
@@ -246,15 +264,8 @@ def _with_triangles(
     free = ground.difference(obstacles.blocked)
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(free))
     rings = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    number = {tuple(xy): k for k, xy in enumerate(nodes.xy.tolist())}
-    added: list[list[float]] = []
-    corner = np.empty(rings.shape[:2], dtype=np.int64)
-    for t, ring in enumerate(rings.tolist()):
-        for k, xy in enumerate(ring):
-            at = number.setdefault(tuple(xy), len(number))
-            if at == len(nodes.xy) + len(added):
-                added.append(xy)
-            corner[t, k] = at
+    corner, more = _numbered(nodes.xy, rings.reshape(-1, 2))
+    corner = corner.reshape(-1, 3)
     pairs = [corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]]
     spots = np.flatnonzero(np.isnan(nodes.before[:, 0]) & (owner == EVERYBODY))
     points = shapely.points(nodes.xy[spots])
@@ -262,14 +273,31 @@ def _with_triangles(
     pairs += [np.stack([spots[place], corner[triangle, k]], axis=1) for k in range(3)]
     edges = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
     edges = edges[edges[:, 0] != edges[:, 1]]
-    none = np.full((len(added), 2), np.nan)
-    more = np.array(added, dtype=np.float64).reshape(-1, 2)
+    none = np.full((len(more), 2), np.nan)
     nodes = _Nodes(
         np.concatenate([nodes.xy, more]),
         np.concatenate([nodes.before, none]),
         np.concatenate([nodes.after, none]),
     )
     return nodes, np.concatenate([owner, np.full(len(more), EVERYBODY)]), edges
+
+
+def _numbered(nodes: FloatArray, points: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the number of each point (p, 2) among nodes (n, 2), and the points that are none of them.
+
+    Those have the numbers from n on, in the order in which they first come.
+    """
+    n = len(nodes)
+    distinct, first, which = np.unique(
+        np.concatenate([nodes, points]), axis=0, return_index=True, return_inverse=True
+    )
+    which = which.ravel()
+    number = np.full(len(distinct), -1, dtype=np.int64)
+    number[which[:n]] = np.arange(n)
+    new = np.flatnonzero(number < 0)
+    new = new[np.argsort(first[new])]
+    number[new] = n + np.arange(len(new))
+    return number[which[n:]], distinct[new]
 
 
 def _near_pairs(nodes: _Nodes, among: IntArray) -> tuple[IntArray, IntArray]:
@@ -339,8 +367,7 @@ def _with_all_pairs_in_use(graph: VisibilityGraph, nodes: _Nodes, obstacles: Obs
     used = np.array(sorted(passed), dtype=np.int64)
     used = used[graph.owner[used] == EVERYBODY]
     first, second = used[_tangent_kernel(nodes.xy[used], nodes.before[used], nodes.after[used])].T
-    free = clear_of(obstacles.blocked, nodes.lines(first, second))
-    more = np.stack([first[free], second[free]], axis=1)
+    more = np.stack(_seen(nodes, first, second, obstacles), axis=1)
     edges = np.unique(np.concatenate([graph.edges, more]), axis=0)
     return replace(graph, edges=edges, length_m=nodes.length_m(edges))
 
