@@ -88,10 +88,10 @@ def with_plan(
     """Return a plan with its bounds and the notes on its steps."""
     plan, watch = choice.plan, order.watch
     watch.report(Progress(0.9, "bounds", watch.best_value, None, count_branches(plan), plan))
-    upper = bounded(order, part.whole(), prices)
-    tree = annotated(order, model, PlanTree(order.problem.name, with_ids(plan), order.strategy))
     expected, check = choice.values[-1], choice.check
     lower = max(0.0, check.mean - SURE * check.standard_error) if check is not None else 0.0
+    upper = bounded(order, part.whole(), prices, lower)
+    tree = annotated(order, model, PlanTree(order.problem.name, with_ids(plan), order.strategy))
     known = found.optimum if part.exact else None
     return _told(
         order,

@@ -60,7 +60,12 @@ MOST_ORDERED = 12
 """Observations up to which orders are tried in futures: one more takes a round of some 20 changes longer."""
 
 LEFT_SHARE = 0.7
-"""Share of what is left of the limit for the bound of many targets. By hand: linear programs come beside."""
+"""Share of what is left of the limit for the bound of many targets. By hand: linear programs come beside, and
+notes on the plan take up to 10 s."""
+
+WIDTH, AGAIN = 0.02, 1.5
+"""Share of the bound by which a plan of many targets may lie below it; else the bound is asked for again,
+where what is left of the limit is so many times what it took. By hand: the next grid takes 1.7 times more."""
 
 LEAST_BOUND_S = 0.2
 """Seconds for a bound where the search has used up the limit: without one a plan says nothing. By hand."""
@@ -348,11 +353,12 @@ def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
     )
 
 
-def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
+def bounded(order: Order, model: Model, prices: Sequence[float], lower: float = math.inf) -> float:
     """Return what no policy earns more than; under a chance constraint, no policy that keeps to it.
 
     Any multiplier gives a bound (`OverrunChance.bound`); the least is taken. Infinity where the plan alone is
-    asked for.
+    asked for. `lower` is what the plan is certain to earn: where it lies far below with many targets, more of
+    the limit is used.
     """
     if order.plan_only:
         return math.inf
@@ -361,13 +367,22 @@ def bounded(order: Order, model: Model, prices: Sequence[float]) -> float:
     timed = order.iterations is None  # who counts steps instead has no limit of which something is left
     more = max(0.0, min(more, LEFT_SHARE * watch.left_s())) if timed else 0.0
     seconds = options.hasty_bound_s if order.quick else options.bound_s + more
-    allowed_s = min(max(LEAST_BOUND_S, watch.left_s()), seconds) / len(prices)
+    allowed_s, before_s = min(max(LEAST_BOUND_S, watch.left_s()), seconds), watch.work_s()
+    upper = _least_bound(order, model, prices, allowed_s)
+    again_s = LEFT_SHARE * watch.left_s()
+    wanted = timed and not order.quick and model.n > MANY_TARGETS and lower < (1.0 - WIDTH) * upper
+    if wanted and again_s > AGAIN * (watch.work_s() - before_s):
+        upper = min(upper, _least_bound(order, model, prices, again_s))
+    return upper
+
+
+def _least_bound(order: Order, model: Model, prices: Sequence[float], limit_s: float) -> float:
     chance = OverrunChance.of(order.problem) or OverrunChance(0.0)
     return min(
         chance.bound(
             upper_bound(
                 dataclasses.replace(model, penalty=model.penalty + price),
-                limit_s=allowed_s,
+                limit_s=limit_s / len(prices),
             ).value,
             price,
         )

@@ -9,12 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.contingency.bounds import Bound
+from planner.evaluate.model import Model
 from planner.notes import sketch
+from planner.options import PlannerOptions
 from planner.orienteering import solve as solve_routing
 from planner.orienteering.problem import Experiment, RoutingProblem
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_from_dict
+from planner.progress import Watch
 from planner.solve import PlanStatus, solve
+from planner.stages import LEFT_SHARE, Order, bounded
+from planner.strategies import Found
 from planner.tally import SECONDS, Step, StoppedError, spend, tallied
 from tests.planner.examples import example, observation, problem_document
 
@@ -121,3 +127,31 @@ def test_looking_at_a_plan_on_the_way_counts_as_no_work() -> None:
         assert before.seconds == spent
     assert tree.plan == plan
     assert all(0.0 < notes.p_reached <= 1.0 for notes in tree.step_notes.values())
+
+
+def test_a_wide_bound_of_many_targets_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With what the limit has left; never where the plan lies near, nor with few targets."""
+    asked: list[float] = []
+
+    def bound(model: Any, *, limit_s: float) -> Bound:
+        asked.append(limit_s)
+        return Bound(upper - len(asked), "as the test says")
+
+    monkeypatch.setattr("planner.stages.upper_bound", bound)
+    order, model = _order(limit_s=20.0), Model.of(_large(9))
+    for upper, lower, times in ((102.0, 99.0, 1), (110.0, 99.0, 2)):
+        asked.clear()
+        assert bounded(order, model, [0.0], lower) == upper - times
+        assert len(asked) == times
+        assert asked[-1] <= LEFT_SHARE * 20.0
+    asked.clear()
+    bounded(order, Model.of(_large(8)), [0.0], 0.0)
+    assert len(asked) == 1
+
+
+def _order(*, limit_s: float) -> Order:
+    with tallied() as tally:
+        watch = Watch(limit_s, tally, lambda _: None)
+    return Order(
+        _large(2), "optimal", lambda _: Found([]), 6, None, 0, 0.0, (), False, PlannerOptions(), watch
+    )

@@ -42,11 +42,14 @@ class Bundle:
     """The best point so far, (count,), its value, what is known, and `reach`, which weighs distance."""
 
     point: Floats
-    reach: float | None = None
+    reach: float = 0.0
     value: float = math.inf
+    looks: int = 0
+    lowest_found: bool = False
     points: list[Floats] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
     slopes: list[Floats] = field(default_factory=list)
+    weights: Floats = field(default_factory=lambda: np.ones(1))
 
     def lowered(
         self,
@@ -60,14 +63,18 @@ class Bundle:
 
         `look` gives value and slope at a point; the first step aims at a share `first` of the value below.
         """
-        value, slope = look(self.point)
-        self._learn(self.point, value, slope)
-        self.value = value
-        if self.reach is None:
+        if not self.values:
+            value, slope = look(self.point)
+            self._learn(self.point, value, slope)
+            self.value = value
             self.reach = first * abs(value) / max(float(slope @ slope), 1e-12)
-        for _ in range(steps - 1):
+            steps -= 1
+        for _ in range(steps):
+            if should_stop():
+                break
             point, promise = self._promising()
-            if promise < NOTHING * abs(self.value) or should_stop():
+            if promise < NOTHING * abs(self.value):
+                self.lowest_found = True
                 break
             value, slope = look(point)
             self._learn(point, value, slope)
@@ -79,11 +86,21 @@ class Bundle:
                 self.reach *= NEARER
         return self
 
-    def forget(self) -> None:
-        """Forget the tangents and the reach, for another function that is like this one."""
-        self.points, self.values, self.slopes, self.reach = [], [], [], None
+    def shares(self) -> dict[int, float]:
+        """Return the shares that looks have in the policy at the best point, by their number from 0 on.
+
+        No single policy is best there, but several that are as good; these are their shares in the one in
+        which nothing is made more often than it may be, as far as it can be avoided. They are the dual
+        solution for the best point.
+        """
+        if len(self.values) < 2:
+            return {self.looks - 1: 1.0}
+        self.lowest()
+        first = self.looks - len(self.values)
+        return {first + k: float(share) for k, share in enumerate(self.weights) if share > 0.0}
 
     def _learn(self, point: Floats, value: float, slope: Floats) -> None:
+        self.looks += 1
         self.points = [*self.points, point][-MOST:]
         self.values = [*self.values, value][-MOST:]
         self.slopes = [*self.slopes, slope][-MOST:]
@@ -92,7 +109,7 @@ class Bundle:
         """Return the next point and what it promises, from farther off where one nearby promises little."""
         point, promised = self.lowest()
         for _ in range(TRIES):
-            if self.value - promised >= LITTLE * abs(self.value) or self.reach is None:
+            if self.value - promised >= LITTLE * abs(self.value):
                 break
             self.reach *= FAR
             point, promised = self.lowest()
@@ -104,7 +121,6 @@ class Bundle:
         Over weights a of tangents, of sum 1, the dual is concave and its slopes are the tangents' values at
         max(0, point - reach * sum of a * slope): accelerated projected steps (Beck and Teboulle 2009).
         """
-        assert self.reach is not None
         slopes, reach = np.array(self.slopes), self.reach
         at_zero = np.array(self.values) - np.einsum("kj,kj->k", slopes, np.array(self.points))
         step = 1.0 / (reach * float(np.linalg.norm(slopes @ slopes.T, 2)) + 1e-12)
@@ -117,6 +133,7 @@ class Bundle:
             faster = (1.0 + math.sqrt(1.0 + 4.0 * speed * speed)) / 2.0
             ahead = new + (speed - 1.0) / faster * (new - weights)
             weights, speed = new, faster
+        self.weights = weights
         point = np.maximum(0.0, self.point - reach * (weights @ slopes))
         return point, float((at_zero + slopes @ point).max())
 

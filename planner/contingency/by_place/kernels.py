@@ -26,6 +26,11 @@ LANES = 8
 """Counts that are worked out together: single precision in registers of 256 bits."""
 
 
+BLOCK = 16
+"""Nodes before which drives that end later are worked out together: masses and values, some 30 MB, then come
+from memory once for so many nodes. By hand: 8 are as good."""
+
+
 class Masses(NamedTuple):
     """What actions move, by nodes moved on; functions are linear between nodes and above the true ones."""
 
@@ -48,6 +53,7 @@ class Drives(NamedTuple):
     low: Ints  # (legs,) first node with a mass, of any count
     high: Ints  # (legs,) node after the last
     quick: Singles  # (legs, counts)
+    bulging: bool  # any mass in `bulge`
 
 
 class Layout(NamedTuple):
@@ -89,25 +95,53 @@ class Tables(NamedTuple):
 
     value: Singles  # (states, nodes, counts)
     arriving: Singles  # (leg-states, nodes, counts)
+    bend: Singles  # (leg-states, nodes, counts) by how much the slope of `arriving` falls at a node
     choice: Choices  # (states, nodes, counts) as above; without nodes where it is not asked for
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _expected(mass: Singles, value: Singles, found: Singles) -> None:
-    """Fill in what masses (nodes, counts) make of values (nodes, counts)."""
-    for o in range(0, len(found), LANES):
-        a = b = c = d = e = f = g = h = np.float32(0.0)
-        for j in range(len(mass)):
-            a += mass[j, o] * value[j, o]
-            b += mass[j, o + 1] * value[j, o + 1]
-            c += mass[j, o + 2] * value[j, o + 2]
-            d += mass[j, o + 3] * value[j, o + 3]
-            e += mass[j, o + 4] * value[j, o + 4]
-            f += mass[j, o + 5] * value[j, o + 5]
-            g += mass[j, o + 6] * value[j, o + 6]
-            h += mass[j, o + 7] * value[j, o + 7]
-        found[o], found[o + 1], found[o + 2], found[o + 3] = a, b, c, d
-        found[o + 4], found[o + 5], found[o + 6], found[o + 7] = e, f, g, h
+def _add(mass: Singles, e: int, rows: Singles, s: int, i: int, low: int, high: int, found: Singles) -> None:
+    """Add the sum over low <= j < high of mass[e, j] * rows[s, i + j], (counts,).
+
+    Eight nodes go together: with one at a time the sum would be stored and read again for each.
+    """
+    if high <= low:
+        return
+    end = low + (high - low) // 8 * 8
+    for j in range(low, end, 8):
+        k = i + j
+        for c in range(len(found)):
+            found[c] += (
+                (mass[e, j, c] * rows[s, k, c] + mass[e, j + 1, c] * rows[s, k + 1, c])
+                + (mass[e, j + 2, c] * rows[s, k + 2, c] + mass[e, j + 3, c] * rows[s, k + 3, c])
+            ) + (
+                (mass[e, j + 4, c] * rows[s, k + 4, c] + mass[e, j + 5, c] * rows[s, k + 5, c])
+                + (mass[e, j + 6, c] * rows[s, k + 6, c] + mass[e, j + 7, c] * rows[s, k + 7, c])
+            )
+    for j in range(end, high):
+        for c in range(len(found)):
+            found[c] += mass[e, j, c] * rows[s, i + j, c]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def past_block(a: Layout, legs: Drives, w: Tables, first: int, past: Singles) -> None:
+    """Fill in what drives make that begin in a block of nodes and end after it.
+
+    `past` [leg-states, BLOCK, 2, counts] holds sums of values and of bulges.
+    """
+    past[:] = 0.0
+    beyond = first + BLOCK
+    for e in range(len(a.origin)):
+        for s in range(a.leg_base[e], a.leg_base[e + 1]):
+            for b in range(min(BLOCK, a.nodes - first)):
+                i = first + b
+                high = min(legs.high[e], a.nodes - i)
+                _add(legs.hat, e, w.arriving, s, i, max(legs.low[e], beyond - i), high, past[s, b, 0])
+                if not legs.bulging:
+                    continue
+                low = max(legs.low[e], 2, beyond + 1 - i)  # the bend after the block is not yet known
+                high = min(high, a.nodes - 1 - i)
+                _add(legs.bulge, e, w.bend, s, i, low, high, past[s, b, 1])
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -117,53 +151,40 @@ def _kink(value: Singles, j: int, c: int) -> np.float32:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _bulges(mass: Singles, value: Singles, found: Singles) -> None:
-    """Fill in what concave kinks add, of masses (nodes, counts).
-
-    `value` begins one node before the first of `mass`, and ends one after the last.
-    """
-    for o in range(0, len(found), LANES):
-        a = b = c = d = e = f = g = h = np.float32(0.0)
-        for j in range(len(mass)):
-            a += mass[j, o] * _kink(value, j, o)
-            b += mass[j, o + 1] * _kink(value, j, o + 1)
-            c += mass[j, o + 2] * _kink(value, j, o + 2)
-            d += mass[j, o + 3] * _kink(value, j, o + 3)
-            e += mass[j, o + 4] * _kink(value, j, o + 4)
-            f += mass[j, o + 5] * _kink(value, j, o + 5)
-            g += mass[j, o + 6] * _kink(value, j, o + 6)
-            h += mass[j, o + 7] * _kink(value, j, o + 7)
-        found[o], found[o + 1], found[o + 2], found[o + 3] = a, b, c, d
-        found[o + 4], found[o + 5], found[o + 6], found[o + 7] = e, f, g, h
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _before_legs(
-    a: Layout, legs: Drives, w: Tables, i: int, top: float, most: float, by: Singles, left: Singles
+def before_legs(
+    a: Layout,
+    legs: Drives,
+    w: Tables,
+    i: int,
+    top: float,
+    most: float,
+    past: Singles,
+    by: Singles,
+    left: Singles,
 ) -> None:
     """Fill in the values before each drive, [leg-states, counts]; `left` holds the last cell's bulges.
 
-    `most` is more than what the observations of any place win. What is left out of a drive begins another one
-    at this node, after some observations: it wins less than what `top` and this node's own values allow.
+    `past` is that of `past_block`. `most` is more than what the observations of any place win. What is left
+    out of a drive begins another one at this node, after some observations: it wins less than what `top` and
+    this node's own values allow.
     """
     rest, lanes = a.nodes - 1 - i, by.shape[1]
     highest, quick = np.float32(a.penalty), np.float32(0.0)
-    far, bulge = np.zeros(lanes, np.float32), np.zeros(lanes, np.float32)
+    far = np.zeros(lanes, np.float32)
+    within = BLOCK - i % BLOCK  # nodes up to the end of the block
     for e in range(len(a.origin)):
-        low, high = legs.low[e], min(legs.high[e], rest + 1)
-        first, last = max(low, 2), min(legs.high[e], rest)  # a drive of one node bulges nowhere
+        low, high = legs.low[e], min(legs.high[e], rest + 1, within)
+        first, last = max(low, 2), min(legs.high[e], rest, within + 1)  # one of one node bulges nowhere
         for c in range(lanes):
             far[c] = legs.within[e, rest, c] - legs.summed[e, rest, c]
             quick = max(quick, legs.quick[e, c])
         for s in range(a.leg_base[e], a.leg_base[e + 1]):
-            row = w.arriving[s]
-            found, end = by[s], row[a.nodes - 1]
-            found[:] = 0.0
-            bulge[:] = 0.0
-            if high > low:
-                _expected(legs.hat[e, low:high], row[i + low : i + high], found)
-            if last > first:
-                _bulges(legs.bulge[e, first:last], row[i + first - 1 : i + last + 1], bulge)
+            found, end = by[s], w.arriving[s, a.nodes - 1]
+            bulge = past[s, i % BLOCK, 1]
+            found[:] = past[s, i % BLOCK, 0]
+            _add(legs.hat, e, w.arriving, s, i, low, high, found)
+            if legs.bulging:
+                _add(legs.bulge, e, w.bend, s, i, first, last, bulge)
             for c in range(lanes):
                 found[c] += far[c] * end[c] + max(bulge[c], left[s, c])
                 left[s, c] = bulge[c]
@@ -252,9 +273,12 @@ def _after_node(a: Layout, w: Tables, i: int, now: Singles, at: Singles, other: 
             for c in range(lanes):
                 before[c] = max(before[c], other[held, c])
         for key in range(keys):
-            after = w.arriving[a.leg_base[e] + key, i]
+            s = a.leg_base[e] + key
             for c in range(lanes):
-                after[c] = other[key, c]
+                w.arriving[s, i, c] = other[key, c]
+            if i < a.nodes - 2:
+                for c in range(lanes):
+                    w.bend[s, i + 1, c] = _kink(w.arriving[s], i, c)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -314,6 +338,7 @@ def backward(a: Layout, legs: Drives, made: Masses, gain: Floats, top: float, w:
     has a value plus penalty above `top`, both in utility.
     """
     lanes, asked = w.value.shape[2], w.choice.shape[1] == a.nodes
+    past = np.zeros((len(w.arriving), BLOCK, 2, lanes), np.float32)
     by = np.zeros((len(w.arriving), lanes), np.float32)
     left = np.zeros((len(w.arriving), lanes), np.float32)
     at = np.zeros((1 << a.held.max(), lanes), np.float32)
@@ -329,7 +354,9 @@ def backward(a: Layout, legs: Drives, made: Masses, gain: Floats, top: float, w:
         most = max(most, np.maximum(gain[a.first_made[p] : a.first_made[p + 1]], 0.0).sum())
     for i in range(a.nodes - 1, -1, -1):
         rest = a.nodes - 1 - i
-        _before_legs(a, legs, w, i, top, most, by, left)
+        if i == a.nodes - 1 or i % BLOCK == BLOCK - 1:
+            past_block(a, legs, w, i // BLOCK * BLOCK, past)
+        before_legs(a, legs, w, i, top, most, past, by, left)
         for p in range(len(a.bits)):
             for bits in range((1 << a.bits[p]) - 1, -1, -1):
                 s = a.base[p] + bits

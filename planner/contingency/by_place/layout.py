@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.contingency.by_place.kernels import LANES, Layout, Singles
+from planner.contingency.by_place.kernels import BLOCK, LANES, Layout, Singles
 from planner.evaluate.model import Floats, Ints, Model, Truths
 from planner.tally import SECONDS, Step
 
@@ -34,9 +34,10 @@ class Memory:
         return sorted(m for m in self.at[a] if m in kept and m in self.at[b])
 
 
-EACH, STATE, STATE_LEG = 0.95, 65.0, 5.0
-"""What a product of a drive takes, in moves of `Step.PRICED`, and what a state takes at each node, with more
-for each leg from its place. By hand, on 15 targets at load 11."""
+EACH, WAY, STATE, STATE_LEG = 0.6, 68.0, 55.0, 1.3
+"""What a product of a drive takes, in moves of `Step.PRICED`, and what a leg-state and a state take at each
+node, the latter with more for each leg from its place. By hand, on 15 and 30 targets at load 3, where tables
+do not fit into the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,15 +87,20 @@ class Size:
     @property
     def seconds(self) -> float:
         """What a question takes of a processor, as reckoned."""
-        drives = EACH * self.nodes * self.ways
+        drives = self.ways * (EACH * self.nodes + WAY)
         states = self.states * (STATE + STATE_LEG * self.legs / self.places)
         return self.counts * self.nodes * (drives + states) * SECONDS[Step.PRICED]
 
     @property
     def table_mb(self) -> float:
-        """What the tables take, and the masses of drives while they are made, MB."""
-        each = 10.0 * self.states + 8.0 * self.ways + 48.0 * self.legs
-        return self.counts * self.nodes * each / 1e6
+        """What the tables of a policy that is followed take, and masses of drives while they are made, MB."""
+        return self.bound_mb + self.counts * self.nodes * 6.0 * self.states / 1e6
+
+    @property
+    def bound_mb(self) -> float:
+        """The same where the bound alone is asked for."""
+        each = 4.0 * self.states + 8.0 * self.ways + 48.0 * self.legs
+        return self.counts * (self.nodes * each + 8.0 * BLOCK * self.ways) / 1e6
 
 
 def lanes_of(most: int) -> int:

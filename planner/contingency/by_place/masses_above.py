@@ -62,12 +62,21 @@ def later(cells: Floats, share: float) -> Floats:
     return np.concatenate([np.zeros(moved), cells[: len(cells) - moved]])
 
 
-def masses_above(actions: Iterable[Floats], count: int, nodes: int, *, drives: bool) -> Masses:
-    """Return the masses of so many actions from their fine cells, (cells + 1,) each."""
+def masses_above(
+    actions: Iterable[Floats], count: int, nodes: int, *, drives: bool, above: bool = True
+) -> Masses:
+    """Return the masses of so many actions from their fine cells, (cells + 1,) each.
+
+    Where functions need not lie `above` the true ones masses keep the mean alone: such a grid bounds nothing,
+    but lies nearer on few nodes.
+    """
     hat, bulge, within = (np.zeros((count, nodes)) for _ in range(3))
     quick = np.zeros(count)
     for k, cells in enumerate(actions):
-        quick[k] = _above(cells, drives, hat[k], bulge[k], within[k])
+        if above:
+            quick[k] = _above(cells, drives, hat[k], bulge[k], within[k])
+        else:
+            _near(cells, drives, hat[k], within[k])
     some = hat > 0.0
     return Masses(
         hat=hat.astype(np.float32),
@@ -118,6 +127,27 @@ def _above(cells: Floats, drive: bool, hat: Floats, bulge: Floats, within: Float
         bulge[node] = _over_chord(excess, x, each, -1.0) if node + 1 < nodes else 0.0
         before = over
     return quick
+
+
+@njit(cache=True, nogil=True)
+def _near(cells: Floats, drive: bool, hat: Floats, within: Floats) -> None:
+    """Fill in the masses of an action, (nodes,) each, that keep its mean; a drive takes a node at least."""
+    each = (len(cells) - 1) // (len(hat) - 1)
+    for x in range(len(cells)):
+        at = max(x, each) if drive else x
+        node, share = at // each, at % each / each
+        hat[node] += cells[x] * (1.0 - share)
+        if node + 1 < len(hat):
+            hat[node + 1] += cells[x] * share
+        if x % each == 0:
+            within[x // each :] += cells[max(0, x - each + 1) : x + 1].sum()
+    high = len(hat)
+    tail = 0.0
+    while high > 2 and tail + hat[high - 1] <= TAIL:
+        high -= 1
+        tail += hat[high]
+    hat[high - 1] += tail
+    hat[high:] = 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -9,8 +9,9 @@ with the most credit for a leg are remembered as long as the relaxation is not t
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,7 +20,7 @@ from planner.contingency.by_place.layout import Memory, Size, legs_of
 from planner.contingency.by_place.relaxation import NgRelaxation
 from planner.evaluate.model import Model
 
-WALKS = 3000
+WALKS = 300
 """Futures in which a policy is followed. By hand: what one day in a thousand does wins little."""
 
 MOST_AT = 11
@@ -46,39 +47,52 @@ class Credits:
     seed: int = 0
     by: dict[Excursion, float] = field(default_factory=dict)
 
-    def follow(self, relaxation: NgRelaxation) -> None:
-        """Add the excursions of the policy that a relaxation was last asked for."""
+    def followed(self, relaxation: NgRelaxation, count: int) -> dict[Excursion, float]:
+        """Return what excursions win in the last policy of a relaxation that begins with so many tracks."""
         self.seed += 1
-        walks = relaxation.walks(WALKS, rng=np.random.default_rng(self.seed))
+        walks = relaxation.walks(count, WALKS, rng=np.random.default_rng(self.seed))
         wanted, legs = relaxation.wanted, legs_of(self.model)
-        loss = np.array([self.model.loss[a, b, wanted.place] for a, b in legs])  # (legs, wanted)
+        kept = np.array([1.0 - self.model.loss[a, b, wanted.place] for a, b in legs]).tolist()  # leg, wanted
         found: dict[Excursion, float] = defaultdict(float)
-        every = zip(walks.legs.tolist(), walks.events.tolist(), walks.happened, strict=True)
-        for path, events, happened in every:
+        some = walks.legs[:, : walks.driven.max()].tolist(), walks.events[:, : walks.happened.max()].tolist()
+        for path, events, happened in zip(*some, walks.happened.tolist(), strict=True):
             for m, now, before in events[:happened]:
                 if before >= 0:
                     found[m, tuple(sorted(set(path[before:now])))] += float(wanted.worth[m])
                 if relaxation.counted[m] and now:
                     way = tuple(sorted(set(path[:now])))
-                    lost = 1.0 - float(np.prod(1.0 - loss[list(way), m]))
+                    lost = 1.0 - math.prod(kept[e][m] for e in way)
                     found[m, way] += TRACE_SHARE * lost * float(wanted.worth[m])
-        self.by = {key: FADED * credit for key, credit in self.by.items()}
-        for key, credit in found.items():
-            self.by[key] = self.by.get(key, 0.0) + credit / WALKS
+        return {key: credit / WALKS for key, credit in found.items()}
 
-    def enlarged(self, memory: Memory, most: int, steps: int, seconds: float) -> Memory:
-        """Return a memory with more, for a question of so many seconds, with so many tracks counted."""
-        return _Chosen(self.model, memory, most, steps, seconds).of(self.by)
+    def add(self, policies: Iterable[tuple[float, Mapping[Excursion, float]]]) -> None:
+        """Credit the excursions of policies, each with its share in what is done; older credits fade."""
+        self.by = {key: FADED * credit for key, credit in self.by.items()}
+        for share, found in policies:
+            for key, credit in found.items():
+                self.by[key] = self.by.get(key, 0.0) + share * credit
+
+    def enlarged(
+        self, memory: Memory, most: int, limits: Iterable[tuple[int, float]], largest_mb: float = math.inf
+    ) -> Memory:
+        """Return a memory with more, with so many tracks counted.
+
+        `limits` are numbers of nodes, and the seconds that a question on so many may take.
+        """
+        return _Chosen(self.model, memory, most, limits, largest_mb).of(self.by)
 
 
 class _Chosen:
-    """A memory in the making, with what a question of it takes."""
+    """A memory in the making, with what questions of it take."""
 
-    def __init__(self, model: Model, memory: Memory, most: int, steps: int, seconds: float) -> None:
-        self.legs, self.seconds = legs_of(model), seconds
+    def __init__(
+        self, model: Model, memory: Memory, most: int, limits: Iterable[tuple[int, float]], largest_mb: float
+    ) -> None:
+        self.largest_mb = largest_mb
+        self.legs = legs_of(model)
         self.at = [list(own) for own in memory.at]
         self.on = [set(memory.common(*leg)) for leg in self.legs]
-        self.size = Size.of(model, memory, most, steps)
+        self.sizes = [(Size.of(model, memory, most, steps), seconds) for steps, seconds in limits]
 
     def of(self, credits: Mapping[Excursion, float]) -> Memory:
         """Return the memory of the excursions with the most credit for a leg, as far as the seconds go."""
@@ -96,10 +110,10 @@ class _Chosen:
             return
         states = sum(2 ** len(self.at[p]) for p in places)
         ways = sum(2 ** len(self.on[e]) for e in legs)
-        larger = self.size.with_more(states, ways)
-        if larger.seconds > self.seconds:
+        larger = [(size.with_more(states, ways), seconds) for size, seconds in self.sizes]
+        if any(size.seconds > most_s or size.bound_mb > self.largest_mb for size, most_s in larger):
             return
-        self.size = larger
+        self.sizes = larger
         for p in places:
             self.at[p].append(m)
         for e in legs:

@@ -10,7 +10,9 @@ may assume either, as long as there are as many. For multipliers p >= 0 and chan
 
     max over policies of the relaxation of E[sum of (utility - p) over what is made]  +  sum of p c,
 
-the last over the tracked observations of S and all that need no track; the bound is the largest over S. The
+the last over the tracked observations of S and all that need no track; the bound is the largest over S. With
+how many tracks a day begins is decided before anything happens, so each number may have its own multipliers:
+the bound is then the largest of the least values by number. The
 resource is that of `priced_relaxation`, and so is what is left out. Values lie above the true ones between
 nodes too (`masses_above`).
 """
@@ -20,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,6 +38,11 @@ DRAWS = 96
 """Numbers drawn for a walk: one for an observation, two for a drive. By hand: a day has about 15 of each."""
 
 
+FORWARD, WALK = 0.2, 1.5
+"""What following a policy takes of a question, and what a walk with its excursions takes, in `Step.CALL`. By
+hand, on 15 and 30 targets."""
+
+
 @dataclass(frozen=True, eq=False)
 class Actions:
     """What drives and observations take on a grid, whatever is remembered."""
@@ -46,25 +54,29 @@ class Actions:
     made: Masses
 
     @staticmethod
-    def of(model: Model, weights: Weights, steps: int, most: int) -> Actions:
-        """Return those of a model with so many tracks at most."""
+    def of(model: Model, weights: Weights, steps: int, most: int, *, above: bool = True) -> Actions:
+        """Return those of a model with so many tracks at most.
+
+        Without `above` values between nodes are not kept above the true ones: what is then found bounds
+        nothing, but tells of good multipliers and of what policies forget, on few nodes.
+        """
         wanted = Wanted.of(model)
         most = min(most, int(wanted.counted.sum()))
         legs = legs_of(model)
-        spend(Step.ELEMENT, len(legs) * (most + 1) * FINE)
+        spend(Step.ELEMENT, 2 * len(legs) * (most + 1) * FINE)
         each_s = weights.per_s * model.track_leg_s
         drives = (
             later(cells, c * each_s)
             for cells in (fine_cells(model.leg_ln[leg], weights, steps) for leg in legs)
             for c in range(most + 1)
         )
-        above = masses_above(drives, len(legs) * (most + 1), steps + 1, drives=True)
+        driven = masses_above(drives, len(legs) * (most + 1), steps + 1, drives=True, above=above)
         seen = (fine_cells(model.obs_ln[m], weights, steps) for m in wanted.number)
-        made = masses_above(seen, len(wanted.number), steps + 1, drives=False)
-        return Actions(weights, steps, most, _side_by_side(above, most + 1), made)
+        made = masses_above(seen, len(wanted.number), steps + 1, drives=False, above=above)
+        return Actions(weights, steps, most, _side_by_side(driven, most + 1, bulging=above), made)
 
 
-def _side_by_side(masses: Masses, counts: int) -> Drives:
+def _side_by_side(masses: Masses, counts: int, *, bulging: bool) -> Drives:
     """Return the masses of drives with each count of tracks, one after the other, side by side."""
 
     def beside(values: Singles) -> Singles:
@@ -79,7 +91,17 @@ def _side_by_side(masses: Masses, counts: int) -> Drives:
         low=masses.low.reshape(-1, counts).min(axis=1),
         high=masses.high.reshape(-1, counts).max(axis=1),
         quick=beside(masses.quick[:, None].astype(np.float32))[:, 0],
+        bulging=bulging,
     )
+
+
+class _Begun(NamedTuple):
+    """How the best days with so many tracks begin."""
+
+    state: int
+    lane: int  # the count that is worked out
+    node: int
+    gone: int  # bits of the tracks that the start remembers and lacks
 
 
 class NgRelaxation:
@@ -101,9 +123,12 @@ class NgRelaxation:
         self.tables = Tables(
             np.zeros(at_states, np.float32),
             np.zeros(on_legs, np.float32),
+            np.zeros(on_legs, np.float32),
             np.zeros(at_states if followed else (len(at_states), 0, lanes), np.int16),
         )
-        self.began, self.limit = (0, 0, 0), self.wanted.chance
+        self.tracks = int(self.counted.sum())
+        self.begun: list[_Begun] = []
+        self.prices = np.zeros(len(wanted.number))
 
     def _closes(self) -> Ints:
         """Return the last node that the beginning of each observation counts for."""
@@ -114,22 +139,32 @@ class NgRelaxation:
 
     def bound(self, prices: Floats) -> float:
         """Return what no policy earns more than at these multipliers [wanted], in utility."""
+        return float(self.by_count(prices).max())
+
+    def by_count(self, prices: Floats) -> Floats:
+        """Return what no policy earns more than that begins with 0, 1, 2, ... tracks, in utility.
+
+        `prices` [wanted] are the multipliers. It is -inf where so many tracks take longer than the day.
+        """
         a, w = self.layout, self.tables
         gain = self.wanted.worth - prices
         spend(Step.PRICED, self.size.seconds / SECONDS[Step.PRICED])
         top = a.penalty + float(np.maximum(gain, 0.0).sum())
         backward(a, self.actions.drives, self.actions.made, gain, top, w)
-        best, which = -math.inf, (0, 0)
-        for state, gone, c, owed in self._starts(prices):
-            at = c * self.start * self.steps
-            i = min(int(at), self.steps)
+        self.prices = prices
+        self.begun = [_Begun(0, 0, 0, 0)] * (self.tracks + 1)
+        values = np.full(self.tracks + 1, -math.inf)
+        for state, gone, count, owed in self._starts(prices):
+            at = count * self.start * self.steps
+            if at > self.steps:
+                continue
+            i, lane = int(at), min(count, self.most)
             j = min(i + 1, self.steps)
-            here, there = float(w.value[state, i, c]), float(w.value[state, j, c])
+            here, there = float(w.value[state, i, lane]), float(w.value[state, j, lane])
             value = here + (at - i) * (there - here) - a.penalty + owed
-            if at <= self.steps and value > best:
-                best, which, self.began = value, (gone, c), (state, c, i)
-        self.limit = self._limit(prices, *which)
-        return best
+            if value > values[count]:
+                values[count], self.begun[count] = value, _Begun(state, lane, i, gone)
+        return values
 
     def _others(self, prices: Floats) -> tuple[list[int], Ints]:
         """Return the tracks that the start remembers, and the other ones, for which most is owed first."""
@@ -150,39 +185,39 @@ class NgRelaxation:
             known = [m for k, m in enumerate(own) if not gone >> k & 1]
             state = sum(1 << self.memory.at[0].index(m) for k, m in enumerate(own) if gone >> k & 1)
             carried = least + float(owed[known].sum())
-            for c in range(self.most + 1):
-                every = c == self.most and not self.layout.whole
-                if every:
-                    yield state, gone, c, carried + float(more[-1])
-                elif len(known) <= c:
-                    yield state, gone, c, carried + float(more[min(c - len(known), len(others))])
+            for unknown in range(len(others) + 1):
+                yield state, gone, len(known) + unknown, carried + float(more[unknown])
 
-    def _limit(self, prices: Floats, gone: int, c: int) -> Floats:
-        """Return the chances that no day exceeds [wanted] that begins so."""
-        own, others = self._others(prices)
-        known = [m for k, m in enumerate(own) if not gone >> k & 1]
-        every = c == self.most and not self.layout.whole
+    def _limit(self, count: int) -> Floats:
+        """Return the chances that no day exceeds [wanted] that begins with so many tracks."""
+        own, others = self._others(self.prices)
+        known = [m for k, m in enumerate(own) if not self.begun[count].gone >> k & 1]
         limit = np.where(self.counted, 0.0, self.wanted.chance)
-        carried = [*known, *(others if every else others[: c - len(known)])]
+        carried = [*known, *others[: count - len(known)]]
         limit[carried] = self.wanted.chance[carried]
         return limit
 
-    def slope(self) -> Floats:
-        """Return a subgradient of the last bound [wanted]: chances less how often each is made."""
-        mass = np.zeros(self.tables.value.shape, np.float32)
-        state, c, i = self.began
-        mass[state, i, c] = 1.0
-        spend(Step.PRICED, 0.1 * self.size.seconds / SECONDS[Step.PRICED])
-        drives, made = self.actions.drives, self.actions.made
-        return self.limit - forward(self.layout, drives, made, self.tables, mass)
+    def slope(self, count: int) -> Floats:
+        """Return a subgradient of the last bound on days that begin with so many tracks [wanted].
 
-    def walks(self, count: int, *, rng: np.random.Generator) -> Walks:
-        """Return what the policy of the last bound does in so many futures."""
+        It is chances less how often each is made.
+        """
+        mass = np.zeros(self.tables.value.shape, np.float32)
+        begun = self.begun[count]
+        mass[begun.state, begun.node, begun.lane] = 1.0
+        spend(Step.PRICED, FORWARD * self.size.seconds / SECONDS[Step.PRICED])
+        drives, made = self.actions.drives, self.actions.made
+        return self._limit(count) - forward(self.layout, drives, made, self.tables, mass)
+
+    def walks(self, count: int, walks: int, *, rng: np.random.Generator) -> Walks:
+        """Return what the policy of the last bound does in so many walks that begin with `count` tracks."""
         places = np.full((len(self.memory.at), max(len(own) for own in self.memory.at) + 1), -1)
         for p, own in enumerate(self.memory.at):
             places[p, : len(own)] = own
-        draws, out = rng.random((count, DRAWS)), Walks.room(count)
-        spend(Step.ELEMENT, count * DRAWS)
+        draws, out = rng.random((walks, DRAWS)), Walks.room(walks)
+        spend(Step.CALL, WALK * walks)
         drives, made = self.actions.drives, self.actions.made
-        walk(self.layout, drives, made, self.tables, places, self.began, draws, out)
+        begun = self.begun[count]
+        begin = begun.state, begun.lane, begun.node
+        walk(self.layout, drives, made, self.tables, places, begin, draws, out)
         return out

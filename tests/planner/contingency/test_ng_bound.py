@@ -11,6 +11,7 @@ from scipy.optimize import linprog
 
 from planner.contingency.by_place.bound import ng_bound
 from planner.contingency.by_place.bundle import Bundle
+from planner.contingency.by_place.kernels import BLOCK, before_legs, past_block
 from planner.contingency.by_place.layout import Memory, Wanted, legs_of
 from planner.contingency.by_place.masses_above import masses_above
 from planner.contingency.by_place.memories import Credits
@@ -63,6 +64,23 @@ def test_no_policy_earns_more_where_all_is_certain(family: str) -> None:
         if seed < 3:
             with tallied():
                 assert ng_bound(model, limit_s=1.0) >= best - 1e-6, (family, seed)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_each_number_of_tracks_may_have_its_own_multipliers(family: str) -> None:
+    """The largest of the least values by number of tracks is a bound, though no multipliers may give it."""
+    rng = np.random.default_rng(50 + FAMILIES.index(family))
+    for seed in range(12):
+        problem = generated(family, 6000 + seed)
+        best, model = optimum(problem), Model.of(problem)
+        actions = Actions.of(
+            model, Weights.of(model, float(rng.choice([0.0, 1.0]))), 32, int(rng.integers(1, 5))
+        )
+        relaxation = NgRelaxation(model, actions, _any_memory(model, rng))
+        worth = relaxation.wanted.worth
+        each = [relaxation.by_count(worth * rng.uniform(0.0, 1.0, len(worth))) for _ in range(6)]
+        bound = float(np.min(each, axis=0).max())
+        assert bound >= best - SLACK * (best + model.penalty), (family, seed)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -120,6 +138,26 @@ def test_an_expectation_lies_below_the_chords_between_its_nodes() -> None:
         assert within >= cells[: left + 1].sum() - 1e-6, left
 
 
+def test_a_grid_that_only_lies_near_keeps_means() -> None:
+    """A drive takes a node at least, since those that begin at a node are worked out before it."""
+    rng = np.random.default_rng(6)
+    each, steps = 8, 10
+    for low, drives in ((0, False), (each, True), (2, True)):
+        cells = np.zeros(each * steps + 1)
+        cells[low : 6 * each] = rng.uniform(0.0, 1.0, 6 * each - low)
+        cells /= cells.sum()
+        masses, at = (
+            masses_above([cells], 1, steps + 1, drives=drives, above=False),
+            np.arange(len(cells)) / each,
+        )
+        mean = cells @ (np.maximum(at, 1.0) if drives else at)
+        assert masses.hat[0].sum() == pytest.approx(1.0, abs=1e-5)
+        assert masses.hat[0] @ np.arange(steps + 1) == pytest.approx(mean, rel=1e-3)
+        assert masses.within[0] == pytest.approx(cells.cumsum()[::each], abs=1e-5)
+        assert not masses.bulge.any()
+        assert not masses.quick.any()
+
+
 def test_only_what_is_tracked_is_owed_for() -> None:
     """Where two tracks do not fit into the day, no day owes the multipliers of two."""
     rows = [[observation(f"O{k}", "place", utility=5.0)] for k in range(2)]
@@ -151,9 +189,13 @@ def test_it_comes_near_the_best_policy_and_is_the_same_again() -> None:
     assert found[0] == found[1]
 
 
+def _best_count(relaxation: NgRelaxation) -> int:
+    return int(relaxation.by_count(relaxation.prices).argmax())
+
+
 def _made_again(relaxation: NgRelaxation) -> float:
     """Return what the policy of the last bound makes again, in observations in the mean of a day."""
-    walks = relaxation.walks(2000, rng=np.random.default_rng(3))
+    walks = relaxation.walks(_best_count(relaxation), 2000, rng=np.random.default_rng(3))
     again = sum(int((e[:n, 2] >= 0).sum()) for e, n in zip(walks.events, walks.happened, strict=True))
     assert walks.happened.sum() > 0
     return again / len(walks.happened)
@@ -181,9 +223,9 @@ def test_memory_grows_where_the_policy_comes_back_and_makes_the_bound_closer() -
     none = np.zeros(6)
     before, again = relaxation.bound(none), _made_again(relaxation)
     for more in (2.0, 6.0, 30.0):
-        credits.follow(relaxation)
+        credits.add([(1.0, credits.followed(relaxation, _best_count(relaxation)))])
         limit = more * relaxation.size.seconds
-        larger = _relaxed(model, credits.enlarged(relaxation.memory, 15, 96, limit))
+        larger = _relaxed(model, credits.enlarged(relaxation.memory, 15, [(96, limit)]))
         assert larger.size.seconds <= limit
         for leg in legs_of(model):
             assert set(relaxation.memory.common(*leg)) <= set(larger.memory.common(*leg))
@@ -197,10 +239,36 @@ def test_a_lost_track_is_remembered_from_the_start_on() -> None:
     places = [(6.0, 0.0), (0.0, 6.0), (-6.0, 0.0)]
     model = Model.of(problem_from_dict(problem_document(places=places, observations=rows, time_s=12000.0)))
     relaxation, credits = _relaxed(model, Memory.of([(), (0,), (1,), (2,)], {})), Credits(model)
-    credits.follow(relaxation)
-    memory = credits.enlarged(relaxation.memory, 15, 96, 1e9)
+    credits.add([(1.0, credits.followed(relaxation, _best_count(relaxation)))])
+    memory = credits.enlarged(relaxation.memory, 15, [(96, 1e9)])
     assert memory.at[0]
     assert any(set(memory.common(a, b)) for a, b in legs_of(model) if a)
+
+
+def test_drives_are_summed_over_all_nodes_whatever_the_block() -> None:
+    """At every node as one sum over the whole day says, with what concave kinks add."""
+    model = Model.of(_day())
+    relaxation = _relaxed(model, Memory.of([[m] if p else [] for p, m in enumerate([-1, *range(6)])]))
+    a, w = relaxation.layout, relaxation.tables
+    legs = relaxation.actions.drives._replace(quick=np.zeros_like(relaxation.actions.drives.quick))
+    size, lanes = len(w.arriving), w.arriving.shape[2]
+    past = np.zeros((size, BLOCK, 2, lanes), np.float32)
+    by = np.zeros((size, lanes), np.float32)
+    left = np.zeros_like(by)
+    kinks = np.zeros_like(w.arriving)
+    kinks[:, 1:-1] = np.maximum(0.0, 2.0 * w.arriving[:, 1:-1] - w.arriving[:, :-2] - w.arriving[:, 2:])
+    for i in range(a.nodes - 1, -1, -1):
+        if i == a.nodes - 1 or i % BLOCK == BLOCK - 1:
+            past_block(a, legs, w, i // BLOCK * BLOCK, past)
+        before_legs(a, legs, w, i, 0.0, 0.0, past, by, left)
+        rest, last = a.nodes - 1 - i, w.arriving[:, -1]
+        for s in range(size):
+            e = int(np.searchsorted(a.leg_base, s, side="right")) - 1
+            chord = (legs.hat[e, 1 : rest + 1] * w.arriving[s, i + 1 :]).sum(axis=0)
+            chord += (legs.within[e, rest] - legs.summed[e, rest]) * last[s]
+            bulge = (legs.bulge[e, 2:rest] * kinks[s, i + 2 : -1]).sum(axis=0)
+            assert left[s] == pytest.approx(bulge, rel=1e-4, abs=1e-5), (i, s)
+            assert np.all(by[s] >= chord + bulge - 1e-4), (i, s)
 
 
 @pytest.mark.parametrize("count", [3, 9])
@@ -213,8 +281,8 @@ def test_every_count_of_tracks_is_worked_out(count: int) -> None:
     every = Memory.of([range(count)] * (count + 1))
     relaxation = NgRelaxation(model, Actions.of(model, Weights.of(model, 1.0), 16, 15), every)
     assert relaxation.bound(np.zeros(count)) == pytest.approx(float(relaxation.wanted.worth.sum()), rel=1e-3)
-    state, tracks, _ = relaxation.began
-    assert (state, tracks) == (0, count)
+    assert _best_count(relaxation) == count
+    assert (relaxation.begun[count].state, relaxation.begun[count].lane) == (0, count)
 
 
 def test_a_bundle_finds_the_lowest_point() -> None:
@@ -234,6 +302,26 @@ def test_a_bundle_finds_the_lowest_point() -> None:
     assert found.point.min() >= 0.0
     assert found.value == pytest.approx(look(found.point)[0])
     assert found.value == pytest.approx(float(program.fun) + 10.0, rel=2e-3)
+
+
+def test_shares_of_looks_are_those_of_policies_that_are_as_good() -> None:
+    """In the mean of them nothing is left to win: no slope where a multiplier counts, none below 0 else."""
+    rng = np.random.default_rng(12)
+    slopes, at_zero = rng.normal(size=(40, 6)), rng.uniform(0.0, 5.0, 40)
+    slopes[:6] = -2.0 * np.eye(6)
+    chosen: list[int] = []
+
+    def look(point: Floats) -> tuple[float, Floats]:
+        values = at_zero + slopes @ point
+        chosen.append(int(values.argmax()))
+        return float(values.max()) + 10.0, slopes[chosen[-1]]
+
+    found = Bundle(np.full(6, 3.0)).lowered(look, 300, first=0.1, should_stop=lambda: False)
+    shares = found.shares()
+    assert sum(shares.values()) == pytest.approx(1.0)
+    mean = sum(share * slopes[chosen[number]] for number, share in shares.items())
+    assert np.all(mean > -0.05)
+    assert np.all(np.abs(mean[found.point > 0.05]) < 0.05)
 
 
 def test_what_takes_too_much_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
