@@ -50,6 +50,7 @@ def ng_bound(model: Model, *, limit_s: float) -> float:
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them.
     """
+    model.require_one_kind("a bound by places")
     until = now_s() + limit_s
     wanted = Wanted.of(model)
     count = len(wanted.number)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
 
@@ -190,3 +191,25 @@ def test_predictions_are_read_from_the_plan(tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text('{"expected_utility": 7.5}')
     assert expected_utility(plan) == 7.5
     assert option_odds(read_case(plan, world, "abstract").plan()) == {"stay": 0.5}
+
+
+def test_a_rare_kind_of_sol_is_tilted_and_named(case: Case) -> None:
+    """The event is all but decided by the kind: the estimate is its probability."""
+    problem = {
+        **case.problem,
+        "format": "problem/2",
+        "sol_kinds": [{"name": "quick", "p": 0.3}, {"name": "stuck", "p": 0.01, "drive_time_factor": 10.0}],
+    }
+    hidden = replace(case, problem=problem)
+    sampler = RareSampler(hidden, read_event("end_s > 6000", {}), RareOptions(pilot_runs=200, pilots=3))
+    sample = sampler.fly(1, Tilt())
+    assert ("sol_u", (0,)) in sample.coins
+    kinds = [sampler.fly(seed, Tilt(chance={("sol_u", (1,)): 0.9})) for seed in range(200)]
+    asked = [s for s in kinds if ("sol_u", (1,)) in s.coins]
+    assert 0.8 < np.mean([s.coins["sol_u", (1,)] for s in asked]) < 1.0
+    weights = [math.exp(-sampler.log_ratio(s, Tilt(chance={("sol_u", (1,)): 0.9}))) for s in kinds]
+    assert np.mean(weights) == pytest.approx(1.0, abs=0.4)
+    result = sampler.estimate(4000, seed=1)
+    assert result.low < 0.02
+    assert result.probability == pytest.approx(0.01, rel=0.35)
+    assert any("stuck sol" in tilt for tilt in result.tilts)
