@@ -51,7 +51,7 @@ BY_PLACES_S = 1.5
 """Limit of the bound with a memory of each place, s."""
 
 HIDDEN_BY_PLACES = 10
-"""Where the kind of sol is hidden, that bound is made for one problem of so many: it takes 2 s for each kind."""
+"""Where the kind of sol is hidden, that bound is made for one problem of so many: it takes 2 s a kind."""
 
 SLACK = 1e-6
 """Relative: the solver's tolerance."""

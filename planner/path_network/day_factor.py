@@ -108,8 +108,8 @@ def day_factors(log_time: Floats, log_energy: Floats, day: Sequence[Hashable]) -
     if time_s.days and energy_j.days:
         names = list(dict.fromkeys(day))
         number = np.array([names.index(d) for d in day], np.int64)
-        means = [np.bincount(number, x) / np.bincount(number) for x in (log_time, log_energy)]
-        if float(np.corrcoef(means)[0, 1]) <= 0.0:
+        times, energies = (np.bincount(number, x) / np.bincount(number) for x in (log_time, log_energy))
+        if float((times - times.mean()) @ energies) <= 0.0:
             energy_j = NO_FACTOR
     return time_s, energy_j
 

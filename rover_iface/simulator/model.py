@@ -62,34 +62,21 @@ class SolOdds:
     drive_energy: tuple[float, ...] = ()
     energy: tuple[float, ...] = ()
 
-    @staticmethod
-    def of(document: Document) -> SolOdds:
-        """Return those that a problem document states."""
-        kinds = document.get("sol_kinds") or ()
-
-        def factors(name: str) -> tuple[float, ...]:
-            return tuple(1.0 if kind.get(name) is None else float(kind[name]) for kind in kinds)
-
-        return SolOdds(
-            tuple(str(kind["name"]) for kind in kinds),
-            tuple(float(kind["p"]) for kind in kinds),
-            factors("drive_time_factor"),
-            factors("drive_energy_factor"),
-            factors("energy_factor"),
-        )
-
     def chance(self, k: int) -> float:
         """Return the chance of kind k where the sol is of none before it."""
         left = 1.0 - math.fsum(self.p[:k])
         return min(1.0, self.p[k] / left) if left > ROUNDING else 1.0
 
     def kind(self, u: Array) -> int | None:
-        """Return the first kind k of which `u[k]` is less than its chance; None for the ordinary sol."""
+        """Return the first kind k of which `u[k]` is less than its chance; None for the ordinary sol.
+
+        `u` [MOST_SOL_KINDS] is uniform between 0 and 1.
+        """
         return next((k for k in range(len(self.p)) if u[k] < self.chance(k)), None)
 
     def factors(self, u: Array) -> tuple[float, float, float]:
         """Return the factors on times and energies of drives and on other energies of the kind that such
-        numbers draw.
+        numbers `u` [MOST_SOL_KINDS] draw.
         """
         k = self.kind(u)
         if k is None:
@@ -302,6 +289,22 @@ def _amount(value: Document) -> tuple[float, float]:
     return float(value["mean"]), float(value.get("sd", 0.0))
 
 
+def _sol_odds(document: Document) -> SolOdds:
+    """Return the kinds of sols that a problem document states."""
+    kinds = document.get("sol_kinds") or ()
+
+    def factors(name: str) -> tuple[float, ...]:
+        return tuple(1.0 if kind.get(name) is None else float(kind[name]) for kind in kinds)
+
+    return SolOdds(
+        tuple(str(kind["name"]) for kind in kinds),
+        tuple(float(kind["p"]) for kind in kinds),
+        factors("drive_time_factor"),
+        factors("drive_energy_factor"),
+        factors("energy_factor"),
+    )
+
+
 def _point(value: Sequence[float] | None) -> tuple[float, float, float] | None:
     if value is None:
         return None
@@ -382,7 +385,7 @@ def _read(document: Document, *, legacy: bool) -> AbstractModel:
         track_time_s=float(start["time_s"]),
         track_energy_j=float(start["energy_j"]),
         track_overhead_s=float(document["track_overhead_s_per_leg"]),
-        sols=SolOdds.of(document),
+        sols=_sol_odds(document),
     )
 
 

@@ -11,7 +11,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from ground.campaigns.case import Case
+from ground.campaigns.case import Case, world_text
 from ground.campaigns.causes import Causes
 from ground.campaigns.conduct import make_order, result_of, tally_of
 from ground.campaigns.events import read_event
@@ -194,22 +194,23 @@ def test_predictions_are_read_from_the_plan(tmp_path: Path) -> None:
 
 
 def test_a_rare_kind_of_sol_is_tilted_and_named(case: Case) -> None:
-    """The event is all but decided by the kind: the estimate is its probability."""
     problem = {
         **case.problem,
         "format": "problem/2",
         "sol_kinds": [{"name": "quick", "p": 0.3}, {"name": "stuck", "p": 0.01, "drive_time_factor": 10.0}],
     }
-    hidden = replace(case, problem=problem)
-    sampler = RareSampler(hidden, read_event("end_s > 6000", {}), RareOptions(pilot_runs=200, pilots=3))
-    sample = sampler.fly(1, Tilt())
-    assert ("sol_u", (0,)) in sample.coins
-    kinds = [sampler.fly(seed, Tilt(chance={("sol_u", (1,)): 0.9})) for seed in range(200)]
-    asked = [s for s in kinds if ("sol_u", (1,)) in s.coins]
-    assert 0.8 < np.mean([s.coins["sol_u", (1,)] for s in asked]) < 1.0
-    weights = [math.exp(-sampler.log_ratio(s, Tilt(chance={("sol_u", (1,)): 0.9}))) for s in kinds]
-    assert np.mean(weights) == pytest.approx(1.0, abs=0.4)
+    hidden = replace(case, world_text=world_text({**case.world, "problem": problem}))
+    event = read_event("end_s > 2600", {})
+    sampler = RareSampler(hidden, event, RareOptions(pilot_runs=200, pilots=3))
+    tilt = Tilt(chance={("sol_u", (1,)): 0.6})
+    samples = [sampler.fly(seed, tilt) for seed in range(1, 801)]
+    asked = [s.coins["sol_u", (1,)] for s in samples if ("sol_u", (1,)) in s.coins]
+    assert len(asked) / 800 == pytest.approx(0.7, abs=0.06)  # of sols that are not quick
+    assert np.mean(asked) == pytest.approx(0.6, abs=0.07)
+    weights = [math.exp(-sampler.log_ratio(s, tilt)) for s in samples]
+    assert np.mean(weights) == pytest.approx(1.0, abs=4.0 * float(np.std(weights)) / math.sqrt(800))
+    happened = np.array([event.holds(sampler.fly(seed, Tilt()).row) for seed in range(9_000, 11_000)])
     result = sampler.estimate(4000, seed=1)
-    assert result.low < 0.02
-    assert result.probability == pytest.approx(0.01, rel=0.35)
-    assert any("stuck sol" in tilt for tilt in result.tilts)
+    spread = math.hypot(result.standard_error, float(happened.std()) / math.sqrt(2000))
+    assert result.probability == pytest.approx(float(happened.mean()), abs=4.0 * spread)
+    assert any("chance of a stuck sol" in told for told in result.tilts)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from planner.problem import Problem, problem_from_dict
@@ -29,9 +31,7 @@ def generated(family: str, seed: int, *, spread: float = 0.0) -> Problem:
     rows: list[list[dict[str, object]]] = []
     for k in range(n):
         row = [_observation(rng, f"A{k + 1}", spread, place=family == "tracking" or rng.random() < 0.3)]
-        if family in ("twice", "fading") and k < 2:
-            row.append(_observation(rng, f"B{k + 1}", spread))
-        if family == "sols" and k < 2 and seed % 3 == 0:
+        if (family in ("twice", "fading") or (family == "sols" and seed % 3 == 0)) and k < 2:
             row.append(_observation(rng, f"B{k + 1}", spread))
         if family == "twice" and k < 2:  # morning and evening light
             row[0]["window_s"] = [0.0, 2500.0]
@@ -69,18 +69,18 @@ def generated(family: str, seed: int, *, spread: float = 0.0) -> Problem:
         if seed % 3 == 0:
             document["legs"] = [leg for leg in document["legs"] if leg["from"] != "T1" or leg["to"] != "T3"]
     if family == "sols":
-        document["format"] = "problem/2"
-        document["sol_kinds"] = _sol_kinds(rng)
-        if seed % 2:  # energy used then tells nothing by itself
-            document["hotel_w"] = 0.0
+        _hide_the_kind(document, rng, seed)
     if family == "fading":
         for target in document["targets"]:
             target["diminishing"] = 0.5
     return problem_from_dict(document)
 
 
-def _sol_kinds(rng: np.random.Generator) -> list[dict[str, object]]:
-    """Return one to three kinds; some pairs are told apart by observations alone, some by nothing."""
+def _hide_the_kind(document: dict[str, Any], rng: np.random.Generator, seed: int) -> None:
+    """Put in one to three kinds of sols; some pairs are told apart by observations alone, some by nothing."""
+    document["format"] = "problem/2"
+    if seed % 2:  # energy used then tells nothing by itself
+        document["hotel_w"] = 0.0
     kinds: list[dict[str, object]] = []
     for k in range(int(rng.integers(1, 4))):
         slow, hungry = float(rng.choice([1.0, 1.25, 1.5, 0.75])), float(rng.choice([1.0, 1.25, 1.5]))
@@ -94,7 +94,7 @@ def _sol_kinds(rng: np.random.Generator) -> list[dict[str, object]]:
                 "energy_factor": hungry if within else 1.0,
             }
         )
-    return kinds
+    document["sol_kinds"] = kinds
 
 
 def _observation(
