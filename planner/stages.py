@@ -51,6 +51,9 @@ PROPOSING_SHARE, GROWING_SHARE = 0.4, 0.7
 """Shares of the limit for plans proposed for known kinds of sols, together, and up to which plans are then
 polished and branched in common futures. By hand."""
 
+CONSTRAINED_SHARE = 0.3
+"""Share of the limit for one such search under a chance constraint, which asks for several. By hand."""
+
 LIVE_SET_S = 4e-4
 """Reckoned seconds of one live set of such a table. By hand: 3.3e-4 on a quick grid with ten targets."""
 
@@ -182,11 +185,14 @@ def searched(order: Order, model: Model, part: Reduction, *, quick: bool) -> Fou
 
 def _searched_in_hidden_sol(order: Order, model: Model, part: Reduction, *, quick: bool) -> Found:
     watch, tasks = order.watch, 1 + len(model.sols.chance)
+    constrained = OverrunChance.of(order.problem) is not None
+    limit_s = watch.limit_s * (CONSTRAINED_SHARE if constrained else 1.0)
+    until_s = min(GROWING_SHARE * watch.limit_s, watch.work_s() + GROWING_SHARE * limit_s)
     done = [1.0]
 
     def propose(known: Model) -> Curve:
-        limit_s = PROPOSING_SHARE * watch.limit_s / tasks
-        alone = Watch(limit_s, watch.tally, lambda _: None, begun_s=watch.tally.seconds)
+        each_s = PROPOSING_SHARE * limit_s / tasks
+        alone = Watch(each_s, watch.tally, lambda _: None, begun_s=watch.tally.seconds)
         found = searched(dataclasses.replace(order, watch=alone), known, part, quick=quick)
         done.append(found.done)
         return found.curve
@@ -198,7 +204,8 @@ def _searched_in_hidden_sol(order: Order, model: Model, part: Reduction, *, quic
         model,
         propose,
         Growth(order.max_branches, order.seed + 3, order.iterations),
-        should_stop=lambda: watch.stop(GROWING_SHARE),
+        hasty=quick and not order.quick,
+        should_stop=lambda: watch.work_s() > until_s,
         told=watch.told,
     )
     return Found(curve, done=min(done))

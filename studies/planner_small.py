@@ -39,7 +39,7 @@ from planner.solve import PlanStatus, solve
 from planner.tally import tallied
 from tests.planner.examples import visits
 from tests.planner.reference.optimum import optimum
-from tests.planner.reference.problems import FAMILIES, generated
+from tests.planner.reference.problems import ALL_FAMILIES, generated
 
 RANKED, CHECKED = 4_000, 200_000
 """Futures in which all orders are carried out, and in which the best `FINAL` of them are compared."""
@@ -89,9 +89,9 @@ def main() -> None:
     parser.add_argument("--problems", type=int, default=3000)
     parser.add_argument("--seed", type=int, default=None, help="fresh from the clock when absent")
     parser.add_argument("--seconds", type=float, default=1e9, help="ends after so many by the clock")
-    parser.add_argument("--family", choices=FAMILIES, help="one family instead of all in turn")
+    parser.add_argument("--family", choices=ALL_FAMILIES, help="one family instead of all in turn")
     options = parser.parse_args()
-    families = (options.family,) if options.family else FAMILIES
+    families = (options.family,) if options.family else ALL_FAMILIES
     seed = options.seed if options.seed is not None else time.time_ns() % 1_000_000_000
     print(f"seed {seed}")
     rng, began = np.random.default_rng(seed), time.monotonic()

@@ -10,11 +10,12 @@ of each kind given the progress so far (Bayes), without a state for them.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Set
 
 from planner.contingency.order_in_futures import Order, order_in_futures
 from planner.contingency.sampled_branches import Curve, better_by_branches, grow_branches
-from planner.contingency.sampled_futures import FITTED, Growth
+from planner.contingency.sampled_futures import FITTED, SCANNED, Growth
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
@@ -28,22 +29,31 @@ MOST_ORDERED = 8
 """Observations up to which the order of the main line is searched in futures. By hand: with eight a round of
 some 120 changes takes a second."""
 
+MOST_ENUMERATED = 5
+"""Observations up to which every order is tried: 325 orders take a third of a second. By hand."""
+
+COMPARED, BEGUN = 6, 2
+"""Orders that are compared in many futures, and those of them that the search is begun from. By hand."""
+
 
 def plans_in_hidden_sol(
     model: Model,
     propose: Propose,
     growth: Growth,
     *,
+    hasty: bool = False,
     should_stop: Callable[[], bool],
     told: Callable[[Plan, float], None],
 ) -> Curve:
     """Return the best plans found with at most 0, 1, 2, ... branches, with their means in common futures.
 
-    Plans whose main line lacks what must be done are left out. Empty if no plan is proposed.
+    Plans whose main line lacks what must be done are left out. Empty if no plan is proposed. A `hasty` search
+    takes what is proposed for the means and deviations over the kinds: enough to try a multiplier.
     """
     must = {str(model.observation_ids[m]) for m in range(model.m) if model.must_do[m]}
     proposed: dict[Plan, None] = {}
-    for known in (model.mixed(), *(known for _, known in model.by_kind)):
+    told_kinds = () if hasty else model.by_kind
+    for known in (model.mixed(), *(known for _, known in told_kinds)):
         if proposed and should_stop():
             break
         proposed.update((plan, None) for _, plan in propose(known) if plan)
@@ -52,11 +62,12 @@ def plans_in_hidden_sol(
         return []
     best = max(values, key=lambda plan: values[plan])
     told(best, values[best])
+    if hasty:
+        return _by_branches(values, growth.max_branches)
+    if not must and (model.m <= MOST_ENUMERATED or (model.m <= MOST_ORDERED and not should_stop())):
+        values |= _valued(model, _ordered(model, values, growth.seed, should_stop), must, growth.seed)
     lines = [plan for plan in values if not count_branches(plan)]
     line = max(lines, key=lambda plan: values[plan], default=best)
-    if not must and model.m <= MOST_ORDERED and not should_stop():
-        line = _ordered(model, line, growth.seed)
-        values |= _valued(model, [line], must, growth.seed)
     curves = [_by_branches(values, growth.max_branches)]
     for start in dict.fromkeys((line, best)):
         if not growth.max_branches or should_stop():
@@ -83,17 +94,26 @@ def _line(plan: Plan) -> list[str]:
     return [str(step.observation) for step in plan if isinstance(step, Observe | Visit)]
 
 
-def _ordered(model: Model, line: Plan, seed: int) -> Plan:
-    """Return the best order found in futures, begun from that of a plan and from the route on mean values."""
-    begin: list[Order] = [tuple(model.number_of[name] for name in dict.fromkeys(_line(line)))]
-    begin.append(mean_seed(model))
-    plans = {order: route_plan(model, order) for order in begin if order}
-    if not plans:
-        return line
-    means = {order: float(simulate(model, plans[order], FITTED, seed=seed).utility.mean()) for order in plans}
-    best = max(plans, key=lambda order: means[order])
-    plan = route_plan(model, order_in_futures(model, best, seed=seed))
-    return without_unused_tracks(model, plan) if plan else line
+def _ordered(model: Model, plans: Iterable[Plan], seed: int, should_stop: Callable[[], bool]) -> list[Plan]:
+    """Return plans that follow the best orders found in futures.
+
+    The search begins from the main lines of plans and from the routes on mean values of each kind; where
+    there are few orders, from the best of all.
+    """
+    lines: list[Order] = [tuple(model.number_of[name] for name in dict.fromkeys(_line(p))) for p in plans]
+    lines += [mean_seed(known) for known in (model, *(known for _, known in model.by_kind))]
+    if model.m <= MOST_ENUMERATED:
+        for count in range(1, model.m + 1):
+            lines += itertools.permutations(range(model.m), count)
+    found = [order for order in dict.fromkeys(lines) if order and model.admits(sum(1 << m for m in order))]
+    for futures, kept in ((SCANNED, COMPARED), (FITTED, BEGUN)):
+        means = {
+            order: float(simulate(model, route_plan(model, order), futures, seed=seed).utility.mean())
+            for order in found
+        }
+        found = sorted(means, key=lambda order: -means[order])[:kept]
+    orders = [order if should_stop() else order_in_futures(model, order, seed=seed) for order in found]
+    return [without_unused_tracks(model, route_plan(model, order)) for order in dict.fromkeys(orders)]
 
 
 def _by_branches(values: dict[Plan, float], most: int) -> Curve:

@@ -14,11 +14,14 @@ from hypothesis import strategies as st
 from benchmarks.common.draws import draw_table, earned
 from benchmarks.executive_equality import compare
 from planner.amounts_of_sol import mixed, on_kind
-from planner.contingency.bounds import flow_bound, relaxed_bound, upper_bound
+from planner.contingency.bounds import MARGIN, flow_bound, relaxed_bound, upper_bound
+from planner.contingency.policy import Moves, Policy
+from planner.contingency.priced_bound import priced_bound
 from planner.contingency.sampled_branches import grow_branches
 from planner.contingency.sampled_futures import Growth
 from planner.errors import PlannerError, ProblemError
 from planner.evaluate.grid import Grid
+from planner.evaluate.majorant import Majorant
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import estimate, resume, simulate
 from planner.evaluate.program import compile_plan
@@ -190,6 +193,19 @@ def test_the_bound_is_above_the_best_policy_that_remembers_its_history(seed: int
     assert best <= told + 1e-9
     result = solve(problem, max_branches=3, time_limit_s=1.0, quick=True, seed=seed)
     assert result.lower <= best + 1e-6
+
+
+@pytest.mark.parametrize("seed", [6, 7])
+def test_each_bound_is_one_where_it_is_made_for_each_kind(seed: int) -> None:
+    problem = generated("sols", seed)
+    model, best = Model.of(problem), optimum(problem)
+    for bound in (
+        lambda known: Policy(Majorant(known, 9, 8), moves=Moves.ALL).best() * (1.0 + MARGIN),
+        lambda known: relaxed_bound(known).value,
+        lambda known: flow_bound(known, limit_s=0.5),
+        lambda known: priced_bound(known, limit_s=0.3),
+    ):
+        assert sum(chance * bound(known) for chance, known in model.by_kind) >= best - 1e-6
 
 
 def test_the_best_policy_is_worth_less_where_only_observations_tell_the_kind() -> None:
