@@ -142,6 +142,19 @@ def test_grid_samples_and_table_agree_on_a_plan_that_reads_its_progress() -> Non
     assert value == pytest.approx(sum(parts))
 
 
+@pytest.mark.parametrize("kind", [SLOW, HUNGRY, SolKind("mild", 0.5, energy_factor=0.5)])
+def test_a_kind_that_is_sure_to_come_is_the_problem_with_its_amounts(kind: SolKind) -> None:
+    """The hotel load alone uses up the energy here before the time is over, on a mild sol later."""
+    sure = hidden(dataclasses.replace(kind, p=1.0), time_s=9000.0, energy_j=250e3)
+    known = Model.of(on_kind(sure, kind))
+    plan = visits(sure, "O1", "O2", "O3")
+    one, two = (simulate(model, plan, 4000, seed=2) for model in (Model.of(sure), known))
+    assert one.utility == pytest.approx(two.utility)
+    assert one.energy_j == pytest.approx(two.energy_j)
+    assert Model.of(sure).within_reach().t_max_s == pytest.approx(known.within_reach().t_max_s)
+    assert Evaluator(Model.of(sure)).value(plan).value == pytest.approx(Evaluator(known).value(plan).value)
+
+
 def test_the_factor_is_shared_by_all_drives_of_a_sol() -> None:
     """Independent drives with the same means and deviations spread less than those of one slow sol."""
     problem = hidden(SolKind("slow", 0.5, 3.0), loss=0.0, time_s=50_000.0, energy_j=2e7)
@@ -288,12 +301,19 @@ FACTOR = st.floats(0.25, 4.0, width=16)
 
 
 @settings(max_examples=15, deadline=None)
-@given(problems(), st.lists(st.tuples(FACTOR, FACTOR, FACTOR), min_size=1, max_size=3), st.integers(0, 99))
+@given(
+    problems(),
+    st.lists(st.tuples(FACTOR, FACTOR, FACTOR), min_size=1, max_size=3),
+    st.floats(0.0625, 0.625, width=16),
+    st.integers(0, 99),
+)
 def test_any_plan_means_the_same_to_evaluator_and_executive(
-    problem: Problem, factors: list[tuple[float, float, float]], seed: int
+    problem: Problem, factors: list[tuple[float, float, float]], spent: float, seed: int
 ) -> None:
     kinds = tuple(SolKind(f"kind {k}", 0.3, *three) for k, three in enumerate(factors))
     problem = dataclasses.replace(problem, sol_kinds=kinds)
     names = [str(o.id) for o in problem.observations][:4]
     plan = visits(problem, *names, *names[:1], on_fail=OnFail.SKIP)
+    hungry = EnergyCondition(Comparison.GE, spent * problem.budget.usable_energy_j)
+    plan = (*plan[:-2], Branch((Option((hungry,), (), "hungry"),)), *plan[-2:])
     assert not compare(problem_to_dict(problem), PlanTree(problem.name, plan), 40, seed)

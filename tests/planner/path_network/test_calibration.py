@@ -229,6 +229,18 @@ def test_days_that_differ_have_a_factor_within_its_error() -> None:
     assert 0.6 < float(np.std(errors)) < 1.6
 
 
+def test_what_scatters_within_days_is_not_counted_between_them() -> None:
+    rng = np.random.default_rng(4)
+    day = np.repeat(np.arange(40), 3)
+    squares = []
+    for _ in range(200):
+        ratios = 0.15 * rng.standard_normal(40)[day] + 0.2 * rng.standard_normal(120)
+        found = fit_day_factor(ratios, day.tolist())
+        assert found.within_sd == pytest.approx(0.2, rel=0.35)
+        squares.append(found.between_sd**2)
+    assert np.mean(squares) == pytest.approx(0.15**2, rel=0.12)
+
+
 def test_days_that_are_alike_have_none() -> None:
     adopted = 0
     for seed in range(200):
