@@ -13,6 +13,7 @@ from planner.evaluate.monte_carlo import simulate
 from planner.large_plans import Checked
 from planner.plan_result import PlanResult, PlanStatus, Progress
 from planner.plan_tree import PlanTree, count_branches, planned_observations, with_ids
+from planner.sol_kind import all_kinds
 from planner.stages import LONG_SHARE, Chosen, Order, annotated, bounded
 from planner.strategies import Found
 from planner.tally import StoppedError
@@ -107,9 +108,20 @@ def with_plan(
             curve=tuple(choice.values),
             evaluator=evaluator or choice.evaluator,
             searched=found.done,
-            reasons=(*(notes or part.notes), *why_unbranched(order, found, tree)),
+            reasons=(*(notes or part.notes), *why_unbranched(order, found, tree), *of_kinds(order)),
             regret_left=None if known is None else max(0.0, known - expected),
         ),
+    )
+
+
+def of_kinds(order: Order) -> tuple[str, ...]:
+    """Return what the bound leaves out where the kind of sol is hidden."""
+    if not order.problem.sol_kinds or order.plan_only:
+        return ()
+    shares = ", ".join(f"{kind.name} {100.0 * kind.p:.3g} %" for kind in all_kinds(order.problem.sol_kinds))
+    return (
+        f"the kind of sol ({shares}) is hidden from the plan; the bound is of one that is told it at the "
+        "start, so not all that is between them can be won",
     )
 
 

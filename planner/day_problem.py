@@ -122,6 +122,16 @@ def problem_of(day: Day, network: PathNetwork, costs: RoverCosts) -> DayProblem:
         "precedence": tuple((a, r) for r, request in terms.items() for a in request.after),
         "refs": dict(day.refs),
     }
+    if network.sol_kinds:
+        document["sol_kinds"] = tuple(
+            {
+                "name": kind.name,
+                "p": kind.p,
+                "drive_time_factor": kind.drive_time_factor,
+                "drive_energy_factor": kind.drive_energy_factor,
+            }
+            for kind in network.sol_kinds
+        )
     return DayProblem(problem_from_dict(problem_document(document)), stands, tuple(refused))
 
 

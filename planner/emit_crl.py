@@ -43,6 +43,7 @@ from executive.crl.values import (
     seconds_to_ms,
 )
 from planner import plan_tree as tree_of
+from planner.amounts_of_sol import mixed
 from planner.constraints.overrun import Overrun, plain
 from planner.constraints.track import tracked
 from planner.evaluate.model import Model
@@ -150,6 +151,7 @@ def _spread(name: str, amount: Random, sign: float) -> Expectation:
 
 class _Emitter:
     def __init__(self, problem: Problem, tree: PlanTree) -> None:
+        problem = mixed(problem)  # expectations are over all kinds of sols
         self.problem, self.tree = problem, tree
         self.model = Model.of(problem)
         self.observations = {o.id: o for o in problem.observations}

@@ -130,7 +130,7 @@ def _best_unbranched(model: Model, forced: int | None = None) -> tuple[float, Pl
     """
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0:
         return 0.0, ()
-    model = model.within_reach()
+    model = model.mixed().within_reach()
     policy = Policy(Grid(model, *GRID, Rounding.MID, np.float32), moves=moves_of(model))
     best: tuple[float, Plan] = (0.0 if forced is None else -np.inf, ())
     orders: list[tuple[int, ...]] = []

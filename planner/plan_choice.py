@@ -10,12 +10,15 @@ from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate, simulate
 from planner.evaluate.propagate import Evaluator
-from planner.notes import annotate
+from planner.notes import annotate, annotate_sampled
 from planner.plan_edits import without_option
 from planner.plan_tree import Plan, PlanTree, count_branches
 
 RARE_GRID = (49, 29)
 """Nodes on which the chance that an option is taken is found."""
+
+RARE_SEED = 11
+"""Of the futures in which it is counted where the kind of sol is hidden."""
 
 
 def held_up(
@@ -64,8 +67,11 @@ def held_up(
 def drop_rare(model: Model, plan: Plan, least: float) -> Plan:
     """Return the plan without options taken in a smaller share of the futures than `least`."""
     while True:
-        grid = Grid(model, *RARE_GRID)
-        tree = annotate(model, grid, PlanTree("", plan))
+        tree = PlanTree("", plan)
+        if len(model.sols.chance):
+            tree = annotate_sampled(model, tree, seed=RARE_SEED)
+        else:
+            tree = annotate(model, Grid(model, *RARE_GRID), tree)
         rare = [(notes.p_taken, path) for path, notes in tree.option_notes.items() if notes.p_taken < least]
         if not rare:
             return plan

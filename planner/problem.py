@@ -3,8 +3,8 @@
 Three forms are read: `contingency/1` (one observation per target), `problem/1`, its superset (several
 observations per target, precedence, must-do, windows, diminishing value, downlink volume, energy floor,
 chance constraint, asymmetric legs with their route on the ground, references to the mission's rows), and
-`problem/2`, in which drives may fail. Times are seconds from the start of the plan, energies joules, lengths
-metres in the site frame (east, north), angles radians.
+`problem/2`, in which drives may fail and the kind of sol may be hidden. Times are seconds from the start of
+the plan, energies joules, lengths metres in the site frame (east, north), angles radians.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from planner.problem_document import (
     problem_document,
     says_all,
 )
+from planner.sol_kind import SolKind, read_kinds, written_kinds
 
 TargetId = NewType("TargetId", str)
 ObservationId = NewType("ObservationId", str)
@@ -154,7 +155,8 @@ class Problem:
 
     The first action that ends over a budget ends the run, earns nothing and costs `overrun_penalty`. Where
     `max_overrun_probability` is given, the chance of that must not exceed it. `precedence` holds pairs (a,
-    b): observation b may only be made after a was made.
+    b): observation b may only be made after a was made. One of `sol_kinds`, or the ordinary sol with the rest
+    of the probability, is drawn and hidden.
     """
 
     name: str
@@ -171,6 +173,7 @@ class Problem:
     start: Pose | None = None
     refs: Mapping[str, str] = field(default_factory=dict)
     source_format: str = "problem/1"
+    sol_kinds: tuple[SolKind, ...] = ()
 
     @property
     def observations(self) -> tuple[Observation, ...]:
@@ -244,6 +247,7 @@ def problem_from_dict(data: object, where: str = "") -> Problem:
         start=None if start is None else _pose(start),
         refs=document.get("refs") or {},
         source_format=str(data["format"]),
+        sol_kinds=read_kinds(document.get("sol_kinds") or ()),
     )
 
 
@@ -426,7 +430,7 @@ def _leg_document(leg: Leg) -> LegDocument:
 
 def problem_to_dict(problem: Problem) -> dict[str, Any]:
     """Return the JSON form of a problem, in the format it was read from if that can say all of it, else
-    `problem/1`, or `problem/2` where drives may fail.
+    `problem/1`, or `problem/2` where drives may fail or the kind of sol is hidden.
     """
     budget, start = problem.budget, problem.start
     d: ProblemDocument = {
@@ -451,6 +455,8 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
         d["refs"] = dict(problem.refs)
     if problem.precedence:
         d["precedence"] = problem.precedence
+    if problem.sol_kinds:
+        d["sol_kinds"] = written_kinds(problem.sol_kinds)
     if problem.source_format == CONTINGENCY.format and says_all(d):
         return CONTINGENCY.document(contingency_document(d))
     return problem_document(d)

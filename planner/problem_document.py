@@ -2,8 +2,8 @@
 codec.
 
 `contingency/1` holds one observation per target and is brought up to `problem/1`, its superset; in
-`problem/2` drives may fail. Members that may be absent may also be null, but for those that are true or
-false.
+`problem/2` drives may fail and the kind of sol may be hidden. Members that may be absent may also be null,
+but for those that are true or false.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NotRequired, cast
 
-from annotated_types import MaxLen, MinLen
+from annotated_types import Ge, Le, MaxLen, MinLen
 from typing_extensions import TypedDict  # pydantic asks for it before Python 3.12
 
 from mission.codec import Codec, shown
@@ -21,11 +21,15 @@ from planner.errors import ProblemError
 MAX_TARGETS = 2_000
 """By hand: all pairs of so many are four million legs."""
 
+MAX_SOL_KINDS = 12
+"""By hand: a plan is valued, and a bound made, for each; nine are three of time by three of energy."""
 
 Name = Annotated[str, MinLen(1)]
 Pair = Annotated[tuple[float, ...], MinLen(2), MaxLen(2)]
 Coordinates = Annotated[tuple[float, ...], MinLen(2), MaxLen(3)]
 """East, north and perhaps up in the site frame, metres."""
+Factor = Annotated[float, Ge(0.1), Le(10)]
+"""By hand: a sol ten times as slow, or as quick, as the amounts say is another problem."""
 
 
 @document
@@ -154,15 +158,29 @@ class _Problem(_Day):
 
 
 @document
+class SolKindDocument(TypedDict):
+    """A kind of sol: its probability, and what it multiplies times and energies of drives, and all energies,
+    with.
+    """
+
+    name: Name
+    p: Share
+    drive_time_factor: NotRequired[Factor | None]
+    drive_energy_factor: NotRequired[Factor | None]
+    energy_factor: NotRequired[Factor | None]
+
+
+@document
 class ProblemDocument(_Problem):
     """A planning problem."""
 
     legs: tuple[LegDocument, ...]
+    sol_kinds: NotRequired[Annotated[tuple[SolKindDocument, ...], MaxLen(MAX_SOL_KINDS)] | None]
 
 
 @document
 class SureProblemDocument(_Problem):
-    """A planning problem of `problem/1`, in which no drive fails."""
+    """A planning problem of `problem/1`, in which no drive fails and all sols are of one kind."""
 
     legs: tuple[SureLegDocument, ...]
 
@@ -209,8 +227,13 @@ def _problem_of(members: dict[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in found.items() if k in ProblemDocument.__annotations__}
 
 
-def _without_failures(members: dict[str, Any]) -> dict[str, Any]:
-    """Return the members of a `problem/1`, in which no drive fails, as those of `problem/2`."""
+def _of_one_kind(members: dict[str, Any]) -> dict[str, Any]:
+    """Return the members of a `problem/1`, in which no drive fails and all sols are of one kind, as those of
+    `problem/2`.
+    """
+    if members.get("sol_kinds") is not None:
+        given = len(members["sol_kinds"]) if isinstance(members["sol_kinds"], list | tuple) else 1
+        raise ProblemError(f"problem sol_kinds states {given}; kinds of sols need the format problem/2")
     legs = members.get("legs")
     for leg in legs if isinstance(legs, list) else ():
         if isinstance(leg, Mapping) and leg.get("p_fail") is not None:
@@ -229,7 +252,11 @@ def drives_fail(problem: ProblemDocument) -> bool:
 
 def says_all(problem: ProblemDocument) -> bool:
     """Return whether `contingency/1` can say all that a problem does."""
-    if not problem.keys() <= ContingencyDocument.__annotations__.keys() or drives_fail(problem):
+    if (
+        problem.get("sol_kinds")
+        or not problem.keys() <= ContingencyDocument.__annotations__.keys()
+        or drives_fail(problem)
+    ):
         return False
     if not problem["budget"].keys() <= TrackStartDocument.__annotations__.keys():
         return False
@@ -271,17 +298,20 @@ PROBLEMS = Codec(
     ProblemDocument,
     "problem/2",
     "problem",
-    upgrades={CONTINGENCY.format: ("problem/1", _problem_of), "problem/1": ("problem/2", _without_failures)},
+    upgrades={CONTINGENCY.format: ("problem/1", _problem_of), "problem/1": ("problem/2", _of_one_kind)},
     error=ProblemError,
 )
 
 SURE_DRIVES = Codec(SureProblemDocument, "problem/1", "problem", error=ProblemError)
-"""What a problem in which no drive fails is written with: older programs read it, and its digest stays."""
+"""What a problem in which no drive fails and all sols are of one kind is written with: older programs read
+it, and its digest stays.
+"""
 
 
 def problem_document(problem: ProblemDocument) -> dict[str, Any]:
     """Return a problem as a document of the oldest form, `problem/1` or later, that can say all of it."""
-    if drives_fail(problem):
+    if drives_fail(problem) or problem.get("sol_kinds"):
         return PROBLEMS.document(problem)
     sure = tuple({k: v for k, v in leg.items() if k != "p_fail"} for leg in problem["legs"])
-    return SURE_DRIVES.document(cast("SureProblemDocument", {**problem, "legs": sure}))
+    said = {k: v for k, v in problem.items() if k != "sol_kinds"}
+    return SURE_DRIVES.document(cast("SureProblemDocument", {**said, "legs": sure}))

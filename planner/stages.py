@@ -14,6 +14,7 @@ from planner.constraints.overrun import OverrunChance
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
+from planner.contingency.hidden_sol import plans_in_hidden_sol
 from planner.contingency.order_in_futures import CLOSE, SCANNED, order_in_futures
 from planner.contingency.reduction import Reduction, held_by, mean_route_of, only, reduce_problem
 from planner.contingency.sampled_branches import better_by_branches
@@ -45,6 +46,13 @@ TABLE_SHARE = 0.25
 PART_SHARE, MOST_PART_S = 0.25, 60.0
 """Share of the limit for the search of a part beside a large table, and the limit up to which it grows.
 By hand: a quarter of 20 s is the 5 s after which a part was found to be better."""
+
+PROPOSING_SHARE, GROWING_SHARE = 0.4, 0.7
+"""Shares of the limit for plans proposed for known kinds of sols, together, and up to which plans are then
+polished and branched in common futures. By hand."""
+
+CONSTRAINED_SHARE = 0.3
+"""Share of the limit for one such search under a chance constraint, which asks for several. By hand."""
 
 LIVE_SET_S = 4e-4
 """Reckoned seconds of one live set of such a table. By hand: 3.3e-4 on a quick grid with ten targets."""
@@ -134,7 +142,10 @@ def tell_route(order: Order) -> None:
     plan = route_plan(model, tuple(model.number_of[name] for name in route))
     if not model.admits_plan(plan):
         return
-    value = Backward(Grid(model, *order.options.quick_nodes), compile_plan(model, plan)).total()
+    if len(model.sols.chance):
+        value = float(simulate(model, plan, SCANNED, seed=order.seed + 3).utility.mean())
+    else:
+        value = Backward(Grid(model, *order.options.quick_nodes), compile_plan(model, plan)).total()
     if value > 0.0:
         order.watch.told(plan, value)
 
@@ -166,7 +177,13 @@ def pressed(model: Model) -> Model:
 
 
 def searched(order: Order, model: Model, part: Reduction, *, quick: bool) -> Found:
-    """Return the plans that the strategy finds, by number of branches."""
+    """Return the plans that the strategy finds, by number of branches.
+
+    Where the kind of sol is hidden, the strategy is asked about each kind, and about their means and
+    deviations; of the table of a policy nothing is then told.
+    """
+    if len(model.sols.chance):
+        return _searched_in_hidden_sol(order, model, part, quick=quick)
     options = order.options
     grid = Grid(model, *(options.quick_nodes if quick else _search_nodes(model, part, options)))
     warm, watch = order.warm, order.watch
@@ -186,6 +203,34 @@ def _search_nodes(model: Model, part: Reduction, options: PlannerOptions) -> tup
     return (FINER * nt, FINER * ng) if small and _blurred(model, (nt, ng)) else (nt, ng)
 
 
+def _searched_in_hidden_sol(order: Order, model: Model, part: Reduction, *, quick: bool) -> Found:
+    watch, tasks = order.watch, 1 + len(model.sols.chance)
+    constrained = OverrunChance.of(order.problem) is not None
+    limit_s = watch.limit_s * (CONSTRAINED_SHARE if constrained else 1.0)
+    until_s = min(GROWING_SHARE * watch.limit_s, watch.work_s() + GROWING_SHARE * limit_s)
+    done = [1.0]
+
+    def propose(known: Model) -> Curve:
+        each_s = PROPOSING_SHARE * limit_s / tasks
+        alone = Watch(each_s, watch.tally, lambda _: None, begun_s=watch.tally.seconds)
+        found = searched(dataclasses.replace(order, watch=alone), known, part, quick=quick)
+        done.append(found.done)
+        return found.curve
+
+    if order.strategy != "optimal":
+        found = searched(order, model.mixed(), part, quick=quick)
+        return dataclasses.replace(found, optimum=None)
+    curve = plans_in_hidden_sol(
+        model,
+        propose,
+        Growth(order.max_branches, order.seed + 3, order.iterations),
+        hasty=quick and not order.quick,
+        should_stop=lambda: watch.work_s() > until_s,
+        told=watch.told,
+    )
+    return Found(curve, done=min(done))
+
+
 def searched_with_part(order: Order, model: Model, part: Reduction) -> Found:
     """Return the plans found, by number of branches, with those of a part where the table is large.
 
@@ -194,7 +239,7 @@ def searched_with_part(order: Order, model: Model, part: Reduction) -> Found:
     kept: a larger limit never gives less than the part's search in its share of it.
     """
     options = order.options
-    large = part.exact and part.live_sets > options.many_live_sets
+    large = part.exact and part.live_sets > options.many_live_sets and not len(model.sols.chance)
     if not large or order.quick or order.must or order.iterations is not None:
         return searched(order, model, part, quick=order.quick)
     smaller = reduce_problem(order.problem, most_live_sets=0.0)
@@ -339,18 +384,22 @@ def _main_line(plan: Plan) -> set[str]:
 def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:
     options = order.options
     futures = options.quick_check_futures if order.quick else options.check_futures
-    return Chosen(
-        *held_up(
-            model,
-            curve,
-            futures=min(futures, options.glance_futures) if order.plan_only else futures,
-            seed=order.seed + 1,
-            chance=OverrunChance.of(order.problem),
-            least_taken=order.least_taken,
-            hasty=order.quick,
-            on_fine_grids=not order.plan_only,
-        )
+    hidden = bool(len(model.sols.chance))
+    plan, check, values = held_up(
+        model,
+        curve,
+        futures=min(futures, options.glance_futures) if order.plan_only else futures,
+        seed=order.seed + 1,
+        chance=OverrunChance.of(order.problem),
+        least_taken=order.least_taken,
+        hasty=order.quick,
+        on_fine_grids=not (order.plan_only or hidden),
     )
+    if not hidden or check is None:
+        return Chosen(plan, check, values)
+    # what branches win is known from the futures of the search, what the plan earns from fresh ones
+    values = [check.mean - (values[-1] - value) for value in values]
+    return Chosen(plan, check, values, "monte-carlo")
 
 
 def bounded(order: Order, model: Model, prices: Sequence[float], lower: float = math.inf) -> float:
@@ -394,7 +443,8 @@ def annotated(order: Order, model: Model, tree: PlanTree) -> PlanTree:
     """Return the tree with notes on its steps and options, without them where the plan alone is asked for."""
     if order.plan_only:
         return tree
-    if sum(isinstance(step, TrackStart) for step in tree.plan) > order.options.most_noted_tracks:
+    tracks = sum(isinstance(step, TrackStart) for step in tree.plan)
+    if tracks > order.options.most_noted_tracks or len(model.sols.chance):
         return annotate_sampled(model, tree, seed=order.seed + 4)
     model = model.within_reach()
     return annotate(model, Grid(model, *order.options.notes_nodes), tree)

@@ -1,18 +1,18 @@
 """Rare failures: importance sampling over the draws that a run looks at.
 
 Each draw of the abstract world (time and energy of a drive or an observation, loss of a track, success of an
-observation) can be tilted: a normal number is shifted by `shift`, a yes-no draw gets another chance. A run is
-weighted by the likelihood ratio of the draws that it has looked at; which ones it looks at depends on earlier
-ones only, so the weighted mean is unbiased. Tilts are found by the cross-entropy method (Rubinstein and
-Kroese 2004, chapter 3) on pilot runs that are not used in the estimate. Final runs come from a defensive
-mixture of the tilted and the true odds (Hesterberg 1995): no weight exceeds 1 / `true_share`.
+observation, kind of sol) can be tilted: a normal number is shifted by `shift`, a yes-no draw gets another
+chance. A run is weighted by the likelihood ratio of the draws that it has looked at; which ones it looks at
+depends on earlier ones only, so the weighted mean is unbiased. Tilts are found by the cross-entropy method
+(Rubinstein and Kroese 2004, chapter 3) on pilot runs that are not used in the estimate. Final runs come from
+a defensive mixture of the tilted and the true odds (Hesterberg 1995): no weight exceeds 1 / `true_share`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +33,7 @@ Draw = tuple[str, tuple[int, ...]]
 """A draw by its array in `Future` and its index there."""
 
 NORMAL = ("leg_time_s", "leg_energy_j", "obs_time_s", "obs_energy_j")
-LOW_IS_BAD = ("leg_loss_u", "leg_fail_u")
+LOW_IS_BAD = ("leg_loss_u", "leg_fail_u", "sol_u")
 """Coins of which a number below the chance is the bad side."""
 
 
@@ -152,12 +152,16 @@ class RareSampler:
         self._model: AbstractModel = AbstractModel.from_problem(case.problem)
 
     def chance(self, draw: Draw) -> float:
-        """Return the true chance of a coin: of a loss, of a drive that fails, or of a spoilt observation."""
+        """Return the true chance of a coin: of a loss, of a drive that fails, of a kind of sol where it is
+        none before, or of a spoilt observation.
+        """
         name, place = draw
         if name == "leg_loss_u":
             return float(self._model.p_lose[place])
         if name == "leg_fail_u":
             return float(self._model.p_fail[place])
+        if name == "sol_u":
+            return self._model.sols.chance(place[0])
         return 1.0 - self._model.observations[place[0]].p_success
 
     def fly(self, seed: int, tilt: Tilt) -> Sample:
@@ -166,9 +170,13 @@ class RareSampler:
 
         noise = self._tilted(Noise.draw(self._model, seed), tilt)
         future = noise.future(self._model)
-        seen: dict[Draw, None] = {}
-        names = Future.__dataclass_fields__
-        watched: Any = Future(**{name: Seen(name, getattr(future, name), seen) for name in names})  # type: ignore[arg-type]  # looks like arrays
+        sols = self._model.sols
+        kind = sols.kind(noise.sol_u)
+        asked = len(sols.p) if kind is None else kind + 1  # kinds are drawn one after the other
+        seen: dict[Draw, None] = {("sol_u", (k,)): None for k in range(asked)}
+        names = Future.__dataclass_fields__.keys() - {"energy_factor"}
+        arrays: dict[str, Any] = {name: Seen(name, getattr(future, name), seen) for name in names}
+        watched = replace(future, **arrays)
         row = self._pilot.row(seed, watched)
         normals: dict[Draw, float] = {}
         coins: dict[Draw, bool] = {}
@@ -317,13 +325,31 @@ class RareSampler:
     def _told(self, tilt: Tilt) -> list[str]:
         """Return the strongest tilts in words."""
         found = [
-            (abs(s), f"{_words(d)} shifted by {s:+.2f} standard deviations") for d, s in tilt.shift.items()
+            (abs(s), f"{self._words(d)} shifted by {s:+.2f} standard deviations")
+            for d, s in tilt.shift.items()
         ]
         for draw, chance in tilt.chance.items():
             true = self.chance(draw)
-            found.append((abs(math.log(chance / true)), f"{_words(draw)} {chance:.3f} instead of {true:.3g}"))
+            found.append(
+                (abs(math.log(chance / true)), f"{self._words(draw)} {chance:.3f} instead of {true:.3g}")
+            )
         found.sort(reverse=True)
         return [text for _, text in found[:8]]
+
+    def _words(self, draw: Draw) -> str:
+        name, place = draw
+        if name == "sol_u":
+            return f"chance of a {self._model.sols.name[place[0]]} sol"
+        words = {
+            "leg_time_s": "time of drive",
+            "leg_energy_j": "energy of drive",
+            "leg_loss_u": "chance of a loss on drive",
+            "leg_fail_u": "chance to fail of drive",
+            "obs_time_s": "time of observation",
+            "obs_energy_j": "energy of observation",
+            "obs_success_u": "chance of failure of observation",
+        }
+        return f"{words[name]} {'-'.join(map(str, place))}"
 
 
 PROBES = 50
@@ -345,20 +371,6 @@ def _bent(u: float, true: float, tilted: float) -> float:
     if u < tilted:
         return u / tilted * true
     return true + (u - tilted) / (1.0 - tilted) * (1.0 - true)
-
-
-def _words(draw: Draw) -> str:
-    name, place = draw
-    words = {
-        "leg_time_s": "time of drive",
-        "leg_energy_j": "energy of drive",
-        "leg_loss_u": "chance of a loss on drive",
-        "leg_fail_u": "chance to fail of drive",
-        "obs_time_s": "time of observation",
-        "obs_energy_j": "energy of observation",
-        "obs_success_u": "chance of failure of observation",
-    }
-    return f"{words[name]} {'-'.join(map(str, place))}"
 
 
 def summary_line(result: RareResult) -> str:

@@ -92,14 +92,19 @@ class _Walk:
 
 
 def failure_modes(
-    tree: TreeDocument, problem: ProblemDocument, names: Mapping[str, str], *, most: int = 10
+    tree: TreeDocument,
+    problem: ProblemDocument,
+    names: Mapping[str, str],
+    *,
+    most: int = 10,
+    beside: Sequence[FailureMode] = (),
 ) -> list[FailureMode]:
     """Return the ways to lose value, the largest expected loss first.
 
     A track lost on a leg puts those observations of its target at stake that need it and were not made before
     (a mean over the ways there, where they differ); a drive that ends short all that the plan holds of the
     place it leads to; an observation may bring nothing usable (its success probability); and one that the
-    plan holds may not be come to.
+    plan holds may not be come to. `beside` are modes found elsewhere.
     """
     legs = {(leg["from"], leg["to"]): leg for leg in problem.get("legs", ())}
     observations = {
@@ -142,5 +147,5 @@ def failure_modes(
     for name, chance in walk.attempted.items():
         missed = max(0.0, 1.0 - chance)
         found.append(FailureMode(f"the {called(name)} is not come to", missed, worth(name)))
-    likely = [mode for mode in found if mode.expected_loss > 1e-9]
+    likely = [mode for mode in (*found, *beside) if mode.expected_loss > 1e-9]
     return sorted(likely, key=lambda mode: (-mode.expected_loss, mode.what))[:most]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ground.reports.failure_modes import failure_modes
 from ground.reports.figures import draw_day, undrawn
 from ground.reports.plan_drawing import boxes, target_names, to_svg
+from ground.reports.sol_kind_modes import sol_kind_modes
 
 if TYPE_CHECKING:
     from planner.plan_tree_document import TreeDocument
@@ -85,7 +86,8 @@ def tree_drawing(tree: TreeDocument, problem: ProblemDocument) -> str:
 
 def failure_table(tree: TreeDocument, problem: ProblemDocument) -> str:
     """Return what is most likely to go wrong with a plan, with what hangs on it."""
-    modes = failure_modes(tree, problem, target_names(problem))
+    beside = sol_kind_modes(tree, problem)
+    modes = failure_modes(tree, problem, target_names(problem), beside=beside)
     rows = [
         (mode.what, f"{mode.chance:.1%}", f"{mode.at_stake:g}", f"{mode.expected_loss:.2f}") for mode in modes
     ]

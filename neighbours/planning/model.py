@@ -30,6 +30,7 @@ from unified_planning.model.metrics import MaximizeExpressionOnFinalState, Overs
 from neighbours.planning.errors import PlanningFormatError
 from neighbours.planning.names import SEPARATOR, identifier
 from neighbours.planning.plan_back import WAIT
+from planner.amounts_of_sol import mixed
 from planner.constraints.registry import columns_of
 from planner.constraints.rule import MAX_BITS, Columns
 from planner.problem import START, Leg, Observation, Problem, TargetId
@@ -67,6 +68,7 @@ def foreign_problem(
     for goal in goals:
         if goal not in known:
             raise PlanningFormatError(f'goal "{goal}" names no observation of the problem')
+    problem = mixed(problem)
     return _Model(problem, columns_of(problem)[1]).whole(goals, metric)
 
 

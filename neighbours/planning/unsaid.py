@@ -67,13 +67,16 @@ def _chances(problem: Problem) -> Iterator[Unsaid]:
     short = [f"leg {leg.origin} -> {leg.to}" for leg in problem.legs if leg.p_fail > 0.0]
     if short:
         yield Unsaid(some(short), "drives may fail", "in the file each arrives")
-    if uncertain or losing or short:
+    kinds = [f"sol kind {kind.name}" for kind in problem.sol_kinds]
+    if kinds:
+        yield Unsaid(some(kinds), "the kind of sol is hidden", "the file has means over the kinds")
+    if uncertain or losing or short or kinds:
         what = "a plan there is one sequence, without branches for what may go otherwise"
         yield Unsaid("problem", what, "the file asks for the sequence")
-    if uncertain and problem.overrun_penalty > 0.0:
+    if (uncertain or kinds) and problem.overrun_penalty > 0.0:
         what = f"the penalty of {problem.overrun_penalty:g} for an end over a budget"
         yield Unsaid("problem", what, "in the file the means must fit the budgets")
-    if uncertain and problem.max_overrun_probability is not None:
+    if (uncertain or kinds) and problem.max_overrun_probability is not None:
         what = f"the limit of {problem.max_overrun_probability:g} on the chance of an end over a budget"
         yield Unsaid("problem", what, "in the file the means must fit the budgets")
 

@@ -58,6 +58,9 @@ hand."""
 MARGIN = 2e-5
 """Relative allowance for single precision in the tables."""
 
+SUMMED = 1e-12
+"""Relative allowance for the rounding of chances that sum to 1."""
+
 LATE = 2.0
 """A table that takes so much longer than reckoned (many ways back) is given up for the next coarser one."""
 
@@ -92,7 +95,14 @@ def upper_bound(
     `relaxed_bound` over start times, which knows windows, and `flow_bound` over expected drives, which knows
     where targets lie; `priced_bound`, a table on one resource that remembers what matters most; and for
     longer limits `ng_bound`, which remembers by place and leg.
+
+    Where the kind of sol is hidden, the bound is that of a planner who is told it at the start: the mean over
+    the kinds of the bounds of their own problems. Who is not told may do no more, so it holds for every
+    policy, also one that learns the kind from its progress (information relaxation: Brown, Smith and Sun
+    2010, without a penalty). Each kind has an equal share of the limit.
     """
+    if len(model.sols.chance):
+        return _told_the_kind(model, limit_s)
     best = trivial_bound(model)
     if model.t_max_s <= 0.0 or model.e_max_j <= 0.0 or best.value <= 0.0:
         return Bound(0.0, "nothing can be done")
@@ -135,6 +145,15 @@ def upper_bound(
     found.append(_by_table(_rounded_down(model, drives), len(every), down_s))
     tables = [bound for bound in found if bound is not None]
     return min([best, *tables], key=lambda bound: bound.value) if tables else relaxed()
+
+
+def _told_the_kind(model: Model, limit_s: float) -> Bound:
+    """Return the mean over the kinds of sols of the bounds where each is known."""
+    kinds = model.by_kind
+    each = [(chance, upper_bound(known, limit_s=limit_s / len(kinds))) for chance, known in kinds]
+    methods = ", ".join(dict.fromkeys(bound.method for _, bound in each))
+    value = math.fsum(chance * bound.value for chance, bound in each) * (1.0 + SUMMED)
+    return Bound(value, f"kind of sol told at the start; {methods}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,6 +218,7 @@ def relaxed_bound(model: Model, *, limit_s: float = math.inf) -> Bound:
     more often than the rover has arrived; what is begun fits in the downlink volume. Starts are rounded
     down to their cell, which only loosens these constraints.
     """
+    model.require_one_kind("a bound over start times")
     cells = LP_CELLS if model.m <= MANY_OBSERVATIONS else LP_CELLS // 4
     step = model.t_max_s / cells
     cost: list[float] = []

@@ -236,6 +236,7 @@ def flow_bound(model: Model, *, limit_s: float) -> float:
     `limit_s` are seconds of a processor as `planner.tally` reckons them: a busy machine does not loosen the
     bound.
     """
+    model.require_one_kind("a bound by expected drives")
     program = _Program(model)
     if not len(program.wanted) or not len(program.to):
         return 0.0

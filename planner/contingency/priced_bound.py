@@ -71,6 +71,7 @@ def priced_bound(model: Model, *, limit_s: float) -> float:
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them.
     """
+    model.require_one_kind("a bound by multipliers")
     until = now_s() + limit_s
     wanted = (model.utility > 0.0) & (model.chances.most > 0.0)
     here = np.bincount(model.obs_place[wanted], minlength=1)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.amounts_of_sol import mixed
 from planner.constraints.registry import columns_of
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.live_set_count import count_sets
@@ -217,10 +218,11 @@ def mean_routing(problem: Problem, share: float = 1.0) -> RoutingProblem:
     """Return the routing problem on mean values with a share of the budgets.
 
     Site 0 is the start, site k the k-th target; experiments are the observations in their order, with prizes
-    in thousandths, seconds and joules.
+    in thousandths, seconds and joules. Where the kind of sol is hidden, means are over the kinds.
     """
     from planner.orienteering import Experiment, RoutingProblem, SideLimit
 
+    problem = mixed(problem)
     places: dict[str, int] = {"start": 0, **{t.id: k + 1 for k, t in enumerate(problem.targets)}}
     count = len(places)
     hotel = problem.hotel_w

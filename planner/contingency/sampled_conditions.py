@@ -15,18 +15,30 @@ from planner.plan_tree import Comparison, Condition, EnergyCondition, TimeCondit
 SIMPLER = 1.02
 """An additional test must win by this factor."""
 
+ONE_KIND = np.zeros(0, np.int64)
+
 
 class Arrivals:
-    """Futures that come to a point: time, s, energy, J, and tracks there, each of shape (count,)."""
+    """Futures that come to a point: time, s, energy, J, and tracks there, each of shape (count,).
 
-    def __init__(self, time_s: Floats, energy_j: Floats, tracked: Ints) -> None:
-        self.time_s, self.energy_j, self.tracked = time_s, energy_j, tracked
+    `kind` is that of each sol, which no plan knows; empty where all are of one.
+    """
+
+    def __init__(self, time_s: Floats, energy_j: Floats, tracked: Ints, kind: Ints = ONE_KIND) -> None:
+        self.time_s, self.energy_j, self.tracked, self.kind = time_s, energy_j, tracked, kind
         self.by_time = np.argsort(time_s, kind="stable")
         self.by_energy = np.argsort(energy_j, kind="stable")
 
     def kept(self, place: int) -> Truths:
         """Return which futures still track the target at a place."""
         return np.asarray((self.tracked >> place) & 1 == 1)
+
+    def likeliest_kind(self, near: Truths) -> int | None:
+        """Return the kind of sol that most of some of the futures have: of largest odds given their progress.
+
+        None where all sols are of one kind.
+        """
+        return int(np.bincount(self.kind[near]).argmax()) if len(self.kind) else None
 
 
 def fitted_condition(model: Model, arrivals: Arrivals, gains: Floats, tracks: list[int]) -> Choice:

@@ -16,7 +16,7 @@ from planner.contingency.sampled_conditions import Arrivals
 from planner.evaluate.model import Floats, Model, Truths
 from planner.evaluate.monte_carlo import Futures, resume, simulate
 from planner.evaluate.program import Program, compile_plan
-from planner.evaluate.rollout import Passages, Standing
+from planner.evaluate.rollout import Passages, Standing, kinds_of
 from planner.plan_edits import with_tail
 from planner.plan_tree import Branch, Navigate, Observe, Path, Plan
 
@@ -51,7 +51,7 @@ class Line:
     """A plan, and what it earns and sees in the futures that all plans share."""
 
     def __init__(self, model: Model, plan: Plan, seed: int) -> None:
-        self.plan = plan
+        self.plan, self.seed, self.chance = plan, seed, model.sols.chance
         self.program: Program = compile_plan(model, plan, mark_ends=True)
         self.futures: Futures = simulate(model, self.program, FITTED, seed=seed, watch=True)
         assert self.futures.seen is not None
@@ -73,7 +73,9 @@ class Line:
         at = self.standing(row, count)
         there = np.zeros(count, np.bool_)
         there[at.number] = True
-        return there, Arrivals(at.time_s, at.energy_j, at.tracked)
+        hidden = len(self.chance) > 0
+        kind = kinds_of(self.chance, self.seed, at.number) if hidden else np.zeros(0, np.int64)
+        return there, Arrivals(at.time_s, at.energy_j, at.tracked, kind)
 
 
 class Sampler:

@@ -39,8 +39,9 @@ def mean_route(model: Model, state: State, t_s: float, g_j: float, *, must: int 
 
 def mean_seed(model: Model, *, must: int = 0) -> tuple[int, ...]:
     """Return the best route from the start on mean values, each placed target tracked from the start at its
-    cost.
+    cost; where the kind of sol is hidden, on means over the kinds.
     """
+    model = model.mixed()
     order: tuple[int, ...] = ()
     best_key = (-must.bit_count(), 0.0)
     for count in range(int(np.count_nonzero(model.trackable)) + 1):

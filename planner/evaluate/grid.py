@@ -105,6 +105,7 @@ class Grid:
     """
 
     def __init__(self, model: Model, nt: int, ng: int, how: Rounding = Rounding.MID, dtype: Any = np.float64):
+        model.require_one_kind("a grid")
         self.model, self.nt, self.ng, self.how, self.dtype = model, nt, ng, how, np.dtype(dtype)
         self.step_t = model.t_max_s / (nt - 1)
         self.step_g = model.e_max_j / (ng - 1)

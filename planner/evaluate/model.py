@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.amounts_of_sol import mixed, on_kind
 from planner.constraints.registry import columns_of
 from planner.constraints.rule import MAX_BITS, Chances, Rule
+from planner.errors import PlannerError
 from planner.plan_tree import Plan, ways
 from planner.problem import START, Amount, ObservationId, Problem, TargetId
+from planner.sol_kind import all_kinds
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -41,14 +45,35 @@ def _longest_s(problem: Problem) -> float:
     The day ends at the earlier of the two; an axis of time that went on would be too coarse before it.
     """
     budget = problem.budget
-    if problem.hotel_w <= 0.0:
+    hotel_w = problem.hotel_w * min((k.energy_factor for k in all_kinds(problem.sol_kinds)), default=1.0)
+    if hotel_w <= 0.0:
         return _some(budget.time_s)
-    return _some(min(budget.time_s, budget.usable_energy_j / problem.hotel_w))
+    return _some(min(budget.time_s, budget.usable_energy_j / hotel_w))
 
 
 def _some(budget: float) -> float:
     """Return a budget in s or J, or 0 where no step would fit in it."""
     return budget if budget >= LEAST else 0.0
+
+
+class Sols(NamedTuple):
+    """Kinds of sols of which one is drawn and hidden, (K,): chances, factors on times and energies of drives,
+    and on all energies (also those of drives). K is 0 where all sols are as the amounts say.
+    """
+
+    chance: Floats
+    drive_time: Floats
+    drive_energy: Floats
+    energy: Floats
+
+    @staticmethod
+    def of(problem: Problem) -> Sols:
+        """Return a problem's, the ordinary sol last."""
+        rows = [
+            (k.p, k.drive_time_factor, k.drive_energy_factor, k.energy_factor)
+            for k in (all_kinds(problem.sol_kinds) if problem.sol_kinds else ())
+        ]
+        return Sols(*np.array(rows, float).reshape(len(rows), 4).T.copy())
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +83,8 @@ class Model:
     Places are 0 (start) and 1..n (observation points, in the order of the targets). Observations are 0..m-1.
     `leg` and `obs` hold (mean T, sd T, mean G, sd G); `leg_ln` and `obs_ln` the log-normal parameters
     (mu T, sigma T, mu G, sigma G). `loss[a, b, i]` is the chance to lose target i (1..n) on the leg a -> b,
-    `fail[a, b]` that this drive fails.
+    `fail[a, b]` that this drive fails. Where the kind of sol is hidden, all amounts are those of an ordinary
+    sol, and `sols` holds the kinds.
     """
 
     problem: Problem
@@ -94,6 +120,7 @@ class Model:
     target_ids: tuple[TargetId, ...]
     observation_ids: tuple[ObservationId, ...]
     rules: tuple[Rule, ...]
+    sols: Sols
 
     @classmethod
     def of(cls, problem: Problem) -> Model:
@@ -160,7 +187,43 @@ class Model:
             target_ids=tuple(t.id for t in targets),
             observation_ids=tuple(o.id for o in observations),
             rules=rules,
+            sols=Sols.of(problem),
         )
+
+    @cached_property
+    def by_kind(self) -> tuple[tuple[float, Model], ...]:
+        """The kinds of sols: the chance of each, and the model of one that is known to be of it."""
+        if not len(self.sols.chance):
+            return ((1.0, self),)
+        kinds = all_kinds(self.problem.sol_kinds)
+        return tuple((kind.p, self._with_amounts_of(on_kind(self.problem, kind))) for kind in kinds)
+
+    def mixed(self) -> Model:
+        """Return the model with the mean and deviation of each amount over the kinds of sols; itself where
+        there is one kind.
+        """
+        return self._with_amounts_of(mixed(self.problem)) if len(self.sols.chance) else self
+
+    def _with_amounts_of(self, problem: Problem) -> Model:
+        other = Model.of(problem)
+        return replace(
+            other,
+            utility=self.utility,
+            penalty=self.penalty,
+            t_max_s=min(self.t_max_s, other.t_max_s),
+            e_max_j=min(self.e_max_j, other.e_max_j),
+        )
+
+    def require_one_kind(self, what: str) -> None:
+        """Raise if the kind of sol is hidden: `what` holds for the amounts of one kind alone.
+
+        Raises
+        ------
+        PlannerError
+            If there are several kinds of sols.
+        """
+        if len(self.sols.chance):
+            raise PlannerError(f"{what} holds one kind of sol; the model has {len(self.sols.chance)}")
 
     def within_reach(self) -> Model:
         """Return the model with budgets no larger than a plan of all its observations ever uses.
@@ -168,6 +231,13 @@ class Model:
         The nodes of a grid lie evenly over the budgets, so that a plan found and valued with a hundred times
         what it needs was worth less. Ending over these counts as ending over the budget, on the safe side.
         """
+        if len(self.sols.chance):
+            reached = [model.within_reach() for _, model in self.by_kind]
+            return replace(
+                self,
+                t_max_s=max(model.t_max_s for model in reached),
+                e_max_j=max(model.e_max_j for model in reached),
+            )
         loaded = np.count_nonzero(self.trackable)
         into = np.where(self.has_leg[:, :, None], self.leg, 0.0).max(axis=0)
         hops = 1 if self.leads_everywhere else 2

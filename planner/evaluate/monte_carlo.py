@@ -11,18 +11,32 @@ from __future__ import annotations
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from planner.evaluate.model import Floats, Model
 from planner.evaluate.program import Program, compile_plan
-from planner.evaluate.rollout import Costs, Draws, Odds, Outcome, Passages, Rows, Standing, World, roll
+from planner.evaluate.rollout import (
+    Costs,
+    Draws,
+    Odds,
+    Outcome,
+    Passages,
+    Rows,
+    Standing,
+    World,
+    kinds_of,
+    roll,
+)
 from planner.plan_tree import Plan
 from planner.tally import Step, spend
 
 CHUNK = 4096
 """Futures per chunk; sums are formed within chunks and then over chunks in order."""
+
+FEWEST = 100
+"""Futures of a kind of sol below which their deviation is not believed. By hand."""
 
 UNMARKED = np.zeros((0, 0), np.bool_)
 UNWATCHED = Passages.empty(0, 0)
@@ -61,7 +75,10 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Futures:
-    """What a plan earned and used in each of the futures 0..N-1 of a seed; arrays of length N."""
+    """What a plan earned and used in each of the futures 0..N-1 of a seed; arrays of length N.
+
+    `kind` is that of each sol and `chance` (K,) that of each kind; empty where all sols are of one.
+    """
 
     utility: Floats
     time_s: Floats
@@ -69,21 +86,43 @@ class Futures:
     overrun: np.ndarray[tuple[int], np.dtype[np.bool_]]
     row_visits: np.ndarray[tuple[int], np.dtype[np.int64]]
     seen: Passages | None = None
+    kind: np.ndarray[tuple[int], np.dtype[np.int64]] = field(default_factory=lambda: np.zeros(0, np.int64))
+    chance: Floats = field(default_factory=lambda: np.zeros(0))
 
     def estimate(self) -> Estimate:
-        """Return the summary, summed chunk by chunk so that it does not depend on the number of threads."""
+        """Return the summary, summed chunk by chunk so that it does not depend on the number of threads.
+
+        Where the kind of sol is hidden, the mean of the utility is that over the kinds of the means of their
+        futures, so how many futures are of each kind adds nothing to its error (stratification afterwards:
+        Cochran 1977, section 5A.9).
+        """
         count = len(self.utility)
         mean = math.fsum(self.utility) / count if count else 0.0
         spread = float(np.std(self.utility)) if count else 0.0
+        error = spread / math.sqrt(max(count, 1))
+        if len(self.kind):
+            mean, error = self._over_kinds(mean, error)
         return Estimate(
             mean=mean,
-            standard_error=spread / math.sqrt(max(count, 1)),
+            standard_error=error,
             standard_deviation=spread,
             mean_time_s=float(np.mean(self.time_s)) if count else 0.0,
             mean_energy_j=float(np.mean(self.energy_j)) if count else 0.0,
             overrun=float(np.mean(self.overrun)) if count else 0.0,
             futures=count,
         )
+
+    def _over_kinds(self, mean: float, error: float) -> tuple[float, float]:
+        """Return mean and error by kinds; the plain ones given where a kind has too few futures to tell."""
+        parts = [self.utility[self.kind == k] for k in range(len(self.chance))]
+        if min(map(len, parts)) < FEWEST:
+            return mean, error
+        chance = self.chance.tolist()
+        mean = math.fsum(p * math.fsum(part) / len(part) for p, part in zip(chance, parts, strict=True))
+        square = math.fsum(
+            p * p * float(part.var(ddof=1)) / len(part) for p, part in zip(chance, parts, strict=True)
+        )
+        return mean, math.sqrt(square)
 
 
 def simulate(
@@ -126,7 +165,9 @@ def simulate(
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, range(workers)))
-    return Futures(*outcome, np.sum(visits, axis=0), seen)
+    chance = model.sols.chance
+    kind = kinds_of(chance, seed, np.arange(futures)) if len(chance) else np.zeros(0, np.int64)
+    return Futures(*outcome, np.sum(visits, axis=0), seen, kind, chance)
 
 
 def _actions(program: Program) -> int:

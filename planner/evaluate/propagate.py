@@ -328,10 +328,21 @@ class GridValue:
 
 
 class Evaluator:
-    """Grids of one model, kept between plans."""
+    """Grids of one model, kept between plans.
+
+    A plan does not know the kind of sol, so where that is hidden its value is the mean over the kinds of its
+    values where they are known: exact, since its conditions read time and energy, which tell what they tell.
+    """
 
     def __init__(self, model: Model, coarse: tuple[int, int] = COARSE, fine: tuple[int, int] = FINE):
         self.model = model
+        self.kinds = (
+            [(chance, Evaluator(known, coarse, fine)) for chance, known in model.by_kind]
+            if len(model.sols.chance)
+            else []
+        )
+        if self.kinds:
+            return
         self.ratio = (fine[0] - 1) / (coarse[0] - 1)
         degenerate = model.t_max_s <= 0.0 or model.e_max_j <= 0.0
         self.grids = () if degenerate else (Grid(model, *coarse), Grid(model, *fine))
@@ -339,6 +350,13 @@ class Evaluator:
     def value(self, plan: Plan | Program) -> GridValue:
         """Return the expected utility of a plan without sampling."""
         program = plan if isinstance(plan, Program) else compile_plan(self.model, plan)
+        if self.kinds:
+            values = [(chance, one.value(program)) for chance, one in self.kinds]
+            return GridValue(
+                sum(chance * found.value for chance, found in values),
+                sum(chance * found.coarse for chance, found in values),
+                sum(chance * found.fine for chance, found in values),
+            )
         begin = run_in(self.model, program, program.entry)
         if begin.over:
             return GridValue(-self.model.penalty, -self.model.penalty, -self.model.penalty)

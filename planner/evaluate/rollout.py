@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, uint64
 
 from planner.evaluate.hashing import mix, normal, uniform
-from planner.evaluate.model import Floats, Ints, Model, Truths
+from planner.evaluate.model import Floats, Ints, Model, Sols, Truths
 from planner.evaluate.program import Program
 
 
@@ -75,6 +75,7 @@ class World(NamedTuple):
     place_bits: Ints
     target_bits: Ints
     diminishing: Floats
+    sols: Sols
 
     @staticmethod
     def of(model: Model, worth: Floats) -> World:
@@ -82,7 +83,7 @@ class World(NamedTuple):
         return World(
             model.n, model.leg_ln, model.has_leg, model.loss, model.fail, model.obs_ln, model.obs_place,
             worth, model.p_success, model.is_place, model.predecessors, model.trackable, model.place_bits,
-            model.target_bits, model.diminishing,
+            model.target_bits, model.diminishing, model.sols,
         )  # fmt: skip
 
 
@@ -96,7 +97,11 @@ class Odds(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """A table of draws, row f of each for future f: times in ticks, energies, uniforms; empty where none."""
+    """A table of draws, row f of each for future f: times in ticks, energies, uniforms; empty where none.
+
+    Amounts are as they come out on that sol; `energy` is the factor of its kind on the hotel load and on the
+    starts of tracks.
+    """
 
     leg_t: Floats  # (N, n + 1, n + 1)
     leg_g: Floats
@@ -105,13 +110,14 @@ class Draws(NamedTuple):
     obs_t: Floats  # (N, m)
     obs_g: Floats
     obs_u: Floats
+    energy: Floats  # (N,)
 
     @staticmethod
     def none() -> Draws:
         """Return the table of a run whose draws are hashes."""
         legs, observations = np.zeros((0, 0, 0)), np.zeros((0, 0))
         losses = np.zeros((0, 0, 0, 0))
-        return Draws(legs, legs, losses, legs, observations, observations, observations)
+        return Draws(legs, legs, losses, legs, observations, observations, observations, np.zeros(0))
 
 
 class Outcome(NamedTuple):
@@ -191,6 +197,39 @@ class Standing(NamedTuple):
         return Standing(bits, amounts, amounts, amounts, bits, bits, bits, bits)
 
 
+SOL_COUNTER = 2
+"""Of the draw of a future's kind of sol; counter 1 is the factor of `Correlation.day_factor_sd`."""
+
+
+@njit(inline="always")
+def _kind(below: Floats, u: float) -> int:
+    """Return the kind of sol of a number between 0 and 1, for chances `below` [K]."""
+    kind, total = 0, 0.0
+    for k in range(below.shape[0] - 1):
+        total += below[k]
+        if u >= total:
+            kind = k + 1
+    return kind
+
+
+@njit(cache=True)
+def kinds_of(chance: Floats, seed: int, number: Ints) -> Ints:
+    """Return the kind of sol that each of some futures of a seed has, for chances `chance` [K], K > 0.
+
+    `number` and what is returned have the shape (count,).
+    """
+    found = np.empty(number.shape[0], np.int64)
+    for f in range(number.shape[0]):
+        found[f] = _kind(chance, uniform(_key(seed, number[f]), SOL_COUNTER))
+    return found
+
+
+@njit(inline="always")
+def _key(seed: int, which: int) -> Any:
+    key = mix(uint64(seed) * uint64(0xD1342543DE82EF95) + uint64(which) + uint64(0x2545F4914F6CDD1D))
+    return mix(key ^ uint64(0x9E3779B97F4A7C15))
+
+
 @njit(nogil=True, cache=True)
 def roll(
     program: Rows,
@@ -214,32 +253,41 @@ def roll(
     tossed; else they are hashes of (seed, `first` + f, action), and an observation earns its mean, `worth`.
     `visits` counts passages per row, `visited` marks rows per future, `seen` holds how a future came to a
     row; each may be empty. Where `begin` is not empty, future f is number `begin.number[f]` and goes on from
-    where it stands instead of from the start.
+    where it stands instead of from the start. Where the kind of sol is hidden, it is a draw of the future.
 
     No fast mathematics: in tables of draws every comparison must fall as the executive's does.
 
     Shapes: `visits` [rows] or [0], `visited` [count, rows] or [0, 0]; the others are given with their types.
     """
     op, arg, value, go, fail, entry = program
-    per_s, t_max, e_max, hotel, penalty, track_t, track_e, track_leg, window = costs
+    per_s, t_max, e_max, usual_hotel, penalty, track_t, usual_track_e, track_leg, window = costs
     (
         n, leg_ln, has_leg, loss, fails, obs_ln, obs_place, worth, p_success, is_place, predecessors,
-        trackable, place_bits, target_bits, diminishing,
+        trackable, place_bits, target_bits, diminishing, sols,
     ) = world  # fmt: skip
     seed, day_sd, keep, p_recover = odds
-    leg_t, leg_g, leg_u, leg_fail_u, obs_t, obs_g, obs_u = draws
+    leg_t, leg_g, leg_u, leg_fail_u, obs_t, obs_g, obs_u, drawn_energy = draws
     utility, time_used, energy_used, over = outcome
     seen_t, seen_e, seen_u, seen_place, seen_tracked, seen_done, seen_closed = seen
     number, begin_t, begin_e, begin_u, begin_place, begin_tracked, begin_done, begin_closed = begin
     resumed = number.shape[0] > 0
+    hidden = sols.chance.shape[0] > 0
+    hotel, track_e, leg_s, leg_j, obs_j = usual_hotel, usual_track_e, 1.0, 1.0, 1.0
     n1 = n + 1
     day_sigma = math.sqrt(math.log1p(day_sd * day_sd))
     fresh = math.sqrt(max(0.0, 1.0 - keep * keep))
     counting, marking, watching = visits.shape[0] > 0, visited.shape[0] > 0, seen_t.shape[0] > 0
     for f in range(count):
         which = number[f] if resumed else first + f
-        key = mix(uint64(seed) * uint64(0xD1342543DE82EF95) + uint64(which) + uint64(0x2545F4914F6CDD1D))
-        key = mix(key ^ uint64(0x9E3779B97F4A7C15))
+        key = _key(seed, which)
+        if hidden:
+            if drawn:
+                obs_j = drawn_energy[f]
+            else:
+                kind = _kind(sols.chance, uniform(key, SOL_COUNTER))
+                obs_j = sols.energy[kind]
+                leg_s, leg_j = sols.drive_time[kind], sols.drive_energy[kind] * obs_j
+            hotel, track_e = usual_hotel * obs_j, usual_track_e * obs_j
         t = 0.0
         g = 0.0
         u = 0.0
@@ -293,8 +341,9 @@ def roll(
                         if keep > 0.0:
                             z = keep * last_z + fresh * z
                             last_z = z
-                        t += factor * math.exp(leg_ln[loc, i, 0] + leg_ln[loc, i, 1] * z) + track_leg * ntrk
-                        g += math.exp(leg_ln[loc, i, 2] + leg_ln[loc, i, 3] * normal(key, base + 1))
+                        took = leg_s * factor * math.exp(leg_ln[loc, i, 0] + leg_ln[loc, i, 1] * z)
+                        t += took + track_leg * ntrk
+                        g += leg_j * math.exp(leg_ln[loc, i, 2] + leg_ln[loc, i, 3] * normal(key, base + 1))
                     if t > t_max or g + hotel * (t / per_s) > e_max:
                         ended_over = True
                         break
@@ -340,7 +389,7 @@ def roll(
                 else:
                     base = 16 + n1 * n1 * (n1 + 2) + 2 * i
                     t += factor * math.exp(obs_ln[i, 0] + obs_ln[i, 1] * normal(key, base))
-                    g += math.exp(obs_ln[i, 2] + obs_ln[i, 3] * normal(key, base + 1))
+                    g += obs_j * math.exp(obs_ln[i, 2] + obs_ln[i, 3] * normal(key, base + 1))
                 if t > t_max or g + hotel * (t / per_s) > e_max:
                     ended_over = True
                     break

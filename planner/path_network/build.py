@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from mission import Pose, TerrainGrid
 from planner.path_network.consolidation import greedy_spanner
+from planner.path_network.day_factor import kinds_of_days
 from planner.path_network.drive_rules import check_rules, draw_ways
 from planner.path_network.obstacles import build_obstacles, check_request, map_bounds, outlines, place_reason
 from planner.path_network.tracking import filled, loss_exposure, sample, tracking_regions
@@ -150,6 +151,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
         hotel_w=request.rover.hotel_w,
         notes=tuple(notes),
         target_of=target_of,
+        sol_kinds=kinds_of_days(request.calibration.day_time_sd, request.calibration.day_energy_sd),
     )
 
 

@@ -10,16 +10,20 @@ A leg of length L (m), total turn R (rad), mean uphill slope tangent U and rise 
     loss      p    = 1 - exp(-(inside_per_m * x_in + outside_per_m * x_out + occluded_per_m * x_occ))
     failure   p    = 1 - exp(-fail_per_m * L)
 
+    day       all durations of a day x exp(N(0, day_time_sd)), all drive energies x exp(N(0, day_energy_sd)),
+              each over its mean (one cause: both are long or both short)
+
 with x_in, x_out and x_occ the metres driven inside a target's tracking region, outside it, and with the
 target hidden by ground. Metres outside count `1 + angle_gain_per_rad * excess` times, excess being the
-angle beyond the cone. Duration and energy increments are independent given the leg: energy used is the
-hotel load times elapsed time plus the sum of drive energies.
+angle beyond the cone. Duration and energy increments are independent given the leg and the day: energy used
+is the hotel load times elapsed time plus the sum of drive energies. The `cv` are those within a day where the
+day's factors were fitted, and of all drives else.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated
 
@@ -29,6 +33,7 @@ from annotated_types import Ge, MinLen
 
 from mission.values import NotNegative, value
 from planner.errors import ProblemError
+from planner.path_network.day_factor import NO_FACTOR, DayFactor, day_factors
 
 Text = Annotated[str, MinLen(1)]
 Count = Annotated[int, Ge(0)]
@@ -36,12 +41,13 @@ Count = Annotated[int, Ge(0)]
 
 @value
 class Calibration:
-    """Parameters of the leg model above, and their source (`calibration/2`; without failures
-    `calibration/1`).
+    """Parameters of the leg model above, and their source (`calibration/2`; without failures and factors of
+    days `calibration/1`).
 
     `legs`, `tracks` (watched on a leg), `losses` and `failures` (drives that ended short of their goal) say
     on how much evidence the numbers rest; all 0 for numbers taken from literature. The `_se_per_m` are
-    standard errors of the fitted rates; 0 for a rate that was not fitted.
+    standard errors of the fitted rates; 0 for a rate that was not fitted. `day_time_sd` and `day_energy_sd`
+    are 0 unless days differ for sure, `_se` their standard errors, `days` how many they rest on.
     """
 
     name: Text
@@ -66,6 +72,11 @@ class Calibration:
     fail_per_m: NotNegative = 0.0
     fail_se_per_m: NotNegative = 0.0
     failures: Count = 0
+    day_time_sd: NotNegative = 0.0
+    day_time_se: NotNegative = 0.0
+    day_energy_sd: NotNegative = 0.0
+    day_energy_se: NotNegative = 0.0
+    days: Count = 0
 
     def __post_init__(self) -> None:
         for name in ("name", "source"):
@@ -263,6 +274,7 @@ def fit_calibration(
     lost: npt.ArrayLike | None = None,
     failures: int = 0,
     tried_m: float = 0.0,
+    day: Sequence[Hashable] = (),
 ) -> Calibration:
     """Return a calibration fitted to driven legs; what the legs do not tell stays as in `prior`.
 
@@ -276,6 +288,8 @@ def fit_calibration(
     failures, tried_m
         Drives that failed, and metres driven by all, those too: a failure is as likely on each metre, so the
         rate that makes it most likely is their ratio.
+    day
+        The day of each leg, [n]; without them no factor of the day is looked for.
     """
     length = np.asarray(length_m, dtype=np.float64)
     turn = np.asarray(turn_rad, dtype=np.float64)
@@ -285,6 +299,11 @@ def fit_calibration(
     time_fit = fit_mean(features, duration)
     mean_s = features @ np.asarray(time_fit.coefficients)
     energy_fit = fit_mean((drive_power_w * mean_s)[:, None], energy)
+    time_day = energy_day = NO_FACTOR
+    if len(day):
+        said_s = np.maximum(mean_s, 1e-9)
+        said_j = np.maximum(energy_fit.coefficients[0] * drive_power_w * said_s, 1e-9)
+        time_day, energy_day = day_factors(np.log(duration / said_s), np.log(energy / said_j), day)
     rates = [prior.inside_per_m, prior.outside_per_m, prior.occluded_per_m]
     errors = [0.0, 0.0, 0.0]
     tracks = losses = 0
@@ -308,9 +327,9 @@ def fit_calibration(
         drive_factor=time_fit.coefficients[1],
         turn_factor=time_fit.coefficients[2],
         slope_gain=prior.slope_gain,
-        duration_cv=time_fit.cv,
+        duration_cv=_within(time_day, time_fit.cv),
         energy_factor=energy_fit.coefficients[0],
-        energy_cv=energy_fit.cv,
+        energy_cv=_within(energy_day, energy_fit.cv),
         inside_per_m=rates[0],
         outside_per_m=rates[1],
         occluded_per_m=rates[2],
@@ -324,4 +343,14 @@ def fit_calibration(
         fail_per_m=fails if tried_m > 0.0 else prior.fail_per_m,
         fail_se_per_m=fails_se if tried_m > 0.0 else prior.fail_se_per_m,
         failures=failures,
+        day_time_sd=time_day.between_sd,
+        day_time_se=time_day.error,
+        day_energy_sd=energy_day.between_sd,
+        day_energy_se=energy_day.error,
+        days=max(time_day.days, energy_day.days),
     )
+
+
+def _within(found: DayFactor, cv: float) -> float:
+    """Return the coefficient of variation of the drives of one day; of all where days do not differ."""
+    return math.sqrt(math.expm1(found.within_sd**2)) if found.days else cv

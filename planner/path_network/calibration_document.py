@@ -17,12 +17,19 @@ CALIBRATIONS = Codec(
 )
 
 
+FAILURES = ("fail_per_m", "fail_se_per_m", "failures")
+DAYS = ("day_time_sd", "day_time_se", "day_energy_sd", "day_energy_se", "days")
+"""Members of which `calibration/1` knows nothing."""
+
+
 def calibration_document(calibration: Calibration) -> dict[str, Any]:
-    """Return a calibration as a document; where no drive failed as `calibration/1`, which older programs
-    read.
+    """Return a calibration as a document; where no drive failed and days are alike as `calibration/1`, which
+    older programs read. Members of days stand only where days differ.
     """
     document = CALIBRATIONS.document(calibration)
+    if calibration.days:
+        return document
+    document = {k: v for k, v in document.items() if k not in DAYS}
     if calibration.fail_per_m or calibration.failures:
         return document
-    later = ("fail_per_m", "fail_se_per_m", "failures")
-    return {**{k: v for k, v in document.items() if k not in later}, "format": "calibration/1"}
+    return {**{k: v for k, v in document.items() if k not in FAILURES}, "format": "calibration/1"}

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from mission import KeepOut, Pose, TerrainGrid
 from planner.errors import NetworkError
 from planner.path_network.calibration import K9_CALIBRATION, Calibration
+from planner.path_network.day_factor import SharedFactor
 
 START = "start"
 
@@ -318,6 +319,8 @@ class PathNetwork:
         What a reader should know, one sentence each.
     target_of
         Observation point -> target.
+    sol_kinds
+        Kinds of sols by what the drives of a day have in common; empty where days are alike.
     """
 
     places: Mapping[str, Pose]
@@ -333,6 +336,7 @@ class PathNetwork:
     hotel_w: float = 0.0
     notes: tuple[str, ...] = ()
     target_of: Mapping[str, str] = field(default_factory=dict, repr=False)
+    sol_kinds: tuple[SharedFactor, ...] = ()
 
     @cached_property
     def _index(self) -> dict[tuple[str, str], Route]:

@@ -117,6 +117,7 @@ def _require_known(problem: Problem) -> None:
                 "",
             )
         ),
+        (next((f"sol kind {kind.name} is stated" for kind in problem.sol_kinds), "")),
         "the downlink volume is limited" if problem.budget.data_mbit is not None else "",
         "the chance of an overrun is limited" if problem.max_overrun_probability is not None else "",
     )

@@ -14,7 +14,9 @@ on this rover must earn what the planner's own evaluation earns. Its rules, thos
   one that must precede it was not made, or it needs its target tracked and the target is not;
 - otherwise it takes its drawn time and energy and is then *made*, whether or not its success coin showed a
   usable product; the action succeeds iff the coin did (result `made` tells the two kinds of failure apart);
-- a target whose observations that need the track are all made is tracked no longer.
+- a target whose observations that need the track are all made is tracked no longer;
+- one kind of sol is drawn: its factors are in the drawn amounts of the future, and that on all energies is on
+  the hotel load and on starts of tracks too.
 
 Durations are rounded to whole milliseconds, the half to even, each on its own. Energy used is the sum of the
 drawn energies in the order of the actions plus `hotel_w` times the clock in seconds.
@@ -75,8 +77,8 @@ def make_rover(
     draws
         One future: a `model.Future`, or plain arrays, a mapping or an object with its names: `leg_time_s`
         [n+1, n+1], `leg_energy_j`, `leg_loss_u` [n+1, n+1, n+1], `leg_fail_u` [n+1, n+1], `obs_time_s` [m],
-        `obs_energy_j`, `obs_success_u`; a leading axis of length 1 is allowed. Places are 0 = start, then
-        the targets in order.
+        `obs_energy_j`, `obs_success_u`, `energy_factor` [1]; a leading axis of length 1 is allowed.
+        Places are 0 = start, then the targets in order.
     faults
         Faults on demand, besides those of the world.
     progress_s
@@ -146,8 +148,10 @@ class AbstractRover(RoutineRover):
         battery_j: float | None = None,
         seed: int = 0,
     ) -> None:
+        future = Future.draw(model, seed) if future is None else future
+        energy_factor = float(future.energy_factor[0])
         super().__init__(
-            hotel_w=model.hotel_w,
+            hotel_w=model.hotel_w * energy_factor,
             battery_j=model.battery_j if battery_j is None else battery_j,
             pose=model.poses[0] or Pose(0.0, 0.0),
             out=out,
@@ -158,7 +162,8 @@ class AbstractRover(RoutineRover):
             seed=seed,
         )
         self.model = model
-        self.future = Future.draw(model, seed) if future is None else future
+        self.future = future
+        self._track_energy_j = model.track_energy_j * energy_factor
         self._terrain = terrain
         self._load_terrain = load_terrain
         self.place: int | None = 0
@@ -255,10 +260,10 @@ class AbstractRover(RoutineRover):
             return Outcome(False, "target needs no track")
         if place in self._tracked:
             return Outcome(False, "already tracked")
-        yield Step(milliseconds(self.model.track_time_s), self.model.track_energy_j)
+        yield Step(milliseconds(self.model.track_time_s), self._track_energy_j)
         self._track(place, TrackState.TRACKED, 0.95)
         self._set_range(place)
-        return Outcome(True, values={"confidence": 0.95, "energy_j": self.model.track_energy_j})
+        return Outcome(True, values={"confidence": 0.95, "energy_j": self._track_energy_j})
 
     def _track_stop(self, command: Command) -> Action:
         place = self._index.get(str(command.parameters["target"]))

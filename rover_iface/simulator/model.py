@@ -27,6 +27,12 @@ Array = NDArray[np.floating]
 START = "start"
 PROBLEM_FORMATS = ("contingency/1", "problem/1", "problem/2")
 
+MOST_SOL_KINDS = 12
+"""Kinds of sols that `problem/2` may state."""
+
+ROUNDING = 1e-9
+"""Chance below which nothing is left for a kind: chances that sum to 1 are written with sixteen digits."""
+
 
 @dataclass(frozen=True, slots=True)
 class ModelObservation:
@@ -42,6 +48,40 @@ class ModelObservation:
     energy_j: tuple[float, float]
     data_mbit: float = 0.0
     before: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SolOdds:
+    """Kinds of sols by `name`, of which one is drawn and hidden: the chance `p` of each, what it multiplies
+    times and energies of drives with, and all energies. What is left of the chances is the ordinary sol's.
+    """
+
+    name: tuple[str, ...] = ()
+    p: tuple[float, ...] = ()
+    drive_time: tuple[float, ...] = ()
+    drive_energy: tuple[float, ...] = ()
+    energy: tuple[float, ...] = ()
+
+    def chance(self, k: int) -> float:
+        """Return the chance of kind k where the sol is of none before it."""
+        left = 1.0 - math.fsum(self.p[:k])
+        return min(1.0, self.p[k] / left) if left > ROUNDING else 1.0
+
+    def kind(self, u: Array) -> int | None:
+        """Return the first kind k of which `u[k]` is less than its chance; None for the ordinary sol.
+
+        `u` [MOST_SOL_KINDS] is uniform between 0 and 1.
+        """
+        return next((k for k in range(len(self.p)) if u[k] < self.chance(k)), None)
+
+    def factors(self, u: Array) -> tuple[float, float, float]:
+        """Return the factors on times and energies of drives and on other energies of the kind that such
+        numbers `u` [MOST_SOL_KINDS] draw.
+        """
+        k = self.kind(u)
+        if k is None:
+            return 1.0, 1.0, 1.0
+        return self.drive_time[k], self.drive_energy[k] * self.energy[k], self.energy[k]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +108,7 @@ class AbstractModel:
     track_time_s: float
     track_energy_j: float
     track_overhead_s: float
+    sols: SolOdds
 
     @property
     def index(self) -> dict[str, int]:
@@ -108,7 +149,8 @@ class Future:
 
     Places as in `AbstractModel`. A tracked target i is lost on the leg a -> b iff `leg_loss_u[a, b, i]` is
     less than its chance, the drive fails iff `leg_fail_u[a, b]` is less than its own; observation k succeeds
-    iff `obs_success_u[k]` is less than its probability.
+    iff `obs_success_u[k]` is less than its probability. Amounts are as they come out on this kind of sol;
+    `energy_factor` [1] is that of the kind on the hotel load and on the starts of tracks.
     """
 
     leg_time_s: Array
@@ -118,12 +160,14 @@ class Future:
     obs_time_s: Array
     obs_energy_j: Array
     obs_success_u: Array
+    energy_factor: Array
 
     @staticmethod
     def from_arrays(table: Any, model: AbstractModel) -> Future:
         """Return a future from arrays: a mapping or any object with these names, a leading axis of 1 allowed.
 
-        `leg_fail_u` may be absent where no drive of the problem can fail.
+        `leg_fail_u` may be absent where no drive of the problem can fail, `energy_factor` where all sols are
+        of one kind.
 
         Raises
         ------
@@ -139,11 +183,13 @@ class Future:
             "obs_time_s": (m,),
             "obs_energy_j": (m,),
             "obs_success_u": (m,),
+            "energy_factor": (1,),
         }
+        needless = {"leg_fail_u": not model.p_fail.any(), "energy_factor": not model.sols.p}
         arrays = {}
         for name, shape in shapes.items():
             value = table.get(name) if isinstance(table, Mapping) else getattr(table, name, None)
-            if value is None and name == "leg_fail_u" and not model.p_fail.any():
+            if value is None and needless.get(name, False):
                 value = np.ones(shape)
             if value is None:
                 raise WorldError(f'table of draws: "{name}" is missing')
@@ -169,7 +215,8 @@ class Future:
 @dataclass(frozen=True, eq=False)
 class Noise:
     """What chance gives to one future, apart from the problem's odds: standard normal numbers behind times
-    and energies, uniform ones behind losses, failures and successes. Arrays as in `Future`.
+    and energies, uniform ones behind losses, failures, successes and kinds of sols (`sol_u`
+    [MOST_SOL_KINDS]). Other arrays as in `Future`.
 
     Two problems with the same places and observations that are given the same noise share their future.
     """
@@ -181,12 +228,13 @@ class Noise:
     obs_time_z: Array
     obs_energy_z: Array
     obs_success_u: Array
+    sol_u: Array
 
     @staticmethod
     def draw(model: AbstractModel, seed: int) -> Noise:
         """Return the noise of a seed; each array has a stream of its own."""
         n, m = len(model.targets) + 1, len(model.observations)
-        streams = [np.random.default_rng([seed, k]) for k in range(7)]
+        streams = [np.random.default_rng([seed, k]) for k in range(8)]
         return Noise(
             streams[0].standard_normal((n, n)),
             streams[1].standard_normal((n, n)),
@@ -195,19 +243,22 @@ class Noise:
             streams[3].standard_normal(m),
             streams[4].standard_normal(m),
             streams[5].random(m),
+            streams[7].random(MOST_SOL_KINDS),
         )
 
     def future(self, model: AbstractModel) -> Future:
         """Return what comes of it in a problem."""
         spread = model.spreads
+        drive_time, drive_energy, energy = model.sols.factors(self.sol_u)
         return Future(
-            spread[0].amounts(self.leg_time_z),
-            spread[1].amounts(self.leg_energy_z),
+            spread[0].amounts(self.leg_time_z, drive_time),
+            spread[1].amounts(self.leg_energy_z, drive_energy),
             self.leg_loss_u,
             self.leg_fail_u,
             spread[2].amounts(self.obs_time_z),
-            spread[3].amounts(self.obs_energy_z),
+            spread[3].amounts(self.obs_energy_z, energy),
             self.obs_success_u,
+            np.array([energy]),
         )
 
 
@@ -227,15 +278,31 @@ class LogNormal:
         spread = np.sqrt(np.log1p((sd / safe) ** 2))
         return LogNormal(np.log(safe) - spread**2 / 2, spread, mean > 0)
 
-    def amounts(self, z: Array) -> Array:
-        """Return amounts [...], rounded to thousandths, for standard normal numbers [...] in the unit of the
-        means.
+    def amounts(self, z: Array, factor: float = 1.0) -> Array:
+        """Return amounts [...] times a factor, rounded to thousandths, for standard normal numbers [...] in
+        the unit of the means.
         """
-        return np.round(np.where(self.positive, np.exp(self.middle + self.spread * z), 0.0), 3)
+        return np.round(np.where(self.positive, factor * np.exp(self.middle + self.spread * z), 0.0), 3)
 
 
 def _amount(value: Document) -> tuple[float, float]:
     return float(value["mean"]), float(value.get("sd", 0.0))
+
+
+def _sol_odds(document: Document) -> SolOdds:
+    """Return the kinds of sols that a problem document states."""
+    kinds = document.get("sol_kinds") or ()
+
+    def factors(name: str) -> tuple[float, ...]:
+        return tuple(1.0 if kind.get(name) is None else float(kind[name]) for kind in kinds)
+
+    return SolOdds(
+        tuple(str(kind["name"]) for kind in kinds),
+        tuple(float(kind["p"]) for kind in kinds),
+        factors("drive_time_factor"),
+        factors("drive_energy_factor"),
+        factors("energy_factor"),
+    )
 
 
 def _point(value: Sequence[float] | None) -> tuple[float, float, float] | None:
@@ -318,6 +385,7 @@ def _read(document: Document, *, legacy: bool) -> AbstractModel:
         track_time_s=float(start["time_s"]),
         track_energy_j=float(start["energy_j"]),
         track_overhead_s=float(document["track_overhead_s_per_leg"]),
+        sols=_sol_odds(document),
     )
 
 

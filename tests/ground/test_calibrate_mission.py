@@ -36,18 +36,21 @@ def recorded(folder: Path, number: int, *, lost: bool) -> Path:
     return record_drives(folder / f"run{number}", [(2.0 + number % 3, lost)])
 
 
-def record_drives(out: Path, drives: Sequence[tuple[float, bool]], *, short: Sequence[int] = ()) -> Path:
+def record_drives(
+    out: Path, drives: Sequence[tuple[float, bool]], *, short: Sequence[int] = (), slower: float = 1.0
+) -> Path:
     """Write what a rover on terrain records of drives of so many metres, each past a target of its own.
 
     Each begins where the first did; its target is 3 m aside, lost on the way or not, and given up after it.
-    The drives numbered in `short`, from 1 on, did not come to where they were to.
+    The drives numbered in `short`, from 1 on, did not come to where they were to. All take `slower` times as
+    long as usual.
     """
     (out / "products").mkdir(parents=True, exist_ok=True)
     journal: list[dict[str, Any]] = []
     odometry, rows = [], []
     for number, (length, lost) in enumerate(drives, start=1):
         begin_s = 2000.0 * (number - 1) + 20.0
-        end_s = begin_s + 180.0 + 100.0 * length
+        end_s = begin_s + slower * (180.0 + 100.0 * length)
         result = {"e": "result", "t": 1000 * end_s, "command": ["r", "drive", number],
                   "success": number not in short,
                   "values": {"energy_j": 9000.0 * length}}  # fmt: skip
@@ -227,3 +230,29 @@ def test_drives_that_ended_short_have_odds_and_those_that_lost_their_own_track_d
     geometry: Any = network_geometry(day)
     shown = {one["start"]: one["p_fail"] for one in geometry["segments"]}
     assert shown["start"] == pytest.approx(leg.p_fail, abs=1e-4)
+
+
+def test_days_that_were_slow_in_all_drives_become_kinds_of_sols(
+    repo: Repository, mission: Mission, tmp_path: Path
+) -> None:
+    drives = [(2.0 + 0.37 * (k * k % 7), k in (2, 5)) for k in range(1, 9)]
+    folders = [
+        record_drives(tmp_path / f"run{day}", drives, slower=slower)
+        for day, slower in enumerate((0.8, 1.0, 1.6, 0.9, 1.1, 0.7, 1.3))
+    ]
+    found = calibrate_from_folders(repo, PLANNER, mission.id, folders).calibration
+    assert found is not None
+    assert (found["format"], found["days"]) == ("calibration/2", 7)
+    assert found["day_time_sd"] == pytest.approx(0.28, abs=0.05)
+    target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
+    asked = ObservationRequestCreate(target_id=target.id, instrument="science_camera", value=5.0)
+    create_request(repo, PLANNER, mission.id, asked)
+    with repo.database.read() as session:
+        row = session.get_one(MissionRow, mission.id)
+        site = worksite(repo, session, row)
+        wanted = mission_day(repo, session, row, choose_sol(session, mission.id, None))
+    problem = site.prepare(wanted, lambda _share, _what: None).problem
+    assert problem_to_dict(problem)["format"] == "problem/2"
+    assert [kind.name for kind in problem.sol_kinds] == ["slow", "usual", "quick"]
+    slow, _, quick = (kind.drive_time_factor for kind in problem.sol_kinds)
+    assert math.log(slow / quick) == pytest.approx(2.0 * math.sqrt(3.0) * found["day_time_sd"], rel=1e-3)

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from ground.reports.failure_modes import failure_modes
+from ground.reports.sol_kind_modes import sol_kind_modes
 from tests.rover_iface.worlds import small_problem
 
 NAMES = {"T1": "Rock", "T2": "Slab"}
@@ -72,3 +73,23 @@ def test_a_drive_that_may_end_short_puts_at_stake_what_the_plan_holds_of_its_pla
     short = told["the drive from Rock to Slab ends short"]
     # both options drive to Slab: 0.6 and 0.4 of the futures
     assert (short.chance, short.at_stake) == (pytest.approx(0.2), pytest.approx(5.0))
+
+
+def test_kinds_of_sols_are_named_with_what_they_cost() -> None:
+    problem = small_problem()
+    problem |= {"format": "problem/2", "hotel_w": 0.0, "precedence": [], "overrun_penalty": 2.0}
+    problem["budget"] = {"time_s": 2100.0, "energy_j": 4e5}
+    for leg in problem["legs"]:
+        leg |= {"time_s": {"mean": 600.0}, "p_lose": {}}
+    problem["sol_kinds"] = [
+        {"name": "slow", "p": 0.25, "drive_time_factor": 1.5},
+        {"name": "quick", "p": 0.1, "drive_time_factor": 0.9},
+    ]
+    steps = [{"op": "visit", "observation": "T1-img", "target": "T1"}, {"op": "track_start", "target": "T2"}]
+    drives = [{"op": "navigate", "to": "T2"}, {"op": "navigate", "to": "T1"}]
+    document: Any = {"format": "plan-tree/2", "instance": "small", "plan": [*steps[:1], *drives]}
+    (mode,) = sol_kind_modes(document, problem)  # type: ignore[arg-type]  # a document as it is read
+    assert (mode.what, mode.chance) == ("the sol is slow", 0.25)
+    told = failure_modes(document, problem, NAMES, beside=[mode])  # type: ignore[arg-type]
+    assert mode in told
+    assert sol_kind_modes(document, small_problem()) == []  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from rover_iface.errors import WorldError
 from rover_iface.simulator.abstract_rover import AbstractRover, make_rover
 from rover_iface.simulator.faults import Fault, FaultKind, load_faults
 from rover_iface.simulator.faulty_hardware import FaultyHardware
-from rover_iface.simulator.model import AbstractModel, Future
+from rover_iface.simulator.model import AbstractModel, Future, Noise
 from rover_iface.simulator.world import load_world
 from tests.rover_iface.worlds import generated, small_problem
 from tests.shared import shared
@@ -500,3 +500,42 @@ def test_other_actions_take_the_time_of_the_profile() -> None:
     assert charged.values["charged_j"] == pytest.approx(120 * 600)
     assert do(r, "pointmast", azimuth=0.0, elevation=0.1).success
     assert not do(r, "handoff", target="T1").success
+
+
+def test_the_kind_of_sol_is_drawn_and_multiplies_what_it_says() -> None:
+    problem = small_problem()
+    problem["format"] = "problem/2"
+    problem["sol_kinds"] = [
+        {"name": "slow", "p": 0.3, "drive_time_factor": 2.0, "drive_energy_factor": 1.5},
+        {"name": "cold", "p": 0.2, "energy_factor": 3.0},
+    ]
+    plain, model = AbstractModel.from_problem(small_problem()), AbstractModel.from_problem(problem)
+    counts = [0, 0, 0]
+    for seed in range(600):
+        noise = Noise.draw(model, seed)
+        kind = model.sols.kind(noise.sol_u)
+        counts[2 if kind is None else kind] += 1
+        if seed < 40:
+            usual, found = Noise.draw(plain, seed).future(plain), noise.future(model)
+            drive_s, drive_j, every_j = {0: (2.0, 1.5, 1.0), 1: (1.0, 3.0, 3.0), None: (1.0, 1.0, 1.0)}[kind]
+            assert found.leg_time_s == pytest.approx(drive_s * usual.leg_time_s, abs=2e-3)
+            assert found.leg_energy_j == pytest.approx(drive_j * usual.leg_energy_j, abs=2e-3)
+            assert found.obs_time_s == pytest.approx(usual.obs_time_s)
+            assert found.obs_energy_j == pytest.approx(every_j * usual.obs_energy_j, abs=2e-3)
+            assert found.energy_factor == pytest.approx([every_j])
+    assert np.array(counts) / 600 == pytest.approx([0.3, 0.2, 0.5], abs=0.06)
+    cold = fixed(energy_factor=np.array([3.0]))
+    with pytest.raises(WorldError, match='"energy_factor" is missing'):
+        make_rover(problem, draws=fixed())
+    r = make_rover(problem, draws=cold)
+    placed = do(r, "trackstart", target="T1")
+    assert placed.values["energy_j"] == 600.0
+    assert r.get("energy-used") == pytest.approx(600.0 + 3.0 * 38.0 * 20.0)
+
+
+def test_kinds_whose_chances_sum_to_one_leave_no_ordinary_sol() -> None:
+    problem = small_problem()
+    problem["format"] = "problem/2"
+    problem["sol_kinds"] = [{"name": name, "p": p} for name, p in (("a", 1 / 6), ("b", 2 / 3), ("c", 1 / 6))]
+    model = AbstractModel.from_problem(problem)
+    assert None not in {model.sols.kind(Noise.draw(model, seed).sol_u) for seed in range(200)}

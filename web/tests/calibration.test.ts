@@ -24,5 +24,12 @@ describe("the odds that a mission has learned", () => {
     expect(learned?.rates.map(rate)).toEqual(["0.027 ± 0.007", "0.050, not seen", "0.150, not seen"]);
     expect([learned?.losses, learned?.tracks]).toEqual([4, 20]);
     expect([learned?.failures, learned?.legs, learned && rate(learned.short)]).toEqual([3, 12, "0.021 ± 0.012"]);
+    expect([learned?.days, learned?.between]).toEqual([0, []]);
+  });
+
+  it("say how far days are apart where they differ", () => {
+    const learned = calibrationOf({ days: 7, day_time_sd: 0.28, day_time_se: 0.08, day_energy_sd: 0 });
+    expect(learned?.days).toBe(7);
+    expect(learned?.between.map((row) => [row.where, rate(row)])).toEqual([["times", "0.280 ± 0.080"]]);
   });
 });

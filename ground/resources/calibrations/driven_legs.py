@@ -172,7 +172,7 @@ def calibrate(
     prior: Calibration | None = None,
     report: Callable[[float], None] = lambda _share: None,
 ) -> Calibration:
-    """Return the calibration that legs bear out.
+    """Return the calibration that legs bear out; a run is a day.
 
     Parameters
     ----------
@@ -228,6 +228,7 @@ def calibrate(
         lost=lost or None,
         failures=sum(leg.failed for leg in legs),
         tried_m=sum(leg.length_m for leg in legs),
+        day=[leg.run for leg in driven if leg.arrived],
     )
 
 

@@ -55,6 +55,7 @@ def ng_bound(model: Model, *, limit_s: float) -> float:
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them.
     """
+    model.require_one_kind("a bound by places")
     until = now_s() + limit_s
     wanted = Wanted.of(model)
     if not len(wanted.number) or not model.has_leg[:, 1:].any():

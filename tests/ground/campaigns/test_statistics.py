@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
 
 import numpy as np
 import pytest
 
-from ground.campaigns.case import Case
+from ground.campaigns.case import Case, world_text
 from ground.campaigns.causes import Causes
 from ground.campaigns.conduct import make_order, result_of, tally_of
 from ground.campaigns.events import read_event
@@ -190,3 +191,26 @@ def test_predictions_are_read_from_the_plan(tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text('{"expected_utility": 7.5}')
     assert expected_utility(plan) == 7.5
     assert option_odds(read_case(plan, world, "abstract").plan()) == {"stay": 0.5}
+
+
+def test_a_rare_kind_of_sol_is_tilted_and_named(case: Case) -> None:
+    problem = {
+        **case.problem,
+        "format": "problem/2",
+        "sol_kinds": [{"name": "quick", "p": 0.3}, {"name": "stuck", "p": 0.01, "drive_time_factor": 10.0}],
+    }
+    hidden = replace(case, world_text=world_text({**case.world, "problem": problem}))
+    event = read_event("end_s > 2600", {})
+    sampler = RareSampler(hidden, event, RareOptions(pilot_runs=200, pilots=3))
+    tilt = Tilt(chance={("sol_u", (1,)): 0.6})
+    samples = [sampler.fly(seed, tilt) for seed in range(1, 801)]
+    asked = [s.coins["sol_u", (1,)] for s in samples if ("sol_u", (1,)) in s.coins]
+    assert len(asked) / 800 == pytest.approx(0.7, abs=0.06)  # of sols that are not quick
+    assert np.mean(asked) == pytest.approx(0.6, abs=0.07)
+    weights = [math.exp(-sampler.log_ratio(s, tilt)) for s in samples]
+    assert np.mean(weights) == pytest.approx(1.0, abs=4.0 * float(np.std(weights)) / math.sqrt(800))
+    happened = np.array([event.holds(sampler.fly(seed, Tilt()).row) for seed in range(9_000, 11_000)])
+    result = sampler.estimate(4000, seed=1)
+    spread = math.hypot(result.standard_error, float(happened.std()) / math.sqrt(2000))
+    assert result.probability == pytest.approx(float(happened.mean()), abs=4.0 * spread)
+    assert any("chance of a stuck sol" in told for told in result.tilts)

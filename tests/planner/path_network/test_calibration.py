@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from planner.path_network import (
     fit_loss,
     fit_mean,
 )
+from planner.path_network.day_factor import fit_day_factor, kinds_of_days
 
 
 def test_maximum_likelihood_finds_the_loss_rates() -> None:
@@ -195,3 +197,96 @@ def test_drives_that_failed_have_a_rate_and_older_programs_read_what_has_none() 
     none = fit_calibration(**given, failures=0, tried_m=100.0)
     assert (none.fail_per_m, none.fail_se_per_m) == (0.0, 0.01)
     assert calibration_document(none)["format"] == "calibration/1"
+
+
+def drives_of_days(
+    seed: int, *, days: int, each: int, time_sd: float, energy_sd: float, apart: float = 1.0
+) -> dict[str, Any]:
+    """Return drives whose times and energies have a factor of the day each, moved by one normal number."""
+    rng = np.random.default_rng(seed)
+    day = np.repeat(np.arange(days), each)
+    u = rng.standard_normal(days)[day]
+    length = rng.uniform(2.0, 12.0, len(day))
+    mean_s = 300.0 + 150.0 * length
+    duration = mean_s * np.exp(time_sd * u + 0.2 * rng.standard_normal(len(day)))
+    energy = 70.0 * mean_s * np.exp(apart * energy_sd * u + 0.1 * rng.standard_normal(len(day)))
+    return {
+        "name": "runs", "source": "drawn", "prior": K9_CALIBRATION, "length_m": length,
+        "turn_rad": np.zeros(len(day)), "duration_s": duration, "energy_j": energy, "speed_m_s": 0.06,
+        "turn_rate_rad_s": 0.1, "drive_power_w": 70.0, "day": day.tolist(),
+    }  # fmt: skip
+
+
+def test_days_that_differ_have_a_factor_within_its_error() -> None:
+    errors = []
+    for seed in range(40):
+        found = fit_calibration(**drives_of_days(seed, days=20, each=5, time_sd=0.3, energy_sd=0.2))
+        assert found.days == 20
+        assert found.duration_cv == pytest.approx(0.2, abs=0.06)
+        errors.append((found.day_time_sd - 0.3) / found.day_time_se)
+        assert found.day_energy_sd == pytest.approx(0.2, abs=0.15)
+    assert abs(float(np.mean(errors))) < 0.6
+    assert 0.6 < float(np.std(errors)) < 1.6
+
+
+def test_what_scatters_within_days_is_not_counted_between_them() -> None:
+    rng = np.random.default_rng(4)
+    day = np.repeat(np.arange(40), 3)
+    squares = []
+    for _ in range(200):
+        ratios = 0.15 * rng.standard_normal(40)[day] + 0.2 * rng.standard_normal(120)
+        found = fit_day_factor(ratios, day.tolist())
+        assert found.within_sd == pytest.approx(0.2, rel=0.35)
+        squares.append(found.between_sd**2)
+    assert np.mean(squares) == pytest.approx(0.15**2, rel=0.12)
+
+
+def test_days_that_are_alike_have_none() -> None:
+    adopted = 0
+    for seed in range(200):
+        given = drives_of_days(seed, days=10, each=4, time_sd=0.0, energy_sd=0.0)
+        found = fit_calibration(**given)
+        adopted += found.days > 0
+        assert found.days or calibration_document(found)["format"] == "calibration/1"
+        if not found.days:
+            alone = fit_calibration(**{k: v for k, v in given.items() if k != "day"})
+            assert found == alone
+    assert adopted <= 12  # two tests of 1 % each: 4 are expected, 12 come once in a thousand
+    one = fit_calibration(**drives_of_days(1, days=1, each=20, time_sd=0.5, energy_sd=0.5))
+    single = fit_calibration(**drives_of_days(1, days=20, each=1, time_sd=0.5, energy_sd=0.5))
+    assert one.days == single.days == 0
+
+
+def test_an_energy_that_does_not_go_with_the_time_is_left_out() -> None:
+    found = fit_calibration(**drives_of_days(3, days=20, each=6, time_sd=0.3, energy_sd=0.3, apart=-1.0))
+    assert found.day_time_sd > 0.1
+    assert (found.day_energy_sd, found.day_energy_se) == (0.0, 0.0)
+
+
+def test_a_day_factor_is_three_kinds_of_sols_with_its_moments() -> None:
+    kinds = kinds_of_days(0.3, 0.1)
+    assert [k.name for k in kinds] == ["slow", "usual", "quick"]
+    p = np.array([k.p for k in kinds])
+    times, energies = (
+        np.array([getattr(k, name) for k in kinds]) for name in ("drive_time_factor", "drive_energy_factor")
+    )
+    assert p.sum() == pytest.approx(1.0)
+    assert (p @ times, p @ energies) == (pytest.approx(1.0, abs=1e-5), pytest.approx(1.0, abs=1e-5))
+    logs = np.log(times)
+    assert p @ (logs - p @ logs) ** 2 == pytest.approx(0.3**2, rel=1e-4)
+    assert p @ times**2 == pytest.approx(np.exp(0.3**2), rel=2e-3)
+    assert [k.name for k in kinds_of_days(0.0, 0.2)] == ["hungry", "usual", "sparing"]
+    assert {k.drive_time_factor for k in kinds_of_days(0.0, 0.2)} == {1.0}
+    assert kinds_of_days(0.0, 0.0) == ()
+    assert max(k.drive_time_factor for k in kinds_of_days(9.0, 0.0)) < 10.0
+
+
+def test_a_calibration_with_days_is_read_again() -> None:
+    found = fit_calibration(**drives_of_days(5, days=20, each=5, time_sd=0.3, energy_sd=0.2))
+    document = calibration_document(found)
+    assert document["format"] == "calibration/2"
+    assert CALIBRATIONS.from_document(document) == found
+    path = Path(__file__).parents[3] / "docs/formats/calibration-2.schema.json"
+    pytest.importorskip("jsonschema").validate(document, json.loads(path.read_text(encoding="utf-8")))
+    with pytest.raises(ProblemError, match=r"log ratios have shape \(3,\), days 2"):
+        fit_day_factor([0.0, 0.1, 0.2], [1, 2])

@@ -214,3 +214,11 @@ def test_a_drive_that_fails_costs_what_it_was_for_on_all_sols() -> None:
     assert found.upper >= expected
     assert found.plan is not None
     assert found.plan.expected_utility == pytest.approx(expected, rel=0.01)
+
+
+def test_kinds_of_sols_are_refused_by_name() -> None:
+    document = problem_document(observations=[[observation("O1")], [observation("O2")], [observation("O3")]])
+    document |= {"format": "problem/2", "sol_kinds": [{"name": "slow", "p": 0.2, "drive_time_factor": 1.5}]}
+    problem = problem_from_dict(document)
+    with pytest.raises(ProblemError, match="sol kind slow is stated; sol paths do not plan with that"):
+        solve_sols(problem, same_budgets(problem, 2), time_limit_s=0.1)
