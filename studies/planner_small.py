@@ -149,7 +149,9 @@ def _told_the_kind(model: Model, bound: Callable[[Model], float]) -> float:
 
 
 def _by_table_above(nodes: tuple[int, int], model: Model) -> float:
-    return Policy(Majorant(model, *nodes), moves=Moves.ALL).best() * (1.0 + MARGIN)
+    policy = Policy(Majorant(model, *nodes), moves=Moves.ALL)
+    # Ways back at next to no cost may not settle on few nodes; such a table bounds nothing, nor is it asked.
+    return policy.best() * (1.0 + MARGIN) if policy.complete else math.inf
 
 
 def _by_places(model: Model) -> float:

@@ -3,7 +3,8 @@
 `fixtures/v0.1.0/` was made by that version on a small yard. `mission.zip` is an archive of a mission with
 targets, requests, keep-out, drive rule, plan and dry run; `repository.zip` a whole repository as SQL (its
 data folder written as `@DATA@`) with one queued job of each kind; `package.zip` and `run.zip` are a signed
-package and its execution; `expected.json` is what that version made of them.
+package and its execution; `expected.json` is what that version made of them, but for the plan's text: drives
+are at most 1.5 % longer than the shortest since, where they were 3 %.
 """
 
 from __future__ import annotations
