@@ -12,7 +12,7 @@ from typing import NamedTuple
 from ground.errors import GroundError
 from ground.gdr.notices import Watch
 from ground.gdr.repository import Repository
-from ground.records.lookers import CHANNEL, Lookers, Word
+from ground.records.lookers import CHANNEL, Lookers
 
 logger = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ class Hub:
             self._look,
             lambda: bool(self._topics),
             self._moved,
-            others={CHANNEL: lambda text: self.lookers.take(Word.read(text))},
+            others={CHANNEL: self.lookers.hear},
         )
 
     def seen(self, topic: str) -> int | None:

@@ -24,6 +24,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from ground.errors import DamagedDataError
 from ground.gdr.as_stored import stored_rows
 from ground.gdr.base import Base, table_of, utc_now
 from ground.gdr.ids import new_id
@@ -94,33 +95,44 @@ def hold_chain(session: Session, chain_id: str) -> None:
     Whoever changes something takes the chain first and the rows behind it, as undo must: so no two wait for
     each other. The embedded database has one writer, and needs no lock.
     """
-    held = session.info.setdefault("held", set())
-    if chain_id not in held and session.get_bind().dialect.name != "sqlite":
-        session.execute(select(ChainRow.seq).where(ChainRow.id == chain_id).with_for_update())
-        held.add(chain_id)
+    if chain_id not in _held(session) and session.get_bind().dialect.name != "sqlite":
+        _lock_head(session, chain_id)
+
+
+def _held(session: Session) -> Heads:
+    """Return the heads that this transaction has locked: nobody else changes them until its end."""
+    held: Heads = session.info.setdefault("held", {})
+    return held
+
+
+@event.listens_for(Session, "after_soft_rollback")
+def _let_go(session: Session, _previous: object) -> None:
+    """Forget the heads: what a savepoint locked and wrote is undone with it."""
+    session.info.pop("held", None)
+
+
+def _lock_head(session: Session, chain_id: str) -> tuple[int, str] | None:
+    """Return the head of a chain, now locked; None if there is no such chain."""
+    query = select(ChainRow.seq, ChainRow.sha256).where(ChainRow.id == chain_id).with_for_update()
+    head = session.execute(query).one_or_none()
+    if head is None:
+        return None
+    _held(session)[chain_id] = (head.seq, head.sha256)
+    return head.seq, head.sha256
 
 
 def record(session: Session, chain_id: str, change: Change) -> EventRow:
     """Append an event to a chain, in the caller's transaction: all events of one are one act for undo.
 
-    The head is counted up first: that locks it, so events of one chain are written one after the other.
+    The head is locked first, so events of one chain are written one after the other.
     """
-    heads: Heads | None = session.info.get("heads")
-    if heads is not None and chain_id in heads:
-        number, previous = heads[chain_id][0] + 1, heads[chain_id][1]
-    else:
-        count_up = (
-            update(ChainRow)
-            .where(ChainRow.id == chain_id)
-            .values(seq=ChainRow.seq + 1)
-            .returning(ChainRow.seq, ChainRow.sha256)
-            .execution_options(synchronize_session=False)
-        )
-        head = session.execute(count_up).one_or_none()
-        if head is None and chain_id == SYSTEM:  # no server was here yet
-            open_chain(session, SYSTEM)
-        head = head or session.execute(count_up).one()
-        number, previous = head.seq, head.sha256
+    head = _held(session).get(chain_id) or _lock_head(session, chain_id)
+    if head is None and chain_id == SYSTEM:  # no server was here yet
+        open_chain(session, SYSTEM)
+        head = _lock_head(session, SYSTEM)
+    if head is None:
+        raise DamagedDataError(f"the history {chain_id} is not there")
+    number, previous = head[0] + 1, head[1]
     written = EventRow(
         chain_id=chain_id,
         seq=number,
@@ -139,10 +151,12 @@ def record(session: Session, chain_id: str, change: Change) -> EventRow:
     )
     written.sha256 = event_digest(written, previous)
     session.add(written)
-    if heads is None:
+    _held(session)[chain_id] = (number, written.sha256)
+    unwritten: set[str] | None = session.info.get("unwritten")
+    if unwritten is None:
         _set_head(session, chain_id, number, written.sha256)
     else:
-        heads[chain_id] = (number, written.sha256)
+        unwritten.add(chain_id)
     return written
 
 
@@ -162,14 +176,14 @@ def batched(session: Session, reason: str = "") -> Iterator[None]:
     The first event of a chain still locks its head. Rows that are made need not be written one by one.
     `reason` is said by all events that have none of their own.
     """
-    heads: Heads = {}
-    session.info["heads"], session.info["batch"], session.info["reason"] = heads, {}, reason
+    unwritten: set[str] = set()
+    session.info["unwritten"], session.info["batch"], session.info["reason"] = unwritten, {}, reason
     try:
         yield
-        for chain_id, (seq, sha256) in heads.items():
-            _set_head(session, chain_id, seq, sha256)
+        for chain_id in unwritten:
+            _set_head(session, chain_id, *_held(session)[chain_id])
     finally:
-        del session.info["heads"], session.info["batch"], session.info["reason"]
+        del session.info["unwritten"], session.info["batch"], session.info["reason"]
 
 
 def batch_of(session: Session) -> dict[str, set[str]] | None:

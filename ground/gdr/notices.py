@@ -29,6 +29,11 @@ TICK_S = 0.05
 AGAIN_S = 10.0
 """Everything is looked at so often even in silence: a proxy between us and the server may lose a word."""
 
+_TELL = text(
+    "SELECT pg_notify(channel, topic) FROM unnest(CAST(:channels AS text[]), CAST(:topics AS text[]))"
+    " AS words (channel, topic)"
+)
+
 Moved = Callable[[], Set[str] | None]
 """Gives the topics that changed without the database's telling it; None where there can be none."""
 Heard = Callable[[Set[str] | None], None]
@@ -36,21 +41,32 @@ Heard = Callable[[Set[str] | None], None]
 
 
 def tell_of(session: Session) -> None:
-    """Let a session on PostgreSQL tell of the rows with a topic that it writes."""
-    event.listen(session, "after_flush", _tell)
-
-
-def _tell(session: Session, _context: Any) -> None:
-    topics = {getattr(row, "topic", None) for row in (*session.new, *session.dirty)} - {None}
-    for topic in sorted(str(topic) for topic in topics):
-        tell(session, topic)
+    """Let a session on PostgreSQL tell of the rows with a topic that it writes, and what `tell` was given."""
+    event.listen(session, "after_flush", _note_rows)
+    event.listen(session, "before_commit", _tell_all)
 
 
 def tell(session: Session, topic: str, channel: str = CHANNEL) -> None:
     """Tell of a topic when the session's transaction is committed, where the database can."""
-    connection = session.connection()
-    if connection.dialect.name == "postgresql":
-        connection.execute(text("SELECT pg_notify(:channel, :topic)"), {"channel": channel, "topic": topic})
+    session.info.setdefault("words", set()).add((channel, topic))
+
+
+def _note_rows(session: Session, _context: Any) -> None:
+    for row in (*session.new, *session.dirty):
+        topic = getattr(row, "topic", None)
+        if topic is not None:
+            tell(session, str(topic))
+
+
+def _tell_all(session: Session) -> None:
+    """Tell everything in one statement: a row flushed five times was told five times, at 1 ms each."""
+    if session.in_nested_transaction():
+        return
+    session.flush()
+    words = sorted(session.info.pop("words", ()))
+    if words:
+        channels, topics = map(list, zip(*words, strict=True))
+        session.connection().execute(_TELL, {"channels": channels, "topics": topics})
 
 
 class Watch:

@@ -6,13 +6,15 @@ import contextlib
 import json
 import logging
 import socket
+import sys
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
+from functools import lru_cache
 from multiprocessing import parent_process
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from ground.cluster import Cluster, do_as, program
@@ -24,6 +26,9 @@ from ground.spare_memory import OF_JOBS, keep_together
 from ground.tracing import Part, noting_parts, now_ns, this_place, within
 from mission import MissionError
 from mission.codec import Codec
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 STOP_LOOK_S = 0.02
 """How late work may learn that it is to stop: a look at each event of a run took a fifteenth of its time."""
@@ -88,6 +93,17 @@ def peak_bytes() -> int:
     return 0
 
 
+@lru_cache(maxsize=1)
+def _libraries(_modules: int) -> ThreadpoolController:
+    """Return the libraries that have threads; with more modules loaded, which may have brought one, anew.
+
+    To look for them takes 2 ms, a twentieth of a dry run.
+    """
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
 def run_work(
     work: Work,
     orders: Codec[Any],
@@ -103,8 +119,6 @@ def run_work(
     JobFailedError
         If the order in the job's row cannot be read: it is of a newer version, or damaged.
     """
-    from threadpoolctl import threadpool_limits
-
     channel = _Channel(folder, name)
     try:
         order = orders.from_document(payload)
@@ -112,7 +126,11 @@ def run_work(
         raise JobFailedError(str(err)) from err
     forget_peak()
     began_ns = now_ns()
-    with threadpool_limits(limits=1), within(traceparent), noting_parts(bool(traceparent)) as parts:
+    with (
+        _libraries(len(sys.modules)).limit(limits=1),
+        within(traceparent),
+        noting_parts(bool(traceparent)) as parts,
+    ):
         result = work(order, channel.report, channel.should_stop)
     done = Done(result, began_ns, now_ns(), this_place(), peak_bytes(), tuple(parts))
     if parent_process() is not None:  # a process for jobs alone: in a server's own, the server gives back

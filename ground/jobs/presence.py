@@ -11,7 +11,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -19,6 +19,8 @@ from ground.durable import make_folder
 
 BEAT_S = 10.0
 """How often a worker says that it is there."""
+HASTE_S = 1.0
+"""How soon after it spoke it speaks again of how much it does: short jobs change that ten times a second."""
 GONE_S = 45.0
 """A worker that missed four beats is gone; a slow engine or a full disk costs one or two."""
 FORGOTTEN_S = 2 * 86_400.0
@@ -45,7 +47,9 @@ class Presence:
 
 
 class Beat:
-    """Says every ten seconds that a worker is there, and at once when something of it changed."""
+    """Says every ten seconds that a worker is there, and sooner when something of it changed: trouble at
+    once, how much it does at the first look a second after the last word.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -55,7 +59,7 @@ class Beat:
     def say(self, presence: Presence, tally: Callable[[], str] | None = None) -> None:
         """Write the file if it is time, and beside it what was counted; a folder that takes none has none."""
         now = time.monotonic()
-        if presence == self._last and now - self._at < BEAT_S:
+        if now - self._at < self._patience_s(presence):
             return
         with contextlib.suppress(OSError):
             make_folder(self._folder)
@@ -66,6 +70,11 @@ class Beat:
             for old in self._folder.iterdir():
                 if old.is_file() and time.time() - old.stat().st_mtime > FORGOTTEN_S:
                     old.unlink(missing_ok=True)
+
+    def _patience_s(self, presence: Presence) -> float:
+        if self._last is None or replace(self._last, running=presence.running) != presence:
+            return 0.0
+        return BEAT_S if self._last == presence else HASTE_S
 
     def _write(self, name: str, suffix: str, text: str) -> None:
         path = _path(self._folder, name, suffix)

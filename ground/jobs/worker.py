@@ -83,8 +83,8 @@ class Worker:
     TOLD_LOOK_S = 5.0
     """Where the database tells what waits and what is to stop: for leases that ran out, and words lost."""
 
-    YOUNG_S = 0.15
-    """Work tells no progress before: short work is over by then, and a row written costs a tenth of it."""
+    YOUNG_S = 0.5
+    """Work tells no progress before: a dry run is over by then, and a row written costs a tenth of it."""
 
     CANCEL_S = 0.3
     """Least time between two looks whether a job is to stop."""

@@ -7,10 +7,11 @@ mission, and a row for each word of a page would be thousands a day. Servers on 
 
 from __future__ import annotations
 
+import secrets
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import orjson
 
@@ -49,13 +50,9 @@ class Word:
     looker: Looker
     gone: bool = False
 
-    def text(self) -> str:
-        """Return it as servers tell it each other."""
-        return orjson.dumps(self).decode()
-
     @classmethod
     def read(cls, text: str) -> Word:
-        """Return what another server told."""
+        """Return what a server told."""
         told = orjson.loads(text)
         looker = told["looker"]
         selected = None if looker["selected"] is None else Selected(**looker["selected"])
@@ -77,6 +74,16 @@ class Lookers:
         """By mission, then by person and page: when it was said last, and what."""
         self._numbers: dict[str, int] = {}
         self._last = 0
+        self._server = secrets.token_hex(8)
+
+    def text(self, word: Word) -> str:
+        """Return a word as this server tells it the others."""
+        return orjson.dumps({**asdict(word), "server": self._server}).decode()
+
+    def hear(self, text: str) -> None:
+        """Take in what a server told, unless it was this one: its own word comes back late, behind newer."""
+        if self._server not in text:
+            self.take(Word.read(text))
 
     def take(self, word: Word) -> bool:
         """Take a word in; return whether others see a change by it."""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import psycopg
 import pytest
 import typer
 from sqlalchemy import create_engine, event, text
+from sqlalchemy.exc import OperationalError
 
 from ground.cli.failure import refusals
 from ground.gdr.database import Database
+from ground.gdr.notices import CHANNEL, tell
 from ground.gdr.repository import open_repository
 from ground.records.actor import Actor, Role
 from ground.resources.people.accounts import create_person, ensure_profiles
@@ -76,3 +79,92 @@ def test_a_connection_that_is_lost_in_a_request_is_told_in_words(
     repo.database.dispose()
     server.dispose()
     postgres.drop(address)
+
+
+@pytest.mark.postgres
+def test_what_is_asked_often_stays_prepared_after_reads(postgres: PostgresServer) -> None:
+    address = postgres.clone()
+    database = Database(address)
+    try:
+        for _ in range(8):
+            with database.read() as session:
+                session.execute(text("SELECT id FROM missions")).all()
+        with database.read() as session:
+            held = session.execute(text("SELECT statement FROM pg_prepared_statements")).scalars().all()
+        assert "SELECT id FROM missions" in held
+    finally:
+        database.dispose()
+        postgres.drop(address)
+
+
+@pytest.mark.postgres
+def test_a_connection_that_is_lost_at_the_end_of_a_read_is_the_error_that_callers_know(
+    postgres: PostgresServer,
+) -> None:
+    address = postgres.clone()
+    database, server = Database(address), create_engine(postgres.address)
+
+    def lose() -> None:
+        with database.read() as session, server.connect() as connection:
+            assert session.execute(text("SELECT count(*) FROM missions")).scalar() == 0
+            connection.execute(text(CLOSE), {"name": database.url.database})
+
+    try:
+        with pytest.raises(OperationalError):
+            lose()
+        with database.read() as session:
+            assert session.execute(text("SELECT count(*) FROM missions")).scalar() == 0
+    finally:
+        server.dispose()
+        database.dispose()
+        postgres.drop(address)
+
+
+@pytest.mark.postgres
+def test_a_read_that_fails_is_rolled_back(postgres: PostgresServer) -> None:
+    address = postgres.clone()
+    database = Database(address)
+
+    def fail() -> None:
+        with database.read() as session:
+            session.execute(text("CREATE TABLE left_behind (id integer)"))
+            raise KeyError
+
+    try:
+        with pytest.raises(KeyError):
+            fail()
+        with database.read() as session:
+            assert session.execute(text("SELECT to_regclass('left_behind')")).scalar() is None
+    finally:
+        database.dispose()
+        postgres.drop(address)
+
+
+@pytest.mark.postgres
+def test_a_transaction_tells_all_its_words_at_once(postgres: PostgresServer, tmp_path: Path) -> None:
+    address = postgres.clone()
+    repo = open_repository(settings_for(tmp_path / "data", address))
+    ensure_profiles(repo)
+    told: list[object] = []
+
+    def note(_connection: object, _cursor: object, statement: str, given: object, *_rest: object) -> None:
+        if "pg_notify" in statement:
+            told.append(given)
+
+    event.listen(repo.database.write_engine, "before_cursor_execute", note)
+    plain = repo.database.url.set(drivername="postgresql").render_as_string(hide_password=False)
+    try:
+        with psycopg.connect(plain, autocommit=True) as listener:
+            listener.execute(f"LISTEN {CHANNEL}")
+            with repo.database.write() as session:
+                tell(session, "one")
+                tell(session, "two", "elsewhere")
+                with session.begin_nested():
+                    tell(session, "three")
+                tell(session, "one")
+            heard = [word.payload for word in listener.notifies(timeout=5.0, stop_after=2)]
+        assert heard == ["one", "three"]
+        assert len(told) == 1
+    finally:
+        repo.database.dispose()
+        postgres.drop(address)

@@ -87,6 +87,19 @@ def test_a_page_hears_who_else_looks_what_they_select_and_that_they_go(
     assert gone == []
 
 
+def test_a_server_that_hears_its_own_older_word_keeps_the_newer_one() -> None:
+    here, elsewhere = Lookers(), Lookers()
+    come, chosen = (Word("msn-1", Looker("p1", "Ada", selected)) for selected in (None, ROCK))
+    here.take(come)
+    here.take(chosen)
+    here.hear(here.text(come))
+    assert here.of("msn-1") == [chosen.looker]
+    elsewhere.hear(here.text(chosen))
+    assert elsewhere.of("msn-1") == [chosen.looker]
+    elsewhere.hear(here.text(Word("msn-1", come.looker, gone=True)))
+    assert elsewhere.of("msn-1") == []
+
+
 @pytest.mark.parametrize(
     "database_address", [pytest.param("postgresql", marks=pytest.mark.postgres)], indirect=True
 )

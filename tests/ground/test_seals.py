@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from sqlalchemy import delete, func, select, text, update
 
-from ground.gdr.history import EventRow, verify_chains
+from ground.gdr.history import Change, EventRow, hold_chain, record, verify_chains
 from ground.gdr.repository import Repository
 from ground.gdr.seals import sealed_tables
 from ground.records.actor import SYSTEM_ACTOR
@@ -119,6 +119,30 @@ def test_a_rolled_back_write_leaves_no_seal(worked: Api, mission: Mission) -> No
     with pytest.raises(ZeroDivisionError):
         fail()
     assert (count(), report(worked.repo).faults) == (before, [])
+
+
+def test_a_write_undone_within_an_act_leaves_no_gap_in_the_history(worked: Api, mission: Mission) -> None:
+    """The head of a chain is remembered from one event to the next: not over what was undone between."""
+    repo = worked.repo
+
+    def write(reason: str) -> None:
+        with repo.database.write() as session:
+            hold_chain(session, mission.id)
+            record(session, mission.id, Change("Planner", "note", "mission", mission.id, None, None, reason))
+            if reason == "undone":
+                raise ZeroDivisionError
+
+    with repo.database.together():
+        write("first")
+        for _ in range(2):
+            with pytest.raises(ZeroDivisionError):
+                write("undone")
+        write("second")
+        write("third")
+    with repo.database.read() as session:
+        newest = select(EventRow.reason).where(EventRow.chain_id == mission.id).order_by(EventRow.seq)
+        assert session.scalars(newest).all()[-3:] == ["first", "second", "third"]
+        assert verify_chains(session)[1] == []
 
 
 def test_single_flipped_bits_are_found_and_named(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from ground.app.exposition import exposition
 from ground.gdr.repository import Repository
+from ground.jobs import presence
 from ground.jobs.executors import forget_peak, peak_bytes
 from ground.jobs.presence import GONE_S, Beat, Presence
 from ground.jobs.tally import Tally, tallies
@@ -85,6 +87,20 @@ def test_what_a_worker_counted_goes_with_it(tmp_path: Path) -> None:
     assert tallies(tmp_path) == {}
     beat.leave()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_trouble_is_told_at_once_and_how_much_is_done_a_while_after_the_last_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beat, idle, busy = Beat(tmp_path), Presence("near:1", "process", 0), Presence("near:1", "process", 1)
+    away = replace(busy, trouble="OSError: no scheduler")
+    monkeypatch.setattr(presence, "HASTE_S", 600.0)
+    for said, told in ((idle, idle), (busy, idle), (away, away), (replace(away, running=2), away)):
+        beat.say(said)
+        assert presence.present(tmp_path) == [told]
+    monkeypatch.setattr(presence, "HASTE_S", 0.0)
+    beat.say(idle)
+    assert presence.present(tmp_path) == [idle]
 
 
 SHORT = {"counts": [1], "total": 1.0}

@@ -41,4 +41,4 @@ def _say(repo: Repository, lookers: Lookers, word: Word) -> None:
     lookers.take(word)
     if not repo.database.is_sqlite:
         with repo.database.write() as session:
-            tell(session, word.text(), CHANNEL)
+            tell(session, lookers.text(word), CHANNEL)

@@ -155,13 +155,13 @@ def settle(_repo: Repository, session: Session, job: JobRow, result: RunResult) 
     if run is None:
         return None
     record_run(session, run, result)
-    plan = session.get(PlanRow, run.plan_id)
-    if (
-        plan is not None
-        and plan.state == PlanState.COMPUTED.value
-        and result["outcome"] == "SUCCEEDED"
-        and plan.crl_sha256 == run.crl_sha256
-    ):
+    flown = (
+        PlanRow.id == run.plan_id,
+        PlanRow.state == PlanState.COMPUTED.value,
+        PlanRow.crl_sha256 == run.crl_sha256,
+    )
+    plan = session.scalar(select(PlanRow).where(*flown)) if result["outcome"] == "SUCCEEDED" else None
+    if plan is not None:
         update(session, SYSTEM_ACTOR, PLAN, plan, {"state": PlanState.VERIFIED.value}, action="verify")
     return f"/api/v1/runs/{run.id}"
 

@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO, TYPE_CHECKING, Any, Literal, NotRequired, TypedDict, overload
 
+import orjson
+
 from executive.ports import Operation
 from ground.day.prepare import Report
 from ground.errors import ArchiveError, InvalidInputError, JobFailedError
@@ -111,7 +113,12 @@ class Wish:
         return cls(**json.loads(text))
 
 
-_encode = json.JSONEncoder(separators=(",", ":")).encode  # `json.dumps` makes an encoder for each line
+def _encode(line: object) -> str:
+    """Return a line of JSON; half of a surrogate pair, which a name may hold, is for the slower library."""
+    try:
+        return orjson.dumps(line).decode()
+    except TypeError:
+        return json.dumps(line, separators=(",", ":"))
 
 
 class _Live:
@@ -295,8 +302,6 @@ def read_run_folder(
     ArchiveError
         If the folder is not `run/1`, a file is missing or not what its record says.
     """
-    import orjson
-
     path = folder / "run.json"
     document = DOCUMENT.read(path, read_json(path))
     if document.get("format") != "run/1":
