@@ -14,8 +14,8 @@ from planner.constraints.overrun import OverrunChance
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
-from planner.contingency.hidden_sol import plans_in_hidden_sol
-from planner.contingency.order_in_futures import CLOSE, SCANNED, order_in_futures
+from planner.contingency.hidden_sol import searched_in_hidden_sol
+from planner.contingency.order_in_futures import SCANNED, line_of, surely_better_order
 from planner.contingency.reduction import Reduction, held_by, mean_route_of, only, reduce_problem
 from planner.contingency.sampled_branches import better_by_branches
 from planner.contingency.sampled_futures import Growth
@@ -31,8 +31,8 @@ from planner.notes import annotate, annotate_sampled
 from planner.options import PlannerOptions
 from planner.plan_choice import drop_rare, held_up
 from planner.plan_edits import fitted
-from planner.plan_tree import Observe, Plan, PlanTree, TrackStart, Visit, count_branches, planned_observations
-from planner.problem import ObservationId, Problem
+from planner.plan_tree import Plan, PlanTree, TrackStart, count_branches, planned_observations
+from planner.problem import Problem
 from planner.progress import Watch
 from planner.strategies import Found, Task
 from planner.strategies.registry import Curve
@@ -47,10 +47,6 @@ PART_SHARE, MOST_PART_S = 0.25, 60.0
 """Share of the limit for the search of a part beside a large table, and the limit up to which it grows.
 By hand: a quarter of 20 s is the 5 s after which a part was found to be better."""
 
-PROPOSING_SHARE, GROWING_SHARE = 0.4, 0.7
-"""Shares of the limit for plans proposed for known kinds of sols, together, and up to which plans are then
-polished and branched in common futures. By hand."""
-
 CONSTRAINED_SHARE = 0.3
 """Share of the limit for one such search under a chance constraint, which asks for several. By hand."""
 
@@ -59,13 +55,6 @@ LIVE_SET_S = 4e-4
 
 MANY_TARGETS = 8
 """Targets up to which `PlannerOptions.bound_s` is meant."""
-
-SURELY_MORE = 4.0
-"""Standard errors by which an order must earn more than what the search found: it was chosen in the same
-futures."""
-
-MOST_ORDERED = 12
-"""Observations up to which orders are tried in futures: one more takes a round of some 20 changes longer."""
 
 LEFT_SHARE = 0.7
 """Share of what is left of the limit for the bound of many targets. By hand: linear programs come beside, and
@@ -204,31 +193,24 @@ def _search_nodes(model: Model, part: Reduction, options: PlannerOptions) -> tup
 
 
 def _searched_in_hidden_sol(order: Order, model: Model, part: Reduction, *, quick: bool) -> Found:
-    watch, tasks = order.watch, 1 + len(model.sols.chance)
-    constrained = OverrunChance.of(order.problem) is not None
-    limit_s = watch.limit_s * (CONSTRAINED_SHARE if constrained else 1.0)
-    until_s = min(GROWING_SHARE * watch.limit_s, watch.work_s() + GROWING_SHARE * limit_s)
-    done = [1.0]
-
-    def propose(known: Model) -> Curve:
-        each_s = PROPOSING_SHARE * limit_s / tasks
-        alone = Watch(each_s, watch.tally, lambda _: None, begun_s=watch.tally.seconds)
-        found = searched(dataclasses.replace(order, watch=alone), known, part, quick=quick)
-        done.append(found.done)
-        return found.curve
-
     if order.strategy != "optimal":
         found = searched(order, model.mixed(), part, quick=quick)
         return dataclasses.replace(found, optimum=None)
-    curve = plans_in_hidden_sol(
+
+    def ask(known: Model, alone: Watch) -> tuple[Curve, float]:
+        found = searched(dataclasses.replace(order, watch=alone), known, part, quick=quick)
+        return found.curve, found.done
+
+    constrained = OverrunChance.of(order.problem) is not None
+    curve, done = searched_in_hidden_sol(
         model,
-        propose,
+        ask,
         Growth(order.max_branches, order.seed + 3, order.iterations),
+        order.watch,
+        share=CONSTRAINED_SHARE if constrained else 1.0,
         hasty=quick and not order.quick,
-        should_stop=lambda: watch.work_s() > until_s,
-        told=watch.told,
     )
-    return Found(curve, done=min(done))
+    return Found(curve, done=done)
 
 
 def searched_with_part(order: Order, model: Model, part: Reduction) -> Found:
@@ -311,16 +293,10 @@ def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
 def _or_order(order: Order, model: Model, found: Chosen) -> Chosen:
     """Return what was found, or an order without branches where futures say for sure that it earns more."""
     nodes = order.options.quick_nodes if order.quick else order.options.search_nodes
-    if order.plan_only or model.m > MOST_ORDERED or not _blurred(model, nodes):
+    if order.plan_only or not _blurred(model, nodes):
         return found
-    seed, begin = order.seed + 5, [mean_seed(model), tuple(model.number_of[o] for o in _line(found.plan))]
-    means = [simulate(model, route_plan(model, one), SCANNED, seed=seed).utility.mean() for one in begin]
-    plan = route_plan(model, order_in_futures(model, begin[means.index(max(means))], seed=seed))
-    if not plan or plan == found.plan or not model.admits_plan(plan):
-        return found
-    earned, before = (simulate(model, one, CLOSE, seed=seed).utility for one in (plan, found.plan))
-    more = earned - before
-    if float(more.mean()) <= SURELY_MORE * float(more.std()) / math.sqrt(CLOSE) + 1e-9:
+    plan = surely_better_order(model, found.plan, seed=order.seed + 5)
+    if plan is None:
         return found
     options = order.options
     count = options.quick_check_futures if order.quick else options.check_futures
@@ -364,7 +340,7 @@ def best_warm_plan(order: Order) -> Checked | None:
 
 def _does_what_must_be(problem: Problem, plan: Plan) -> bool:
     """Return whether the main line makes all that must be done, each after what comes before it."""
-    line = [step.observation for step in plan if isinstance(step, Observe | Visit)]
+    line = line_of(plan)
     before = predecessors_of(problem)
     return all(
         o.id in line and before[o.id] <= set(line[: line.index(o.id)])
@@ -373,12 +349,8 @@ def _does_what_must_be(problem: Problem, plan: Plan) -> bool:
     )
 
 
-def _line(plan: Plan) -> list[ObservationId]:
-    return [s.observation for s in plan if isinstance(s, Observe | Visit)]
-
-
 def _main_line(plan: Plan) -> set[str]:
-    return set(map(str, _line(plan)))
+    return set(map(str, line_of(plan)))
 
 
 def _held_up(order: Order, model: Model, curve: Curve) -> Chosen:

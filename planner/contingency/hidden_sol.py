@@ -10,30 +10,61 @@ of each kind given the progress so far (Bayes), without a state for them.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Set
 
-from planner.contingency.order_in_futures import Order, order_in_futures
+from planner.contingency.order_in_futures import MOST_ENUMERATED, Order, best_orders, line_of
 from planner.contingency.sampled_branches import Curve, better_by_branches, grow_branches
-from planner.contingency.sampled_futures import FITTED, SCANNED, Growth
+from planner.contingency.sampled_futures import FITTED, Growth
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.plan_edits import without_unused_tracks
-from planner.plan_tree import Observe, Plan, Visit, count_branches
+from planner.plan_tree import Plan, count_branches
+from planner.progress import Watch
+
+Ask = Callable[[Model, Watch], tuple[Curve, float]]
+"""A search for a model of one kind of sol, within the limit of a watch of its own: plans by number of
+branches, and the share of the search that was done."""
 
 Propose = Callable[[Model], Curve]
 """Plans for a model of one kind of sol, by number of branches."""
+
+PROPOSING_SHARE, GROWING_SHARE = 0.4, 0.7
+"""Shares of the limit for plans proposed for known kinds of sols, together, and up to which plans are then
+polished and branched in common futures. By hand."""
 
 MOST_ORDERED = 8
 """Observations up to which the order of the main line is searched in futures. By hand: with eight a round of
 some 120 changes takes a second."""
 
-MOST_ENUMERATED = 5
-"""Observations up to which every order is tried: 325 orders take a third of a second. By hand."""
 
-COMPARED, BEGUN = 6, 2
-"""Orders that are compared in many futures, and those of them that the search is begun from. By hand."""
+def searched_in_hidden_sol(
+    model: Model, ask: Ask, growth: Growth, watch: Watch, *, share: float = 1.0, hasty: bool = False
+) -> tuple[Curve, float]:
+    """Return the plans found by number of branches, with a share of the limit of a watch, and what was done.
+
+    The strategy is asked about each kind of sol, and about the means and deviations over the kinds.
+    """
+    limit_s, done = share * watch.limit_s, [1.0]
+    until_s = min(GROWING_SHARE * watch.limit_s, watch.work_s() + GROWING_SHARE * limit_s)
+
+    def propose(known: Model) -> Curve:
+        each_s = PROPOSING_SHARE * limit_s / (1 + len(model.sols.chance))
+        found, share_done = ask(
+            known, Watch(each_s, watch.tally, lambda _: None, begun_s=watch.tally.seconds)
+        )
+        done.append(share_done)
+        return found
+
+    curve = plans_in_hidden_sol(
+        model,
+        propose,
+        growth,
+        hasty=hasty,
+        should_stop=lambda: watch.work_s() > until_s,
+        told=watch.told,
+    )
+    return curve, min(done)
 
 
 def plans_in_hidden_sol(
@@ -85,35 +116,20 @@ def _valued(model: Model, plans: Iterable[Plan], must: Set[str], seed: int) -> d
     """Return the plans whose main line does what must be done, with their means in common futures."""
     found: dict[Plan, float] = {}
     for plan in plans:
-        if plan and must <= {str(o) for o in _line(plan)} and model.admits_plan(plan):
+        if plan and must <= {str(o) for o in line_of(plan)} and model.admits_plan(plan):
             found[plan] = float(simulate(model, plan, FITTED, seed=seed).utility.mean())
     return found
-
-
-def _line(plan: Plan) -> list[str]:
-    return [str(step.observation) for step in plan if isinstance(step, Observe | Visit)]
 
 
 def _ordered(model: Model, plans: Iterable[Plan], seed: int, should_stop: Callable[[], bool]) -> list[Plan]:
     """Return plans that follow the best orders found in futures.
 
-    The search begins from the main lines of plans and from the routes on mean values of each kind; where
-    there are few orders, from the best of all.
+    The search begins from the main lines of plans and from the routes on mean values of each kind.
     """
-    lines: list[Order] = [tuple(model.number_of[name] for name in dict.fromkeys(_line(p))) for p in plans]
+    lines: list[Order] = [tuple(model.number_of[name] for name in dict.fromkeys(line_of(p))) for p in plans]
     lines += [mean_seed(known) for known in (model, *(known for _, known in model.by_kind))]
-    if model.m <= MOST_ENUMERATED:
-        for count in range(1, model.m + 1):
-            lines += itertools.permutations(range(model.m), count)
-    found = [order for order in dict.fromkeys(lines) if order and model.admits(sum(1 << m for m in order))]
-    for futures, kept in ((SCANNED, COMPARED), (FITTED, BEGUN)):
-        means = {
-            order: float(simulate(model, route_plan(model, order), futures, seed=seed).utility.mean())
-            for order in found
-        }
-        found = sorted(means, key=lambda order: -means[order])[:kept]
-    orders = [order if should_stop() else order_in_futures(model, order, seed=seed) for order in found]
-    return [without_unused_tracks(model, route_plan(model, order)) for order in dict.fromkeys(orders)]
+    orders = best_orders(model, lines, seed=seed, should_stop=should_stop)
+    return [without_unused_tracks(model, route_plan(model, order)) for order in orders]
 
 
 def _by_branches(values: dict[Plan, float], most: int) -> Curve:

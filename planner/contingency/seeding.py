@@ -187,14 +187,20 @@ def route_plan(model: Model, order: tuple[int, ...], on_fail: OnFail = OnFail.SK
 
 
 def route_steps(model: Model, order: tuple[int, ...], place: int, on_fail: OnFail) -> Plan:
-    """Return the drives and observations of a route, each drive to a placed target asking for its track."""
+    """Return the drives and observations of a route, each drive to a placed target asking for its track.
+
+    A plan that skips comes back for the observations of later stays, so each drive asks for its own stay
+    alone; one that stops does not.
+    """
     steps: list[Step] = []
-    for k, m in enumerate(order):
-        target = int(model.obs_place[m])
+    at = [int(model.obs_place[m]) for m in order]
+    for k, (m, target) in enumerate(zip(order, at, strict=True)):
         tid = model.target_ids[target - 1]
         if target != place:
-            later = [x for x in order[k:] if int(model.obs_place[x]) == target]
-            tracked = all(model.is_place[x] for x in later)
+            rest = range(k, len(order))
+            if on_fail is OnFail.SKIP:
+                rest = range(k, next((j for j in rest if at[j] != target), len(order)))
+            tracked = all(model.is_place[order[j]] for j in rest if at[j] == target)
             steps += round_about(model, place, target)
             steps.append(Navigate(tid, tracked, on_fail))
             place = target

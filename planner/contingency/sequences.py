@@ -7,7 +7,6 @@ earned plus the optimal policy's value of the rest bounds every continuation and
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -143,19 +142,17 @@ def best_sequences(
     width: int,
     keep: int = 1,
     before: int = 0,
-    forced: int | None = None,
 ) -> list[Sequence]:
     """Return the best unbranched plans found from a distribution, best first; the empty one is always among
     them.
 
     `before` are observations (bits) that may have been made already: together with them no plan exceeds the
-    downlink volume, whatever fails. With `forced` only plans that go for that observation count, at whatever
-    cost; there may be none.
+    downlink volume, whatever fails.
     """
     model = policy.model
     root = _Node((), masses, 0.0, optimal_value(policy, masses))
-    found: dict[tuple[int, ...], float] = {(): 0.0} if forced is None else {}
-    floor = 0.0 if forced is None else -math.inf
+    found: dict[tuple[int, ...], float] = {(): 0.0}
+    floor = 0.0
     weight = total(masses)
     layer = [root]
     seen: set[tuple[int, ...]] = set()
@@ -170,10 +167,9 @@ def best_sequences(
             )
         offers.sort(key=lambda offer: (-offer[0], offer[1], offer[2]))
         following: list[_Node] = []
-        turns = 0  # taken by forced observations: they take no room from the others
         for bound, k, m in offers:
-            if len(following) - turns >= width if m != forced else turns >= width:
-                continue
+            if len(following) >= width:
+                break
             node = layer[k]
             order = (*node.order, m)
             if order in seen:
@@ -190,10 +186,8 @@ def best_sequences(
                     kept[state] = mass
             child = _Node(order, kept, earned + credit, bound)
             following.append(child)
-            turns += m == forced
-            if forced is None or forced in order:
-                found[order] = earned
-                floor = max(floor, earned)
+            found[order] = earned
+            floor = max(floor, earned)
         layer = following
     ranked = sorted(found.items(), key=lambda item: (-item[1], len(item[0]), item[0]))
     return [Sequence(order, value) for order, value in ranked[:keep]]

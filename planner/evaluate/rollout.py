@@ -202,7 +202,7 @@ SOL_COUNTER = 2
 
 
 @njit(inline="always")
-def _kind(below: Floats, u: float) -> int:
+def kind_of(below: Floats, u: float) -> int:
     """Return the kind of sol of a number between 0 and 1, for chances `below` [K]."""
     kind, total = 0, 0.0
     for k in range(below.shape[0] - 1):
@@ -220,12 +220,13 @@ def kinds_of(chance: Floats, seed: int, number: Ints) -> Ints:
     """
     found = np.empty(number.shape[0], np.int64)
     for f in range(number.shape[0]):
-        found[f] = _kind(chance, uniform(_key(seed, number[f]), SOL_COUNTER))
+        found[f] = kind_of(chance, uniform(key_of(seed, number[f]), SOL_COUNTER))
     return found
 
 
 @njit(inline="always")
-def _key(seed: int, which: int) -> Any:
+def key_of(seed: int, which: int) -> Any:
+    """Return the key of all draws of a future of a seed."""
     key = mix(uint64(seed) * uint64(0xD1342543DE82EF95) + uint64(which) + uint64(0x2545F4914F6CDD1D))
     return mix(key ^ uint64(0x9E3779B97F4A7C15))
 
@@ -279,12 +280,12 @@ def roll(
     counting, marking, watching = visits.shape[0] > 0, visited.shape[0] > 0, seen_t.shape[0] > 0
     for f in range(count):
         which = number[f] if resumed else first + f
-        key = _key(seed, which)
+        key = key_of(seed, which)
         if hidden:
             if drawn:
                 obs_j = drawn_energy[f]
             else:
-                kind = _kind(sols.chance, uniform(key, SOL_COUNTER))
+                kind = kind_of(sols.chance, uniform(key, SOL_COUNTER))
                 obs_j = sols.energy[kind]
                 leg_s, leg_j = sols.drive_time[kind], sols.drive_energy[kind] * obs_j
             hotel, track_e = usual_hotel * obs_j, usual_track_e * obs_j

@@ -4,12 +4,14 @@
 targets, requests, keep-out, drive rule, plan and dry run; `repository.zip` a whole repository as SQL (its
 data folder written as `@DATA@`) with one queued job of each kind; `package.zip` and `run.zip` are a signed
 package and its execution; `expected.json` is what that version made of them, but for the plan's text: drives
-are at most 1.5 % longer than the shortest since, where they were 3 %.
+are at most 1.5 % longer than the shortest since, where they were 3 %. Pictures had 160 pixels a side then and
+have 128 now, so their digests are not compared.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 import zipfile
 from collections.abc import Iterator
@@ -37,6 +39,7 @@ OLD = Path(__file__).parent / "fixtures" / "v0.1.0"
 SINCE = {"execution", "fly_campaign", "import_recording", "live"}
 """Kinds of jobs that the old version did not have."""
 EXPECTED: dict[str, Any] = json.loads((OLD / "expected.json").read_text(encoding="utf-8"))
+DIGEST = re.compile(rb'"[0-9a-f]{64}"')
 
 
 def nearly(document: Any) -> Any:
@@ -124,7 +127,8 @@ def test_an_old_package_runs_where_it_is_allowed_by_name_and_leaves_the_old_jour
     _, flight = execute_package(OLD / "package.zip", place, tmp_path / "new")
     assert flight.outcome.utility == EXPECTED["flight_utility"]
     for name in ("trace.jsonl", "telemetry.jsonl", "products.jsonl"):
-        assert (tmp_path / "new" / name).read_bytes() == (tmp_path / "old" / name).read_bytes()
+        new, old = ((tmp_path / which / name).read_bytes() for which in ("new", "old"))
+        assert DIGEST.sub(b"", new) == DIGEST.sub(b"", old)
 
 
 def test_an_old_run_folder_is_taken_in(old_api: Api) -> None:

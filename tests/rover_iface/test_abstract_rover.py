@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from executive.ports import Acknowledgement, Command, CommandId, CommandState, Product, Result, Update
 from rover_iface.errors import WorldError
-from rover_iface.simulator.abstract_rover import AbstractRover, make_rover
+from rover_iface.simulator.abstract_rover import PICTURE_PX, AbstractRover, make_rover
 from rover_iface.simulator.faults import Fault, FaultKind, load_faults
 from rover_iface.simulator.faulty_hardware import FaultyHardware
 from rover_iface.simulator.model import AbstractModel, Future, Noise
@@ -354,7 +354,7 @@ def test_products_are_written_labelled_and_hashed(tmp_path: Path) -> None:
     assert label["observation"] == "T1-mi"
     assert label["pose"]["frame"] == "site"
     assert label["task"] == wanted.id.task
-    assert Image.open(path).size == (160, 160)
+    assert Image.open(path).size == (PICTURE_PX, PICTURE_PX)
     assert result.values["products"] == 1.0
 
 

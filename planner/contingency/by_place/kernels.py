@@ -80,6 +80,7 @@ class Layout(NamedTuple):
     first_made: Ints  # (places + 1,) observations are in order of their place
     bit: Ints  # (observations,) its bit at its place
     counted: NDArray[np.bool_]  # (observations,) takes one of the tracks
+    weight: Singles  # (states, observations of a place) times its multiplier, at least 1 (`visited.py`)
     close: Ints  # (observations,) last node at which it may begin
     whole: bool  # the largest count is a number, and not that many or more
     counts: int
@@ -331,11 +332,13 @@ def _make(
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def backward(a: Layout, legs: Drives, made: Masses, gain: Floats, top: float, w: Tables) -> None:
+def backward(
+    a: Layout, legs: Drives, made: Masses, gain: Floats, prices: Floats, top: float, w: Tables
+) -> None:
     """Fill the tables from the last node to the first.
 
-    `gain` [observations] is the worth of each less its multiplier, and no policy that makes each once at most
-    has a value plus penalty above `top`, both in utility.
+    `gain` [observations] is the worth of each less its multiplier, of `prices`, and no policy that makes each
+    once at most has a value plus penalty above `top`, all in utility.
     """
     lanes, asked = w.value.shape[2], w.choice.shape[1] == a.nodes
     past = np.zeros((len(w.arriving), BLOCK, 2, lanes), np.float32)
@@ -364,10 +367,11 @@ def backward(a: Layout, legs: Drives, made: Masses, gain: Floats, top: float, w:
                 for e in range(a.first_leg[p], a.first_leg[p + 1]):
                     _take_better(by[a.key[a.key_base[e] + bits]], e, best, done)
                 for m in range(a.first_made[p], a.first_made[p + 1]):
-                    if bits >> a.bit[m] & 1 or i > a.close[m] or gain[m] <= 0.0:
+                    won = gain[m] - prices[m] * (a.weight[s, m - a.first_made[p]] - 1.0)
+                    if bits >> a.bit[m] & 1 or i > a.close[m] or won <= 0.0:
                         continue
                     after = w.value[s + (1 << a.bit[m])]
-                    _make(a, made, m, i, gain[m], after, last[s, m - a.first_made[p]], found)
+                    _make(a, made, m, i, won, after, last[s, m - a.first_made[p]], found)
                     _take_better(found, count + m, best, done)
                 for k in range(len(a.tracked[p])):
                     b = a.tracked[p, k]
@@ -458,7 +462,7 @@ def _arrive(a: Layout, w: Tables, arriving: Singles, mass: Floats, i: int, ways:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def forward(a: Layout, legs: Drives, made: Masses, w: Tables, mass: Singles) -> Floats:
-    """Return how often each observation is made [observations] by the policy of the tables.
+    """Return how often each observation is made [observations], by weight, by the policy of the tables.
 
     `mass` [states, nodes, counts] holds the chances that the day begins with and is used up. Faint masses are
     dropped, and what moves no node on is moved one: the result steers multipliers, and bounds nothing.
@@ -485,7 +489,8 @@ def forward(a: Layout, legs: Drives, made: Masses, w: Tables, mass: Singles) -> 
                         m = done - count
                         d = fewer(a, c) if a.counted[m] else c
                         q = s + (1 << a.bit[m])
-                        often[m] += here * made.within[m, a.nodes - 1 - i]
+                        weight = a.weight[s, m - a.first_made[p]]
+                        often[m] += here * made.within[m, a.nodes - 1 - i] * weight
                         for j in range(min(made.high[m], a.nodes - i)):
                             if i + max(j, 1) < a.nodes:
                                 mass[q, i + max(j, 1), d] += here * made.hat[m, j]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.contingency.by_place.kernels import BLOCK, LANES, Layout, Singles
+from planner.contingency.by_place.visited import lengths, weights_at
 from planner.evaluate.model import Floats, Ints, Model, Truths
 from planner.tally import SECONDS, Step
 
@@ -156,12 +157,29 @@ def layout_of(
         first_made=np.searchsorted(wanted.place, places),
         bit=np.array([memory.at[p].index(m) for m, p in enumerate(wanted.place)], np.int64),
         counted=counted,
+        weight=_weights(model, wanted, counted, memory, base),
         close=close,
         whole=whole,
         counts=most + 1,
         nodes=steps + 1,
         penalty=model.penalty,
     )
+
+
+def _weights(model: Model, wanted: Wanted, counted: Truths, memory: Memory, base: Ints) -> Singles:
+    """Return how much a multiplier weighs in each state, at least 1, (states, observations of a place).
+
+    It weighs more for a counted track whose chance nothing but its survival limits (`visited.py`).
+    """
+    first = np.searchsorted(wanted.place, np.arange(len(memory.at) + 1))
+    weight = np.ones((int(base[-1]), max(1, int(np.diff(first).max()))))
+    image = ~model.is_place[wanted.number]
+    survival = model.chances.survival[wanted.number]
+    for m in np.nonzero(counted & (wanted.chance >= survival))[0]:
+        p = int(wanted.place[m])
+        places = np.array([wanted.place[o] if image[o] else -1 for o in memory.at[p]], np.int64)
+        weight[base[p] : base[p + 1], m - first[p]] = weights_at(lengths(model, p), p, places)
+    return weight.astype(np.float32)
 
 
 class _Ways:

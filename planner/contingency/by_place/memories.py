@@ -3,8 +3,9 @@
 It makes an observation again that it made before, or one whose track it saw lost: then the legs driven in
 between should have kept it (Roberti and Mingozzi 2014 for routes; kept by leg as Pecin, Pessoa, Poggi and
 Uchoa 2017 keep their cuts). And while nobody remembers whose tracks are alive, it assumes those that suit it:
-then all legs since the start should have known. Each such excursion is credited with what it won, and those
-with the most credit for a leg are remembered as long as the relaxation is not too large.
+then all legs since the start should have known, or visits on the way, since the multiplier of a track weighs
+more after them (`visited.py`). Each such excursion is credited with what it won, and those with the most
+credit for a leg are remembered as long as the relaxation is not too large.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 
 from planner.contingency.by_place.layout import Memory, Size, legs_of
 from planner.contingency.by_place.relaxation import NgRelaxation
-from planner.evaluate.model import Model
+from planner.contingency.by_place.visited import lengths, weights_at
+from planner.evaluate.model import Floats, Model
 
 WALKS = 300
 """Futures in which a policy is followed. By hand: what one day in a thousand does wins little."""
@@ -35,7 +37,12 @@ TRACE_SHARE = 0.5
 FADED = 0.6
 """What is left of a credit when the policy is followed again. By hand: multipliers have changed since."""
 
-Excursion = tuple[int, tuple[int, ...]]
+VISIT_SHARE = 1.0
+"""What remembering a visit is credited with, of what it adds to a track's multiplier. By hand."""
+
+Legs = tuple[int, ...]
+
+Excursion = tuple[int, Legs]
 """An observation, and the legs, in order of their numbers, that should keep it."""
 
 
@@ -46,6 +53,8 @@ class Credits:
     model: Model
     seed: int = 0
     by: dict[Excursion, float] = field(default_factory=dict)
+    weights: dict[tuple[int, frozenset[int]], float] = field(default_factory=dict)
+    lengths: dict[int, Floats] = field(default_factory=dict)
 
     def followed(self, relaxation: NgRelaxation, count: int) -> dict[Excursion, float]:
         """Return what excursions win in the last policy of a relaxation that begins with so many tracks."""
@@ -53,17 +62,56 @@ class Credits:
         walks = relaxation.walks(count, WALKS, rng=np.random.default_rng(self.seed))
         wanted, legs = relaxation.wanted, legs_of(self.model)
         kept = np.array([1.0 - self.model.loss[a, b, wanted.place] for a, b in legs]).tolist()  # leg, wanted
+        image = ~self.model.is_place[wanted.number]
         found: dict[Excursion, float] = defaultdict(float)
         some = walks.legs[:, : walks.driven.max()].tolist(), walks.events[:, : walks.happened.max()].tolist()
         for path, events, happened in zip(*some, walks.happened.tolist(), strict=True):
+            images: dict[int, int] = {}  # observations, and the legs before them
             for m, now, before in events[:happened]:
                 if before >= 0:
                     found[m, tuple(sorted(set(path[before:now])))] += float(wanted.worth[m])
-                if relaxation.counted[m] and now:
+                if image[m]:
+                    images.setdefault(m, now)
+                if not relaxation.counted[m]:
+                    continue
+                if now:
                     way = tuple(sorted(set(path[:now])))
                     lost = 1.0 - math.prod(kept[e][m] for e in way)
                     found[m, way] += TRACE_SHARE * lost * float(wanted.worth[m])
+                heavier = self._heavier(relaxation, m, {o: frozenset(path[k:now]) for o, k in images.items()})
+                if heavier is not None:
+                    o, legs_kept, more = heavier
+                    found[o, legs_kept] += VISIT_SHARE * more * float(relaxation.prices[m])
         return {key: credit / WALKS for key, credit in found.items()}
+
+    def _heavier(
+        self, relaxation: NgRelaxation, m: int, ways: Mapping[int, frozenset[int]]
+    ) -> tuple[int, Legs, float] | None:
+        """Return the image that makes the multiplier of a track weigh most more, where it is to be kept, and
+        by how much; None if none does.
+
+        `ways` are the legs from images that were made to the track's.
+        """
+        on, place = relaxation.kept, relaxation.wanted.place
+        places = {o: int(place[o]) for o in ways if place[o] != place[m]}
+        known = frozenset(p for o, p in places.items() if all(o in on[e] for e in ways[o]))
+        before = self._weight(int(place[m]), known)
+        more = {
+            o: self._weight(int(place[m]), known | {p}) - before for o, p in places.items() if p not in known
+        }
+        best = max(more, key=lambda o: (more[o], o), default=None)
+        if best is None or more[best] <= 0.0:
+            return None
+        return best, tuple(sorted(ways[best])), more[best]
+
+    def _weight(self, place: int, visited: frozenset[int]) -> float:
+        if place not in self.lengths:
+            self.lengths[place] = lengths(self.model, place)
+        key = place, visited
+        if key not in self.weights:
+            own = np.array(sorted(visited), np.int64)
+            self.weights[key] = float(weights_at(self.lengths[place], place, own)[-1])
+        return self.weights[key]
 
     def add(self, policies: Iterable[tuple[float, Mapping[Excursion, float]]]) -> None:
         """Credit the excursions of policies, each with its share in what is done; older credits fade."""

@@ -10,7 +10,8 @@ may assume either, as long as there are as many. For multipliers p >= 0 and chan
 
     max over policies of the relaxation of E[sum of (utility - p) over what is made]  +  sum of p c,
 
-the last over the tracked observations of S and all that need no track; the bound is the largest over S. With
+the last over the tracked observations of S and all that need no track; the bound is the largest over S. The p
+of a counted track weighs more where visits before are remembered (`visited.py`). With
 how many tracks a day begins is decided before anything happens, so each number may have its own multipliers:
 the bound is then the largest of the least values by number. The
 resource is that of `priced_relaxation`, and so is what is left out. Values lie above the true ones between
@@ -129,6 +130,7 @@ class NgRelaxation:
         self.tracks = int(self.counted.sum())
         self.begun: list[_Begun] = []
         self.prices = np.zeros(len(wanted.number))
+        self.kept = [frozenset(memory.common(a, b)) for a, b in legs_of(model)]
 
     def _closes(self) -> Ints:
         """Return the last node that the beginning of each observation counts for."""
@@ -150,7 +152,7 @@ class NgRelaxation:
         gain = self.wanted.worth - prices
         spend(Step.PRICED, self.size.seconds / SECONDS[Step.PRICED])
         top = a.penalty + float(np.maximum(gain, 0.0).sum())
-        backward(a, self.actions.drives, self.actions.made, gain, top, w)
+        backward(a, self.actions.drives, self.actions.made, gain, prices, top, w)
         self.prices = prices
         self.begun = [_Begun(0, 0, 0, 0)] * (self.tracks + 1)
         values = np.full(self.tracks + 1, -math.inf)

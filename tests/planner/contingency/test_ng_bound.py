@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -16,13 +17,14 @@ from planner.contingency.by_place.layout import Memory, Wanted, legs_of
 from planner.contingency.by_place.masses_above import masses_above
 from planner.contingency.by_place.memories import Credits
 from planner.contingency.by_place.relaxation import Actions, NgRelaxation
+from planner.contingency.by_place.visited import lengths, weights_at
 from planner.contingency.policy import Moves, Policy
 from planner.contingency.priced_relaxation import Weights
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Floats, Model
 from planner.problem import Problem, problem_from_dict
 from planner.tally import tallied
-from tests.planner.examples import observation, problem_document
+from tests.planner.examples import amount, observation, problem_document
 from tests.planner.reference.optimum import optimum
 from tests.planner.reference.problems import FAMILIES, generated
 
@@ -329,3 +331,57 @@ def test_what_takes_too_much_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr("planner.contingency.by_place.bound.LARGEST_MB", 0.01)
     with tallied():
         assert ng_bound(model, limit_s=4.0) == math.inf
+
+
+def test_a_path_through_visited_places_is_as_short_as_the_best_order_of_them() -> None:
+    """Against every order, and every leg of every order looked for among all paths."""
+    rng = np.random.default_rng(17)
+    for seed in range(6):
+        model = Model.of(generated("hub" if seed % 2 else "tracking", 7000 + seed))
+        kept = np.where(model.has_leg, 1.0 - rng.uniform(0.0, 0.9, model.loss.shape[:2]), 0.0)
+        model.loss[:, :, 1] = 1.0 - kept
+        own = np.array([2, -1, 3], np.int64)
+        weights = weights_at(lengths(model, 1), 1, own)
+
+        def survival(a: int, b: int, kept: Floats = kept) -> float:
+            between = [p for p in range(1, len(kept)) if p not in (a, b)]
+            paths = (path for k in range(3) for path in itertools.permutations(between, k))
+            legs = (list(itertools.pairwise((a, *path, b))) for path in paths)
+            return max(math.prod(float(kept[leg]) for leg in path) for path in legs)
+
+        for state in range(8):
+            visited = [int(p) for bit, p in enumerate(own) if state >> bit & 1 and p > 0]
+            through = max(
+                math.prod(survival(a, b) for a, b in itertools.pairwise((0, *order, 1)))
+                for order in itertools.permutations(visited)
+            )
+            assert weights[state] == pytest.approx(max(1.0, survival(0, 1) / max(through, 1e-12)), rel=1e-6)
+
+
+def test_a_track_that_is_used_after_a_visit_weighs_what_the_path_there_lost() -> None:
+    """An image is to be made before a track is used: half of the tracks are lost on each of two drives.
+
+    A multiplier then costs exactly what is owed for it, so at each the relaxation, on a grid that keeps
+    means, has the value of the best policy.
+    """
+    image, tracked = observation("O1", "image", utility=5.0), observation("O2", "place", utility=10.0)
+    image["window_s"] = [0.0, 3000.0]
+    document = problem_document(
+        places=[(5.0, 0.0), (5.0, 5.0)],
+        observations=[[image], [tracked]],
+        time_s=9_000.0,
+        energy_j=1e8,
+        loss=0.5,
+    )
+    for o in document["targets"]:
+        for made in o["observations"]:
+            made["observe"] = {"time_s": amount(300.0), "energy_j": amount(9000.0)}
+    for leg in document["legs"]:
+        leg["time_s"], leg["energy_j"] = amount(2000.0), amount(9000.0)
+    problem = problem_from_dict(document)
+    best, model = optimum(problem), Model.of(problem)
+    actions = Actions.of(model, Weights.of(model, 1.0), 64, 1, above=False)
+    relaxation = NgRelaxation(model, actions, Memory.of([(0, 1)] * 3))
+    for share in (0.1, 0.2, 0.4):
+        bound = relaxation.bound(np.where(relaxation.counted, share, 0.0) * relaxation.wanted.worth)
+        assert bound == pytest.approx(best, rel=1e-5), share

@@ -1,0 +1,245 @@
+"""What orders of observations are worth under every budget at once.
+
+Carried out in a future with budgets to spare, an order uses so much time and energy by each of its steps. Use
+only grows, so under smaller budgets the same future goes the same way until the first step that exceeds one,
+and what it earns under any budget is known from the one run: each step's worth counts from the factor on the
+budgets by which it is within them, and an overrun's cost below the factor of the last. One run of an order in
+common futures so gives its value for all factors, and the orders that are best with an observation and
+without it are compared factor by factor.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.contingency.order_in_futures import Order, changed
+from planner.contingency.why_not.order_run import TIME, Scale, carry_out, ways_of
+from planner.contingency.why_not.tabled_futures import TabledFutures
+from planner.evaluate.model import LEAST, Floats, Model, Truths
+from planner.evaluate.rollout import Costs, World
+
+Curves = NDArray[np.float32]
+
+STEP = 1.0025
+"""Ratio of neighbouring factors: a quarter of the 1 % to which a relaxation is told."""
+
+LEAST_CHANCE = 0.01
+"""An order that makes an observation in fewer than one future of a hundred does not make it."""
+
+AHEAD = 1e-3
+"""Share of its value by which an order must be better: as exact as values are, and less matters to nobody."""
+
+STARTS = 3
+"""Orders of each side that a search begins from, no two with the same first observation: the best of all
+alike ended on one hill. With two, one of 150 questions with six observations had a better order, with three
+none.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Widened:
+    """What a factor widens: a row of the curves (None: no budget), and whether the downlink volume. Orders
+    that hold the observation asked for count from the chance `least` to make it on.
+    """
+
+    row: int | None
+    volume: bool = False
+    least: float = LEAST_CHANCE
+
+    def column(self, at: int) -> int:
+        """Return the number of the factor on the budgets where the factor is number `at`."""
+        return 0 if self.row is None else at
+
+
+class OrdersByBudget:
+    """Orders of a model's observations, and their curves in common futures; kept once asked for.
+
+    A curve is what an order is worth at each factor, by budgets that it widens, [3, factors], and the chance
+    that it makes the observation asked for, likewise.
+    """
+
+    def __init__(self, model: Model, asked: int, widest: float, futures: TabledFutures) -> None:
+        """`model` has the budgets that factor 1 stands for, but `widest` times the downlink volume: no order
+        is left out for it. `asked` is the observation in question and `widest` the largest factor.
+        """
+        self.model, self.asked, self.futures, self.widest = model, asked, futures, widest
+        self.factors = np.geomspace(1.0, widest, 1 + math.ceil(math.log(widest) / math.log(STEP)))
+        budget = model.problem.budget
+        limits = max(budget.time_s, LEAST), max(budget.usable_energy_j, LEAST)
+        self._volume = budget.data_mbit / widest if budget.data_mbit is not None else None
+        wide = float(self.factors[-1])
+        self._costs = Costs.of(model)._replace(t_max=limits[0] * wide, e_max=limits[1] * wide)
+        self._world = World.of(model, model.utility * model.p_success)
+        self._ways = ways_of(model)
+        self._scale = Scale.of(*limits, self.factors)
+        self.windows = model.window
+        self.number: dict[Order, int] = {}
+        self._orders: list[Order] = []
+        self._curves = np.empty((64, 6, len(self.factors)), np.float32)
+        self._held = np.empty(64, np.bool_)
+        self._needs = np.empty(64)
+
+    def in_windows(self, windows: Floats) -> OrdersByBudget:
+        """Return no orders yet, in the same futures with other windows of the observations, [m, 2]."""
+        other = OrdersByBudget(self.model, self.asked, self.widest, self.futures)
+        other.windows = windows
+        return other
+
+    def __contains__(self, order: Order) -> bool:
+        return order in self.number
+
+    def curve(self, order: Order) -> Curves:
+        """Return what an order is worth and its chance by factor, [6, factors]."""
+        number = self._number(order)  # which may replace the array of curves
+        return self._curves[number]
+
+    def _number(self, order: Order) -> int:
+        known = self.number.get(order)
+        if known is not None:
+            return known
+        number = self.number[order] = len(self._orders)
+        if number == len(self._held):
+            self._curves = np.concatenate([self._curves, np.empty_like(self._curves)])
+            self._held = np.concatenate([self._held, self._held])
+            self._needs = np.concatenate([self._needs, self._needs])
+        self._curves[number] = carry_out(
+            np.array(order, np.int64), self._ways, self._costs, self._world, self.windows, self.futures,
+            self._scale, self.asked,
+        )  # fmt: skip
+        self._orders.append(order)
+        self._held[number] = self.asked in order
+        self._needs[number] = self.volume(order)
+        return number
+
+    def volume(self, order: Order) -> float:
+        """Return the factor on the downlink volume that an order needs."""
+        return float(self.model.data_mbit[list(order)].sum()) / self._volume if self._volume else 0.0
+
+    def worth(self, order: Order, how: Widened, at: int) -> float:
+        """Return the value of an order at factor number `at`; -inf where it needs more volume, or holds the
+        observation asked for and makes it too seldom.
+        """
+        number, row, column = self._number(order), how.row or TIME, how.column(at)
+        if self._needs[number] > (self.factors[at] if how.volume else 1.0) * (1.0 + 1e-9):
+            return -math.inf
+        if self._held[number] and self._curves[number, 3 + row, column] < how.least:
+            return -math.inf
+        return float(self._curves[number, row, column])
+
+    def chance(self, order: Order, how: Widened, at: int) -> float:
+        """Return the chance that an order makes the observation asked for at factor number `at`."""
+        number = self._number(order)
+        return float(self._curves[number, 3 + (how.row or TIME), how.column(at)])
+
+    def _worths(self, how: Widened, at: int | slice, *, holds: bool) -> tuple[Curves, list[Order]]:
+        """Return the values of all orders of one side at some factors, [orders, factors], and the orders."""
+        numbers = np.flatnonzero(self._held[: len(self._orders)] == holds)
+        at = at if isinstance(at, slice) else slice(at, at + 1)
+        row, column = how.row or TIME, (slice(0, 1) if how.row is None else at)
+        values = self._curves[numbers, row, column]
+        most = (self.factors[at] if how.volume else np.ones(1)) * (1.0 + 1e-9)
+        counts: Truths = self._needs[numbers][:, None] <= most
+        if holds:
+            counts = counts & (self._curves[numbers, 3 + row, column] >= how.least)
+        return np.where(counts, values, -np.inf), [self._orders[k] for k in numbers]
+
+    def best(self, how: Widened, at: int, *, holds: bool, most: int = 1) -> list[tuple[float, Order]]:
+        """Return the best orders known at factor number `at`, with their values, best first; of those that
+        hold the observation asked for, or of the others. Of orders worth the same, whose ends no future
+        comes to, the longest and the shortest stand for all: in more futures some may come there.
+        """
+        worths, orders = self._worths(how, at, holds=holds)
+        found: dict[float, list[Order]] = {}
+        for k in np.argsort(-worths[:, 0], kind="stable"):
+            value = round(float(worths[k, 0]), 9)
+            if value == -math.inf or (len(found) == most and value not in found):
+                break
+            found.setdefault(value, []).append(orders[k])
+        return [
+            (value, order)
+            for value, alike in found.items()
+            for order in dict.fromkeys((max(alike, key=len), min(alike, key=len)))
+        ]
+
+    def lead(self, how: Widened) -> Floats:
+        """Return by how much more than `AHEAD` the best order with the observation earns than the best
+        without it, by factor; to do nothing is one without.
+        """
+        one, other = (
+            np.max(self._worths(how, slice(None), holds=holds)[0], axis=0, initial=least)
+            for holds, least in ((True, -np.inf), (False, 0.0))
+        )
+        return np.broadcast_to(one - AHEAD * np.abs(one) - other, self.factors.shape)
+
+    def climb(self, how: Widened, at: int, *, holds: bool) -> None:
+        """Change the best orders known, each begun with another observation, as long as that wins at one
+        factor.
+        """
+        begun: dict[int, tuple[float, Order]] = {}
+        for value, order in self.best(how, at, holds=holds, most=len(self.number)):
+            if order and len(begun) < STARTS:
+                begun.setdefault(order[0], (value, order))
+        for value, order in begun.values():
+            self._climb(how, at, value, order)
+
+    def _climb(self, how: Widened, at: int, value: float, better: Order) -> None:
+        here, holds = None, self.asked in better
+        while better != here:
+            here = better
+            for new in itertools.chain(changed(self.model, here), more(self.model, here)):
+                if (self.asked in new) is not holds or new in self.number or not may_be_made(self.model, new):
+                    continue
+                worth = self.worth(new, how, at)
+                if worth > value:
+                    value, better = worth, new
+                    break
+
+    def look_at(self, orders: Iterable[Order]) -> None:
+        """Work out the curves of orders, those that can be made."""
+        for order in orders:
+            if order not in self.number and may_be_made(self.model, order):
+                self._number(order)
+
+    def put_in(self, order: Order) -> list[Order]:
+        """Return an order with the observation asked for at each place."""
+        return [(*order[:k], self.asked, *order[k:]) for k in range(len(order) + 1)]
+
+    def without(self, order: Order) -> Order:
+        """Return an order without the observation asked for."""
+        return tuple(m for m in order if m != self.asked)
+
+    def search(self, how: Widened, at: int) -> None:
+        """Look for better orders of both sides at a factor, and with the observation just below it."""
+        self.climb(how, at, holds=False)
+        self.look_at(new for _, order in self.best(how, at, holds=False)[:1] for new in self.put_in(order))
+        self.climb(how, max(at - 1, 0 if how.row is None else 1), holds=True)
+        self.look_at(self.without(order) for _, order in self.best(how, at, holds=True))
+        self.climb(how, at, holds=False)
+
+
+def may_be_made(model: Model, order: Order) -> bool:
+    """Return whether all that must precede an observation stands before it, for each of an order."""
+    made = 0
+    for m in order:
+        if model.predecessors[m] & ~made:
+            return False
+        made |= 1 << m
+    return model.admits(made)
+
+
+def more(model: Model, order: Order) -> Iterator[Order]:
+    """Yield each order with one observation in another's stead, and each with a part turned round."""
+    size = len(order)
+    for k in range(size):
+        for m in range(model.m):
+            if m not in order and model.utility[m] > 0.0:
+                yield (*order[:k], m, *order[k + 1 :])
+    for i in range(size):
+        for k in range(i + 3, size + 1):
+            yield (*order[:i], *order[i:k][::-1], *order[k:])

@@ -1,0 +1,129 @@
+"""Smallest relaxations: one run of an order gives its worth at every budget, and the least one that does."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from planner.contingency.seeding import route_plan
+from planner.contingency.why_not.limits import OF_ENERGY, OF_TIME, WINDOW, widened
+from planner.contingency.why_not.order_run import BOTH, ENERGY, TIME
+from planner.contingency.why_not.orders_by_budget import OrdersByBudget
+from planner.contingency.why_not.question import Question
+from planner.contingency.why_not.relaxations import smallest_relaxations
+from planner.contingency.why_not.tabled_futures import TabledFutures, work_out_drive
+from planner.evaluate.model import Model
+from planner.evaluate.program import compile_plan
+from planner.evaluate.propagate import Evaluator
+from planner.evaluate.rollout import Costs, Draws, Odds, Outcome, Passages, Rows, Standing, World, roll
+from planner.explain import why_not
+from planner.plan_tree import Observe
+from planner.problem import Problem
+from studies.common.planner_days import day
+from tests.planner.reference.problems import ALL_FAMILIES, generated
+
+FUTURES = 600
+
+
+def _tight(problem: Problem, share: float = 0.6) -> Problem:
+    budget = dataclasses.replace(problem.budget, time_s=share * problem.budget.time_s)
+    return dataclasses.replace(problem, budget=budget)
+
+
+def _draws(model: Model, futures: TabledFutures) -> Draws:
+    """Return tabled futures as the tables that the kernel of simulations takes."""
+    for a, b in np.argwhere(model.has_leg):
+        work_out_drive(World.of(model, model.utility), futures, int(a), int(b))
+    lost = np.moveaxis(np.where(futures.ready[:, :, None], futures.lost, 0), -1, 0)
+    kept = (1.0 - (lost[..., None] >> np.arange(model.n + 1) & 1)).astype(np.float64)
+    return Draws(
+        np.moveaxis(futures.leg_s, -1, 0).copy(), np.moveaxis(futures.leg_j, -1, 0).copy(),
+        kept, kept[..., 0].copy(), futures.obs_s.T.copy(), futures.obs_j.T.copy(),
+        np.zeros((FUTURES, model.m)), futures.load,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("family", ALL_FAMILIES)
+@pytest.mark.parametrize("seed", range(3))
+def test_one_run_is_worth_at_each_budget_what_a_run_with_that_budget_is(family: str, seed: int) -> None:
+    problem = _tight(generated(family, seed, spread=0.4))
+    model = Model.of(problem)
+    futures = TabledFutures.of(model, FUTURES, seed=5)
+    orders = OrdersByBudget(model, 0, 3.0, futures)
+    draws = _draws(model, futures)
+    order = tuple(int(m) for m in np.random.default_rng(8 + seed).permutation(model.m)[:4])
+    curve = orders.curve(order)
+    for row, kinds in ((TIME, (OF_TIME,)), (ENERGY, (OF_ENERGY,)), (BOTH, (OF_TIME, OF_ENERGY))):
+        for at in (0, 30, 200, len(orders.factors) - 1):
+            wide = Model.of(widened(problem, problem.observations[0], kinds, float(orders.factors[at])))
+            outcome = Outcome.empty(FUTURES)
+            roll(
+                Rows.of(compile_plan(wide, route_plan(wide, order))), Costs.of(wide),
+                World.of(wide, wide.utility * wide.p_success), Odds(5), 0, FUTURES, True, draws, outcome,
+                np.zeros(0, np.int64), np.zeros((0, 0), np.bool_), Passages.empty(0, 0), Standing.at_start(),
+            )  # fmt: skip
+            assert curve[row, at] == pytest.approx(outcome.utility.mean(), rel=1e-6, abs=1e-6)
+
+
+def test_tabled_futures_lose_tracks_in_their_share_and_amounts_keep_mean_and_spread() -> None:
+    model = Model.of(generated("failing", 1, spread=0.4))
+    futures = TabledFutures.of(model, FUTURES, seed=3)
+    _draws(model, futures)
+    for a, b in np.argwhere(model.has_leg):
+        mean_s, sd_s, mean_j, _ = model.leg[a, b]
+        assert futures.leg_s[a, b].mean() == pytest.approx(mean_s, rel=2e-3)
+        assert futures.leg_s[a, b].std() == pytest.approx(sd_s, rel=0.03)
+        assert futures.leg_j[a, b].mean() == pytest.approx(mean_j, rel=2e-3)
+        chances = [model.fail[a, b], *model.loss[a, b, 1:]]
+        for k, chance in enumerate(chances):
+            assert (futures.lost[a, b] >> k & 1).mean() == pytest.approx(chance, abs=1.0 / FUTURES)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_with_the_factor_told_its_plan_is_better_than_the_plan_of_today(seed: int) -> None:
+    problem = _tight(day(np.random.default_rng(seed), least=5, most=5))
+    model = Model.of(problem)
+    orders = OrdersByBudget(model, 0, 3.0, TabledFutures.of(model, 2_000, seed=1))
+    alone = [(m,) for m in range(model.m)]
+    best = max(alone, key=lambda order: orders.curve(order)[TIME, 0])
+    for o in problem.observations:
+        if model.number_of[o.id] in best:
+            continue
+        for found in smallest_relaxations(Question(problem, o, [best])):
+            assert 1.0 <= found.factor <= 3.01
+            assert o.id in {step.observation for step in found.plan if isinstance(step, Observe)}
+            kinds = found.what.split(" and ")
+            wide = Model.of(widened(problem, o, kinds, found.factor))
+            evaluator = Evaluator(wide)
+            value = evaluator.value(route_plan(wide, _order(wide, found.plan))).value
+            assert value == pytest.approx(found.value, rel=1e-6)
+            assert value >= 0.99 * evaluator.value(route_plan(wide, best)).value
+
+
+def _order(model: Model, plan: tuple[object, ...]) -> tuple[int, ...]:
+    return tuple(model.number_of[step.observation] for step in plan if isinstance(step, Observe))
+
+
+def test_a_window_that_is_over_before_the_drive_is_made_longer() -> None:
+    problem = day(np.random.default_rng(11), least=4, most=4)
+    first = problem.observations[0]
+    early = dataclasses.replace(first, window_s=(500.0, 1_100.0))
+    targets = tuple(
+        dataclasses.replace(t, observations=tuple(early if o.id == first.id else o for o in t.observations))
+        for t in problem.targets
+    )
+    problem = dataclasses.replace(problem, targets=targets)
+    found = {
+        relaxation.what: relaxation for relaxation in smallest_relaxations(Question(problem, early, [()]))
+    }
+    assert WINDOW in found
+
+
+@pytest.mark.parametrize("member", ["time_s", "energy_j"])
+def test_a_budget_of_nothing_is_answered(member: str) -> None:
+    problem = day(np.random.default_rng(1), least=3, most=3)
+    problem = dataclasses.replace(problem, budget=dataclasses.replace(problem.budget, **{member: 0.0}))
+    for o in problem.observations:
+        assert why_not(problem, (), str(o.id)).reason
