@@ -26,6 +26,7 @@ from pathlib import Path
 from ground.campaigns.folder import CampaignFolder
 from ground.campaigns.inputs import read_case
 from ground.campaigns.pilot import Pilot
+from studies.common.bare_loop import BareLoop, beside, made_day
 from studies.common.processes import free_port, resident_mib, size_of, until
 
 ROOT = Path(__file__).parents[1]
@@ -42,8 +43,7 @@ class Day:
     def __init__(self, folder: Path, seed: int) -> None:
         self.folder, self.seed = folder, seed
         self.environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
-        made = [*OUTCROP, "demo", "--seed", str(seed), "--out", "day"]
-        subprocess.run(made, cwd=folder, env=self.environment, check=True, stdout=subprocess.DEVNULL)
+        self.day = made_day(folder, seed)
 
     def start(self, name: str, runs: int, *more: str, **environment: str) -> subprocess.Popen[bytes]:
         given = ["--runs", str(runs), "--seed", str(self.seed), "--out", name, *more]
@@ -99,7 +99,7 @@ def dask(folder: Path) -> Iterator[str]:
 
 def rows_alone(day: Day, name: str, runs: int) -> None:
     """Compare every hundredth row with the run by itself."""
-    case = read_case(day.folder / "day" / "plan.crl", day.folder / "day" / "problem.json", "abstract")
+    case = read_case(day.day / "plan.crl", day.day / "problem.json", "abstract")
     rows = list(CampaignFolder(day.folder / name).rows(runs=runs))
     every = rows[::100]
     same = sum(Pilot(case).row(row.seed).line() == row.line() for row in every)
@@ -138,9 +138,10 @@ def many(day: Day, runs: int) -> None:
             if now * 100 >= EARLY_RUNS and not early_mib:
                 early_mib = last_mib
         time.sleep(0.2)
-    used_s = _children_s() - before
+    used_ms = 1000 * (_children_s() - before) / runs
     print(
-        f"{runs} runs by one worker: {1000 * used_s / runs:.2f} ms of processor time each (3 asked); memory "
+        f"{runs} runs by one worker: {used_ms:.2f} ms of processor time each (3 asked), "
+        f"{beside(used_ms, 3.0, BareLoop(day.day).ms())}; memory "
         f"{early_mib:.1f} MiB after {EARLY_RUNS} runs, {last_mib:.1f} after {100 * units} "
         f"({100 * (last_mib / early_mib - 1):+.1f} %, 5 asked); "
         f"{size_of(day.folder / 'many') / runs:.0f} bytes a run on disk",

@@ -6,6 +6,9 @@ Each is a process of its own, started as people start it. In turn: transactions 
 nobody does anything; processor time and disk of a dry run; memory of the workers over 300 jobs; how long
 after the row the progress of a job comes to a stream of the other server; when a path network and a dry run
 of one mission begin while 40 plans of the other wait. Prints a line for each, with the limit that was asked.
+
+`--of DIR --only-dry-runs` measures the service of another checkout in the same minutes: machines differ, what
+one version costs beside another does not.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ from typing import Any
 import httpx
 import psycopg
 
+from studies.common.bare_loop import BareLoop, beside, made_day
 from studies.common.databases import own_database
 from studies.common.processes import answers, children, cpu_of, free_port, resident_mib, size_of, until
 
@@ -35,6 +39,8 @@ WORKERS = 3
 PLANS = 40
 PLAN_S = 20.0
 """Time limit of a plan that keeps a worker busy."""
+BLOCK = 10
+"""Dry runs between two looks at how fast the machine is."""
 SETTLING_S, BUSY_SHARE, SETTLED_WITHIN_S = 20.0, 0.05, 300.0
 """Warm-ups end, pools fill: over when so long no more than this share of a core was used, or an error.
 
@@ -45,7 +51,7 @@ The first start of a checkout compiles kernels, which takes longer than any fixe
 class Site:
     """The processes, and two missions."""
 
-    def __init__(self, folder: Path, database: str) -> None:
+    def __init__(self, folder: Path, database: str, checkout: Path) -> None:
         self.folder, self.database = folder, database
         self.environment = {
             **os.environ,
@@ -53,7 +59,7 @@ class Site:
             "OUTCROP_DATABASE_URL": database,
             "OUTCROP_WORKERS": "1",
             "OUTCROP_LOG_LEVEL": "warning",
-            "PYTHONPATH": str(ROOT),
+            "PYTHONPATH": str(checkout),
         }
         self.run("migrate").wait()
         self.ports = (free_port(), free_port())
@@ -63,7 +69,7 @@ class Site:
             httpx.Client(
                 base_url=f"http://127.0.0.1:{port}/api/v1",
                 headers={"X-Outcrop-Person": "Planner"},
-                timeout=60.0,
+                timeout=600.0,  # a first terrain waits for kernels that are compiled
                 trust_env=False,
             )
             for port in self.ports
@@ -72,6 +78,10 @@ class Site:
             database.replace("postgresql+psycopg", "postgresql"), autocommit=True, dbname="postgres"
         )
         self.rows = psycopg.connect(database.replace("postgresql+psycopg", "postgresql"), autocommit=True)
+        self.missions: list[str] = []
+
+    def open(self) -> None:
+        """Wait for the servers and make the missions."""
         for client in self.clients:
             until(lambda client=client: answers(client, "/missions"), "a server")
         self.missions = [self.mission(name) for name in ("Busy", "Other")]
@@ -233,18 +243,31 @@ def streams(site: Site, times: int) -> None:
 
 
 def dry_runs(site: Site, plan: str, count: int) -> None:
-    """Fly a plan so often, one after the other, when each process has loaded what the work needs."""
+    """Fly a plan so often, one after the other, when each process has loaded what the work needs.
+
+    The bare loop is looped between them, for a machine may be half as fast a minute later.
+    """
     other = f"/missions/{site.missions[1]}/runs"
+    bare = BareLoop(made_day(site.folder, 1))
     first = [{"plan_id": plan, "rover": "abstract", "seed": 1 + k} for k in range(8 * WORKERS)]
     site.over(*(site.post(other, order)["id"] for order in first))
     time.sleep(2.0)
-    used, size = site.cpu_s(), size_of(site.folder / "data")
-    for seed in range(count):
-        site.over(site.post(other, {"plan_id": plan, "rover": "abstract", "seed": 100 + seed})["id"])
-    used, size = site.cpu_s() - used, size_of(site.folder / "data") - size
+    spent_s: list[float] = []
+    bare_ms: list[float] = []
+    size = size_of(site.folder / "data")
+    for block in range(0, count, BLOCK):
+        used = site.cpu_s()
+        for seed in range(block, block + BLOCK):
+            site.over(site.post(other, {"plan_id": plan, "rover": "abstract", "seed": 100 + seed})["id"])
+        spent_s.append((site.cpu_s() - used) / BLOCK)
+        bare_ms.append(bare.ms(30))
+    size = size_of(site.folder / "data") - size
+    took_s, loop_ms = statistics.fmean(spent_s), statistics.fmean(bare_ms)
     print(
-        f"{count} dry runs: {used / count:.3f} s of processor time each, servers and workers (0.06 asked), "
-        f"{size / count / 1000:.0f} kB (200 asked)"
+        f"{len(spent_s) * BLOCK} dry runs: {took_s:.3f} s of processor time each, servers and workers (0.06 "
+        f"asked; {min(spent_s):.3f} to {max(spent_s):.3f}), {beside(1000 * took_s, 60.0, loop_ms)}; "
+        f"{size / len(spent_s) / BLOCK / 1000:.0f} kB (200 asked)",
+        flush=True,
     )
 
 
@@ -273,17 +296,25 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=5)
     parser.add_argument("--runs", type=int, default=50)
     parser.add_argument("--jobs", type=int, default=300)
+    parser.add_argument("--only-dry-runs", action="store_true")
+    parser.add_argument("--of", type=Path, default=ROOT, help="a checkout whose service is measured instead")
     given = parser.parse_args()
     with own_database(given.database) as address, tempfile.TemporaryDirectory() as folder:
-        site = Site(Path(folder), address)
+        site = Site(Path(folder), address, given.of.resolve())
         try:
+            site.open()
             print(f"load {os.getloadavg()[0]:.1f}")
-            silence(site, given.silence_s)
+            if given.only_dry_runs:
+                settle(site)
+            else:
+                silence(site, given.silence_s)
             order = {"iterations": 200, "time_limit_s": 60.0, "max_branches": 2}
             job = site.post(f"/missions/{site.missions[1]}/plans", order)
             site.over(job["id"])
             plan = site.clients[0].get(f"/jobs/{job['id']}").json()["subject_id"]
             dry_runs(site, plan, given.runs)
+            if given.only_dry_runs:
+                return
             memory(site, plan, given.jobs, first=20)
             streams(site, given.times)
             waits(site, plan, given.times)

@@ -49,6 +49,8 @@ says more than either. Over 6 rounds together the ratio lay between 0.98 and 1.6
 """
 REST_S = LOOK_S + 5.0
 """Nobody asks for so long before memory is noted: what it holds in the middle of work hangs on the moment."""
+FIRST_S = 600.0
+"""For an answer: a first terrain in a new checkout waits for kernels that are compiled, in minutes."""
 EARLY = 3
 """The sol that the last one is compared with: by then all is loaded."""
 COST = "processor time a request, to one that asks nothing"
@@ -230,7 +232,7 @@ def study(folder: Path, database: str, sols: int, minutes: float, seed: int) -> 
         server = subprocess.Popen(given, env=environment, cwd=folder, stdout=log, stderr=log)
         stack.callback(server.wait)
         stack.callback(server.terminate)
-        client = httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=120.0, trust_env=False)
+        client = httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=FIRST_S, trust_env=False)
         stack.callback(client.close)
         until(lambda: answers(client, "/api/v1/missions"), "the server")
         rest = Rest(client)

@@ -4,10 +4,10 @@
     .venv/bin/python -m studies.subframe_day --fresh 5 --out /tmp/days [--docs docs]
 
 Targets are any five rocks of at least 20 cm in sight, as the seed draws them (`plain_choice`). The second
-form compares days of seeds drawn now: what was placed, lost and refused on each, and why. Every stage is
-timed, in wall and in CPU seconds; the bar is 120 s on two cores from terrain to products. The rover's world
-has rocks that the map has not and softer soil. For the same day with ten targets and a planner that chooses
-among them: `outcrop demo --rover subframe`.
+form compares days of seeds drawn now: what was placed, lost and refused on each, and why; then what became of
+every target, and how far off the truth has it. Every stage is timed, in wall and in CPU seconds; the bar is
+120 s on two cores from terrain to products. The rover's world has rocks that the map has not and softer soil.
+For the same day with ten targets and a planner that chooses among them: `outcrop demo --rover subframe`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import json
 import math
 import secrets
 import time
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -37,12 +36,11 @@ from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.truth import TrackRecord
 from rover_iface.terrain import Terrain, generate_terrain
+from studies.common.day_fates import fate_table, fates
 from studies.common.pages import write_section
 from studies.common.plain_choice import plain_targets
 
 TARGETS = 5
-CLAIMED_WRONG_M = 0.02
-"""A placement further from the target than this, told as made, is claimed and wrong."""
 WORLD_ERROR = {"unmapped_rocks_per_m2": 0.01, "softer": 1.2}
 
 
@@ -87,7 +85,8 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
         flight = fly(crl, rover, out, run_id="day", about={"rover": "subframe", "seed": seed}, sync=False)
     true = [pose for _, pose, _ in rover.truth.odometry]
     rows = [json.loads(line) for line in (out / "products.jsonl").read_text("utf-8").splitlines()]
-    ends = Counter(row[2] for row in flight_ends(out) if str(row[1]).startswith("observe-"))
+    refused = {r.target_id: r.reason for r in day.refused}
+    became = fates(out, [t.id for t in chosen], refused, rover.truth.history)
     return {
         "seed": seed,
         "targets": len(chosen),
@@ -95,7 +94,8 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
         "hours": (flight.outcome.end_s or 0.0) / 3600,
         "driven_m": sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(true)),
         "updates": len(rover.truth.history),
-        "placed": ends["SUCCEEDED"],
+        "fates": became,
+        "placed": sum(fate.placed for fate in became),
         "tracked_error_m": [r.error_m for r in rover.truth.history if r.state == "tracked"],
         "lost": sorted({r.target for r in rover.truth.history if r.state == "failed"}),
         "images": sum(row["path"].endswith(".png") for row in rows),
@@ -103,18 +103,10 @@ def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
         "products": len(rows),
         "triangles": triangles,
         "failures": failures(out) + not_begun(out, rover.truth.history),
-        "refused": [f"{r.target_id}: {r.reason}" for r in day.refused],
-        "wrong": [
-            name for name in rover.truth.touched if rover.truth.placement_error_m(name) > CLAIMED_WRONG_M
-        ],
+        "refused": [f"{name}: {reason}" for name, reason in refused.items()],
+        "wrong": [fate.target for fate in became if fate.wrong],
         "stages": spent,
     }
-
-
-def flight_ends(out: Path) -> list[list[Any]]:
-    """Return `[t_s, node, outcome]` of every node that ended."""
-    records = (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines())
-    return [[r[0], r[2], r[3]] for r in records if r[1] == "end"]
 
 
 def failures(out: Path) -> list[str]:
@@ -241,6 +233,8 @@ def main() -> None:
         text = table(fly_day(arguments.seed, arguments.out, arguments.targets))
         section = "day"
     print(text)
+    if arguments.seeds:
+        print(fate_table({r["seed"]: r["fates"] for r in results}))
     if arguments.docs is not None:
         write_section(arguments.docs, "simulator", section, text)
 

@@ -20,7 +20,7 @@ def demo(
     out: Path = typer.Option(Path("outcrop-demo"), help="Folder for the artefacts."),
     rover: str = typer.Option("abstract", help="Simulated rover that flies the plan, or one of your own."),
     tracker: str = typer.Option(
-        "", help="Tracker of that rover, when not its own: klt, ncc, sift, sift-shape, ..."
+        "", help="Tracker of that rover, when not its own: klt, ncc, ncc-narrow, sift, ..."
     ),
     time_limit: float = typer.Option(30.0, min=0.1, help="Seconds the planner may take."),
 ) -> None:

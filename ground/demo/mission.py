@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 from ground.day.prepare import stand_for
 from ground.errors import InvalidInputError
@@ -44,11 +45,14 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
     rng = np.random.default_rng([seed, 1])
     start = _start(terrain, rng)
     keep_outs = _keep_outs(terrain, start, rng)
+    kept_out = [shapely.Polygon(k.polygon_m) for k in keep_outs]
     targets: list[Target] = []
     for east, north in _candidates(terrain, start, rng):
         if len(targets) == TARGETS:
             break
         if any(math.hypot(east - t.point_site[0], north - t.point_site[1]) < APART_M for t in targets):
+            continue
+        if any(shapely.contains_xy(region, east, north) for region in kept_out):
             continue
         target = target_at(terrain, f"T{len(targets) + 1}", NAMES[len(targets)], east, north)
         if _reachable(terrain, profile, start, target, keep_outs):

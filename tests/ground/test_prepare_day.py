@@ -7,6 +7,7 @@ import math
 from functools import cache
 
 import pytest
+import shapely
 
 from ground.day.prepare import PreparedDay, prepare_day, stand_for
 from ground.demo.mission import demo_mission, target_at
@@ -55,6 +56,14 @@ def test_demo_mission_has_ten_targets_and_fourteen_requests() -> None:
     assert {r.target_id for r in day.requests} == {t.id for t in day.targets}
     assert any(r.window for r in day.requests)
     assert any(r.after for r in day.requests)
+
+
+def test_demo_targets_lie_outside_the_keep_outs() -> None:
+    """Seed 51739 drew a rock that the arm reached from beside a keep-out, and no day could be made of it."""
+    day = demo_mission(generate_terrain(51739), _profile(), seed=51739)
+    for keep_out in day.keep_outs:
+        region = shapely.Polygon(keep_out.polygon_m)
+        assert not [t.id for t in day.targets if shapely.contains_xy(region, *t.point_site[:2])]
 
 
 def test_demo_mission_depends_on_its_seed_alone() -> None:
