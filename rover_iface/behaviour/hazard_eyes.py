@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,23 +12,29 @@ from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.hardware import Hardware
 from rover_iface.behaviour.mast_cameras import MastCameras, Sighting
 from rover_iface.behaviour.placing import HandedOff
-from rover_iface.cameras.model import CameraModel
+from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Pose
 from rover_iface.vision.handoff import Handoff, Side
 from rover_iface.vision.handoffs import Found, Refused, find_handoff
 from rover_iface.vision.tracker import StereoView
 
+FoundIn = Callable[[str, StereoView], Array | None]
+"""Gives the pixel (2,) of a tracked target in the left image of another pair of a stop, None if unknown."""
+
 
 class HazardEyes:
     """Hands targets to the hazcams (`Handoff`); keeps the pair it looked with for what follows at that stop.
 
-    `answers` tells, for each target, how it went: method, error in pixels, reasons.
+    `answers` tells, for each target, how it went: method, error in pixels, reasons. `found` is asked where
+    a target is in the navcam pair that is taken for it. Where nobody knows, it is where its position has it;
+    the mast's noise between two looks is in that.
     """
 
-    def __init__(self, hardware: Hardware, cameras: MastCameras) -> None:
+    def __init__(self, hardware: Hardware, cameras: MastCameras, found: FoundIn | None = None) -> None:
         self.hardware = hardware
         self.cameras = cameras
+        self.found = found
         self.answers: dict[str, Mapping[str, object]] = {}
         self._pair: tuple[Pose, Sighting] | None = None
         self._handed: dict[str, tuple[Pose, HandedOff]] = {}
@@ -88,7 +94,9 @@ class HazardEyes:
             raise TrackerError(f"target {name} cannot be looked at for the hand-off: {err}") from err
         self._near[name] = (self.hardware.believed, near)
         haz = self.pair().view
-        pixel = np.asarray(near.left_camera.project(followed.update.position), dtype=np.float64)
+        seen = None if self.found is None else self.found(name, near)
+        pixel = near.left_camera.project(followed.update.position) if seen is None else seen
+        pixel = np.asarray(pixel, dtype=np.float64)
         given = Handoff(Side(haz, 0.3), Side(near, 0.8), pixel)
         answer = find(given)
         self.answers[name] = answer.about
@@ -100,7 +108,10 @@ class HazardEyes:
 
 
 def _handed(followed: Followed, camera: CameraModel, found: Found) -> HandedOff:
-    """Return a hand-off; where a method does not know its error, that of the tracked position stands in."""
+    """Return a hand-off; where a method does not know its error, that of the tracked position stands in.
+
+    It says nothing of which spot was meant: what the track tells of that stays.
+    """
     away = float(np.linalg.norm(found.position - camera.C))
     error_px = found.error_px
     if error_px is None:
@@ -109,7 +120,7 @@ def _handed(followed: Followed, camera: CameraModel, found: Found) -> HandedOff:
     update = replace(
         followed.update,
         position=np.asarray(found.position, dtype=np.float64),
-        covariance=sigma**2 * np.eye(3),
+        covariance=followed.update.covariance + sigma**2 * np.eye(3),
         confidence=min(1.0, max(found.score, followed.update.confidence)),
         pixel=np.asarray(found.pixel),
         reasons=(),

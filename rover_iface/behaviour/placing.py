@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,7 +23,7 @@ from rover_iface.behaviour.hardware import Contact, Hardware
 from rover_iface.behaviour.mast_cameras import MastCameras
 from rover_iface.behaviour.products import picture_label, png
 from rover_iface.cameras.model import Array
-from rover_iface.errors import RenderError, RoverError, TrackerError
+from rover_iface.errors import CameraError, RenderError, RoverError, TrackerError
 from rover_iface.vision.tracker import TrackUpdate
 
 MOST_OFF_M = 0.02
@@ -55,9 +55,18 @@ class Handoff(Protocol):
             If the camera does not see it, or the answer is not to be trusted; the message says why.
         """
 
+    def at_this_stop(self, followed: Followed) -> HandedOff:
+        """Return the hand-off of a target that a tool is to be put on from here, made now if there is none.
+
+        Raises
+        ------
+        TrackerError
+            If it is refused.
+        """
+
 
 class KinematicHandoff:
-    """Takes the tracked position over as it is; its error follows from the tracker's covariance."""
+    """Takes the tracked position over as it is; its error is that of tracker and mast."""
 
     def __init__(self, hardware: Hardware, cameras: MastCameras) -> None:
         self.hardware = hardware
@@ -70,9 +79,38 @@ class KinematicHandoff:
         camera = self.cameras.rig.camera(self.hardware.profile.cameras.hazard)
         if not bool(camera.sees(rover)):
             raise TrackerError(f"the hazard camera does not see target {followed.target.id}")
+        handed = self.at_this_stop(followed)
         away = float(np.linalg.norm(rover - camera.C))
-        sigma = math.sqrt(float(np.trace(followed.update.covariance)) / 3)
-        return HandedOff(followed.update, float(camera.hs * sigma / max(away, 0.1)))
+        sigma = math.sqrt(float(np.trace(handed.update.covariance)) / 3)
+        return HandedOff(handed.update, float(camera.hs * sigma / max(away, 0.1)))
+
+    def at_this_stop(self, followed: Followed) -> HandedOff:
+        """See `Handoff`; the tracker knows a place relative to the cameras, and the mast holds them askew."""
+        eye, mast = followed.view.left_camera.C, self.hardware.profile.mast
+        ray = followed.update.position - eye
+        away = float(np.linalg.norm(ray))
+        across = np.eye(3) - np.outer(ray, ray) / away**2
+        askew = (mast.bias_rad**2 + mast.noise_rad**2) * away**2 * across
+        return HandedOff(replace(followed.update, covariance=followed.update.covariance + askew), math.nan)
+
+
+class TestedHandoff:
+    """Hands off by the hazcams' own picture, and by the mast's angles where that is refused."""
+
+    def __init__(self, eyes: Handoff, by_mast: KinematicHandoff) -> None:
+        self.eyes = eyes
+        self.by_mast = by_mast
+
+    def hand_off(self, followed: Followed, method: str) -> HandedOff:
+        """See `Handoff`."""
+        return (self.eyes if method else self.by_mast).hand_off(followed, method)
+
+    def at_this_stop(self, followed: Followed) -> HandedOff:
+        """See `Handoff`."""
+        try:
+            return self.eyes.at_this_stop(followed)
+        except (TrackerError, CameraError, RenderError):
+            return self.by_mast.at_this_stop(followed)
 
 
 def require_known(followed: Followed, arm_m: float) -> None:
@@ -105,6 +143,20 @@ def across_m(covariance: Array, normal: npt.ArrayLike, arm_m: float) -> float:
     flat = np.eye(3) - np.outer(up, up)
     largest = float(np.linalg.eigvalsh(flat @ covariance @ flat)[-1])
     return math.sqrt(INSIDE_95 * (largest + (arm_m / 2.0) ** 2))
+
+
+def beside(contact: Contact, target: Array) -> str:
+    """Return why a tool that has touched does not stand on a target (3,), believed site frame, or nothing.
+
+    At an edge what is 2 mm off across lies centimetres deeper: no relief of rock, and nothing that was known.
+    """
+    off_m = float(np.linalg.norm(contact.point - target))
+    if off_m <= MOST_OFF_M:
+        return ""
+    return (
+        f"the surface under the tool lies {100 * off_m:.1f} cm from the target; "
+        f"{100 * MOST_OFF_M:.0f} cm is the limit"
+    )
 
 
 class Placing:
@@ -162,9 +214,10 @@ class Placing:
         except RoverError as err:
             yield from self.hardware.spend("handoff")
             return Outcome(False, str(err), {"made": False, "energy_j": self.hardware.drawn_j - begin_j})
-        if not contact.made:
+        reason = contact.reason if not contact.made else beside(contact, followed.update.position)
+        if reason:
             yield from self.hardware.spend("handoff")
-            reason = f"target {name}: {contact.reason}"
+            reason = f"target {name}: {reason}"
             return Outcome(False, reason, {"made": False, "energy_j": self.hardware.drawn_j - begin_j})
         yield from self.hardware.operate(figures, number(command, "dwell_s", 0.0))
         values: dict[str, Value] = {"made": True, "energy_j": self.hardware.drawn_j - begin_j}
@@ -189,6 +242,7 @@ class Placing:
         for tried in range(MOVES + 1):
             # a move of the base brings another look, and may tell more of the target than was known
             try:
+                followed.update = self.handoff.at_this_stop(followed).update
                 require_known(followed, self.hardware.profile.arm.accuracy_m)
                 return self.hardware.reach(name, followed.update.position, instrument)
             except RoverError as err:

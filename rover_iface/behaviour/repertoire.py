@@ -15,9 +15,10 @@ from rover_iface.behaviour.hardware import Hardware
 from rover_iface.behaviour.hazard_eyes import HazardEyes
 from rover_iface.behaviour.imaging import Imaging
 from rover_iface.behaviour.mast_cameras import MastCameras
-from rover_iface.behaviour.placing import KinematicHandoff, Placing
+from rover_iface.behaviour.placing import KinematicHandoff, Placing, TestedHandoff
 from rover_iface.behaviour.sight import ScannedSight, StereoSight
 from rover_iface.behaviour.target import DesignatedTarget
+from rover_iface.vision.tracker import FindsBeside
 from rover_iface.vision.trackers import TrackerAids, make_tracker
 
 WINDOW_PX = 400
@@ -80,14 +81,24 @@ class MakeRepertoire(Protocol):
 
 
 def subframe(hardware: Hardware, targets: Targets, tracker: str = "") -> Repertoire:
-    """Return the behaviour of the `subframe` rover: ranges as given, correlation on subframes."""
+    """Return the behaviour of the `subframe` rover: ranges as given, correlation on subframes.
+
+    Once near it looks again in wider ones: for the spot that its first narrow picture shows, and for the
+    hand-off to the hazcams.
+    """
     cameras = MastCameras(hardware)
-    aids = TrackerAids(hardware.profile.mobility.odometry_error)
-    follower = TargetFollower(hardware, targets, cameras, make_tracker(tracker or "ncc", aids))
-    driving = Driving(hardware, ScannedSight(hardware), follower)
-    placing = Placing(
-        hardware, cameras, follower, KinematicHandoff(hardware, cameras), BaseMoves(hardware, driving)
+    wide = MastCameras(hardware, window_px=WINDOW_PX, right_margin_px=RIGHT_MARGIN_PX)
+    aids = TrackerAids(
+        hardware.profile.mobility.odometry_error,
+        narrow=lambda target, point: wide.stereo(point, "pancam", track=target).view,
+        wide=lambda target, point: wide.stereo(point, track=target).view,
     )
+    own = make_tracker(tracker or "ncc-narrow", aids)
+    follower = TargetFollower(hardware, targets, cameras, own)
+    driving = Driving(hardware, ScannedSight(hardware), follower)
+    eyes = HazardEyes(hardware, wide, own.beside if isinstance(own, FindsBeside) else None)
+    handoff = TestedHandoff(eyes, KinematicHandoff(hardware, cameras))
+    placing = Placing(hardware, cameras, follower, handoff, BaseMoves(hardware, driving))
     return Repertoire(follower, driving, Imaging(hardware, cameras, follower), placing)
 
 
@@ -101,7 +112,7 @@ class FullRepertoire(Repertoire):
         self.eyes = HazardEyes(hardware, cameras)
         aids = TrackerAids(
             hardware.profile.mobility.odometry_error,
-            narrow=lambda point: cameras.stereo(point, "pancam").view,
+            narrow=lambda target, point: cameras.stereo(point, "pancam", track=target).view,
         )
         own = make_tracker(tracker or "sift-shape", aids)
         follower = TargetFollower(hardware, targets, cameras, own, cadence=CADENCE)

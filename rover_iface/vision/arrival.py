@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
-from rover_iface.vision.narrow_range import Narrow, NarrowSight, narrow_sight
+from rover_iface.vision.narrow_range import NarrowSight, PairFor, narrow_sight
 from rover_iface.vision.shape_tracker import CombinedTracker
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
@@ -34,7 +34,7 @@ class ArrivalTracker:
         tracker: CombinedTracker | None = None,
         *,
         arrived_m: float = ARRIVED_M,
-        narrow: Narrow | None = None,
+        narrow: PairFor | None = None,
     ) -> None:
         self.tracker = tracker or CombinedTracker()
         self.arrived_m = arrived_m
@@ -43,17 +43,17 @@ class ArrivalTracker:
 
     def start(self, target: str, position: npt.ArrayLike, view: StereoView) -> TrackUpdate:
         """See `Tracker`."""
-        narrow = self._narrow(np.asarray(position, dtype=np.float64), view)
+        narrow = self._narrow(target, np.asarray(position, dtype=np.float64), view)
         return self.tracker.start(target, position, view, narrow=narrow)
 
-    def _narrow(self, position: Array, view: StereoView) -> NarrowSight | None:
+    def _narrow(self, target: str, position: Array, view: StereoView) -> NarrowSight | None:
         """Return the target in the narrow pair; None where that is not needed or does not show it."""
         away = float(np.linalg.norm(position - view.left_camera.C))
         pixel = np.asarray(view.left_camera.project(position), dtype=np.float64)
         if self.narrow is None or away < NARROW_M or not np.isfinite(pixel).all():
             return None
         try:
-            pair = self.narrow(position)
+            pair = self.narrow(target, position)
         except (CameraError, RenderError, TrackerError):
             return None
         return narrow_sight(view, pixel, pair, away)

@@ -25,8 +25,8 @@ PLACE_PX = 0.3
 """Error of the place in the wide picture; over a slanted face it is one of range."""
 
 
-Narrow = Callable[[Array], StereoView]
-"""Takes a pair with the narrow cameras round a believed point (3,)."""
+PairFor = Callable[[str, Array], StereoView]
+"""Takes a pair round a believed point (3,) for the track of a target."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ compared over a wider patch before one is believed. The gain of each is in `docs
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -24,6 +24,7 @@ from rover_iface.errors import TrackerError
 from rover_iface.vision.coverage_watch import CoverageWatch
 from rover_iface.vision.first_view import measured_drift, require_range
 from rover_iface.vision.gallery import Gallery
+from rover_iface.vision.narrow_range import KnownRange
 from rover_iface.vision.seen_relief import SeenRelief
 from rover_iface.vision.template import (
     UNKNOWN_SHARE,
@@ -64,6 +65,7 @@ class _Target:
     normal_weight: float
     misses: int = 0
     watched: StereoView | None = None  # the last view whose errors were checked
+    put: bool = False  # another look has told since where it is, better than the first view does
 
 
 @dataclass(slots=True)
@@ -120,10 +122,12 @@ class NccTracker:
         view: StereoView,
         *,
         pixel: npt.ArrayLike | None = None,
+        known: KnownRange | None = None,
     ) -> TrackUpdate:
         """Begin to follow a surface point, given as position (3,) or as pixel (2,) of the left image.
 
-        Position in the frame of the view's cameras, m; pixels as (sample, line).
+        Position in the frame of the view's cameras, m; pixels as (sample, line). `known` is its distance as a
+        better pair has it: a window over the crest of a rock is ranged with the ground behind.
         """
         if target in self._targets:
             raise TrackerError(f'target "{target}" is followed already; clear it first')
@@ -151,6 +155,8 @@ class NccTracker:
             )
         if position is not None:
             require_range(target, view, np.asarray(position, dtype=np.float64), match)
+        if known is not None:
+            match = _ranged(view, at, match, known)
         distance = float(np.linalg.norm(match.point - view.left_camera.C))
         view_template = Template(
             view.left,
@@ -205,6 +211,25 @@ class NccTracker:
     def last(self, target: str) -> TrackUpdate:
         """Return the last answer again."""
         return self._get(target).update
+
+    def template(self, target: str) -> Template:
+        """Return the view that a target was last found in."""
+        return self._get(target).last
+
+    def put(self, target: str, view: StereoView, pixel: Array, drift: Drift, away_m: float) -> bool:
+        """Go on from where another look has the target in this view; False where stereo does not range it.
+
+        `pixel` (2,) is that of the left image, `drift` what that look leaves open, `away_m` the range there.
+        A track that was lost, even failed, is taken up again so.
+        """
+        track = self._get(target)
+        match = self._stereo(view, pixel, away_m, spread=0.35)
+        if match is None or match.score < self.options.stereo_limit:
+            return False
+        judged = _Judgement(scores={"range_m": float(np.linalg.norm(match.point - view.left_camera.C))})
+        track.update = self._accept(target, track, view, pixel, match, drift, judged)
+        track.put = True
+        return True
 
     def update(self, target: str, view: StereoView) -> TrackUpdate:
         """Find the target again after a move; see the module for the steps."""
@@ -277,7 +302,7 @@ class NccTracker:
         judged: _Judgement,
     ) -> tuple[Array, PointMatch, Drift]:
         """Return the match corrected by what the first view tells of its drift, and what drift is left."""
-        if not self.options.key_template or track.last is track.first:
+        if not self.options.key_template or track.last is track.first or track.put:
             return at, match, drift
         camera, away = view.left_camera, judged.scores["range_m"]
         depth_m2 = _depth_m2(match) + self._bulge_m2(view, track.first.range_m)
@@ -584,6 +609,13 @@ class NccTracker:
             known = ", ".join(self._targets) or "none"
             raise TrackerError(f'target "{target}" is not followed; followed: {known}')
         return self._targets[target]
+
+
+def _ranged(view: StereoView, at: Array, match: PointMatch, known: KnownRange) -> PointMatch:
+    """Return a match brought to a known range on the ray of its left pixel (2,)."""
+    eye, ray = view.left_camera.back_project(at)
+    covariance = known.sigma_m**2 * np.outer(ray, ray)
+    return replace(match, point=eye + known.range_m * ray, surface_covariance=covariance)
 
 
 def _within(at: Array, shape: tuple[int, ...], margin: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.errors import TrackerError
 from rover_iface.telemetry import TrackState
 
-__all__ = ["Image", "StereoView", "TrackState", "TrackUpdate", "Tracker"]
+__all__ = ["FindsBeside", "Image", "StereoView", "TrackState", "TrackUpdate", "Tracker"]
 
 Image = npt.NDArray[np.float32]
 
@@ -120,3 +120,11 @@ class Tracker(Protocol):
 
     def clear(self, target: str) -> None:
         """Forget a target."""
+
+
+@runtime_checkable
+class FindsBeside(Protocol):
+    """A tracker that finds a target in another wide picture of the stop it was last tracked at."""
+
+    def beside(self, target: str, view: StereoView) -> Array | None:
+        """Return its pixel (2,) in the left image, None where it is not seen there."""

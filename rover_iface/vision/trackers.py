@@ -8,7 +8,7 @@ from typing import Protocol, cast
 from mission.errors import PluginError
 from mission.plugins import Registry
 from rover_iface.errors import TrackerError
-from rover_iface.vision.narrow_range import Narrow
+from rover_iface.vision.narrow_range import PairFor
 from rover_iface.vision.tracker import Tracker
 
 TRACKERS = Registry(
@@ -17,6 +17,7 @@ TRACKERS = Registry(
     {
         "klt": "rover_iface.vision.trackers:flow",
         "ncc": "rover_iface.vision.trackers:correlation",
+        "ncc-narrow": "rover_iface.vision.trackers:narrow_correlation",
         "sift": "rover_iface.vision.trackers:features",
         "sift-shape": "rover_iface.vision.trackers:features_and_shape",
     },
@@ -25,10 +26,15 @@ TRACKERS = Registry(
 
 @dataclass(frozen=True, eq=False)
 class TrackerAids:
-    """What a rover tells its tracker: the error of odometry, a share of the distance, and any narrow pair."""
+    """What a rover tells its tracker: the error of odometry, a share of the distance, and how to look again.
+
+    `narrow` takes a pair with the narrow cameras round a target's believed point, `wide` one with the
+    navigation cameras that shows more than the tracker's own.
+    """
 
     odometry_error: float = 0.05
-    narrow: Narrow | None = None
+    narrow: PairFor | None = None
+    wide: PairFor | None = None
 
 
 class MakeTracker(Protocol):
@@ -61,6 +67,15 @@ def correlation(aids: TrackerAids) -> Tracker:
 
     # three sigma of the way: beyond it a range is not a range of the target
     return NccTracker(NccOptions(odometry_share=max(0.15, 3 * aids.odometry_error)))
+
+
+def narrow_correlation(aids: TrackerAids) -> Tracker:
+    """Return correlation on the way, and from near the first picture of the narrow pair, if there is one."""
+    from rover_iface.vision.narrow.recall import NarrowRecall
+    from rover_iface.vision.template import NccOptions
+
+    options = NccOptions(odometry_share=max(0.15, 3 * aids.odometry_error))
+    return NarrowRecall(options, aids.narrow, aids.wide)
 
 
 def flow(aids: TrackerAids) -> Tracker:

@@ -14,7 +14,7 @@ from rover_iface.behaviour.action import Outcome, Step
 from rover_iface.behaviour.base_moves import BaseMoves
 from rover_iface.behaviour.driving import STUCK
 from rover_iface.behaviour.hardware import Contact
-from rover_iface.behaviour.placing import Placing
+from rover_iface.behaviour.placing import HandedOff, Placing
 from rover_iface.errors import PlacementError
 from rover_iface.frames import Pose
 from rover_iface.profile import load_profile
@@ -53,6 +53,9 @@ class Bench:
 
     def instrument_delivers(self, instrument: object) -> bool:
         return True
+
+    def at_this_stop(self, followed: Any) -> HandedOff:
+        return HandedOff(followed.update, 0.0)
 
     def reach(self, target: str, point: object, instrument: str) -> Contact:
         if self.believed != self.stood:

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from rover_iface.behaviour.following import Followed
-from rover_iface.behaviour.placing import across_m, require_known
+from rover_iface.behaviour.hardware import Contact
+from rover_iface.behaviour.placing import HandedOff, across_m, require_known
 from rover_iface.behaviour.target import DesignatedTarget
+from rover_iface.cameras.model import Array
 from rover_iface.contract import write_contract_world
 from rover_iface.errors import TrackerError
 from rover_iface.simulator.subframe_rover import make_rover
@@ -73,17 +75,40 @@ def test_what_is_off_along_the_normal_is_the_contacts_to_find() -> None:
     ("up_m", "reason"), [(0.05, "no contact within 20 mm"), (-0.05, "before the expected")]
 )
 def test_a_tool_that_meets_no_surface_where_it_should_claims_nothing(
-    world: Path, up_m: float, reason: str
+    world: Path, up_m: float, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rover = arrived(world)
     followed = rover.repertoire.follower.followed["T1"]
     normal = np.array(followed.target.normal)
+    # the hazcams would find the target where it is
+    monkeypatch.setattr(rover.repertoire.placing.handoff, "at_this_stop", lambda f: HandedOff(f.update, 1.0))
     followed.update = replace(followed.update, position=followed.update.position + up_m * normal)
     told = do(rover, "ipplaceinstrument", target="T1")
     assert not told.success
     assert told.values["made"] is False
     assert reason in told.reason
     assert "T1" not in rover.truth.touched
+
+
+@pytest.mark.parametrize(("deeper_m", "made"), [(0.024, False), (0.008, True)])
+def test_a_tool_whose_surface_lies_beside_the_target_claims_nothing(
+    world: Path, deeper_m: float, made: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At an edge a target known to 2 mm was claimed, with the surface under the tool 2.4 cm from it."""
+    rover = arrived(world)
+    touch = rover.hardware.reach
+
+    def at_an_edge(target: str, point: Array, instrument: str) -> Contact:
+        contact = touch(target, point, instrument)
+        assert contact.made
+        return replace(contact, point=point - np.array((0.0, 0.0, deeper_m)))
+
+    monkeypatch.setattr(rover.hardware, "reach", at_an_edge)
+    told = do(rover, "ipplaceinstrument", target="T1")
+    assert told.values["made"] is made
+    assert made or told.reason == (
+        "target T1: the surface under the tool lies 2.4 cm from the target; 2 cm is the limit"
+    )
 
 
 def test_a_target_behind_the_mast_is_turned_to_before_it_is_tracked(world: Path) -> None:
@@ -95,3 +120,34 @@ def test_a_target_behind_the_mast_is_turned_to_before_it_is_tracked(world: Path)
     told = do(rover, "trackstart", target="T1")
     assert told.success, told.reason
     assert abs(math.remainder(rover.hardware.believed.heading - away, math.tau)) > 0.2
+
+
+def test_the_hazcams_take_out_what_the_mast_is_off(world: Path) -> None:
+    rover = arrived(world)
+    followed = rover.repertoire.follower.followed["T1"]
+    handed = rover.repertoire.placing.handoff.at_this_stop(followed).update
+    true = rover.truth.point("T1")
+    told, seen = (rover.body.true_from_believed.apply(u.position) - true for u in (followed.update, handed))
+    assert np.linalg.norm(seen) < min(0.005, float(np.linalg.norm(told)))
+    # which spot is meant is known no better than before
+    assert np.linalg.eigvalsh(handed.covariance - followed.update.covariance)[0] >= 0.0
+
+
+def test_where_the_hazcams_tell_nothing_the_error_of_the_mast_is_told(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rover = arrived(world)
+    followed = rover.repertoire.follower.followed["T1"]
+    handoff = rover.repertoire.placing.handoff
+
+    def refused(_: Followed) -> HandedOff:
+        raise TrackerError("hand-off of target T1 refused: 3 patches agree; 12 are needed")
+
+    monkeypatch.setattr(handoff.eyes, "at_this_stop", refused)
+    handed = handoff.at_this_stop(followed).update
+    assert handed.position == pytest.approx(followed.update.position)
+    mast = rover.hardware.profile.mast
+    away = float(np.linalg.norm(handed.position - followed.view.left_camera.C))
+    more = np.linalg.eigvalsh(handed.covariance - followed.update.covariance)
+    assert more[1:] == pytest.approx(2 * [(mast.bias_rad**2 + mast.noise_rad**2) * away**2])
+    assert more[0] == pytest.approx(0.0, abs=1e-9)

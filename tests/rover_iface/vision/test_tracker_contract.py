@@ -152,8 +152,9 @@ def test_misuse_is_refused(tracker: Tracker) -> None:
 
 
 def test_trackers_are_found_by_name() -> None:
-    assert {"klt", "ncc", "sift", "sift-shape"} <= set(TRACKERS)
-    with pytest.raises(TrackerError, match='unknown tracker "hound"; known are klt, ncc, sift, sift-shape'):
+    assert {"klt", "ncc", "ncc-narrow", "sift", "sift-shape"} <= set(TRACKERS)
+    known = "klt, ncc, ncc-narrow, sift, sift-shape"
+    with pytest.raises(TrackerError, match=f'unknown tracker "hound"; known are {known}'):
         make_tracker("hound")
 
 
@@ -166,6 +167,8 @@ def test_a_package_whose_tracker_cannot_be_imported_is_named(monkeypatch: pytest
 
     monkeypatch.setattr(plugins, "entry_points", entry_points)
     assert "hound" in TRACKERS.names()
-    with pytest.raises(TrackerError, match=r'"hound" \(acme_hound:make\) cannot be loaded.*ncc, sift'):
+    with pytest.raises(
+        TrackerError, match=r'"hound" \(acme_hound:make\) cannot be loaded.*ncc, ncc-narrow, sift'
+    ):
         make_tracker("hound")
     assert make_tracker("ncc").start("A", surface(), view(-6.0)).state is TrackState.TRACKED

@@ -1,0 +1,104 @@
+"""Which pixel of the first picture a designated target is: not one at an edge.
+
+The ground designates a point on its map, the mast is off by some pixels, and a rock seven metres away is 30
+wide. A pixel at the crest shows the rock or the ground metres behind, nobody knows which: stereo windows hold
+both, the tracker follows the one and means the other. On a day that was looked at (383761578) three of five
+targets began so, and the tool was put down 8 and 57 cm from two of them. The narrow pair tells: where what it
+ranges round the pixel is not one surface, the nearest place that is one is taken, up to what the mast errs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rover_iface.cameras.model import Array
+from rover_iface.errors import TrackerError
+from rover_iface.vision.narrow_range import NarrowSight, narrow_sight
+from rover_iface.vision.seen_relief import SeenRelief
+from rover_iface.vision.tracker import StereoView
+
+MAST_PX = 12.0
+"""How far a designated pixel may be off in the first wide picture: three times the mast's 3.5 mrad."""
+EDGE_PX, EDGE_STEP_PX = 10.0, 3.0
+"""Round a place, narrow pixels, what must lie on one surface: two wide pixels, and half the block of dense
+stereo, by which what is in front seems wider; and how densely places are tried."""
+EDGE_M, MAP_M = 0.15, 0.10
+"""By how much ranges there may differ: 2 cm of ground seen at 8 degrees are 15 cm deep; how far off the map
+may have the surface besides."""
+LEAST_RANGED = 0.5
+"""Share of the pixels there that must be ranged: shade and smooth sand leave holes."""
+
+
+def off_the_edge(
+    target: str, wide: StereoView, pixel: Array, narrow: StereoView, away_m: float
+) -> tuple[Array, NarrowSight | None]:
+    """Return the pixel (2,) nearest to a designated one that lies on one surface, and its narrow sight.
+
+    What the narrow pair ranges round it decides. Where that does not show what the wide pair does, the pixel
+    stays as it is, without a sight.
+
+    Raises
+    ------
+    TrackerError
+        If there is no such pixel as near as the mast may be off.
+    """
+    sight = narrow_sight(wide, pixel, narrow, away_m)
+    middle = narrow.left_camera.project(_on_ray(wide, pixel, away_m)) if sight is None else sight.pixel
+    round_it = _Ranged.of(narrow, np.asarray(middle, dtype=np.float64), away_m)
+    if round_it is None or (sight is not None and round_it.edge_m(np.zeros(2)) <= EDGE_M):
+        return pixel, sight
+    scale = narrow.left_camera.hs / wide.left_camera.hs
+    steps = np.arange(-scale * MAST_PX, scale * MAST_PX + 1e-9, EDGE_STEP_PX)
+    places = np.array([(x, y) for x in steps for y in steps if math.hypot(x, y) <= scale * MAST_PX])
+    for at in places[np.argsort(np.hypot(*places.T), kind="stable")]:
+        if round_it.edge_m(at) <= EDGE_M:
+            moved = np.asarray(pixel + at / scale)
+            beside = narrow_sight(wide, moved, narrow, away_m)
+            if beside is not None:
+                return moved, beside
+    if sight is None:
+        return pixel, None
+    raise TrackerError(
+        f'target "{target}" lies at an edge: within {MAST_PX:g} px, what the mast may be off, no place has '
+        f"{2 * EDGE_PX / scale:.0f} px of the surface that is meant round it"
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ranged:
+    """What a narrow pair ranges round a designated place: offsets (n, 2), px, and ranges (n,), m.
+
+    `meant_m` is how far away the surface should be.
+    """
+
+    off: Array
+    away: Array
+    meant_m: float
+
+    @classmethod
+    def of(cls, narrow: StereoView, middle: Array, meant_m: float) -> _Ranged | None:
+        """Return what lies round a pixel (2,), None where nothing is ranged."""
+        cloud = SeenRelief(narrow, meant_m).cloud
+        if cloud is None or not len(cloud.points) or not np.isfinite(middle).all():
+            return None
+        camera = narrow.left_camera
+        away = np.linalg.norm(cloud.points - camera.C, axis=1)
+        return cls(np.asarray(camera.project(cloud.points)) - middle, np.asarray(away), meant_m)
+
+    def edge_m(self, at: Array) -> float:
+        """Return how far ranges near a place (2,), px, differ from each other or from the surface meant.
+
+        In metres, the latter beyond the error of the map; infinite where too little is ranged.
+        """
+        here = self.away[np.hypot(*(self.off - at).T) < EDGE_PX]
+        if len(here) < LEAST_RANGED * math.pi * EDGE_PX**2:
+            return math.inf
+        return max(float(np.ptp(here)), abs(float(np.median(here)) - self.meant_m) - MAP_M)
+
+
+def _on_ray(view: StereoView, pixel: Array, away_m: float) -> Array:
+    eye, ray = view.left_camera.back_project(pixel)
+    return np.asarray(eye + away_m * ray)

@@ -1,0 +1,160 @@
+"""Correlation that goes back to its first narrow picture, on rendered pictures of one rock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rover_iface.cameras.model import Array
+from rover_iface.errors import CameraError, TrackerError
+from rover_iface.frames import Transform
+from rover_iface.vision.narrow.designation import off_the_edge
+from rover_iface.vision.narrow.recall import REFUSED, NarrowRecall
+from rover_iface.vision.ncc import NccTracker
+from rover_iface.vision.tracker import StereoView, TrackState
+from tests.rover_iface.vision.test_narrow_range import DRIFT, face, frames, view
+
+NEAR_X = -3.2
+
+
+def surface(pixel: Array) -> Array:
+    """Return the true surface point (3,) under a pixel (2,) of the first navcam picture."""
+    x, y = (round(float(v)) for v in pixel)
+    return np.asarray(frames("navcam")[0].truth.point_site[y, x], dtype=np.float64)
+
+
+def begun(narrow: StereoView | None = None) -> tuple[NarrowRecall, Array]:
+    """Return a tracker of a far target, and the true surface point."""
+    pair = view("pancam") if narrow is None else narrow
+    tracker = NarrowRecall(narrow=lambda *_: pair, wide=lambda *_: view("navcam", NEAR_X, DRIFT))
+    pixel = face()[len(face()) // 2][0]
+    tracker.start("A", surface(pixel), view("navcam"))
+    return tracker, surface(pixel)
+
+
+def blank(seen: StereoView) -> StereoView:
+    return replace(seen, left=np.zeros_like(seen.left))
+
+
+def test_a_track_that_was_lost_is_put_where_the_first_narrow_picture_has_the_target() -> None:
+    tracker, point = begun()
+    near = view("navcam", NEAR_X, DRIFT)
+    found = tracker.update("A", blank(near))
+    assert found.state is TrackState.TRACKED
+    off = found.position - DRIFT.apply(point)
+    assert np.linalg.norm(off) < 0.01
+    assert off @ np.linalg.solve(found.covariance, off) < 16.0
+    assert np.sqrt(np.linalg.eigvalsh(found.covariance)[-1]) < 0.01
+    assert tracker.predicted("A") == pytest.approx(found.position)
+    # correlation goes on from there
+    again = tracker.update("A", near)
+    assert again.state is TrackState.TRACKED
+    assert np.linalg.norm(again.position - DRIFT.apply(point)) < 0.01
+    assert tracker.beside("A", near) == pytest.approx(again.pixel, abs=0.2)
+
+
+def test_the_first_picture_is_asked_from_near_and_not_twice_from_one_place() -> None:
+    looks = []
+
+    def wide(_target: str, point: Array) -> StereoView:
+        looks.append(point)
+        raise CameraError("the mast does not turn")
+
+    pair = view("pancam")
+    tracker = NarrowRecall(narrow=lambda *_: pair, wide=wide)
+    pixel = face()[len(face()) // 2][0]
+    tracker.start("A", surface(pixel), view("navcam"))
+    assert tracker.update("A", view("navcam")).state is TrackState.TRACKED
+    assert not looks
+    for _ in range(2):
+        assert tracker.update("A", blank(view("navcam", NEAR_X, DRIFT))).state is TrackState.LOST
+    assert len(looks) == 2  # nothing was taken, so nothing was asked
+
+
+def test_a_target_that_is_looked_for_in_vain_from_near_is_given_up() -> None:
+    """Correlation alone would look for it on eight stops, to the end of the drive."""
+    pair = view("pancam")
+    tracker = NarrowRecall(narrow=lambda *_: pair, wide=lambda *_: blank(view("navcam", NEAR_X, DRIFT)))
+    tracker.start("A", surface(face()[len(face()) // 2][0]), view("navcam"))
+    states = []
+    for stop in range(REFUSED):
+        beside = Transform(np.eye(3), np.array([0.0, stop % 2, 0.0]))
+        states.append(tracker.update("A", blank(view("navcam", NEAR_X, beside))).state)
+    assert states == [*[TrackState.LOST] * (REFUSED - 1), TrackState.FAILED]
+
+
+def test_a_picture_of_something_else_corrects_nothing() -> None:
+    rng = np.random.default_rng(1)
+    narrow = view("pancam")
+    other = replace(
+        narrow,
+        left=rng.random(narrow.left.shape).astype(np.float32),
+        right=rng.random(narrow.right.shape).astype(np.float32),
+    )
+    tracker, _ = begun(other)
+    plain = NccTracker()
+    plain.start("A", surface(face()[len(face()) // 2][0]), view("navcam"))
+    near = view("navcam", NEAR_X, DRIFT)
+    assert tracker.update("A", blank(near)).state is TrackState.LOST
+    assert plain.update("A", blank(near)).state is TrackState.LOST
+
+
+def edge_pixel() -> Array:
+    """Return the last pixel beside the rock in a row: what it shows lies metres behind the next one."""
+    row = frames("navcam")[0].truth.range_m[134]
+    return np.array([np.flatnonzero(row[:150] > 12.0)[-1], 134.0])
+
+
+def test_a_target_at_an_edge_is_moved_onto_the_surface_that_is_meant() -> None:
+    pixel = edge_pixel()
+    away = float(frames("navcam")[0].truth.range_m[int(pixel[1]), int(pixel[0]) + 4])
+    moved, sight = off_the_edge("A", view("navcam"), pixel, view("pancam"), away)
+    assert sight is not None
+    assert 0.5 < float(np.hypot(*(moved - pixel))) <= 12.0
+    x, y = (round(float(v)) for v in moved)
+    truth = frames("navcam")[0].truth.range_m
+    assert np.ptp(truth[y - 1 : y + 2, x - 1 : x + 2]) < 0.15
+    assert abs(float(truth[y, x]) - sight.known.range_m) < 0.05
+
+
+def test_a_target_on_one_surface_stays_where_it_was_designated() -> None:
+    for pixel, true in face()[::4]:
+        moved, sight = off_the_edge("A", view("navcam"), pixel, view("pancam"), true)
+        assert moved == pytest.approx(pixel)
+        assert sight is not None
+
+
+def test_a_target_whose_surface_is_not_there_is_refused_with_the_reason() -> None:
+    pixel, true = face()[0]
+    with pytest.raises(TrackerError, match='target "A" lies at an edge'):
+        off_the_edge("A", view("navcam"), pixel, view("pancam"), true + 0.6)
+
+
+def test_a_range_that_is_known_better_is_the_range_of_the_track() -> None:
+    from rover_iface.vision.narrow_range import KnownRange
+
+    wide, (pixel, true) = view("navcam"), face()[0]
+    tracker = NccTracker()
+    update = tracker.start("A", None, wide, pixel=pixel, known=KnownRange(true, 0.01))
+    assert np.linalg.norm(update.position - wide.left_camera.C) == pytest.approx(true)
+    assert wide.left_camera.project(update.position) == pytest.approx(pixel, abs=1e-6)
+
+
+def test_a_track_that_failed_goes_on_from_another_look() -> None:
+    far, near = view("navcam"), view("navcam", NEAR_X)
+    pixel = face()[len(face()) // 2][0]
+    tracker = NccTracker(replace(NccTracker().options, lost_updates=0))
+    tracker.start("A", None, far, pixel=pixel)
+    assert tracker.update("A", blank(near)).state is TrackState.FAILED
+    there = near.left_camera.project(surface(pixel))
+    away = float(np.linalg.norm(surface(pixel) - near.left_camera.C))
+    drift = 0.002**2 * np.eye(3), np.zeros((3, 2))
+    assert tracker.put("A", near, there, drift, away)
+    told = tracker.update("A", near)
+    assert told.state is TrackState.TRACKED
+    assert np.linalg.norm(told.position - surface(pixel)) < 0.01
+    # what the look left open is told
+    assert np.linalg.eigvalsh(told.covariance)[1] >= 0.9 * 0.002**2
+    assert not tracker.put("A", blank(near), there, drift, away)
