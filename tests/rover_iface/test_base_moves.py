@@ -60,7 +60,7 @@ class Bench:
     def reach(self, target: str, point: object, instrument: str) -> Contact:
         if self.believed != self.stood:
             raise PlacementError(f"target {target} is out of reach")
-        return Contact(True, "", np.zeros(3))
+        return Contact(True, "", np.asarray(point, dtype=float))
 
     def stand(self, name: str) -> Pose | None:
         return self.stood
