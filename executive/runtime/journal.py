@@ -140,7 +140,7 @@ class FileJournal:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644))
-            for folder in (path.parent, path.parent.parent):
+            for folder in (path.parent, path.parent.parent) if sync else ():
                 _sync_folder(folder)
         except OSError as error:
             raise JournalError(f"journal {path} cannot be created: {error.strerror}") from error

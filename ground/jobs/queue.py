@@ -33,7 +33,7 @@ from ground.gdr.ids import new_id
 from ground.gdr.notices import WORK, tell
 from ground.gdr.repository import Repository
 from ground.jobs.row import JobRow
-from ground.settings import Settings
+from ground.settings import ExecutorKind, Settings
 from ground.tracing import TRACEPARENT
 from mission.codec import Codec, Document
 
@@ -102,9 +102,10 @@ class JobKind:
 
     `orders` reads what stands in the job's row. `work` must be importable by name (it is sent to another
     process). `settle` writes the result into the repository and returns its address; `abandon` is called when
-    the job ends without a result, `begin` when a worker takes it up. `interactive` work is short and somebody
+    the job ends without a result, `begin` when it is no longer young, with its first progress: work that
+    is over before has no need of it. `interactive` work is short and somebody
     waits for it: it goes before all other and has a slot of its own. `live` work runs on the real clock, for
-    hours, and mostly waits: it has slots of its own and takes nobody's.
+    hours, and mostly waits: it has slots of its own and takes nobody's, and `begin` comes with the claim.
     """
 
     name: str
@@ -218,11 +219,19 @@ def claim_job(
             row.lease_until_utc = now + timedelta(seconds=repo.settings.job_lease_s)
             row.started_utc = row.started_utc or now
             _log(row, f"attempt {row.attempt} by {worker}")
-            begin = kinds[row.kind].begin
-            if begin is not None:
-                begin(session, row)
+            kind = kinds[row.kind]
+            if kind.begin is not None and begins_with_claim(kind, repo.settings):
+                kind.begin(session, row)
             order, trace = dict(row.payload), row.traceparent or ""
             return Claim(row.id, row.kind, row.token, row.attempt, order, row.time_limit_s, trace)
+
+
+def begins_with_claim(kind: JobKind, settings: Settings) -> bool:
+    """Return whether the subject of a job says that its work goes on as soon as a worker has it.
+
+    To work in the worker's own thread nobody attends while it goes on.
+    """
+    return kind.live or settings.executor is ExecutorKind.INLINE
 
 
 def waiting(repo: Repository, kinds: Mapping[str, JobKind]) -> Counter[str]:
@@ -281,12 +290,19 @@ def extend(repo: Repository, claim: Claim) -> tuple[bool, bool]:
         return True, row.cancel_requested
 
 
-def renew(repo: Repository, claim: Claim, progress: float, message: str) -> tuple[bool, bool]:
-    """Renew the lease and note the progress; return (still ours, cancel wanted)."""
+def renew(
+    repo: Repository, claim: Claim, progress: float, message: str, begin: Abandon | None = None
+) -> tuple[bool, bool]:
+    """Renew the lease and note the progress; return (still ours, cancel wanted).
+
+    `begin` is called with it: the first progress says on the subject that its work goes on.
+    """
     with repo.database.write() as session:
         row = _ours(session, claim)
         if row is None:
             return False, True
+        if begin is not None:
+            begin(session, row)
         row.lease_until_utc = utc_now() + timedelta(seconds=repo.settings.job_lease_s)
         progress = min(1.0, max(row.progress, progress))
         if (progress, message) != (row.progress, row.message):

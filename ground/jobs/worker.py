@@ -31,6 +31,7 @@ from ground.jobs.queue import (
     WAKE,
     Claim,
     JobKind,
+    begins_with_claim,
     claim_job,
     give_up,
     hand_back,
@@ -62,6 +63,8 @@ class _Running:
     seen: tuple[float, str] = (0.0, "begun")
     stopping_since: float | None = None
     timed_out: bool = False
+    begun: bool = False
+    """Whether the job's subject says that its work goes on, or has no need to."""
     rung: int = 0
     """How often the database had told of something when it was last asked whether this is to stop."""
 
@@ -120,8 +123,12 @@ class Worker:
         self._tally = Tally()
         self._look_at = 0.0
         """When jobs are looked for again: at once when one was queued or a slot became free."""
+        self._more = True
+        """Whether jobs may wait that were not taken when they were last looked for."""
         self._rung = 0
         """How often the database has told that a job waits or is to stop."""
+        self._over = False
+        """Whether work has ended that nobody has looked at."""
         self._heard = 0
         """How much of that has been heeded."""
         self._bell: Watch | None = None
@@ -168,13 +175,25 @@ class Worker:
                     self._stop.wait(1.0)
                 if WAKE.wait(0.05 if busy else self._rest_s()):
                     WAKE.clear()
-                    told, self._heard = self._rung != self._heard, self._rung
-                    self._look_at = time.monotonic() + random.uniform(0.0, self.SPREAD_S) if told else 0.0
+                    self._woken()
         finally:
             if self._bell is not None:
                 self._bell.stop()
             self._beat.leave()
             self._wind_down()
+
+    def _woken(self) -> None:
+        """See when jobs are to be looked for: soon where one was queued, not because work is over."""
+        told, self._heard = self._rung != self._heard, self._rung
+        over, self._over = self._over, False
+        if told:
+            self._look_at = time.monotonic() + random.uniform(0.0, self.SPREAD_S)
+        elif not over:
+            self._look_at = 0.0
+
+    def _work_over(self, _future: Future[Done]) -> None:
+        self._over = True
+        WAKE.set()
 
     def _rest_s(self) -> float:
         """Return how long an idle worker sleeps; a cluster and an engine that failed are looked after."""
@@ -222,7 +241,8 @@ class Worker:
 
     def _claim(self) -> int:
         count = 0
-        there = waiting(self.repo, self.kinds) if None in self._slots else Counter[str]()
+        full, self._more = None not in self._slots, True
+        there = Counter[str]() if full else waiting(self.repo, self.kinds)
         for index, running in enumerate(self._slots):
             kinds = self._kinds_of[index]
             if running is not None or not any(there[kind] > 0 for kind in kinds):
@@ -244,6 +264,7 @@ class Worker:
                     begun is not None and begun.future.done()
                 ):  # work in this process: over before the next begins
                     self._finish(index, begun)
+        self._more = full or there.total() > 0
         return count
 
     def _lease_lost(self, kind: str) -> None:
@@ -322,9 +343,10 @@ class Worker:
             )
             return False
         self._tally[claim.kind].attempts += 1
-        future.add_done_callback(lambda _: WAKE.set())
+        future.add_done_callback(self._work_over)
+        begun = kind.begin is None or begins_with_claim(kind, self.repo.settings)
         self._slots[index] = _Running(
-            claim, future, channel, now + claim.time_limit_s, now, lease, now, began_ns
+            claim, future, channel, now + claim.time_limit_s, now, lease, now, began_ns, begun=begun
         )
         return True
 
@@ -349,9 +371,11 @@ class Worker:
         seen = self._progress(running)
         if not running.lease.ours and running.stopping_since is None:
             self._ask_to_stop(running)
-        if seen != running.seen and now - running.began >= self.YOUNG_S:
-            ours, cancel = renew(self.repo, running.claim, *seen)
-            running.seen, running.renewed = seen, now
+        news = seen != running.seen or not running.begun
+        if news and now - running.began >= self.YOUNG_S:
+            begin = None if running.begun else self.kinds[running.claim.kind].begin
+            ours, cancel = renew(self.repo, running.claim, *seen, begin)
+            running.seen, running.renewed, running.begun = seen, now, True
             if (cancel or not ours) and running.stopping_since is None:
                 self._ask_to_stop(running)
         elif running.stopping_since is None and self._cancel_wanted(running, now):
@@ -402,7 +426,8 @@ class Worker:
         took_s = time.monotonic() - running.began
         self._tally[running.claim.kind].ended(took_s, 0 if done is None else done.peak_bytes)
         self._slots[index] = None
-        self._look_at = 0.0
+        if self._more or self._bell is None:  # else whatever came since was told
+            self._look_at = 0.0
         self._leases.release(running.lease)
         for suffix in ("progress", "stop", "draft"):
             with contextlib.suppress(OSError):

@@ -486,3 +486,80 @@ def test_an_order_that_cannot_be_read_fails_the_job_by_name(
     assert row.state == "failed"
     assert message in row.message
     assert [job_id] == ABANDONED
+
+
+def beginning(begun: list[str], *, live: bool = False) -> dict[str, JobKind]:
+    """Return the kind whose subjects are told that their work goes on."""
+
+    def begin(_session: Session, job: JobRow) -> None:
+        begun.append(job.id)
+
+    return {"count": dataclasses.replace(KIND, begin=begin, live=live)}
+
+
+def test_only_work_that_lasts_says_that_it_goes_on(repo: Repository) -> None:
+    begun: list[str] = []
+    worker = Worker(with_settings(repo, executor=ExecutorKind.PROCESS), beginning(begun), slots=1)
+    worker.start()
+    try:
+        wait_for(
+            repo, queue(repo, "succeed"), "succeeded"
+        )  # a process may take longer to start than is young
+        begun.clear()
+        wait_for(repo, queue(repo, "succeed"), "succeeded")
+        assert begun == []
+        job = queue(repo, "wait")
+        until = time.monotonic() + 30.0
+        while not begun:
+            assert time.monotonic() < until
+            time.sleep(0.02)
+        while row_of(repo, job).progress < 0.5:
+            assert time.monotonic() < until
+            time.sleep(0.02)
+        assert begun == [job], "once, not with each progress"
+        cancel_job(repo, PLANNER, job)
+        wait_for(repo, job, "cancelled")
+    finally:
+        worker.stop()
+
+
+def test_a_live_run_says_at_once_that_it_goes_on(repo: Repository) -> None:
+    begun: list[str] = []
+    mine = with_settings(repo, executor=ExecutorKind.PROCESS)
+    queue(repo, "succeed")
+    assert claim_job(mine, beginning(begun), "me") is not None
+    assert begun == []
+    job = queue(repo, "succeed")
+    assert claim_job(mine, beginning(begun, live=True), "me") is not None
+    assert begun == [job]
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize("database_address", ["postgresql"], indirect=True)
+def test_a_worker_that_is_told_looks_again_after_a_job_only_where_others_wait(
+    repo: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[float] = []
+    real = worker_module.waiting
+
+    def counted(*given: Any) -> Counter[str]:
+        looks.append(time.monotonic())
+        return real(*given)
+
+    monkeypatch.setattr(worker_module, "waiting", counted)
+    monkeypatch.setattr(Worker, "TOLD_LOOK_S", 600.0)
+    monkeypatch.setattr(notices, "AGAIN_S", 600.0)
+    worker = Worker(with_settings(repo, executor=ExecutorKind.PROCESS, job_lease_s=600.0), KINDS, slots=1)
+    jobs = [queue(repo, "succeed") for _ in range(3)]
+    monkeypatch.setattr(queue_module, "WAKE", threading.Event())  # as in another process
+    worker.start()
+    try:
+        for job in jobs:
+            wait_for(repo, job, "succeeded")
+        time.sleep(1.0)
+        before = len(looks)
+        wait_for(repo, queue(repo, "succeed"), "succeeded")
+        time.sleep(1.0)
+        assert len(looks) == before + 1
+    finally:
+        worker.stop()

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from benchmarks.dry_run import order_for
+from executive.runtime.journal import FileJournal
 from ground.errors import JobFailedError
+from ground.gdr.files import FileStore
 from ground.resources.runs import work as run_work
 from ground.resources.runs.order import RunWork
+from ground.uplink.flight import Flight
 from mission import Sky
 from rover_iface.errors import RoverError
 from rover_iface.simulator.world import load_world
@@ -45,3 +52,32 @@ def test_a_dry_run_is_of_the_missions_rover_at_the_sols_hour(
     (world,) = seen
     assert (world.profile.name, world.sun.start_lmst_h) == ("mer", 14.5)
     assert world.problem == order.problem
+
+
+def test_what_a_job_keeps_of_its_run_is_what_the_folder_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order = order_for(tmp_path)
+    order = replace(order, run_dir=str(tmp_path / "run"), files_dir=str(tmp_path / "files"))
+    read: list[run_work.RunResult] = []
+    real = run_work.result_of
+
+    def both(flight: Flight, store: FileStore, stored: Mapping[str, Any]) -> run_work.RunResult:
+        read.append(run_work.read_run_folder(flight.folder, store, stored))
+        return real(flight, store, stored)
+
+    monkeypatch.setattr(run_work, "result_of", both)
+    kept = run_work.work(order, lambda _share, _what: None, lambda: False)
+    assert kept == read[0]
+    assert kept["products"]
+
+
+def test_a_run_that_need_not_survive_the_machine_waits_for_no_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", synced.append)
+    FileJournal.create(tmp_path / "a" / "journal.jsonl", sync=False).close()
+    assert synced == []
+    FileJournal.create(tmp_path / "b" / "journal.jsonl").close()
+    assert len(synced) == 2, "the names of the journal and of its folder"

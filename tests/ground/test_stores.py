@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import time
 from pathlib import Path
@@ -156,6 +157,28 @@ def test_a_copy_that_is_damaged_on_this_machine_is_brought_again(objects: str, t
         (copy,) = (p for p in files.folder.rglob(f"{stored.sha256}*") if p.is_file())
         copy.write_bytes(b"rust")
         assert files.read(stored.sha256) == put_it.__name__.encode()
+
+
+def test_content_that_lies_there_whole_is_not_written_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = FileStore(tmp_path)
+    sha256 = files.put_bytes(b"a picture").sha256
+    place = files.path(sha256)
+    os.utime(place, (1.0, 1.0))
+    inode = place.stat().st_ino
+    synced: list[Path] = []
+    monkeypatch.setattr("ground.gdr.files.sync", synced.append)
+    assert FileStore(tmp_path).put_bytes(b"a picture").sha256 == sha256
+    assert place.stat().st_ino == inode
+    assert synced == [place.parent], "who put it may not have come to this"
+    assert files.sweep(set(), time.time() - 3600.0) == [], "it is as good as new"
+    FileStore(tmp_path).put_bytes(b"a picture")
+    assert synced == [place.parent], "a name that is durable stays so"
+    place.write_bytes(b"a forgery")
+    files.put_bytes(b"a picture")
+    assert files.read(sha256) == b"a picture"
+    assert place.stat().st_ino != inode
 
 
 def test_a_sweep_takes_old_files_of_no_record_alone(store: Store) -> None:

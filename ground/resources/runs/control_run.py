@@ -64,6 +64,7 @@ def control_run(
         state, job_id, live = row.state, row.job_id, row.kind == RunKind.LIVE.value
         job = session.get(JobRow, job_id) if job_id is not None else None
         first = float(job.payload["pace"]) if job is not None else 0.0
+        state = state if job is None else job.state  # a run says that it goes on half a second later
     folder = repo.run_dir(run_id)
     if state != JobState.RUNNING.value or not (folder / LIVE).exists():
         raise StateError(f"run {run_id} is {state}; only a run that goes on can be paused or aborted")

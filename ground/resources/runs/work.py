@@ -36,7 +36,7 @@ from ground.resources.runs.run_form import (
     read_lines,
 )
 from ground.resources.runs.trace_value import Samples
-from ground.uplink.flight import ProductLine, Sample, SampleLine, fly, product_line
+from ground.uplink.flight import Flight, ProductLine, Sample, SampleLine, fly, product_line
 from ground.uplink.product_labels import whole_label
 from ground.uplink.rehearsal import Sent, heard, write_ground_view
 from rover_iface.registry import find_rover
@@ -274,7 +274,7 @@ def work(order: RunWork, report: Report, should_stop: Callable[[], bool]) -> Run
     if should_stop():
         raise WorkStoppedError
     report(0.98, "products")
-    result = read_run_folder(folder, files_at(order.files_dir), live.products)
+    result = result_of(flight, store, live.products)
     pack_run(folder)
     keep_folder(open_store(order.run_dir, JOB_PATIENCE_S))
     return {**result, "options_taken": list(flight.options_taken())}
@@ -306,16 +306,40 @@ def read_run_folder(
     document = DOCUMENT.read(path, read_json(path))
     if document.get("format") != "run/1":
         raise ArchiveError(f"{folder.name}: run.json has not the format run/1")
+    trace, samples = read_lines(folder / "trace.jsonl"), read_lines(folder / "telemetry.jsonl")
+    products = read_lines(folder / "products.jsonl")
+    return kept_run(folder, document, trace, samples, products, store, stored or {})
+
+
+def result_of(flight: Flight, store: FileStore, stored: Mapping[str, StoredProduct]) -> RunResult:
+    """Return what `read_run_folder` would of a run that this process has just flown, without reading it."""
+    path = flight.folder / "run.json"
+    document = DOCUMENT.read(path, json.loads(json.dumps(flight.document)))
+    trace = [[record.t_ms / 1000, record.event, *record.arguments] for record in flight.outcome.trace]
+    samples = [sample.line() for sample in flight.samples]
+    products = [product_line(product) for product in flight.outcome.products]
+    return kept_run(flight.folder, document, trace, samples, products, store, stored)
+
+
+def kept_run(
+    folder: Path,
+    document: RunDocument,
+    trace: Sequence[object],
+    samples: Sequence[object],
+    products: Sequence[object],
+    store: FileStore,
+    stored: Mapping[str, StoredProduct],
+) -> RunResult:
+    """Check the lines of a run's three tables and put all into the file store; see `read_run_folder`."""
     path = folder / "trace.jsonl"
-    rows = [held_record(path, row) for row in read_lines(path)]
-    events = [trace_event(row[0], row[1], row[2:]) for row in rows]
+    events = [trace_event(row[0], row[1], row[2:]) for row in (held_record(path, row) for row in trace)]
     path = folder / "telemetry.jsonl"
-    table = columns([SAMPLE.read(path, sample) for sample in read_lines(path)])
-    path, there = folder / "products.jsonl", stored or {}
-    products = [PRODUCT.read(path, row) for row in read_lines(path)]
-    items = [there.get(row["path"]) or store_product(folder, store, row) for row in products]
+    table = columns([SAMPLE.read(path, sample) for sample in samples])
+    path = folder / "products.jsonl"
+    rows = [PRODUCT.read(path, row) for row in products]
+    items = [stored.get(row["path"]) or store_product(folder, store, row) for row in rows]
     outcome, end_s = document.get("outcome") or "UNFINISHED", document.get("end_s")
-    trace = {"outcome": outcome, "end_s": end_s, "events": events}
+    told = {"outcome": outcome, "end_s": end_s, "events": events}
     used = table.energy_used_j
     last_s = events[-1]["t_s"] if events else 0.0
     return {
@@ -327,7 +351,7 @@ def read_run_folder(
         "options_taken": [
             e["arguments"][1] for e in events if e["event"] == "choose" and len(e["arguments"]) > 1
         ],
-        "trace_sha256": store.put_packed(orjson.dumps(trace)).sha256,
+        "trace_sha256": store.put_packed(orjson.dumps(told)).sha256,
         "telemetry_sha256": store.put_packed(orjson.dumps(table)).sha256,
         "products": items,
     }
@@ -341,11 +365,12 @@ def store_product(folder: Path, store: FileStore, row: ProductLine) -> StoredPro
     file = folder / relative
     if file.is_symlink() or not file.is_file():
         raise ArchiveError(f"{folder.name}: the product {relative} is missing")
-    if hashlib.sha256(file.read_bytes()).hexdigest() != row["sha256"]:
+    content = file.read_bytes()
+    if hashlib.sha256(content).hexdigest() != row["sha256"]:
         raise ArchiveError(
             f"{folder.name}: the product {relative} is not what its record says (SHA-256 differs)"
         )
-    stored = store.put_file(file)
+    stored = store.put_bytes(content)
     label = {**whole_label(file, row["sha256"]), **row["label"]}
     return {
         "label": {**label, "kind": row["kind"], "task": row["task"], "t_s": row["t_s"]},
