@@ -1,5 +1,8 @@
 """What holds for every test."""
 
+from __future__ import annotations
+
+import pytest
 from hypothesis import settings
 
 from tests.seeds import JUDGED
@@ -7,3 +10,30 @@ from tests.seeds import JUDGED
 # Machines differ and are shared: no test is judged by its time.
 settings.register_profile("outcrop", deadline=None, derandomize=JUDGED)
 settings.load_profile("outcrop")
+
+MADE_FOR_ALL = {"fprime": "fprime", "ros_python": "ros2"}
+"""Fixtures of the session that take a minute to make, and the group of the tests that need them."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Bring tests that share something costly to one process, which makes it once.
+
+    That is what a module makes for all its tests; each process of the suite would make its own.
+    """
+    for item in items:
+        if isinstance(item, pytest.Function) and not any(item.iter_markers("xdist_group")):
+            group = shared_by(item)
+            if group:
+                item.add_marker(pytest.mark.xdist_group(group))
+
+
+def shared_by(item: pytest.Function) -> str:
+    """Return the group of a test, empty where it shares nothing."""
+    used = set(item.fixturenames)
+    if costly := sorted(used & MADE_FOR_ALL.keys()):
+        return MADE_FOR_ALL[costly[0]]
+    scopes = {
+        made.scope for name in used for made in item.session._fixturemanager.getfixturedefs(name, item) or ()
+    }
+    return item.nodeid.partition("::")[0] if "module" in scopes else ""
