@@ -146,8 +146,11 @@ class _Program:
         amounts = np.concatenate([model.leg[self.origin, self.to], model.obs[self.wanted]])
         ln = np.concatenate([model.leg_ln[self.origin, self.to], model.obs_ln[self.wanted]])
         cells, nodes = FINE if len(amounts) <= MANY else COARSE
-        seconds = [least_time(*row) for row in np.column_stack([amounts[:, 0], ln[:, :2]]).tolist()]
-        joules = [least_energy(x, y, model.hotel_w, cells, nodes) for x, y in zip(amounts, ln, strict=True)]
+        # Drives of equal length are alike, and so are observations with one instrument: each kind is cut once.
+        kinds, kind = np.unique(np.column_stack([amounts, ln]), axis=0, return_inverse=True)
+        kind = kind.reshape(-1)
+        seconds = np.array([least_time(*row) for row in kinds[:, [0, 4, 5]].tolist()])[kind]
+        joules = np.array([least_energy(k[:4], k[4:], model.hotel_w, cells, nodes) for k in kinds])[kind]
         track_s = model.track_t_s + model.track_leg_s
         track_j = model.track_e_j + model.hotel_w * track_s
         every = np.arange(self.count)

@@ -185,12 +185,13 @@ class Relaxation:
 
     def _by_count(self, legs: list[tuple[int, int]], more: list[float]) -> Singles:
         """Return the masses of the drives by number of carried tracks, (legs, counts, nodes)."""
-        found = np.empty((len(legs), len(more), self.steps + 1), np.float32)
-        for row, (a, b) in zip(found, legs, strict=True):
-            cells = self._amounts(self.model.leg_ln[a, b])
+        kinds, kind = np.unique([self.model.leg_ln[a, b] for a, b in legs], axis=0, return_inverse=True)
+        found = np.empty((len(kinds), len(more), self.steps + 1), np.float32)
+        for row, ln in zip(found, kinds, strict=True):  # drives of equal length are alike
+            cells = self._amounts(ln)
             for k, shift in enumerate(more):
                 row[k] = self._rounded(cells, shift)
-        return found
+        return found[kind.reshape(-1)]
 
     def _layout(self) -> Layout:
         model, every = self.model, range(self.model.n + 1)
