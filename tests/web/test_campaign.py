@@ -26,7 +26,7 @@ def test_a_plan_is_flown_many_times_and_one_run_is_replayed(server: Server) -> N
         page.get_by_test_id("campaign-runs").fill(str(RUNS))
         page.get_by_test_id("fly").click()
 
-        expect(dialog.get_by_role("link", name="Report")).to_be_visible(timeout=60_000)
+        expect(dialog.get_by_role("link", name="Report")).to_be_visible()
         told = ask(server, f"/missions/{mission}/campaigns")["items"][-1]
         result = ask(server, f"/campaigns/{told['id']}/result")
         assert result["runs"] == RUNS

@@ -28,7 +28,7 @@ def test_a_live_run_is_held_disturbed_and_stopped_on_the_page(server: Server) ->
         page.get_by_test_id("start-run").click()
 
         console = page.get_by_test_id("live-console")
-        expect(page.get_by_test_id("link")).to_contain_text(re.compile("link up, last word"), timeout=60_000)
+        expect(page.get_by_test_id("link")).to_contain_text(re.compile("link up, last word"))
         expect(page.get_by_test_id("link")).to_have_attribute("data-tone", "ok")
         expect(console.get_by_role("listitem").first).to_be_visible()  # a command is under way
         expect(page.get_by_label("Pace of the run")).to_have_count(0)  # its pace is its rover's
@@ -50,7 +50,7 @@ def test_a_live_run_is_held_disturbed_and_stopped_on_the_page(server: Server) ->
 
         page.get_by_role("tab", name="Plan", exact=True).click()  # STOP is in reach whatever is looked at
         page.keyboard.press("Control+.")
-        expect(stop).to_have_count(0, timeout=30_000)
+        expect(stop).to_have_count(0)
         page.get_by_role("tab", name="Run").click()
         expect(page.get_by_test_id("run-outcome")).to_have_text("aborted")
         page.reload()  # what was done to the run is kept with it
@@ -67,12 +67,12 @@ def test_stop_is_one_click_for_an_operator_and_none_for_a_scientist(server: Serv
         page.get_by_role("tab", name="Run").click()
         page.get_by_test_id("live").check()
         page.get_by_test_id("start-run").click()
-        expect(page.get_by_test_id("link")).to_contain_text(re.compile("link up"), timeout=60_000)
+        expect(page.get_by_test_id("link")).to_contain_text(re.compile("link up"))
         become(page, "scientist")
         expect(page.get_by_test_id("live-stop")).to_be_disabled()
         become(page, "operator")
         expect(page.get_by_test_id("hold")).to_be_disabled()
         page.get_by_test_id("live-stop").click()
-        expect(page.get_by_test_id("live-stop")).to_have_count(0, timeout=30_000)
+        expect(page.get_by_test_id("live-stop")).to_have_count(0)
         expect(page.get_by_test_id("run-outcome")).to_have_text("aborted")
         expect(page.get_by_test_id("run-notes")).to_contain_text("STOP by Operator")

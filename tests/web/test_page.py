@@ -33,7 +33,7 @@ def test_the_marker_of_a_target_picked_in_3d_lies_under_the_click(server: Server
         page.mouse.click(x, y)
         expect(page.get_by_test_id("target-row")).to_have_count(before + 1)
         marked = page.wait_for_function(
-            "() => document.querySelector('[data-testid=scene]').dataset.landed", timeout=20_000
+            "() => document.querySelector('[data-testid=scene]').dataset.landed"
         ).json_value()
         px, py = (float(part) for part in str(marked).split(","))
         assert abs(px - x) <= 1.0

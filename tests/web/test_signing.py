@@ -29,7 +29,7 @@ def judged(page: Page, folder: Path, content: bytes, trust: bytes) -> bool:
     page.get_by_label("Package").set_input_files(folder / "package.zip")
     page.get_by_label("Trust file").set_input_files(folder / "trust.json")
     verdict = page.get_by_role("status")
-    expect(verdict).to_have_class("good" if _accepted(content, trust) else "bad", timeout=15_000)
+    expect(verdict).to_have_class("good" if _accepted(content, trust) else "bad")
     text = verdict.inner_text()
     assert text.startswith(("Package", "Refused: "))
     return text.startswith("Package")
