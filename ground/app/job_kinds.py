@@ -73,7 +73,7 @@ def job_kinds() -> Mapping[str, JobKind]:
             run_work.work,
             dry_run.settle,
             dry_run.abandon,
-            dry_run.begin,
+            lasts=dry_run.begin,
             interactive=True,
         ),
         JobKind(

@@ -102,10 +102,10 @@ class JobKind:
 
     `orders` reads what stands in the job's row. `work` must be importable by name (it is sent to another
     process). `settle` writes the result into the repository and returns its address; `abandon` is called when
-    the job ends without a result, `begin` when it is no longer young, with its first progress: work that
-    is over before has no need of it. `interactive` work is short and somebody
-    waits for it: it goes before all other and has a slot of its own. `live` work runs on the real clock, for
-    hours, and mostly waits: it has slots of its own and takes nobody's, and `begin` comes with the claim.
+    the job ends without a result, `begin` when a worker takes it up, and may complete the order, `lasts` when
+    the work is no longer young: what is over before need not say that it goes on. `interactive` work is short
+    and somebody waits for it: it goes before all other and has a slot of its own. `live` work runs on the
+    real clock, for hours, and mostly waits: it has slots of its own and takes nobody's.
     """
 
     name: str
@@ -114,6 +114,7 @@ class JobKind:
     settle: Settle
     abandon: Abandon = _nothing
     begin: Abandon | None = None
+    lasts: Abandon | None = None
     interactive: bool = False
     live: bool = False
 
@@ -220,18 +221,12 @@ def claim_job(
             row.started_utc = row.started_utc or now
             _log(row, f"attempt {row.attempt} by {worker}")
             kind = kinds[row.kind]
-            if kind.begin is not None and begins_with_claim(kind, repo.settings):
-                kind.begin(session, row)
+            here = repo.settings.executor is ExecutorKind.INLINE  # nobody attends while it goes on
+            for heed in (kind.begin, kind.lasts if here else None):
+                if heed is not None:
+                    heed(session, row)
             order, trace = dict(row.payload), row.traceparent or ""
             return Claim(row.id, row.kind, row.token, row.attempt, order, row.time_limit_s, trace)
-
-
-def begins_with_claim(kind: JobKind, settings: Settings) -> bool:
-    """Return whether the subject of a job says that its work goes on as soon as a worker has it.
-
-    To work in the worker's own thread nobody attends while it goes on.
-    """
-    return kind.live or settings.executor is ExecutorKind.INLINE
 
 
 def waiting(repo: Repository, kinds: Mapping[str, JobKind]) -> Counter[str]:
@@ -291,18 +286,18 @@ def extend(repo: Repository, claim: Claim) -> tuple[bool, bool]:
 
 
 def renew(
-    repo: Repository, claim: Claim, progress: float, message: str, begin: Abandon | None = None
+    repo: Repository, claim: Claim, progress: float, message: str, lasts: Abandon | None = None
 ) -> tuple[bool, bool]:
     """Renew the lease and note the progress; return (still ours, cancel wanted).
 
-    `begin` is called with it: the first progress says on the subject that its work goes on.
+    `lasts` is called with it: the first progress says on the subject that its work goes on.
     """
     with repo.database.write() as session:
         row = _ours(session, claim)
         if row is None:
             return False, True
-        if begin is not None:
-            begin(session, row)
+        if lasts is not None:
+            lasts(session, row)
         row.lease_until_utc = utc_now() + timedelta(seconds=repo.settings.job_lease_s)
         progress = min(1.0, max(row.progress, progress))
         if (progress, message) != (row.progress, row.message):

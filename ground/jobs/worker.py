@@ -31,7 +31,6 @@ from ground.jobs.queue import (
     WAKE,
     Claim,
     JobKind,
-    begins_with_claim,
     claim_job,
     give_up,
     hand_back,
@@ -63,7 +62,7 @@ class _Running:
     seen: tuple[float, str] = (0.0, "begun")
     stopping_since: float | None = None
     timed_out: bool = False
-    begun: bool = False
+    told: bool = False
     """Whether the job's subject says that its work goes on, or has no need to."""
     rung: int = 0
     """How often the database had told of something when it was last asked whether this is to stop."""
@@ -344,9 +343,9 @@ class Worker:
             return False
         self._tally[claim.kind].attempts += 1
         future.add_done_callback(self._work_over)
-        begun = kind.begin is None or begins_with_claim(kind, self.repo.settings)
+        told = kind.lasts is None or self.repo.settings.executor is ExecutorKind.INLINE
         self._slots[index] = _Running(
-            claim, future, channel, now + claim.time_limit_s, now, lease, now, began_ns, begun=begun
+            claim, future, channel, now + claim.time_limit_s, now, lease, now, began_ns, told=told
         )
         return True
 
@@ -371,11 +370,11 @@ class Worker:
         seen = self._progress(running)
         if not running.lease.ours and running.stopping_since is None:
             self._ask_to_stop(running)
-        news = seen != running.seen or not running.begun
+        news = seen != running.seen or not running.told
         if news and now - running.began >= self.YOUNG_S:
-            begin = None if running.begun else self.kinds[running.claim.kind].begin
-            ours, cancel = renew(self.repo, running.claim, *seen, begin)
-            running.seen, running.renewed, running.begun = seen, now, True
+            lasts = None if running.told else self.kinds[running.claim.kind].lasts
+            ours, cancel = renew(self.repo, running.claim, *seen, lasts)
+            running.seen, running.renewed, running.told = seen, now, True
             if (cancel or not ours) and running.stopping_since is None:
                 self._ask_to_stop(running)
         elif running.stopping_since is None and self._cancel_wanted(running, now):

@@ -488,50 +488,58 @@ def test_an_order_that_cannot_be_read_fails_the_job_by_name(
     assert [job_id] == ABANDONED
 
 
-def beginning(begun: list[str], *, live: bool = False) -> dict[str, JobKind]:
-    """Return the kind whose subjects are told that their work goes on."""
+def heeding(begun: list[str], lasting: list[str]) -> dict[str, JobKind]:
+    """Return a kind that notes what its subjects are told."""
 
     def begin(_session: Session, job: JobRow) -> None:
         begun.append(job.id)
 
-    return {"count": dataclasses.replace(KIND, begin=begin, live=live)}
+    def lasts(_session: Session, job: JobRow) -> None:
+        lasting.append(job.id)
+
+    return {"count": dataclasses.replace(KIND, begin=begin, lasts=lasts)}
 
 
 def test_only_work_that_lasts_says_that_it_goes_on(repo: Repository) -> None:
     begun: list[str] = []
-    worker = Worker(with_settings(repo, executor=ExecutorKind.PROCESS), beginning(begun), slots=1)
+    lasting: list[str] = []
+    kinds = heeding(begun, lasting)
+    worker = Worker(with_settings(repo, executor=ExecutorKind.PROCESS), kinds, slots=1)
     worker.start()
     try:
-        wait_for(
-            repo, queue(repo, "succeed"), "succeeded"
-        )  # a process may take longer to start than is young
-        begun.clear()
-        wait_for(repo, queue(repo, "succeed"), "succeeded")
-        assert begun == []
+        wait_for(repo, queue(repo, "succeed"), "succeeded")  # its process may take long to start
+        lasting.clear()
+        job = queue(repo, "succeed")
+        wait_for(repo, job, "succeeded")
+        assert (begun[-1], lasting) == (job, [])
         job = queue(repo, "wait")
         until = time.monotonic() + 30.0
-        while not begun:
+        while not lasting or row_of(repo, job).progress < 0.5:
             assert time.monotonic() < until
             time.sleep(0.02)
-        while row_of(repo, job).progress < 0.5:
-            assert time.monotonic() < until
-            time.sleep(0.02)
-        assert begun == [job], "once, not with each progress"
+        assert (begun[-1], lasting) == (job, [job]), "once, not with each progress"
         cancel_job(repo, PLANNER, job)
         wait_for(repo, job, "cancelled")
     finally:
         worker.stop()
 
 
-def test_a_live_run_says_at_once_that_it_goes_on(repo: Repository) -> None:
-    begun: list[str] = []
-    mine = with_settings(repo, executor=ExecutorKind.PROCESS)
-    queue(repo, "succeed")
-    assert claim_job(mine, beginning(begun), "me") is not None
-    assert begun == []
+@pytest.mark.parametrize("executor", [ExecutorKind.PROCESS, ExecutorKind.INLINE])
+def test_an_order_is_completed_by_who_takes_the_job(repo: Repository, executor: ExecutorKind) -> None:
+    """What counts when it is taken up, not when it was asked for: the keys of signers."""
+
+    def begin(_session: Session, job: JobRow) -> None:
+        job.payload = {**job.payload, "what": "more"}
+
+    lasting: list[str] = []
+    kind = dataclasses.replace(heeding([], lasting)["count"], begin=begin)
     job = queue(repo, "succeed")
-    assert claim_job(mine, beginning(begun, live=True), "me") is not None
-    assert begun == [job]
+    claim = claim_job(with_settings(repo, executor=executor), {"count": kind}, "me")
+    assert claim is not None
+    assert claim.payload["what"] == "more"
+    assert lasting == ([job] if executor is ExecutorKind.INLINE else []), (
+        "nobody attends to work in this thread"
+    )
 
 
 @pytest.mark.postgres
