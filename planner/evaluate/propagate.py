@@ -74,6 +74,24 @@ def drives_ahead(program: Program) -> list[int]:
     return ahead
 
 
+def done_read_ahead(model: Model, program: Program) -> list[int]:
+    """Return, for each row, the observations (bits) of which it or some row that may follow asks whether they
+    are done; the columns say what the rules ask.
+    """
+    ahead = [0]
+    for op, arg, go, fail in list(zip(program.op, program.arg, program.go, program.fail, strict=True))[1:]:
+        own = 0
+        if op in (Op.OBSERVE, Op.IF_DONE):
+            own = 1 << int(arg)
+        if op == Op.OBSERVE:
+            place = int(model.obs_place[arg])
+            own |= int(model.predecessors[arg])
+            own |= int(model.target_bits[place]) if model.diminishing[place] != 1.0 else 0
+            own |= int(model.place_bits[place]) if model.is_place[arg] else 0
+        ahead.append(own | ahead[go] | ahead[fail])  # every row comes after its successors
+    return ahead
+
+
 def can_drive(model: Model, state: State, to: int) -> bool:
     """Return whether a drive to another place may begin."""
     return bool(model.has_leg[state.place, to]) and not state.closed >> to & 1
@@ -192,6 +210,7 @@ class Backward:
         self._tails = tails or TailValues(grid)
         self._numbers = self._tails.numbers_of(program)
         self._ahead = drives_ahead(program) if self.model.fail.any() else []
+        self._read = done_read_ahead(self.model, program)
 
     def value(self, row: int, state: State) -> Any:
         """Return the expected utility still to come at a row, shape (nt, ng); do not write to it."""
@@ -199,6 +218,8 @@ class Backward:
             return self._zero
         if state.closed:
             state = state._replace(closed=state.closed & self._ahead[row])
+        if state.done & ~self._read[row]:
+            state = state._replace(done=state.done & self._read[row])
         number = self._numbers[row]
         known = self._tails.known.get((number, state))
         if known is None:

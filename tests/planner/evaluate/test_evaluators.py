@@ -30,8 +30,8 @@ from planner.plan_tree import (
     TrackedCondition,
     plan_tree_from_dict,
 )
-from planner.problem import Problem, load_problem
-from tests.planner.examples import example, observation, problems, visits
+from planner.problem import Problem, load_problem, problem_from_dict
+from tests.planner.examples import example, observation, problem_document, problems, visits
 from tests.shared import shared
 
 PLANS = ["dev-mixed-5.pico", "dev-reserve-8.pico", "dev-windows-6.unbranched_skip", "dev-tracking-7.pico"]
@@ -236,3 +236,24 @@ def test_notes_tell_the_odds_of_an_option_and_what_it_wins() -> None:
     assert notes.gain == pytest.approx(Evaluator(model).value(plan).value - without, abs=0.05)
     assert tree.step_notes[(0,)].p_reached == 1.0
     assert list(tree.step_notes[(k,)].time_s) == sorted(tree.step_notes[(k,)].time_s)
+
+
+@pytest.mark.parametrize("diminishing", [1.0, 0.5])
+def test_what_no_step_ahead_asks_for_parts_no_states_and_changes_no_value(
+    diminishing: float,
+) -> None:
+    rows = [[observation(f"O{k}", "place"), observation(f"I{k}")] for k in range(4)]
+    document = problem_document(
+        places=[(2.0, 1.0), (3.0, -1.0), (1.0, -2.0), (4.0, 2.0)], observations=rows, time_s=6500.0
+    )
+    for target in document["targets"]:
+        target["diminishing"] = diminishing
+    document["precedence"] = [["O0", "I3"]]
+    problem = problem_from_dict(document)
+    model = Model.of(problem)
+    program = compile_plan(model, visits(problem, "O0", "I0", "O1", "I2", "O2", "I3", "O3"))
+    grid = Grid(model, 41, 25)
+    few, all_of_them = Backward(grid, program), Backward(grid, program)
+    all_of_them._read = [-1] * len(program)
+    assert few.total() == pytest.approx(all_of_them.total(), rel=1e-12)
+    assert len(few._tails.known) < len(all_of_them._tails.known)
