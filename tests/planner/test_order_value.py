@@ -1,0 +1,62 @@
+"""The compiled values of orders are those of the evaluator; plain numpy and drawn futures agree."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from planner.contingency.seeding import route_plan
+from planner.contingency.why_not.order_value import QUICK, OrderValues
+from planner.evaluate.model import Model
+from planner.evaluate.monte_carlo import simulate
+from planner.evaluate.propagate import Evaluator
+from studies.common.all_orders import AllOrders
+from studies.common.planner_days import day
+from tests.planner.reference.problems import ALL_FAMILIES, generated
+
+
+@pytest.mark.parametrize("family", ALL_FAMILIES)
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("share", [0.4, 1.0])
+def test_an_order_is_worth_what_the_evaluator_says(family: str, seed: int, share: float) -> None:
+    problem = generated(family, seed, spread=0.4)
+    budget = dataclasses.replace(problem.budget, time_s=share * problem.budget.time_s)
+    model = Model.of(dataclasses.replace(problem, budget=budget))
+    values, evaluator, rng = OrderValues(model), Evaluator(model), np.random.default_rng(seed)
+    for count in range(model.m + 1):
+        order = tuple(int(m) for m in rng.permutation(model.m)[:count])
+        wanted = evaluator.value(route_plan(model, order)).value
+        assert values[order] == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_an_order_of_eight_with_windows_is_worth_what_the_evaluator_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = Model.of(day(rng, least=8, most=8))
+    order = tuple(int(m) for m in rng.permutation(model.m)[: 5 + seed % 4])
+    wanted = Evaluator(model).value(route_plan(model, order)).value
+    assert OrderValues(model)[order] == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_chance_of_an_observation_is_the_share_of_futures_that_make_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = Model.of(day(rng, least=6, most=6))
+    order = tuple(int(m) for m in rng.permutation(model.m)[:5])
+    asked = order[-1]
+    only = dataclasses.replace(model, utility=np.eye(model.m)[asked], p_success=np.ones(model.m), penalty=0.0)
+    share = float(simulate(only, route_plan(model, order), 40_000, seed=1).utility.mean())
+    assert OrderValues(model, QUICK).chance(order, asked) == pytest.approx(share, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_all_orders_by_plain_numpy_are_worth_what_grids_say(seed: int) -> None:
+    problem = day(np.random.default_rng(seed), least=4, most=4)
+    values, futures = OrderValues(Model.of(problem)), 20_000
+    worths = AllOrders(problem, futures, seed=seed).worths()
+    assert len(worths) == 64
+    spread = sum(o.utility for o in problem.observations) + problem.overrun_penalty
+    for order, worth in worths.items():
+        assert worth == pytest.approx(values[order], abs=2.5 * spread / futures**0.5)
