@@ -21,6 +21,9 @@ from planner.threads import one_blas_thread
 FUTURES = 100_000
 """A standard error of 1/316 of the standard deviation of a difference."""
 
+ASKED = 20_000
+"""Futures that tell the change in a why-not: as many as the repository asks for."""
+
 
 @dataclass(frozen=True, slots=True)
 class WhyNot:
@@ -89,9 +92,7 @@ def compare_plans(
     )
 
 
-def why_not(
-    problem: Problem, plan: Plan, observation: str, *, futures: int = FUTURES, seed: int = 0
-) -> WhyNot:
+def why_not(problem: Problem, plan: Plan, observation: str, *, futures: int = ASKED, seed: int = 0) -> WhyNot:
     """Return why an observation is not in a plan.
 
     Raises

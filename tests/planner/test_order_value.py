@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.contingency.seeding import route_plan
-from planner.contingency.why_not.order_value import QUICK, OrderValues
+from planner.contingency.why_not.order_value import OrderValues
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.evaluate.propagate import Evaluator
@@ -48,7 +48,7 @@ def test_the_chance_of_an_observation_is_the_share_of_futures_that_make_it(seed:
     asked = order[-1]
     only = dataclasses.replace(model, utility=np.eye(model.m)[asked], p_success=np.ones(model.m), penalty=0.0)
     share = float(simulate(only, route_plan(model, order), 40_000, seed=1).utility.mean())
-    assert OrderValues(model, QUICK).chance(order, asked) == pytest.approx(share, abs=0.01)
+    assert OrderValues(model, quick=True).chance(order, asked) == pytest.approx(share, abs=0.01)
 
 
 @pytest.mark.parametrize("seed", range(3))

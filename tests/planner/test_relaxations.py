@@ -10,6 +10,7 @@ import pytest
 from planner.contingency.seeding import route_plan
 from planner.contingency.why_not.limits import OF_ENERGY, OF_TIME, WINDOW, widened
 from planner.contingency.why_not.order_run import BOTH, ENERGY, TIME
+from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import OrdersByBudget
 from planner.contingency.why_not.question import Question
 from planner.contingency.why_not.relaxations import smallest_relaxations
@@ -127,3 +128,40 @@ def test_a_budget_of_nothing_is_answered(member: str) -> None:
     problem = dataclasses.replace(problem, budget=dataclasses.replace(problem.budget, **{member: 0.0}))
     for o in problem.observations:
         assert why_not(problem, (), str(o.id)).reason
+
+
+def test_the_first_of_nested_futures_are_spread_evenly_by_themselves() -> None:
+    model = Model.of(generated("plain", 2, spread=0.4))
+    futures = TabledFutures.of(model, 512, seed=6, nested=(32, 128))
+    work_out_drive(World.of(model, model.utility), futures, 0, 1)
+    for amounts in (futures.obs_s[0], futures.obs_j[0], futures.leg_s[0, 1]):
+        rank = np.argsort(np.argsort(amounts))
+        for few in (32, 128, 512):
+            assert sorted(rank[:few] * few // 512) == list(range(few))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_order_given_up_is_worse_and_one_kept_has_the_curve_that_it_has_alone(seed: int) -> None:
+    problem = _tight(day(np.random.default_rng(seed), least=7, most=7))
+    model = Model.of(problem)
+    futures = TabledFutures.of(model, 512, seed=1, nested=(32, 128))
+    raced, alone = (OrdersByBudget(model, 0, 3.0, futures) for _ in range(2))
+    rival, *others = (tuple(int(m) for m in np.random.default_rng(k).permutation(7)[:4]) for k in range(60))
+    raced.look_at([rival])
+    raced._carry_out([rival, *dict.fromkeys(others)], ENERGY, 40)
+    assert rival in raced
+    assert 3 < len(raced.number) < 55
+    wide = widened(problem, problem.observations[0], (OF_ENERGY,), float(raced.factors[40]))
+    values = OrderValues(Model.of(wide))
+    for order in others:
+        if order in raced:
+            assert np.array_equal(raced.curve(order), alone.curve(order))
+        else:
+            assert values[order] < values[rival] + 0.01 * abs(values[rival])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_question_is_answered_alike_twice(seed: int) -> None:
+    problem = _tight(day(np.random.default_rng(seed), least=7, most=7))
+    for o in problem.observations[:2]:
+        assert repr(why_not(problem, (), str(o.id))) == repr(why_not(problem, (), str(o.id)))

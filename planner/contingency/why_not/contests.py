@@ -9,12 +9,24 @@ import numpy as np
 from planner.constraints.registry import columns_of
 from planner.contingency.order_in_futures import Order
 from planner.contingency.why_not.limits import WINDOW, widened
-from planner.contingency.why_not.orders_by_budget import AHEAD, LEAST_CHANCE, STARTS, OrdersByBudget, Widened
+from planner.contingency.why_not.orders_by_budget import (
+    AHEAD,
+    IN_WINDOW,
+    LEAST_CHANCE,
+    OrdersByBudget,
+    Widened,
+)
 from planner.contingency.why_not.question import NEAR, Question, alike
 from planner.evaluate.model import Floats
 
 SAME = 4
 """Numbers of factors, 1 % in all, within which what was found at one is not sought again at another."""
+
+PARTS = 4
+"""Factors, evenly spread by their logarithms up to the largest, at which orders are sought at first."""
+
+LIKELIEST = 4
+"""Orders kept whose worth in a window is told by more futures: a run there takes four times as long."""
 
 SELDOM = 3.0 * LEAST_CHANCE
 """Chances up to which more futures are too few to tell whether an order makes the observation at all."""
@@ -55,9 +67,16 @@ class BudgetContest:
         """Return the least factor in more futures, `off` [factors]; orders are sought there."""
         if not self.sought:
             self._seek(self.last)
-            at = self._first(self.question.orders, np.zeros(len(off)))
+            orders, off_by_none = self.question.orders, np.zeros(len(off))
+            if not orders.near_a_lead(self.how):
+                return None
+            at = self._first(orders, off_by_none)
+            for part in range(PARTS - 1, 0, -1):
+                if at is None or self.last * part // PARTS < at:
+                    self._seek(self.last * part // PARTS)
+            at = self._first(orders, off_by_none)
             while at is not None and self._seek(at):
-                at = self._first(self.question.orders, np.zeros(len(off)))
+                at = self._first(orders, off_by_none)
             if at is None:
                 return None
             self._compare(at)
@@ -119,7 +138,9 @@ class WindowContest:
         """
         if not self.sought:
             self._seek(self.last)
-            at = self._bisected(np.zeros(len(off)), closer=False, near=self.last)
+            parts = [self.last * part // PARTS for part in range(1, PARTS + 1)]
+            near = next((at for at in parts if self._lead(at, closer=False) > 0.0), self.last)
+            at = self._bisected(np.zeros(len(off)), closer=False, near=near)
             while at is not None and self._seek(at):
                 at = self._bisected(np.zeros(len(off)), closer=False, near=at)
             if at is None:
@@ -160,14 +181,14 @@ class WindowContest:
             return False
         self.sought.append(at)
         how, orders, wide = self.how, self.question.orders, self._window(at, closer=False)
-        orders.climb(how, at, holds=False)
+        orders.climb(how, at, holds=False, starts=IN_WINDOW)
         near = orders.best(how, at, holds=False) + orders.best(how, at, holds=True)
         wide.look_at(self.held)
         wide.look_at(new for _, order in near for new in wide.put_in(wide.without(order)))
-        wide.climb(how, at, holds=True)
-        best = [order for _, order in wide.best(how, at, holds=True, most=2 * STARTS)]
+        wide.climb(how, at, holds=True, starts=IN_WINDOW)
+        best = [order for _, order in wide.best(how, at, holds=True, most=2 * IN_WINDOW)]
         orders.look_at(wide.without(order) for order in best)
-        orders.climb(how, at, holds=False)
+        orders.climb(how, at, holds=False, starts=IN_WINDOW)
         self.held.update(dict.fromkeys(best))
         return True
 
@@ -179,9 +200,17 @@ class WindowContest:
         if closer:
             near = self.question.orders.best(self.how, at, holds=False, most=NEAR)
             usual.look_at(order for _, order in near)
-        best = max((wide.worth(order, self.how, at) for order in self.held), default=-np.inf)
+        held = self._likeliest(at) if closer else list(self.held)
+        wide.look_at(held)
+        best = max((wide.worth(order, self.how, at) for order in held), default=-np.inf)
         others = usual.best(self.how, at, holds=False)
         return best - AHEAD * abs(best) - max(0.0, others[0][0] if others else 0.0)
+
+    def _likeliest(self, at: int) -> list[Order]:
+        """Return those of the orders kept that are best in the window of a factor."""
+        few = self._window(at, closer=False)
+        few.look_at(self.held)
+        return sorted(self.held, key=lambda order: -few.worth(order, self.how, at))[:LIKELIEST]
 
     def lead(self, at: int) -> float:
         """Return the lead in more futures."""
@@ -190,7 +219,7 @@ class WindowContest:
     def pair(self, at: int) -> Sides:
         """Return those that may be the best in more futures."""
         wide = self._window(at, closer=True)
-        wide.look_at(self.held)
+        wide.look_at(self._likeliest(at))
         return alike(wide, self.how, at, holds=True), alike(self.question.closer, self.how, at, holds=False)
 
     def seldom(self, order: Order, at: int) -> bool:

@@ -1,4 +1,4 @@
-"""One run of an order of observations in tabled futures: what it gains from each factor on the budgets on.
+"""Runs of orders of observations in tabled futures: what each gains from each factor on the budgets on.
 
 The kernel does what `rollout.roll` does with the plan of the order (`seeding.route_plan`), whose rows follow
 each other whatever fails.
@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from planner.contingency.why_not.tabled_futures import TabledFutures, work_out_drive
 from planner.evaluate.model import Floats, Ints, Model
@@ -21,6 +22,11 @@ TIME, ENERGY, BOTH = 0, 1, 2
 
 DRIVE, DRIVE_FOR_TRACK, OBSERVE = 0, 1, 2
 """Kinds of steps."""
+
+HOPELESS = 2.5
+"""Standard errors behind the rival, in the same futures, from which an order is given up. By hand: of a
+hundred orders that are as good hardly one is.
+"""
 
 SHADE = 1e-11
 """Share by which an amount may be above a limit that it meets."""
@@ -105,89 +111,125 @@ def _gain(gained: Floats, rows: int, by_time: int, by_energy: int, much: float) 
 
 @njit(cache=True, nogil=True)
 def carry_out(
-    order: Ints, ways: Ints, costs: Costs, world: World, windows: Floats, futures: TabledFutures,
-    scale: Scale, asked: int,
-) -> Floats:  # fmt: skip
-    """Return, by number of a factor, the mean utility in rows 0..2 and the chance that the observation
-    `asked` is made in rows 3..5; `costs` has the budgets of the largest factor, [6, factors]. One function:
-    compiled helpers that take the tuples make it nine times as slow.
+    orders: Ints, sizes: Ints, ways: Ints, costs: Costs, world: World, windows: Floats,
+    futures: TabledFutures, scale: Scale, asked: int, row: int, at: int,
+) -> tuple[NDArray[np.float32], Ints]:  # fmt: skip
+    """Return curves of orders, rows of `orders` [n, most] of which the first `sizes` count, and which orders
+    they are of.
+
+    A curve is, by number of a factor, the mean utility in rows 0..2 and the chance that the observation
+    `asked` is made in rows 3..5; `costs` has the budgets of the largest factor, [6, factors]. Where `row` is
+    not negative, the first order is the rival, whose curve is known: another that is `HOPELESS` behind it
+    at factor number `at` on what that row widens, after the futures of an inner level, gets no curve. One
+    function: compiled helpers that take the tuples make it nine times as slow. `windows` are [m, 2].
     """
-    steps = steps_of(order, world, ways)
     count, most, n1 = futures.deviates.shape[0], scale.factors.shape[0], world.n + 1
-    gained = np.zeros((6, most + 1))
     per_s, per_j = 1.0 / scale.time_s, 1.0 / scale.energy_j
-    starts = np.int64(0)
-    for k in range(steps.shape[0]):
-        i = steps[k, 1]
-        if steps[k, 0] == OBSERVE and world.is_place[i]:
-            starts |= 1 << world.obs_place[i]
-    started = np.int64(0)
-    for k in range(1, n1):
-        started += (starts >> k) & 1
-    for f in range(count):
-        hotel = costs.hotel * futures.load[f]
-        t, g = started * costs.track_t, started * costs.track_e * futures.load[f]
-        over = t > costs.t_max or g + hotel * t > costs.e_max
-        tracked, tracks, place, done, closed = starts, started, np.int64(0), np.int64(0), np.int64(0)
+    curves = np.empty((orders.shape[0], 6, most), np.float32)
+    kept = np.empty(orders.shape[0], np.int64)
+    found = 0
+    gained, rival = np.empty((6, most + 1)), np.empty(count)
+    t_tight = scale.time_s * (scale.factors[at] if row != ENERGY else 1.0) * (1.0 + SHADE)
+    e_tight = scale.energy_j * (scale.factors[at] if row != TIME else 1.0) * (1.0 + SHADE)
+    for number in range(orders.shape[0]):
+        steps = steps_of(orders[number, : sizes[number]], world, ways)
+        gained[:] = 0.0
+        starts, started = np.int64(0), np.int64(0)
         for k in range(steps.shape[0]):
-            if over:
-                break
-            kind, i = steps[k, 0], steps[k, 1]
-            if kind != OBSERVE:
-                if place == i or not world.has_leg[place, i] or (closed >> i) & 1:
+            i = steps[k, 1]
+            if steps[k, 0] == OBSERVE and world.is_place[i]:
+                starts |= 1 << world.obs_place[i]
+        for k in range(1, n1):
+            started += (starts >> k) & 1
+        # with a rival an order runs within the budgets of that factor first, in the futures of inner levels
+        few = futures.levels[-2] if row >= 0 else 0
+        level, behind, squares = 0, 0.0, 0.0
+        for run in range(few + count):
+            telling = run >= few
+            f = run - few if telling else run
+            t_max, e_max = (costs.t_max, costs.e_max) if telling else (t_tight, e_tight)
+            if run <= few and run == futures.levels[level]:
+                level += 1
+                spread = max(squares - behind * behind / run, 0.0) / (run - 1)
+                if behind > HOPELESS * math.sqrt(spread * run) + SHADE or (telling and number == 0):
+                    break
+            hotel = costs.hotel * futures.load[f]
+            t, g = started * costs.track_t, started * costs.track_e * futures.load[f]
+            over = t > t_max or g + hotel * t > e_max
+            tracked, tracks, place, done, closed = starts, started, np.int64(0), np.int64(0), np.int64(0)
+            earned = 0.0
+            for k in range(steps.shape[0]):
+                if over:
+                    break
+                kind, i = steps[k, 0], steps[k, 1]
+                if kind != OBSERVE:
+                    if place == i or not world.has_leg[place, i] or (closed >> i) & 1:
+                        continue
+                    if kind == DRIVE_FOR_TRACK and not (tracked >> i) & 1:
+                        continue
+                    if not futures.ready[place, i]:
+                        work_out_drive(world, futures, place, i)
+                    t += futures.leg_s[place, i, f] + costs.track_leg * tracks
+                    g += futures.leg_j[place, i, f]
+                    over = t > t_max or g + hotel * t > e_max
+                    lost = futures.lost[place, i, f]
+                    if lost & tracked:
+                        tracked &= ~lost
+                        tracks = np.int64(0)
+                        for p in range(1, n1):
+                            tracks += (tracked >> p) & 1
+                    if lost & 1:
+                        closed |= 1 << i
+                    else:
+                        place = i
                     continue
-                if kind == DRIVE_FOR_TRACK and not (tracked >> i) & 1:
+                target = world.obs_place[i]
+                if (
+                    place != target
+                    or (done >> i) & 1
+                    or t > windows[i, 1]
+                    or (world.is_place[i] and not (tracked >> target) & 1)
+                    or world.predecessors[i] & ~done
+                ):
                     continue
-                if not futures.ready[place, i]:
-                    work_out_drive(world, futures, place, i)
-                t += futures.leg_s[place, i, f] + costs.track_leg * tracks
-                g += futures.leg_j[place, i, f]
-                over = t > costs.t_max or g + hotel * t > costs.e_max
-                lost = futures.lost[place, i, f]
-                if lost & tracked:
-                    tracked &= ~lost
-                    tracks = np.int64(0)
-                    for p in range(1, n1):
-                        tracks += (tracked >> p) & 1
-                if lost & 1:
-                    closed |= 1 << i
-                else:
-                    place = i
+                t = max(t, windows[i, 0]) + futures.obs_s[i, f]
+                g += futures.obs_j[i, f]
+                over = t > t_max or g + hotel * t > e_max
+                if over:
+                    break
+                won = world.worth[i]
+                if world.diminishing[target] != 1.0:
+                    before = done & world.target_bits[target]
+                    while before:
+                        won *= world.diminishing[target]
+                        before &= before - 1
+                done |= 1 << i
+                if world.is_place[i] and (tracked >> target) & 1 and not world.place_bits[target] & ~done:
+                    tracked &= ~(1 << target)
+                    tracks -= 1
+                earned += won
+                if telling:
+                    by_time, by_energy = _number(t * per_s, scale), _number((g + hotel * t) * per_j, scale)
+                    _gain(gained, 0, by_time, by_energy, won)
+                    if i == asked:
+                        _gain(gained, 3, by_time, by_energy, 1.0)
+            if telling:
+                if costs.penalty and not over:
+                    by_time, by_energy = _number(t * per_s, scale), _number((g + hotel * t) * per_j, scale)
+                    _gain(gained, 0, by_time, by_energy, costs.penalty)
                 continue
-            target = world.obs_place[i]
-            if (
-                place != target
-                or (done >> i) & 1
-                or t > windows[i, 1]
-                or (world.is_place[i] and not (tracked >> target) & 1)
-                or world.predecessors[i] & ~done
-            ):
-                continue
-            t = max(t, windows[i, 0]) + futures.obs_s[i, f]
-            g += futures.obs_j[i, f]
-            over = t > costs.t_max or g + hotel * t > costs.e_max
             if over:
-                break
-            won = world.worth[i]
-            if world.diminishing[target] != 1.0:
-                before = done & world.target_bits[target]
-                while before:
-                    won *= world.diminishing[target]
-                    before &= before - 1
-            done |= 1 << i
-            if world.is_place[i] and (tracked >> target) & 1 and not world.place_bits[target] & ~done:
-                tracked &= ~(1 << target)
-                tracks -= 1
-            by_time, by_energy = _number(t * per_s, scale), _number((g + hotel * t) * per_j, scale)
-            _gain(gained, 0, by_time, by_energy, won)
-            if i == asked:
-                _gain(gained, 3, by_time, by_energy, 1.0)
-        if costs.penalty and not over:
-            by_time, by_energy = _number(t * per_s, scale), _number((g + hotel * t) * per_j, scale)
-            _gain(gained, 0, by_time, by_energy, costs.penalty)
-    for row in range(6):
-        total = -costs.penalty * count if row < 3 else 0.0
-        for at in range(most):
-            total += gained[row, at]
-            gained[row, at] = total / count
-    return gained[:, :most]
+                earned -= costs.penalty
+            if number == 0:
+                rival[f] = earned
+            behind += rival[f] - earned
+            squares += (rival[f] - earned) ** 2
+        else:
+            for line in range(6):
+                total = -costs.penalty * count if line < 3 else 0.0
+                for factor in range(most):
+                    total += gained[line, factor]
+                    curves[found, line, factor] = total / count
+            kept[found] = number
+            found += 1
+    return curves[:found], kept[:found]

@@ -6,6 +6,9 @@ and what it earns under any budget is known from the one run: each step's worth 
 budgets by which it is within them, and an overrun's cost below the factor of the last. One run of an order in
 common futures so gives its value for all factors, and the orders that are best with an observation and
 without it are compared factor by factor.
+
+A search changes an order as long as that wins. Of a hundred changes all but a few are much worse, which the
+first of the futures tell: those get no curve (races: Maron and Moore 1997).
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.contingency.order_in_futures import Order, changed
-from planner.contingency.why_not.order_run import TIME, Scale, carry_out, ways_of
+from planner.contingency.why_not.order_run import BOTH, ENERGY, TIME, Scale, carry_out, ways_of
 from planner.contingency.why_not.tabled_futures import TabledFutures
 from planner.evaluate.model import LEAST, Floats, Model, Truths
 from planner.evaluate.rollout import Costs, World
@@ -35,11 +38,18 @@ LEAST_CHANCE = 0.01
 AHEAD = 1e-3
 """Share of its value by which an order must be better: as exact as values are, and less matters to nobody."""
 
-STARTS = 3
+STARTS, IN_WINDOW = 5, 3
 """Orders of each side that a search begins from, no two with the same first observation: the best of all
-alike ended on one hill. With two, one of 150 questions with six observations had a better order, with three
-none.
+alike ended on one hill. With three one of 24 relaxations at eight targets (seed 442739731) came too early, as
+a better order without the observation was not found. The latter are those begun from in each window.
 """
+
+AT_ONCE = 256
+"""Orders whose curves are worked out in one go: 3 MB."""
+
+
+FAR_BEHIND = 0.05
+"""Share of a value behind which, at every factor, no order is sought that makes it up. By hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +90,8 @@ class OrdersByBudget:
         self._scale = Scale.of(*limits, self.factors)
         self.windows = model.window
         self.number: dict[Order, int] = {}
+        self._neighbours: dict[Order, list[Order]] = {}
+        self._climbed: set[tuple[Order, int, int, bool]] = set()
         self._orders: list[Order] = []
         self._curves = np.empty((64, 6, len(self.factors)), np.float32)
         self._held = np.empty(64, np.bool_)
@@ -88,7 +100,7 @@ class OrdersByBudget:
     def in_windows(self, windows: Floats) -> OrdersByBudget:
         """Return no orders yet, in the same futures with other windows of the observations, [m, 2]."""
         other = OrdersByBudget(self.model, self.asked, self.widest, self.futures)
-        other.windows = windows
+        other.windows, other._neighbours = windows, self._neighbours
         return other
 
     def __contains__(self, order: Order) -> bool:
@@ -103,19 +115,34 @@ class OrdersByBudget:
         known = self.number.get(order)
         if known is not None:
             return known
-        number = self.number[order] = len(self._orders)
-        if number == len(self._held):
+        self._carry_out([order])
+        return self.number[order]
+
+    def _carry_out(self, orders: list[Order], row: int = -1, at: int = 0) -> None:
+        """Work out the curves of orders that have none yet; with a row those that are not far behind the
+        first at factor number `at`, which may have one.
+        """
+        sizes = np.array([len(order) for order in orders])
+        table = np.zeros((len(orders), max(1, int(sizes.max()))), np.int64)
+        for k, order in enumerate(orders):
+            table[k, : sizes[k]] = order
+        curves, kept = carry_out(
+            table, sizes, self._ways, self._costs, self._world, self.windows, self.futures, self._scale,
+            self.asked, row, at,
+        )  # fmt: skip
+        fresh = [k for k, which in enumerate(kept) if orders[which] not in self.number]
+        first, count = len(self._orders), len(self._orders) + len(fresh)
+        while count > len(self._held):
             self._curves = np.concatenate([self._curves, np.empty_like(self._curves)])
             self._held = np.concatenate([self._held, self._held])
             self._needs = np.concatenate([self._needs, self._needs])
-        self._curves[number] = carry_out(
-            np.array(order, np.int64), self._ways, self._costs, self._world, self.windows, self.futures,
-            self._scale, self.asked,
-        )  # fmt: skip
-        self._orders.append(order)
-        self._held[number] = self.asked in order
-        self._needs[number] = self.volume(order)
-        return number
+        self._curves[first:count] = curves[fresh]
+        for k in fresh:
+            order = orders[kept[k]]
+            number = self.number[order] = len(self._orders)
+            self._orders.append(order)
+            self._held[number] = self.asked in order
+            self._needs[number] = self.volume(order)
 
     def volume(self, order: Order) -> float:
         """Return the factor on the downlink volume that an order needs."""
@@ -171,40 +198,85 @@ class OrdersByBudget:
         """Return by how much more than `AHEAD` the best order with the observation earns than the best
         without it, by factor; to do nothing is one without.
         """
+        one, other = self._best_worths(how)
+        return np.broadcast_to(one - AHEAD * np.abs(one) - other, self.factors.shape)
+
+    def _best_worths(self, how: Widened) -> tuple[Curves, Curves]:
+        """Return the worth of the best order with the observation, and of the best without it, by factor."""
         one, other = (
             np.max(self._worths(how, slice(None), holds=holds)[0], axis=0, initial=least)
             for holds, least in ((True, -np.inf), (False, 0.0))
         )
-        return np.broadcast_to(one - AHEAD * np.abs(one) - other, self.factors.shape)
+        return one, other
 
-    def climb(self, how: Widened, at: int, *, holds: bool) -> None:
+    def _told_by(self, how: Widened, at: int) -> tuple[int, int]:
+        """Return the row and column of the curves that are searched by; a budget that no order exceeds is
+        taken as it is.
+        """
+        row, column = how.row or TIME, how.column(at)
+        curves = self._curves[: len(self._orders)]
+        ample_s, ample_j = (np.array_equal(curves[:, k, -1], curves[:, k, 0]) for k in (TIME, ENERGY))
+        if (row == TIME and ample_s) or (row == ENERGY and ample_j):
+            return TIME, 0
+        if row == BOTH and (ample_s or ample_j):
+            return (ENERGY if ample_s else TIME), column
+        return row, column
+
+    def near_a_lead(self, how: Widened) -> bool:
+        """Return whether the best order with the observation is not far behind everywhere."""
+        one, other = self._best_worths(how)
+        return bool(np.any(one > (1.0 - FAR_BEHIND) * other))
+
+    def climb(self, how: Widened, at: int, *, holds: bool, starts: int = STARTS) -> None:
         """Change the best orders known, each begun with another observation, as long as that wins at one
         factor.
         """
+        worths, orders = self._worths(how, at, holds=holds)
         begun: dict[int, tuple[float, Order]] = {}
-        for value, order in self.best(how, at, holds=holds, most=len(self.number)):
-            if order and len(begun) < STARTS:
-                begun.setdefault(order[0], (value, order))
+        for k in np.argsort(-worths[:, 0], kind="stable"):
+            if worths[k, 0] == -math.inf or len(begun) == starts:
+                break
+            if orders[k]:
+                begun.setdefault(orders[k][0], (float(worths[k, 0]), orders[k]))
         for value, order in begun.values():
             self._climb(how, at, value, order)
 
-    def _climb(self, how: Widened, at: int, value: float, better: Order) -> None:
-        here, holds = None, self.asked in better
-        while better != here:
-            here = better
-            for new in itertools.chain(changed(self.model, here), more(self.model, here)):
-                if (self.asked in new) is not holds or new in self.number or not may_be_made(self.model, new):
-                    continue
-                worth = self.worth(new, how, at)
-                if worth > value:
-                    value, better = worth, new
-                    break
+    def _climb(self, how: Widened, at: int, value: float, here: Order) -> None:
+        """Change an order as long as that wins; orders far behind after few futures are given up there."""
+        holds, (row, column) = self.asked in here, self._told_by(how, at)
+        most = (self.factors[at] if how.volume else 1.0) * (1.0 + 1e-9)
+        while (here, row, column, how.volume) not in self._climbed:
+            self._climbed.add((here, row, column, how.volume))
+            near = self._near(here, holds=holds)
+            fresh = [new for new in near if new not in self.number and self.volume(new) <= most]
+            if fresh:
+                self._carry_out([here, *fresh], row, column)
+            best, better = max(
+                ((self.worth(new, how, at), new) for new in near if new in self.number),
+                key=lambda one: one[0], default=(value, here),
+            )  # fmt: skip
+            if best <= value:
+                return
+            value, here = best, better
+
+    def _near(self, order: Order, *, holds: bool) -> list[Order]:
+        """Return the orders that one change of an order leads to and that can be made, of one side."""
+        known = self._neighbours.get(order)
+        if known is None:
+            every = itertools.chain(changed(self.model, order), more(self.model, order))
+            known = self._neighbours[order] = [
+                new
+                for new in dict.fromkeys(every)
+                if (self.asked in new) is holds and may_be_made(self.model, new)
+            ]
+        return known
 
     def look_at(self, orders: Iterable[Order]) -> None:
         """Work out the curves of orders, those that can be made."""
-        for order in orders:
-            if order not in self.number and may_be_made(self.model, order):
-                self._number(order)
+        every = dict.fromkeys(orders)
+        fresh = [order for order in every if order not in self.number and may_be_made(self.model, order)]
+        for begin in range(0, len(fresh), AT_ONCE):
+            self._carry_out(fresh[begin : begin + AT_ONCE])
 
     def put_in(self, order: Order) -> list[Order]:
         """Return an order with the observation asked for at each place."""

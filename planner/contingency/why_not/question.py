@@ -7,13 +7,14 @@ from collections.abc import Iterable
 from functools import cached_property
 
 from planner.contingency.order_in_futures import MOST_ENUMERATED, Order
-from planner.contingency.seeding import mean_seed, route_plan
+from planner.contingency.seeding import route_plan
 from planner.contingency.why_not.limits import VOLUME, widened
+from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import OrdersByBudget, Widened
 from planner.contingency.why_not.tabled_futures import TabledFutures
 from planner.evaluate.model import Model
 from planner.evaluate.program import compile_plan
-from planner.evaluate.propagate import Evaluator, run_in
+from planner.evaluate.propagate import run_in
 from planner.plan_tree import Plan
 from planner.problem import Observation, Problem
 
@@ -26,8 +27,8 @@ half a per cent in them, differences of orders by less. With 256 and 4,096 three
 observations had a better order, with these none.
 """
 
-COUNTED = 16_384
-"""Futures that tell the chance of an observation: its standard error is 0.0008 at 1 %."""
+SCREENED = 32, 128
+"""Futures after which an order far behind is given up."""
 
 NEAR = 12
 """Values of each side whose orders are compared in more futures. By hand."""
@@ -50,7 +51,7 @@ class Question:
     @cached_property
     def orders(self) -> OrdersByBudget:
         """The orders looked at: all where there are few observations."""
-        orders = self._orders(SEARCHED, 0)
+        orders = self._orders(SEARCHED, 0, SCREENED)
         numbers = range(self.model.m)
         if self.model.m <= MOST_ENUMERATED:
             every = (itertools.permutations(numbers, count) for count in range(1, self.model.m + 1))
@@ -58,8 +59,7 @@ class Question:
             return orders
         short = [order for count in (1, 2) for order in itertools.permutations(numbers, count)]
         short += [order for order in itertools.permutations(numbers, 3) if self.asked in order]
-        means = (mean_seed(self.model), mean_seed(self.model, must=1 << self.asked))
-        orders.look_at((*self.begin, *dict.fromkeys(map(self._all_before, short)), *means))
+        orders.look_at((*self.begin, *dict.fromkeys(map(self._all_before, short))))
         return orders
 
     @cached_property
@@ -67,9 +67,10 @@ class Question:
         """The best of them, in more and other futures."""
         return self._orders(COMPARED, 1)
 
-    def _orders(self, futures: int, seed: int) -> OrdersByBudget:
+    def _orders(self, count: int, seed: int, nested: tuple[int, ...] = ()) -> OrdersByBudget:
         model = Model.of(widened(self.problem, self.what, (VOLUME,), WIDEST))
-        return OrdersByBudget(model, self.asked, WIDEST, TabledFutures.of(model, futures, seed=seed))
+        futures = TabledFutures.of(model, count, seed=seed, nested=nested)
+        return OrdersByBudget(model, self.asked, WIDEST, futures)
 
     def _all_before(self, order: Order) -> Order:
         """Return an order with all that must precede each observation put in before it."""
@@ -85,11 +86,6 @@ class Question:
                 found[ahead.pop()] = None
         return tuple(found)
 
-    def chance(self, model: Model, order: Order) -> float:
-        """Return the chance that an order makes the observation in a model with other limits."""
-        futures = TabledFutures.of(model, COUNTED, seed=2)
-        return OrdersByBudget(model, self.asked, WIDEST, futures).chance(order, Widened(None), 0)
-
     def best_plans(self) -> tuple[Plan, Plan]:
         """Return the best plan found that goes for the observation, at whatever cost, and the best of all.
 
@@ -99,7 +95,7 @@ class Question:
         if model.t_max_s <= 0.0 or model.e_max_j <= 0.0:
             return (), ()
         self.orders.search(how, 0)
-        evaluator = Evaluator(model)
+        worth = OrderValues(model, quick=True)
         values: dict[Plan, float] = {(): 0.0}
         forced: dict[Plan, float] = {}
         for holds in (True, False):
@@ -107,7 +103,7 @@ class Question:
             for order in alike(self.closer, how, 0, holds=holds):
                 plan = route_plan(model, order)
                 program = compile_plan(model, plan)
-                values[plan] = evaluator.value(program).value
+                values[plan] = worth[order]
                 if holds and not run_in(model, program, program.entry).over:
                     forced[plan] = values[plan]
         best = max(values, key=lambda plan: values[plan])

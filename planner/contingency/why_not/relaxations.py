@@ -14,18 +14,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.contingency.order_in_futures import Order
 from planner.contingency.seeding import route_plan
 from planner.contingency.why_not.contests import BudgetContest, Contest, WindowContest
 from planner.contingency.why_not.limits import OF_ENERGY, OF_TIME, VOLUME, WINDOW, widened
 from planner.contingency.why_not.order_run import BOTH, ENERGY, TIME
+from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import AHEAD, LEAST_CHANCE, Widened
 from planner.contingency.why_not.question import Question
 from planner.evaluate.model import Model
-from planner.evaluate.propagate import Evaluator
 from planner.plan_tree import Plan
 
 PUT_RIGHT, TRUSTED = 10, 3
 """Times that a factor is put right at most, and those in which futures tell where. Two are usual."""
+
+POOR, NEARBY = 0.005, 9
+"""Share of a value behind which an order is not valued again, and numbers of factors, 2 % in all, within
+which. By hand.
+"""
 
 FURTHER = 2
 """Numbers of factors, half a per cent, by which one is tried that is larger."""
@@ -70,21 +76,27 @@ def _least(question: Question, kinds: Collection[str]) -> Relaxation | None:
     contest: Contest = WindowContest(question, how) if WINDOW in kinds else BudgetContest(question, how)
     numbers = np.arange(len(question.orders.factors))
     leads: dict[int, float] = {}
+    poor: dict[Order, int] = {}
     off: dict[int, float] = {}
-    best: Relaxation | None = None
+    best: tuple[float, Order] | None = None
     at = contest.least(np.zeros(len(numbers)))
     while at is not None and at not in leads and len(leads) < PUT_RIGHT:
         leads[at] = -math.inf
-        valued = _valued(question, kinds, contest, at)
+        valued = _valued(question, kinds, contest, at, poor)
         if valued is None:  # made too seldom: a little further on it may be made
             at = at + FURTHER if at + FURTHER < len(numbers) else None
             continue
-        leads[at], relaxation = valued
-        if leads[at] > 0.0 and (best is None or relaxation.factor < best.factor):
-            best = relaxation
+        leads[at], told = valued
+        if leads[at] > 0.0 and (best is None or told < best):
+            best = told
         off[at] = leads[at] - contest.lead(at)
         at = _next(leads, contest.least(np.interp(numbers, sorted(off), [off[k] for k in sorted(off)])))
-    return best
+    return None if best is None else _relaxation(question, kinds, *best)
+
+
+def _relaxation(question: Question, kinds: Collection[str], factor: float, order: Order) -> Relaxation:
+    model = Model.of(widened(question.problem, question.what, kinds, factor))
+    return Relaxation(" and ".join(kinds), factor, OrderValues(model)[order], route_plan(model, order))
 
 
 def _next(leads: dict[int, float], told: int | None) -> int | None:
@@ -101,20 +113,28 @@ def _next(leads: dict[int, float], told: int | None) -> int | None:
 
 
 def _valued(
-    question: Question, kinds: Collection[str], contest: Contest, at: int
-) -> tuple[float, Relaxation] | None:
-    """Return the lead at a factor as values without sampling tell it, and the change with its best plan; None
-    where all orders that more futures take for the best make the observation too seldom.
+    question: Question, kinds: Collection[str], contest: Contest, at: int, poor: dict[Order, int]
+) -> tuple[float, tuple[float, Order]] | None:
+    """Return the lead at a factor as values without sampling tell it, and the factor with its best order.
+
+    None where all orders that more futures take for the best make the observation too seldom. `poor` are
+    orders far behind the best of their side, with the number of the factor where they were; it is added to.
     """
     factor = math.ceil(1e3 * question.orders.factors[at]) / 1e3
     model = Model.of(widened(question.problem, question.what, kinds, factor))
-    with_it, without = contest.pair(at)
-    with_it = [o for o in with_it if not contest.seldom(o, at) or question.chance(model, o) >= LEAST_CHANCE]
+    values = OrderValues(model, quick=True)
+    with_it, without = (
+        [o for o in side if abs(poor.get(o, -NEARBY) - at) >= NEARBY] for side in contest.pair(at)
+    )
+    with_it = [
+        o for o in with_it
+        if not contest.seldom(o, at) or values.chance(o, question.asked) >= LEAST_CHANCE
+    ]  # fmt: skip
     if not with_it:
         return None
-    evaluator = Evaluator(model)
-    values = {plan: evaluator.value(plan).value for plan in (route_plan(model, o) for o in with_it)}
-    other = max((evaluator.value(route_plan(model, o)).value for o in without), default=0.0)
-    plan, value = max(values.items(), key=lambda item: item[1])
-    lead = value - AHEAD * abs(value) - max(0.0, other)
-    return lead, Relaxation(" and ".join(kinds), factor, value, plan)
+    other = max((values[o] for o in without), default=0.0)
+    best = max(with_it, key=lambda o: values[o])
+    for side, most in ((with_it, values[best]), (without, other)):
+        poor.update((o, at) for o in side if values[o] < most - POOR * abs(most))
+    lead = values[best] - AHEAD * abs(values[best]) - max(0.0, other)
+    return lead, (factor, best)
