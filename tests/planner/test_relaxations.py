@@ -165,3 +165,16 @@ def test_a_question_is_answered_alike_twice(seed: int) -> None:
     problem = _tight(day(np.random.default_rng(seed), least=7, most=7))
     for o in problem.observations[:2]:
         assert repr(why_not(problem, (), str(o.id))) == repr(why_not(problem, (), str(o.id)))
+
+
+def test_the_forced_plan_is_found_past_short_orders_that_no_one_change_betters() -> None:
+    """Best is (7, 3, 4, 6, 2); a search from the best order begun with each observation ends at (7, 2)."""
+    rng = np.random.default_rng(67202787)
+    for _ in range(3):  # the third of the days that `studies.planner_why_not` draws from it
+        problem, share = day(rng, least=8, most=8), float(rng.uniform(0.4, 0.8))
+    problem = _tight(problem, share)
+    model = Model.of(problem)
+    told = why_not(problem, route_plan(model, (7, 3, 6)), str(problem.observations[2].id))
+    best = compile_plan(model, route_plan(model, (7, 3, 4, 6, 2)))
+    worth = Evaluator(model)
+    assert worth.value(compile_plan(model, told.forced)).value >= 0.999 * worth.value(best).value

@@ -289,8 +289,13 @@ class OrdersByBudget:
     def search(self, how: Widened, at: int) -> None:
         """Look for better orders of both sides at a factor, and with the observation just below it."""
         self.climb(how, at, holds=False)
-        self.look_at(new for _, order in self.best(how, at, holds=False)[:1] for new in self.put_in(order))
-        self.climb(how, max(at - 1, 0 if how.row is None else 1), holds=True)
+        put_in = [new for _, order in self.best(how, at, holds=False)[:1] for new in self.put_in(order)]
+        self.look_at(put_in)
+        below = max(at - 1, 0 if how.row is None else 1)
+        self.climb(how, below, holds=True)
+        valued = [(self.worth(new, how, below), new) for new in put_in if new in self.number]
+        if valued:  # it may be worse than a short order begun alike, which no change leads on from
+            self._climb(how, below, *max(valued))
         self.look_at(self.without(order) for _, order in self.best(how, at, holds=True))
         self.climb(how, at, holds=False)
 
