@@ -146,7 +146,7 @@ class _Program:
         amounts = np.concatenate([model.leg[self.origin, self.to], model.obs[self.wanted]])
         ln = np.concatenate([model.leg_ln[self.origin, self.to], model.obs_ln[self.wanted]])
         cells, nodes = FINE if len(amounts) <= MANY else COARSE
-        # Drives of equal length are alike, and so are observations with one instrument: each kind is cut once.
+        # Drives of equal length are alike, observations with one instrument too: each kind is cut once.
         kinds, kind = np.unique(np.column_stack([amounts, ln]), axis=0, return_inverse=True)
         kind = kind.reshape(-1)
         seconds = np.array([least_time(*row) for row in kinds[:, [0, 4, 5]].tolist()])[kind]
