@@ -16,6 +16,7 @@ from ground.gdr.places import JOB_PATIENCE_S, bring_checked, open_store
 from ground.gdr.store import Disk, Store, scratch_name
 
 MOST_NAMED = 10_000
+"""2 MB; the pictures of a few hundred plans. When they are more, all are forgotten and synchronised again."""
 _NAMED: set[tuple[str, int]] = set()
 """Files, by hash and inode, whose names this process has made durable: that stays so while they are there."""
 
