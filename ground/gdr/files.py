@@ -16,7 +16,7 @@ from ground.gdr.places import JOB_PATIENCE_S, bring_checked, open_store
 from ground.gdr.store import Disk, Store, scratch_name
 
 MOST_NAMED = 10_000
-"""2 MB; the pictures of a few hundred plans. When they are more, all are forgotten and synchronised again."""
+"""A few MB. When they are more, all are forgotten and synchronised again."""
 _NAMED: set[tuple[str, int]] = set()
 """Files, by hash and inode, whose names this process has made durable: that stays so while they are there."""
 
@@ -118,8 +118,7 @@ class FileStore:
     def put_bytes(self, content: bytes) -> StoredFile:
         """Store content; where it lies on this machine's disk whole already, that is made sure of instead.
 
-        Rehearsals of a plan take the same pictures: to write, synchronise and rename one costs a millisecond
-        of a processor and more, to look at what is there a tenth.
+        Rehearsals of a plan take the same pictures, and to wait for the disk costs more than to look.
         """
         sha256 = hashlib.sha256(content).hexdigest()
         if self.store.is_local and self._lies_whole(sha256):
