@@ -66,12 +66,10 @@ class ArmPlacing(Placing):
         instrument = str(command.parameters.get("instrument", self._usual_instrument()))
         if name not in self.follower.targets:
             return Outcome(False, f"unknown target {name}", {"made": False})
-        followed = self.follower.tracked(name)
-        if followed is None:
-            return Outcome(False, f"target {name} is not tracked", {"made": False})
         if not self.hardware.cameras_work:
             return Outcome(False, "camera failed", {"made": False})
         try:
+            followed = self.follower.in_sight(name)
             figures = self.hardware.profile.instrument(instrument)
         except RoverError as err:
             return Outcome(False, str(err), {"made": False})

@@ -47,8 +47,10 @@ class BaseMoves:
         yield from self.hardware.spend("handoff")
         if (yield from self.driving.shift(pose)) == STUCK:
             raise PlacementError(f"{STUCK} on the move for target {followed.target.id}")
-        if self.driving.follower.tracked(followed.target.id) is None:
-            raise TrackerError(f"target {followed.target.id} was lost while the rover moved for it")
+        try:
+            self.driving.follower.in_sight(followed.target.id)
+        except TrackerError as err:
+            raise TrackerError(f"{err}, since the rover moved for it") from err
         return True
 
     def nearer(self, followed: Followed, *, first: bool) -> Generator[Step, None, bool]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Generator
 
 import numpy as np
@@ -34,8 +35,12 @@ FACING_SHARE = 0.9
 """Of the mast's pan: what lies farther round is turned to before it is looked at for the first time."""
 SHORTEST_M = 0.02
 """Shifts shorter than this are turns only."""
-LOOKS, LOOKS_PER_M = 20, 5.0
-"""Looks that bring a drive no nearer to its goal, however far off it is, before it is given up."""
+LOOKS, LOOKS_PER_M = 10, 5.0
+"""Looks that bring a drive no nearer to its goal before it is given up, and how many more for each metre that
+was left at best: as many as the way round what stands there."""
+RETRACES, RETRACE_M, TRAIL = 3, 0.5, 40
+"""How often a rover that sees no safe way goes back in its own tracks, how far each time, and how many of its
+last stops it remembers."""
 
 
 class Driving:
@@ -48,6 +53,7 @@ class Driving:
         self._navigator: Navigator | None = None
         self._watch = MotionWatch()
         self._retreats = 0
+        self._trail: deque[Pose] = deque(maxlen=TRAIL)
 
     def turn(self, command: Command) -> Action:
         """Carry out `turn`."""
@@ -89,15 +95,9 @@ class Driving:
 
         The targets are looked at at its end. Returns why it went wrong, or an empty string.
         """
-        here = self.hardware.believed
-        east, north = pose.x - here.x, pose.y - here.y
-        length = math.hypot(east, north)
-        if length >= SHORTEST_M:
-            bearing = wrap_angle(math.atan2(north, east) - here.heading)
-            turn = bearing if abs(bearing) <= math.pi / 2 else wrap_angle(bearing + math.pi)
-            trouble = yield from self._go(Way(turn, 0.0, length if turn == bearing else -length))
-            if trouble:
-                return trouble
+        trouble = yield from self._straight_to(pose)
+        if trouble:
+            return trouble
         trouble = yield from self._go(
             Way(wrap_angle(pose.heading - self.hardware.believed.heading), 0.0, 0.0)
         )
@@ -105,6 +105,31 @@ class Driving:
         self.follower.set_ranges()
         self.hardware.report()
         return trouble
+
+    def _straight_to(self, pose: Pose) -> Generator[Step, None, str]:
+        """Turn, and drive forwards or backwards, to a near place; return why it went wrong, or nothing."""
+        here = self.hardware.believed
+        east, north = pose.x - here.x, pose.y - here.y
+        length = math.hypot(east, north)
+        if length < SHORTEST_M:
+            return ""
+        bearing = wrap_angle(math.atan2(north, east) - here.heading)
+        turn = bearing if abs(bearing) <= math.pi / 2 else wrap_angle(bearing + math.pi)
+        return (yield from self._go(Way(turn, 0.0, length if turn == bearing else -length)))
+
+    def _retraced(self) -> Generator[Step, None, bool]:
+        """Go back in the rover's own tracks: what carried it carries it again, whatever a look makes of it.
+
+        Returns whether it came anywhere.
+        """
+        begin_m, trail = self.hardware.travelled_m, list(self._trail)
+        self._trail.clear()
+        while trail and self.hardware.travelled_m - begin_m < RETRACE_M:
+            if (yield from self._straight_to(trail.pop())):
+                break
+        self._trail.clear()
+        self._trail.extend(trail)
+        return self.hardware.travelled_m - begin_m > SHORTEST_M
 
     def navigate(self, command: Command) -> Action:
         """Carry out `navigate`."""
@@ -124,8 +149,8 @@ class Driving:
         goal, heading = self._goal(command, name)
         self._navigator = None
         self._watch = MotionWatch()
-        far = math.hypot(goal[0] - self.hardware.believed.x, goal[1] - self.hardware.believed.y)
-        progress, looks = Progress(NEAR_M, far_patience=LOOKS + round(LOOKS_PER_M * far)), 0
+        progress, looks = Progress(NEAR_M, far_patience=LOOKS, looks_per_m=LOOKS_PER_M), 0
+        retraces = 0
         self._retreats = 0
         nearest_m = math.inf
         reason = "too many looks"
@@ -152,6 +177,9 @@ class Driving:
             else:
                 way = yield from self._look_and_choose(goal, name)
             if way is None:
+                retraces += 1
+                if retraces <= RETRACES and (yield from self._retraced()):
+                    continue
                 reason = "no safe path"
                 break
             trouble = yield from self._advance(way, left)
@@ -195,6 +223,8 @@ class Driving:
 
     def _go(self, way: Way) -> Generator[Step, None, str]:
         """Drive one way; return why it went wrong, or an empty string."""
+        if way.length_m:
+            self._trail.append(self.hardware.believed)
         driven = yield from self.hardware.drive(way)
         if driven.hazard:
             return f"hazard: {driven.hazard}"

@@ -17,13 +17,16 @@ from rover_iface.behaviour.products import png, track_label
 from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
+from rover_iface.localization.target_map import TargetMap
 from rover_iface.telemetry import TrackState
-from rover_iface.vision.tracker import StereoView, Tracker, TrackUpdate
+from rover_iface.vision.tracker import Expects, StereoView, Tracker, TrackUpdate
 
 VIEW_PX = 321
 """Largest side of the picture that is kept of a tracker's view."""
 NEAR_M = 2.5
 """Range within which a target is looked at at every stop, whatever the cadence."""
+TILT_RAD = 0.0035
+"""Error of the attitude that the inertial sensor tells: 0.2 degrees."""
 
 
 class Eyes(Protocol):
@@ -75,6 +78,9 @@ class TargetFollower:
         self.tracker = tracker
         self.cadence = cadence
         self.followed: dict[str, Followed] = {}
+        profile = hardware.profile
+        pointing_rad = math.hypot(profile.mast.bias_rad, profile.mast.noise_rad, TILT_RAD)
+        self.map = TargetMap(pointing_rad, profile.mobility.heading_drift_rad_m)
         self._forgotten: dict[str, Followed] = {}
         for name in self.targets:
             hardware.set(f"trackerstate {name}", TrackState.IDLE.value)
@@ -90,6 +96,21 @@ class TargetFollower:
     def tracked(self, name: str) -> Followed | None:
         """Return a target that is tracked now, or None."""
         return self.followed.get(name) if self.state(name) is TrackState.TRACKED else None
+
+    def in_sight(self, name: str) -> Followed:
+        """Return a target that is tracked and was seen when it was last looked for.
+
+        Raises
+        ------
+        TrackerError
+            If it is not.
+        """
+        followed = self.tracked(name)
+        if followed is None:
+            raise TrackerError(f"target {name} is not tracked")
+        if not _seen(followed.update):
+            raise TrackerError(f"target {name} is out of sight: {'; '.join(followed.update.reasons[:1])}")
+        return followed
 
     def alive(self) -> list[Followed]:
         """Return the targets that are followed and not given up."""
@@ -122,6 +143,7 @@ class TargetFollower:
         if not self.hardware.cameras_work:
             return Outcome(False, "camera failed")
         energy = yield from self.hardware.spend("trackstart")
+        self.map.move(self.hardware.believed)
         point = self.position(name)
         try:
             sighting = self.eyes.stereo(point, track=name)
@@ -130,6 +152,7 @@ class TargetFollower:
             return Outcome(False, str(err), {"energy_j": energy})
         followed = Followed(self.targets[name], update, sighting.view)
         self.followed[name] = followed
+        self._see(update)
         self.tell(followed, update, sighting.left.number, begun=True)
         return Outcome(
             True,
@@ -152,6 +175,7 @@ class TargetFollower:
         if known is not None:
             self._forgotten[name] = known
             self.tracker.clear(name)
+            self.map.forget(name)
             self.hardware.set(f"trackerstate {name}", TrackState.IDLE.value)
             self.hardware.set(f"trackerconfidence {name}", 0.0)
 
@@ -163,8 +187,11 @@ class TargetFollower:
     # ---- the loop
 
     def update_all(self) -> Generator[Step, None, None]:
-        """Update every followed target, each with its own pointing and pair of pictures."""
-        for followed in self.alive():
+        """Update every followed target, each with its own pointing and pair of pictures; those last that
+        were not seen at the last stop, as the others tell where they are.
+        """
+        self.map.move(self.hardware.believed)
+        for followed in sorted(self.alive(), key=lambda one: not _seen(one.update)):
             if not self._due(followed):
                 continue
             yield from self.hardware.spend("track_update")
@@ -179,13 +206,22 @@ class TargetFollower:
 
     def _follow(self, followed: Followed) -> None:
         name = followed.target.id
+        if name in self.map and isinstance(self.tracker, Expects):
+            self.tracker.expect(name, *self.map.place(name))
         try:
             sighting = self.eyes.stereo(self.tracker.predicted(name), track=name)
         except (CameraError, TrackerError, RenderError) as err:
             self.tell(followed, self._unseen(followed, str(err)), None)
             return
         followed.view = sighting.view
-        self.tell(followed, self.tracker.update(name, sighting.view), sighting.left.number)
+        update = self.tracker.update(name, sighting.view)
+        self._see(update)
+        self.tell(followed, update, sighting.left.number)
+
+    def _see(self, update: TrackUpdate) -> None:
+        """Put a target that was seen on the map."""
+        if update.state is TrackState.TRACKED and _seen(update):
+            self.map.see(update.target, update.position, update.covariance)
 
     def _unseen(self, followed: Followed, why: str) -> TrackUpdate:
         """Return the last answer, less sure: a mast that cannot look there now is not a miss of the tracker.
@@ -244,3 +280,8 @@ class TargetFollower:
             }
             pixels = np.clip(255.0 * part, 0.0, 255.0).astype(np.uint8)
             self.hardware.write_product(command, "trackview", png(pixels), ".png", label)
+
+
+def _seen(update: TrackUpdate) -> bool:
+    """Return whether a target was in the picture that an answer is of."""
+    return bool(np.isfinite(update.pixel).all())

@@ -180,10 +180,8 @@ class Placing:
         """Carry out `handoff`."""
         name = str(command.parameters["target"])
         energy = yield from self.hardware.spend("handoff")
-        followed = self.follower.tracked(name)
-        if followed is None:
-            return Outcome(False, f"target {name} is not tracked", {"energy_j": energy})
         try:
+            followed = self.follower.in_sight(name)
             handed = self.handoff.hand_off(followed, str(command.parameters.get("method", "")))
         except TrackerError as err:
             return Outcome(False, str(err), {"energy_j": energy})
@@ -201,10 +199,8 @@ class Placing:
         instrument = str(command.parameters.get("instrument", self._usual_instrument()))
         if name not in self.follower.targets:
             return Outcome(False, f"unknown target {name}", {"made": False})
-        followed = self.follower.tracked(name)
-        if followed is None:
-            return Outcome(False, f"target {name} is not tracked", {"made": False})
         try:
+            followed = self.follower.in_sight(name)
             figures = self.hardware.profile.instrument(instrument)
         except RoverError as err:
             return Outcome(False, str(err), {"made": False})

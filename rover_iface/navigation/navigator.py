@@ -79,13 +79,15 @@ class Progress:
     """Tells when a drive is as near its goal as the ground allows.
 
     Far from the goal a way round may lead away from it for long, so only within `near_m` of it do `patience`
-    looks without a gain of 10 cm end a drive; farther off it takes `far_patience`, without which a rover shut
-    in by rocks wanders until it has used up its looks.
+    looks without a gain of 10 cm end a drive; farther off it takes `far_patience` and `looks_per_m` more for
+    each metre that was left at best, without which a rover shut in by rocks wanders until it has used up its
+    looks.
     """
 
     near_m: float
     patience: int = 6
     far_patience: int = 150
+    looks_per_m: float = 0.0
     nearest_m: float = math.inf
     _since: int = 0
 
@@ -95,7 +97,8 @@ class Progress:
             self.nearest_m, self._since = left_m, 0
             return False
         self._since += 1
-        return self._since >= (self.patience if left_m <= self.near_m else self.far_patience)
+        far_patience = self.far_patience + self.looks_per_m * self.nearest_m
+        return self._since >= (self.patience if left_m <= self.near_m else far_patience)
 
 
 @dataclass

@@ -82,11 +82,14 @@ class FaultyHardware(SimulatedHardware):
         return not self._blind and super().cameras_work
 
     def set(self, key: str, value: Value) -> None:
+        target = key.removeprefix("trackerstate ")
+        if target != key:
+            if value == TrackState.IDLE.value:
+                self._gone.discard(target)
+                self._shaded.discard(target)
+            elif value == TrackState.TRACKED.value and target in self._gone:
+                value = TrackState.LOST.value  # what is lost for good does not coast either
         super().set(key, value)
-        if value == TrackState.IDLE.value and key.startswith("trackerstate "):
-            target = key.removeprefix("trackerstate ")
-            self._gone.discard(target)
-            self._shaded.discard(target)
 
     def drive(self, way: Way) -> Doing[Drive]:
         if self._stuck:

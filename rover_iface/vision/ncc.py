@@ -49,6 +49,12 @@ ROUGHEST = 3.0
 one face agree within its slant, and half a template across an edge is not a place to trust."""
 KEYS = 3
 """Earlier views that are tried at a stop, the best first."""
+ASTRAY = 16.27
+"""Squared distance, in deviations, of a match from where its target was expected, over which it is another
+spot: 99.9 % of chi square with three degrees of freedom."""
+TAILS = 2.0
+"""Times its usual error that a place may be expected beside: a rover that climbs slips by a third of its
+way."""
 
 
 @dataclass(slots=True)
@@ -66,6 +72,12 @@ class _Target:
     misses: int = 0
     watched: StereoView | None = None  # the last view whose errors were checked
     put: bool = False  # another look has told since where it is, better than the first view does
+    expected: tuple[Array, Array] | None = None  # where the next look should have it, and its covariance
+
+    @property
+    def believed(self) -> Array:
+        """Where the target is believed to be (3,): once it is lost, as the rover was told."""
+        return self.expected[0] if self.misses and self.expected is not None else self.last.point
 
 
 @dataclass(slots=True)
@@ -200,8 +212,13 @@ class NccTracker:
         return update
 
     def predicted(self, target: str) -> Array:
-        """Return where the target is believed to be: the last valid position."""
-        return self._get(target).update.position
+        """Return where the target is believed to be: the last valid position, or where it is expected."""
+        track = self._get(target)
+        return track.believed if track.misses else track.update.position
+
+    def expect(self, target: str, position: Array, covariance: Array) -> None:
+        """See `Expects`."""
+        self._get(target).expected = (position, covariance)
 
     def clear(self, target: str) -> None:
         """Forget a target."""
@@ -244,11 +261,12 @@ class NccTracker:
         state = TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST
         moved = max(0.0, view.travelled_m - track.travelled_m)
         drift = (self.options.odometry_share / 3.0 * moved) ** 2
+        told = track.expected
         track.update = TrackUpdate(
             target=target,
             state=state,
-            position=track.last.point,
-            covariance=track.update.covariance + drift * np.eye(3),
+            position=track.believed,
+            covariance=track.update.covariance + drift * np.eye(3) if told is None else told[1],
             confidence=min(0.49, judged.confidence) * 0.6 ** (track.misses - 1),
             pixel=NOWHERE.copy(),
             reasons=tuple(judged.reasons),
@@ -278,7 +296,7 @@ class NccTracker:
         if found is None:
             return judged
         at, drift = found
-        distance = float(np.linalg.norm(track.last.point - view.left_camera.C))
+        distance = float(np.linalg.norm(track.believed - view.left_camera.C))
         match = self._stereo(view, at, distance, spread=0.35)
         if match is None:
             judged.limit(-1.0, "stereo finds no partner")
@@ -332,7 +350,8 @@ class NccTracker:
         from the target's face, and what shows beside it, is not part of the face's plane.
         """
         options, last, camera = self.options, track.last, view.left_camera
-        prediction = camera.project(last.point)
+        believed = track.believed
+        prediction = camera.project(believed)
         judged.scores["template_px"] = float(options.template_px)
         if not np.isfinite(prediction).all():
             judged.limit(-1.0, "target is behind the camera")
@@ -340,11 +359,11 @@ class NccTracker:
         if not _within(prediction, view.left.shape, options.template_px // 2):
             judged.limit(-1.0, "target is outside the image")
             return None
-        distance = float(np.linalg.norm(last.point - camera.C))
+        distance = float(np.linalg.norm(believed - camera.C))
         scores = judged.scores
         scores["scale"] = template_scale(last.range_m, distance)
-        scores["roll_rad"] = template_roll(last.camera, camera, last.point, options.adjacent_m)
-        template = self._predicted(last, camera, prediction, by_ranges)
+        scores["roll_rad"] = template_roll(last.camera, camera, believed, options.adjacent_m)
+        template = self._predicted(last, camera, prediction, believed, by_ranges=by_ranges)
         if template is None:
             judged.limit(-1.0, "the template lies outside the earlier image")
             return None
@@ -366,7 +385,7 @@ class NccTracker:
             f"correlation {score:.2f} is below {options.score_limit}",
         )
         if math.isfinite(options.back_check_px):
-            now = Template(view.left, camera, at, last.point, last.normal, distance)
+            now = Template(view.left, camera, at, believed, last.normal, distance)
             back = scores["back_px"] = self.matcher.back_error(now, last)
             judged.limit(
                 1.0 - back / options.back_check_px,
@@ -375,13 +394,13 @@ class NccTracker:
         return at, drift
 
     def _predicted(
-        self, last: Template, camera: CameraModel, prediction: Array, by_ranges: bool
+        self, last: Template, camera: CameraModel, prediction: Array, believed: Array, *, by_ranges: bool
     ) -> Image | None:
         """Return what the template should look like now: over the plane of its face, or by its own ranges."""
         if not by_ranges or last.relief is None:
-            return self.matcher.predict(last, camera, prediction, last.point)
+            return self.matcher.predict(last, camera, prediction, believed)
         half, inner = self.options.context_px // 2, self.options.template_px // 2
-        out = last.relief.seen_by(camera, last.point, np.zeros(3), half)
+        out = last.relief.seen_by(camera, believed, believed - last.point, half)
         if out is None:
             return None
         core = out[half - inner : half + inner + 1, half - inner : half + inner + 1]
@@ -458,10 +477,31 @@ class NccTracker:
             + options.odometry_share * abs(view.travelled_m - track.start_travel_m)
             + 0.05
         )
+        self._judge_expected(track, view, match, judged)
         scores["total_correction_m"] = total
         scores["total_tolerance_m"] = allowed
         judged.limit(
             1.0 - total / allowed, f"position corrected by {total:.2f} m in all, over {allowed:.2f} m"
+        )
+
+    def _judge_expected(
+        self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
+    ) -> None:
+        """Hold a match against where the drive and the other targets have this one, if that was told."""
+        if track.expected is None:
+            return
+        expected, covariance = track.expected
+        ray = match.point - view.left_camera.C
+        away = float(np.linalg.norm(ray))
+        sigma_m = self._range_error(view, away) / 3.0
+        ranged = match.surface_covariance + (sigma_m / away) ** 2 * np.outer(ray, ray)
+        gap = match.point - expected
+        total = TAILS**2 * covariance + ranged + self._pointing(view, match)
+        squared = float(gap @ np.linalg.solve(total, gap))
+        judged.scores["expected_squared"] = squared
+        judged.limit(
+            1.0 - squared / ASTRAY,
+            f"{float(np.linalg.norm(gap)):.2f} m from where the drive and the other targets have it",
         )
 
     def _accept(

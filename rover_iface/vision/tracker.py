@@ -13,7 +13,7 @@ from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.errors import TrackerError
 from rover_iface.telemetry import TrackState
 
-__all__ = ["FindsBeside", "Image", "StereoView", "TrackState", "TrackUpdate", "Tracker"]
+__all__ = ["Expects", "FindsBeside", "Image", "StereoView", "TrackState", "TrackUpdate", "Tracker"]
 
 Image = npt.NDArray[np.float32]
 
@@ -128,3 +128,11 @@ class FindsBeside(Protocol):
 
     def beside(self, target: str, view: StereoView) -> Array | None:
         """Return its pixel (2,) in the left image, None where it is not seen there."""
+
+
+@runtime_checkable
+class Expects(Protocol):
+    """A tracker that can be told where a target should be, by the drive and by the other targets."""
+
+    def expect(self, target: str, position: Array, covariance: Array) -> None:
+        """Take where the next look should have a target (3,), m, and the covariance (3, 3), m^2, of that."""

@@ -32,7 +32,7 @@ class Bench:
         self.stood, self.trouble, self.keeps_products = stand, trouble, False
         self.sight = self
         self.follower: Any = SimpleNamespace(
-            targets={"T": None}, tracked=lambda name: self.followed, forget=lambda name: None
+            targets={"T": None}, in_sight=lambda name: self.followed, forget=lambda name: None
         )
         self.followed: Any = SimpleNamespace(
             target=SimpleNamespace(id="T", normal=(0.0, 0.0, 1.0)),

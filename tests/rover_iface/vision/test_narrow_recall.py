@@ -7,16 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rover_iface.behaviour.following import Followed
+from rover_iface.behaviour.placing import require_known
+from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
+from rover_iface.vision.narrow import recall
 from rover_iface.vision.narrow.designation import off_the_edge
-from rover_iface.vision.narrow.recall import REFUSED, NarrowRecall
+from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
 from rover_iface.vision.ncc import NccTracker
-from rover_iface.vision.tracker import StereoView, TrackState
+from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 from tests.rover_iface.vision.test_narrow_range import DRIFT, face, frames, view
 
-NEAR_X = -3.2
+NEAR_X, MIDWAY_X = -3.2, -5.5
 
 
 def surface(pixel: Array) -> Array:
@@ -53,6 +57,132 @@ def test_a_track_that_was_lost_is_put_where_the_first_narrow_picture_has_the_tar
     assert again.state is TrackState.TRACKED
     assert np.linalg.norm(again.position - DRIFT.apply(point)) < 0.01
     assert tracker.beside("A", near) == pytest.approx(again.pixel, abs=0.2)
+
+
+def put_there(tracker: NarrowRecall, seen: StereoView, place: Array) -> None:
+    """Let correlation follow the target from a place (3,) in a view on, as if it had come there."""
+    pixel = np.asarray(seen.left_camera.project(place))
+    away = float(np.linalg.norm(place - seen.left_camera.C))
+    assert tracker.tracker.put("A", seen, pixel, (1e-6 * np.eye(3), np.zeros((3, 2))), away)
+
+
+def unseen(tracker: NarrowRecall, place: Array, *sigmas_m: float) -> list[TrackUpdate]:
+    """Return the answers at stops that do not show the target, which is known so well elsewhere."""
+    told = []
+    for sigma_m in sigmas_m:
+        tracker.expect("A", place, sigma_m**2 * np.eye(3))
+        told.append(tracker.update("A", blank(view("navcam"))))
+    return told
+
+
+def test_a_target_out_of_sight_far_away_coasts_where_it_is_expected() -> None:
+    tracker, point = begun()
+    beside = point + np.array([0.0, 0.2, 0.0])
+    # more stops than correlation by itself tries at
+    told = unseen(tracker, beside, *[0.14] * (LOST_UPDATES + 3))
+    assert {update.state for update in told} == {TrackState.TRACKED}
+    assert not np.isfinite([update.pixel for update in told]).any()
+    assert [update.confidence for update in told] == pytest.approx([0.749] * len(told), abs=0.001)
+    assert told[-1].position == pytest.approx(beside)
+    assert told[-1].covariance == pytest.approx(0.14**2 * np.eye(3))
+    assert told[0].reasons[0] == "out of sight, known to 0.14 m by the drive and the other targets"
+    # from near the first picture has it, though correlation gave it up
+    tracker.expect("A", DRIFT.apply(beside), 0.04 * np.eye(3))
+    found = tracker.update("A", view("navcam", NEAR_X, DRIFT))
+    assert found.state is TrackState.TRACKED
+    assert np.linalg.norm(found.position - DRIFT.apply(point)) < 0.01
+
+
+def test_a_target_that_would_hardly_be_found_again_is_lost() -> None:
+    tracker, point = begun()
+    tracker.narrow = None
+    told = unseen(tracker, point, 0.3, 0.36, 0.3)
+    assert [update.state for update in told] == [TrackState.TRACKED, TrackState.LOST, TrackState.TRACKED]
+    assert told[1].confidence < 0.5 < told[0].confidence
+
+
+def test_a_coasting_target_that_is_known_too_poorly_is_looked_for_with_the_narrow_pair() -> None:
+    looks = []
+
+    def narrow(_target: str, _point: Array) -> StereoView:
+        looks.append(_target)
+        return view("pancam")
+
+    tracker, point = begun()
+    tracker.narrow = narrow
+    beside = point + np.array([0.1, 0.2, 0.0])
+    for sigma_m, state, off_m in ((0.14, TrackState.TRACKED, 0.22), (0.25, TrackState.TRACKED, 0.0)):
+        (told,) = unseen(tracker, beside, sigma_m)
+        assert told.state is state
+        assert np.linalg.norm(told.position - point) == pytest.approx(off_m, abs=0.02)
+    assert len(looks) == 1
+    assert np.isfinite(told.pixel).all()
+    off = told.position - point
+    assert off @ np.linalg.solve(told.covariance, off) < 16.0
+    # it is not looked for again from there, and where it does not show nothing is taken over
+    unseen(tracker, beside, 0.25)
+    assert len(looks) == 1
+    other, _ = begun()
+    other.narrow = lambda *_: blank(view("pancam"))
+    (told,) = unseen(other, beside, 0.25)
+    assert told.position == pytest.approx(beside)
+    assert not np.isfinite(told.pixel).any()
+
+
+def test_a_target_that_is_seen_from_another_side_is_tied_to_another_narrow_picture(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The pictures here are all from one side, so any turn is taken for enough."""
+    looks = []
+
+    def narrow(_target: str, _point: Array) -> StereoView:
+        looks.append(_target)
+        return view("pancam", MIDWAY_X, DRIFT)
+
+    tracker, point = begun()
+    tracker.narrow = narrow
+    seen, place = view("navcam", MIDWAY_X, DRIFT), DRIFT.apply(point)
+    tracker.expect("A", place, 0.05**2 * np.eye(3))
+    plain = tracker.update("A", seen)
+    assert not looks
+    monkeypatch.setattr(recall, "TURNED_RAD", 0.0)
+    tracker.expect("A", place, 0.05**2 * np.eye(3))
+    tied = tracker.update("A", seen)
+    assert len(looks) == 1
+    assert tied.state is plain.state is TrackState.TRACKED
+    assert np.linalg.norm(tied.position - place) < 0.02
+    assert np.linalg.eigvalsh(tied.covariance)[-1] < np.linalg.eigvalsh(plain.covariance)[-1]
+    # an answer elsewhere than the drive and the others have it is not taken over
+    monkeypatch.setattr(recall, "TRIED_RAD", 0.0)
+    tracker.expect("A", place + np.array([0.0, 0.3, 0.0]), 0.01**2 * np.eye(3))
+    tracker.tracker.expect("A", place, np.eye(3))
+    untied = tracker.update("A", seen)
+    assert len(looks) == 2
+    assert np.linalg.eigvalsh(untied.covariance)[-1] > np.linalg.eigvalsh(tied.covariance)[-1]
+
+
+def test_another_spot_than_the_drive_and_the_others_have_is_not_taken() -> None:
+    for off_m, state in ((0.05, TrackState.TRACKED), (0.8, TrackState.LOST)):
+        tracker, point = begun()
+        tracker.tracker.expect("A", point + np.array([0.0, off_m, 0.0]), 0.05**2 * np.eye(3))
+        told = tracker.update("A", view("navcam"))
+        assert told.state is state
+    assert told.reasons == ("0.80 m from where the drive and the other targets have it",)
+
+
+def test_a_target_that_the_first_picture_does_not_show_is_told_to_be_known_too_poorly() -> None:
+    tracker, point = begun()
+    near = view("navcam", NEAR_X, DRIFT)
+    tracker.update("A", near)
+    known = tracker.update("A", near)
+    doubted, _ = begun()
+    doubted.wide = lambda *_: blank(near)
+    put_there(doubted, near, DRIFT.apply(point))
+    told = doubted.update("A", near)
+    assert known.state is told.state is TrackState.TRACKED
+    require_known(Followed(DesignatedTarget("A", (0.0, 0.0, 0.0)), known, near), 0.002)
+    with pytest.raises(TrackerError, match="2 cm is the limit"):
+        require_known(Followed(DesignatedTarget("A", (0.0, 0.0, 0.0)), told, near), 0.002)
 
 
 def test_the_first_picture_is_asked_from_near_and_not_twice_from_one_place() -> None:

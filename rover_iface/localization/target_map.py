@@ -1,0 +1,176 @@
+"""Where the rover stands among its targets: the drive and every look at any of them, in one filter.
+
+A look from ten metres has a target's direction to a centimetre and its range to decimetres, and dead
+reckoning does not know of a slip. Together they know more: what is off between two looks at one target is
+off for all of them. So a target that is out of sight stays known as long as others are followed, and a match
+that puts a target where neither the drive nor the others have it is another stone. The filter is the
+stochastic map of Smith, Self and Cheeseman (1990), an extended Kalman filter over the rover's place and
+heading and the places of all targets.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rover_iface.cameras.model import Array
+from rover_iface.frames import Pose, wrap_angle
+
+SLIP, SLIDE = 0.10, 0.05
+"""Error of a way along it and across, as shares of its length (one standard deviation): twice that of the
+wheels by themselves, since they do not know of the slip on a slope."""
+TURN_RAD = 0.003
+"""Error of the heading after a way: that of the gyroscope in a turn of 90 degrees."""
+ALIKE = 2.0
+"""Factor on the variance of a look: half of its error is that of the look before, as the template is."""
+
+_PLACE = 4
+"""Numbers of the rover's place and heading in the state."""
+
+
+class TargetMap:
+    """The rover's place and those of its targets, with all their covariances.
+
+    Places are given and answered in the believed site frame, as dead reckoning has it at that moment.
+    `pointing_rad` is the error of a direction that the mast looks in (one standard deviation), and
+    `drift_rad_m` that of the heading after a metre, which grows with the root of the way.
+    """
+
+    def __init__(self, pointing_rad: float, drift_rad_m: float) -> None:
+        self.pointing_rad = pointing_rad
+        self.drift_rad_m = drift_rad_m
+        self._at: Pose | None = None
+        self._names: list[str] = []
+        self._state = np.zeros(_PLACE)
+        self._covariance = np.zeros((_PLACE, _PLACE))
+
+    def __contains__(self, target: str) -> bool:
+        return target in self._names
+
+    def move(self, believed: Pose) -> None:
+        """Take where dead reckoning has the rover now."""
+        before, self._at = self._at, believed
+        if before is None:
+            self._state[:] = believed.x, believed.y, believed.z, believed.heading
+            return
+        step = _turn(-before.heading) @ (
+            believed.x - before.x, believed.y - before.y, believed.z - before.z
+        )  # fmt: skip
+        turned = wrap_angle(believed.heading - before.heading)
+        way = math.hypot(step[0], step[1])
+        if way == 0.0 and turned == 0.0:
+            return
+        heading = self._state[3]
+        change = np.eye(len(self._state))
+        change[:3, 3] = _turn_by(heading) @ step
+        self._state[:3] += _turn(heading) @ step
+        self._state[3] += turned
+        noise = np.zeros((_PLACE, _PLACE))
+        along = _turn(math.atan2(step[1], step[0])) @ np.diag([SLIP * way, SLIDE * way, SLIDE * way])
+        in_site = _turn(heading) @ along
+        noise[:3, :3] = in_site @ in_site.T
+        noise[3, 3] = TURN_RAD**2 + self.drift_rad_m**2 * way
+        self._covariance = change @ self._covariance @ change.T
+        self._covariance[:_PLACE, :_PLACE] += noise
+
+    def see(self, target: str, position: Array, covariance: Array) -> None:
+        """Take a look at a target: its place (3,), m, and the covariance (3, 3), m^2, relative to the eye.
+
+        Raises
+        ------
+        RuntimeError
+            If the rover's place was never told.
+        """
+        here = self._here()
+        back = _turn(-here.heading)
+        seen = back @ (position - (here.x, here.y, here.z))
+        noise = back @ (ALIKE * covariance + self._askew(position)) @ back.T
+        heading = float(self._state[3])
+        if target not in self._names:
+            self._begin(target, seen, noise)
+            return
+        at = self._slot(target)
+        apart = self._state[at] - self._state[:3]
+        slope = self._slope(at, apart)
+        gap = seen - _turn(-heading) @ apart
+        total = slope @ self._covariance @ slope.T + noise
+        gain = np.linalg.solve(total, slope @ self._covariance).T
+        self._state = self._state + gain @ gap
+        kept = np.eye(len(self._state)) - gain @ slope
+        self._covariance = kept @ self._covariance @ kept.T + gain @ noise @ gain.T
+
+    def place(self, target: str) -> tuple[Array, Array]:
+        """Return where a target should be seen from here (3,), m, and the covariance (3, 3), m^2, of that.
+
+        Raises
+        ------
+        KeyError
+            If it was never seen.
+        """
+        if target not in self._names:
+            raise KeyError(target)
+        here, at = self._here(), self._slot(target)
+        apart = self._state[at] - self._state[:3]
+        out = _turn(here.heading)
+        position = np.array((here.x, here.y, here.z)) + out @ (_turn(-float(self._state[3])) @ apart)
+        slope = out @ self._slope(at, apart)
+        return position, slope @ self._covariance @ slope.T + self._askew(position)
+
+    def forget(self, target: str) -> None:
+        """Leave a target out from now on."""
+        if target in self._names:
+            at = self._slot(target)
+            self._names.remove(target)
+            self._state = np.delete(self._state, at)
+            self._covariance = np.delete(np.delete(self._covariance, at, 0), at, 1)
+
+    def _begin(self, target: str, seen: Array, noise: Array) -> None:
+        heading, size = float(self._state[3]), len(self._state)
+        out = _turn(heading)
+        slope = np.zeros((3, size))
+        slope[:, :3], slope[:, 3] = np.eye(3), _turn_by(heading) @ seen
+        covariance = np.zeros((size + 3, size + 3))
+        covariance[:size, :size] = self._covariance
+        covariance[size:, :size] = slope @ self._covariance
+        covariance[:size, size:] = covariance[size:, :size].T
+        covariance[size:, size:] = slope @ self._covariance @ slope.T + out @ noise @ out.T
+        self._names.append(target)
+        self._state = np.concatenate((self._state, self._state[:3] + out @ seen))
+        self._covariance = covariance
+
+    def _slope(self, at: slice, apart: Array) -> Array:
+        """Return the derivative (3, state) of a target's place in the rover's frame."""
+        heading = float(self._state[3])
+        back = _turn(-heading)
+        slope = np.zeros((3, len(self._state)))
+        slope[:, :3], slope[:, at] = -back, back
+        slope[:, 3] = -_turn_by(-heading) @ apart
+        return slope
+
+    def _slot(self, target: str) -> slice:
+        begin = _PLACE + 3 * self._names.index(target)
+        return slice(begin, begin + 3)
+
+    def _here(self) -> Pose:
+        if self._at is None:
+            raise RuntimeError("the rover's place was never told: call move first")
+        return self._at
+
+    def _askew(self, position: Array) -> Array:
+        """Return the covariance (3, 3), m^2, of a place by the directions that the mast may be off."""
+        here = self._here()
+        ray = position - (here.x, here.y, here.z)
+        return self.pointing_rad**2 * (float(ray @ ray) * np.eye(3) - np.outer(ray, ray))
+
+
+def _turn(angle_rad: float) -> Array:
+    """Return the rotation (3, 3) about the vertical."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _turn_by(angle_rad: float) -> Array:
+    """Return the derivative (3, 3) of that by the angle."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[-s, -c, 0.0], [c, -s, 0.0], [0.0, 0.0, 0.0]])

@@ -1,0 +1,122 @@
+"""The rover among its targets: one filter over the drive and every look."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_iface.cameras.model import Array
+from rover_iface.frames import Pose
+from rover_iface.localization.target_map import SLIDE, SLIP, TURN_RAD, TargetMap
+
+PLACES = {"A": (8.0, 1.0, 0.4), "B": (6.0, -4.0, 0.1), "C": (9.0, 5.0, -0.3)}
+POINTING_RAD, DRIFT_RAD_M = 0.004, 0.01
+
+
+class Drive:
+    """A rover whose dead reckoning goes wrong by as much as the map takes it to, and what it sees."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.true = np.array([0.0, 0.0, 0.0, 0.3])
+        self.believed = Pose(0.0, 0.0, 0.0, 0.3)
+        self.map = TargetMap(POINTING_RAD, DRIFT_RAD_M)
+        self.map.move(self.believed)
+
+    def go(self, turn_rad: float, length_m: float) -> None:
+        """Turn in place and drive."""
+        heading = self.believed.heading + turn_rad
+        self.believed = Pose(
+            self.believed.x + length_m * math.cos(heading), self.believed.y + length_m * math.sin(heading),
+            0.0, heading,
+        )  # fmt: skip
+        # the map takes a step for what lies between two places, so the way goes where it ends
+        way = length_m * np.array([math.cos(turn_rad), math.sin(turn_rad), 0.0])
+        along = way / length_m
+        off = self.rng.normal(0.0, SLIP) * along + self.rng.normal(0.0, SLIDE) * np.array(
+            [-along[1], along[0], 0.0]
+        )
+        off[2] = self.rng.normal(0.0, SLIDE)
+        c, s = math.cos(self.true[3]), math.sin(self.true[3])
+        self.true[:3] += np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ (way + length_m * off)
+        spread = math.hypot(TURN_RAD, DRIFT_RAD_M * math.sqrt(length_m))
+        self.true[3] += turn_rad + self.rng.normal(0.0, spread)
+        self.map.move(self.believed)
+
+    def expected(self, target: str) -> Array:
+        """Return where a target truly is, in the believed site frame (3,)."""
+        turn = self.believed.heading - self.true[3]
+        c, s = math.cos(turn), math.sin(turn)
+        apart = np.array(PLACES[target]) - self.true[:3]
+        here = np.array([self.believed.x, self.believed.y, self.believed.z])
+        return np.asarray(here + np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ apart)
+
+    def look(self, *targets: str, ranged: bool = False) -> None:
+        """See targets: sharp across, poor along the line of sight if no better pair has `ranged` them."""
+        for target in targets:
+            place = self.expected(target)
+            ray = place - (self.believed.x, self.believed.y, self.believed.z)
+            away = float(np.linalg.norm(ray))
+            along = np.outer(ray, ray) / away**2
+            deep_m = 0.02 if ranged else 0.003 * away**2
+            covariance = 0.02**2 * np.eye(3) + deep_m**2 * along
+            askew = POINTING_RAD**2 * away**2 * (np.eye(3) - along)
+            noise = self.rng.multivariate_normal(np.zeros(3), covariance + askew)
+            self.map.see(target, place + noise, covariance)
+
+
+def squared(drive: Drive, target: str) -> float:
+    place, covariance = drive.map.place(target)
+    gap = drive.expected(target) - place
+    return float(gap @ np.linalg.solve(covariance, gap))
+
+
+def test_a_target_out_of_sight_is_where_it_is_told_to_be() -> None:
+    """95 % of chi square with three degrees of freedom is 7.8; the map is told of looks that are alike."""
+    inside, off_m, alone_m = [], [], []
+    for seed in range(60):
+        drive = Drive(seed)
+        drive.look("A", "B", "C", ranged=True)
+        for turn in (0.4, -0.9, 0.5, 0.3, -0.6, 0.2):
+            drive.go(turn, 0.8)
+            drive.look("A", "B")
+        inside.append(squared(drive, "C") < 7.8)
+        off_m.append(np.linalg.norm(drive.expected("C") - drive.map.place("C")[0]))
+        alone_m.append(np.linalg.norm(drive.expected("C") - PLACES["C"]))
+    assert np.mean(inside) > 0.9
+    assert np.median(off_m) < 0.75 * np.median(alone_m)
+
+
+def test_dead_reckoning_alone_forgets_where_a_target_is() -> None:
+    drive = Drive(7)
+    drive.look("C")
+    told = [float(np.linalg.eigvalsh(drive.map.place("C")[1])[-1])]
+    for _ in range(5):
+        drive.go(0.1, 0.8)
+        told.append(float(np.linalg.eigvalsh(drive.map.place("C")[1])[-1]))
+    assert told == sorted(told)
+    # five ways of 0.8 m, each 0.12 m off, and what the headings do to a target nine metres away
+    assert math.sqrt(told[-1]) > math.sqrt(5) * SLIP * 0.8
+
+
+def test_a_rover_that_does_not_move_learns_and_forgets_nothing() -> None:
+    drive = Drive(3)
+    drive.look("A", "B")
+    before = drive.map.place("A")
+    drive.map.move(drive.believed)
+    assert drive.map.place("A")[1] == pytest.approx(before[1])
+    drive.map.forget("A")
+    drive.map.forget("A")
+    assert "A" not in drive.map
+    with pytest.raises(KeyError, match="A"):
+        drive.map.place("A")
+    drive.look("A")
+    assert drive.map.place("A")[0] == pytest.approx(drive.expected("A"), abs=1.0)
+    assert squared(drive, "B") < 20.0
+
+
+def test_a_map_must_know_where_the_rover_is() -> None:
+    with pytest.raises(RuntimeError, match="call move first"):
+        TargetMap(POINTING_RAD, DRIFT_RAD_M).see("A", np.zeros(3), np.eye(3))
