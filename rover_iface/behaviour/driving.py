@@ -39,8 +39,8 @@ LOOKS, LOOKS_PER_M = 10, 5.0
 """Looks that bring a drive no nearer to its goal before it is given up, and how many more for each metre that
 was left at best: as many as the way round what stands there."""
 RETRACES, RETRACE_M, TRAIL = 3, 0.5, 40
-"""How often a rover that sees no safe way goes back in its own tracks, how far each time, and how many of its
-last stops it remembers."""
+"""How often a rover that sees no safe path goes back in its own tracks, how far each time, and how many of
+its last stops it remembers."""
 
 
 class Driving:

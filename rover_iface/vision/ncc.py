@@ -487,7 +487,7 @@ class NccTracker:
     def _judge_expected(
         self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
     ) -> None:
-        """Hold a match against where the drive and the other targets have this one, if that was told."""
+        """Judge a match by where the drive and the other targets have this one, if that was told."""
         if track.expected is None:
             return
         expected, covariance = track.expected

@@ -1,4 +1,4 @@
-"""A rover that sees no safe way goes back in its own tracks before it gives up."""
+"""A rover that sees no safe path goes back in its own tracks before it gives up."""
 
 from __future__ import annotations
 

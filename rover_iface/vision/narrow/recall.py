@@ -76,8 +76,11 @@ SOUGHT_M, SOUGHT_SHARE = 0.15, 0.2
 """Error of a coasting target from which on the narrow pair looks for it, and how far the rover must have
 come since it did, as a share of the range: a look costs seconds, and what hides it hides it for a while."""
 TURNED_RAD, TRIED_RAD = math.radians(25.0), math.radians(8.0)
-"""How far the line of sight to a target in sight must have turned from those of all pairs that are kept until
-another is taken, and from those of looks in vain since. Patches are found again up to some 45 degrees."""
+"""How far the line of sight to a target in sight, or the sun, must have turned from those of all pairs that
+are kept until another is taken, and since one was taken in vain."""
+AGREED_M = 0.03
+"""How far apart two answers from near may be, from two places, that have a target in sight elsewhere: what
+two looks have, of dozens of patches each, is believed."""
 GONE_M = 1.0
 """Error of a lost target from which on it is given up: the narrow pair sees as much to either side at 7 m."""
 TWO_LOOKS_RAD = 0.0017
@@ -157,7 +160,9 @@ class NarrowRecall:
         if update.state is not TrackState.TRACKED:
             memory.confirmed = False
             if memory.expected is not None:
-                update = replace(update, position=memory.expected[0], covariance=memory.expected[1])
+                # correlation may have given it up: the pictures have not
+                position, covariance = memory.expected
+                update = replace(update, state=TrackState.LOST, position=position, covariance=covariance)
         eye = view.left_camera.C
         away = float(np.linalg.norm(update.position - eye))
         come = math.inf if memory.asked is None else float(np.linalg.norm(eye - memory.asked))
@@ -167,7 +172,7 @@ class NarrowRecall:
                 memory.asked, memory.share = eye, AGAIN
                 update = self._recalled(target, memory, pair, update)
                 memory.refused = memory.refused + 1 if update.state is TrackState.LOST else 0
-        if away > RECALL_M and _is_sought(memory, update, eye, away):
+        if away > RECALL_M and _is_sought(memory, update, eye, away, view.t_s):
             update = self._from_afar(target, memory, view, update)
         if memory.refused >= REFUSED:
             return replace(update, state=TrackState.FAILED)
@@ -184,9 +189,9 @@ class NarrowRecall:
             return update
         eye = view.left_camera.C
         memory.sought = eye
-        memory.known.tried.append(update.position - eye)
+        memory.known.tried = update.position - eye, view.t_s
         side = Side(pair, NEAREST_M)
-        for kept in memory.known.likeliest(eye, update.position):
+        for kept in memory.known.likeliest(eye, update.position, view.t_s):
             guess = Transform(np.eye(3), update.position - kept.point)
             answer = cascade(Handoff(side, kept.side.moved(guess), kept.pixel), "near")
             if not _tells(answer, update) or _elsewhere(answer.position, eye, update, memory):
@@ -210,7 +215,7 @@ class NarrowRecall:
         """Return the target as a kept pair has it in a wide one, the better first; `update` if none has."""
         side, known = Side(pair, NEAREST_M), memory.known
         eye = pair.left_camera.C
-        for kept in (*known.likeliest(eye, update.position), known.near):
+        for kept in (*known.likeliest(eye, update.position, pair.t_s), known.near):
             if kept is None:
                 continue
             guess = Transform(np.eye(3), update.position - kept.point)
@@ -219,8 +224,10 @@ class NarrowRecall:
                 continue
             gap = np.asarray(answer.position - update.position)
             if float(np.linalg.norm(gap)) > _reach_m(update):
-                memory.against = gap
-                continue
+                before, memory.against = memory.against, gap
+                again = before is not None and float(np.linalg.norm(gap - before)) < AGREED_M
+                if not again or answer.agreeing < FEW:
+                    continue
             away = float(np.linalg.norm(answer.position - pair.left_camera.C))
             sigma_m = math.hypot(answer.error_px * away / pair.left_camera.hs, kept.sigma_m)
             drift = sigma_m**2 * np.eye(3), np.zeros((3, 2))
@@ -284,14 +291,14 @@ def _reach_m(update: TrackUpdate) -> float:
     return min(LOST_M, max(ASTRAY_M, FARTHER * told_m))
 
 
-def _is_sought(memory: _Memory, update: TrackUpdate, eye: Array, away_m: float) -> bool:
+def _is_sought(memory: _Memory, update: TrackUpdate, eye: Array, away_m: float, t_s: float) -> bool:
     """Return whether the narrow pair should look for a far target now: one that is lost and known too poorly,
-    or one that is seen from another side than in all the pairs that are kept.
+    or one that is seen from another side or in another light than in all the pairs that are kept.
     """
     if memory.expected is None:
         return False
     if update.state is TrackState.TRACKED:
-        return memory.known.turned(eye, update.position, TURNED_RAD, TRIED_RAD)
+        return memory.known.outdated(eye, update.position, t_s, TURNED_RAD, TRIED_RAD)
     come = math.inf if memory.sought is None else float(np.linalg.norm(eye - memory.sought))
     sigma2_m2 = float(np.linalg.eigvalsh(memory.expected[1])[-1])
     return sigma2_m2 >= SOUGHT_M**2 and come >= SOUGHT_SHARE * away_m
@@ -318,7 +325,7 @@ def _coasting(update: TrackUpdate) -> TrackUpdate:
     sigma2_m2 = float(np.linalg.eigvalsh(update.covariance)[-1])
     confidence = COASTING * -math.expm1(-0.5 * LOST_M**2 / sigma2_m2)
     if confidence < 0.5:
-        return replace(update, state=TrackState.LOST) if sigma2_m2 < GONE_M**2 else update
+        return update if sigma2_m2 < GONE_M**2 else replace(update, state=TrackState.FAILED)
     reason = f"out of sight, known to {math.sqrt(sigma2_m2):.2f} m by the drive and the other targets"
     reasons = (reason, *update.reasons)
     return replace(update, state=TrackState.TRACKED, confidence=confidence, reasons=reasons)

@@ -1,19 +1,23 @@
 """Pairs in which a target is known, and which of them shows it as it is seen now.
 
 The first narrow picture tells which spot was meant. A rock that is come to from another side shows another
-face: dozens of patches are found again up to some 45 degrees round a target, hardly any beyond 50. So as the
-line of sight turns, more narrow pairs are kept, each tied to one before it.
+face, and hours later other shadows: dozens of patches are found again up to some 45 degrees round a target,
+hardly any beyond 50, and in the light of three hours later often none. So as the line of sight turns and the
+sun goes on, more narrow pairs are kept, each tied to one before it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from rover_iface.cameras.model import Array
 from rover_iface.vision.handoff import Side
+
+SUN_RAD_S = math.tau / 86_400.0
+"""How fast the sun goes round, near enough on Earth and Mars."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +36,14 @@ class Kept:
         """
         return angle_rad(self.point - self.side.view.left_camera.C, place - eye)
 
+    def sun_rad(self, t_s: float) -> float:
+        """Return how far the sun has gone round since it was taken."""
+        return SUN_RAD_S * abs(t_s - self.side.view.t_s)
+
+    def unlike_rad(self, eye: Array, place: Array, t_s: float) -> float:
+        """Return how differently it shows the target: by the line of sight and by the light."""
+        return math.hypot(self.turned_rad(eye, place), self.sun_rad(t_s))
+
 
 @dataclass(slots=True, eq=False)
 class References:
@@ -39,26 +51,28 @@ class References:
 
     narrow: list[Kept]
     near: Kept | None = None
-    tried: list[Array] = field(default_factory=list)
-    """Lines of sight (3,), m, along which another narrow pair was taken since the last that is kept."""
+    tried: tuple[Array, float] | None = None
+    """The line of sight (3,), m, along which another narrow pair was taken last in vain, and when, s."""
 
-    def likeliest(self, eye: Array, place: Array, most: int = 2) -> list[Kept]:
-        """Return the narrow pairs taken from nearest to the line from an eye (3,) to a place (3,), m."""
-        return sorted(self.narrow, key=lambda kept: kept.turned_rad(eye, place))[:most]
+    def likeliest(self, eye: Array, place: Array, t_s: float, most: int = 2) -> list[Kept]:
+        """Return the narrow pairs that show a place (3,), m, most as an eye (3,), m, sees it at a time."""
+        return sorted(self.narrow, key=lambda kept: kept.unlike_rad(eye, place, t_s))[:most]
 
-    def turned(self, eye: Array, place: Array, by_rad: float, again_rad: float) -> bool:
-        """Return whether the line of sight has turned by an angle from all that are kept, and by another from
-        all that were tried since.
+    def outdated(self, eye: Array, place: Array, t_s: float, by_rad: float, again_rad: float) -> bool:
+        """Return whether line of sight or sun have turned by an angle from each pair that is kept, and by
+        another since one was taken in vain.
         """
-        ray = place - eye
-        return all(kept.turned_rad(eye, place) >= by_rad for kept in self.narrow) and all(
-            angle_rad(before, ray) >= again_rad for before in self.tried
-        )
+        if min(max(k.turned_rad(eye, place), k.sun_rad(t_s)) for k in self.narrow) < by_rad:
+            return False
+        if self.tried is None:
+            return True
+        ray, when_s = self.tried
+        return max(angle_rad(ray, place - eye), SUN_RAD_S * (t_s - when_s)) >= again_rad
 
     def keep(self, kept: Kept) -> None:
         """Keep another narrow pair."""
         self.narrow.append(kept)
-        self.tried.clear()
+        self.tried = None
 
 
 def angle_rad(one: Array, other: Array) -> float:
