@@ -61,20 +61,30 @@ class BaseMoves:
         stand = self.driving.stand(followed.target.id) if first else None
         if stand is not None and (yield from self.to(followed, stand)):
             return True
-        pose = yield from self._by_the_ground(followed)
-        return pose is not None and (yield from self.to(followed, pose))
+        for pose in (yield from self._by_the_ground(followed)):
+            if (yield from self.to(followed, pose)):
+                return True
+        return False
 
-    def _by_the_ground(self, followed: Followed) -> Generator[Step, None, Pose | None]:
-        """Look around, and return a pose from which the arm reaches a target; None if there is none."""
+    def _by_the_ground(self, followed: Followed) -> Generator[Step, None, list[Pose]]:
+        """Look around, and return poses from which the arm reaches a target: first one that serves the face
+        that was designated, then one that serves whatever face the ground in sight has.
+        """
         looks = self.driving.sight.cost(around=True)
         clouds = self.driving.sight.look(around=True)
         yield from self.hardware.spend("navigator_step", looks)
         if not clouds:
-            return None
+            return []
         here = self.hardware.believed.site_from_rover
         at = np.asarray(here.inverse().apply(followed.update.position), dtype=np.float64)
-        try:
-            move = base_move(cloud_of_points(np.concatenate(clouds)), self.hardware.profile, at, None)
-        except PlacementError:
-            return None
-        return None if isinstance(move, str) else Pose.from_transform(here * move.pose.site_from_rover)
+        cloud = cloud_of_points(np.concatenate(clouds))
+        normal = np.asarray(here.inverse().rotate(followed.target.normal), dtype=np.float64)
+        poses = []
+        for face in (normal, None):
+            try:
+                move = base_move(cloud, self.hardware.profile, at, face)
+            except PlacementError:
+                continue
+            if not isinstance(move, str):
+                poses.append(Pose.from_transform(here * move.pose.site_from_rover))
+        return poses

@@ -57,12 +57,14 @@ class Side:
     """A stereo pair with its dense cloud, made when first asked for.
 
     `nearest_m` is the least depth that its stereo looks for; `unmoved` the same pair in another frame, whose
-    pictures and features are these.
+    pictures and features are these. With a largest depth `farthest_m` a subframe of a near thing, whose
+    disparities are wider than itself, is matched too.
     """
 
     view: StereoView
     nearest_m: float
     unmoved: Side | None = None
+    farthest_m: float | None = None
 
     @cached_property
     def cloud(self) -> Cloud | None:
@@ -70,7 +72,13 @@ class Side:
         v = self.view
         try:
             found = dense_stereo(
-                v.left, v.right, v.left_camera, v.right_camera, nearest_m=self.nearest_m, step=STEP
+                v.left,
+                v.right,
+                v.left_camera,
+                v.right_camera,
+                nearest_m=self.nearest_m,
+                step=STEP,
+                farthest_m=self.farthest_m,
             )
         except CameraError:
             return None
@@ -104,6 +112,7 @@ class Side:
             ),
             self.nearest_m,
             self if self.unmoved is None else self.unmoved,
+            self.farthest_m,
         )
         if "cloud" in self.__dict__ and self.cloud is not None:
             points = np.asarray(motion.apply(self.cloud.points), dtype=np.float64)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from executive.ports import Command, CommandId
+from rover_iface.behaviour import base_moves, placing
 from rover_iface.behaviour.action import Outcome, Step
 from rover_iface.behaviour.base_moves import BaseMoves
 from rover_iface.behaviour.driving import STUCK
@@ -17,6 +18,7 @@ from rover_iface.behaviour.hardware import Contact
 from rover_iface.behaviour.placing import HandedOff, Placing
 from rover_iface.errors import PlacementError
 from rover_iface.frames import Pose
+from rover_iface.placement.base_adjustment import BaseMove
 from rover_iface.profile import load_profile
 
 MOVE_J, LOOK_J, MEASURE_J = 700.0, 300.0, 50.0
@@ -80,8 +82,8 @@ class Bench:
 
 
 def _placed(bench: Any) -> Outcome:
-    placing = Placing(bench, bench, bench.follower, bench, BaseMoves(bench, bench))
-    action = placing.place(Command(CommandId("r", "c", 1), "ipplaceinstrument", {"target": "T"}))
+    places = Placing(bench, bench, bench.follower, bench, BaseMoves(bench, bench))
+    action = places.place(Command(CommandId("r", "c", 1), "ipplaceinstrument", {"target": "T"}))
     try:
         while True:
             next(action)
@@ -118,3 +120,34 @@ def test_a_move_that_ends_at_a_hazard_is_tried_from() -> None:
     bench = Bench(stand=Pose(0.3, 0.0), trouble="hazard: step")
     outcome = _placed(bench)
     assert outcome.reason == "target T is out of reach"
+
+
+@pytest.mark.parametrize(
+    ("for_the_face", "for_any", "made"),
+    [
+        (Pose(0.3, 0.0), Pose(0.1, 0.1), True),
+        (Pose(2.0, 0.0), Pose(0.3, 0.0), True),  # too far to go without a look
+        (None, Pose(0.3, 0.0), True),
+        (Pose(0.2, 0.2), Pose(0.3, 0.0), False),  # one that serves the face is gone to, and not the other
+        (None, None, False),
+    ],
+)
+def test_the_rover_goes_where_the_arm_serves_the_face_that_was_designated(
+    for_the_face: Pose | None, for_any: Pose | None, made: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def move(_cloud: object, _profile: object, point: object, normal: object) -> BaseMove | str:
+        pose = for_any if normal is None else for_the_face
+        return "none" if pose is None else BaseMove(pose, 0.0, 0.0, 1.0)
+
+    class Looking(Bench):
+        def look(self, *, around: bool) -> list[object]:
+            return [np.zeros((1, 3))]
+
+        def stand(self, name: str) -> Pose | None:
+            return None
+
+    monkeypatch.setattr(base_moves, "base_move", move)
+    monkeypatch.setattr(base_moves, "cloud_of_points", lambda points: points)
+    monkeypatch.setattr(base_moves, "MOVES", 1)
+    monkeypatch.setattr(placing, "MOVES", 1)
+    assert _placed(Looking(stand=Pose(0.3, 0.0))).success is made

@@ -53,7 +53,10 @@ REFUSED = 5
 """Looks in vain from near after which a lost target is given up: from 3.4 m to 1.5 m, nearer than which the
 first picture shows too little of what the navcams see."""
 NEAREST_M = 0.6
-"""Least depth that stereo looks for in either pair."""
+"""Least depth that stereo looks for in the wide pair, and in the first narrow one."""
+DEPTHS = 0.7, 1.6
+"""Depths that it looks for in the other narrow ones, as shares of the target's range: nearer than five metres
+their disparities are wider than half a subframe."""
 MEANT_M = 0.0015
 """One standard deviation of what the answers are off besides what the cascade tells: the way from the wide to
 the narrow pixel (0.35 of its pixels, 0.8 mm at 7 m) and the surface between the posts of its cloud. Eight
@@ -75,7 +78,9 @@ COASTING = 0.75
 SOUGHT_M, SOUGHT_SHARE = 0.15, 0.2
 """Error of a coasting target from which on the narrow pair looks for it, and how far the rover must have
 come since it did, as a share of the range: a look costs seconds, and what hides it hides it for a while."""
-TURNED_RAD, TRIED_RAD = math.radians(25.0), math.radians(8.0)
+TIED_M = 10.0
+"""From how near a target in sight is tied to another narrow pair: from farther a pixel is 3 mm and more."""
+TURNED_RAD, TRIED_RAD = math.radians(25.0), math.radians(15.0)
 """How far the line of sight to a target in sight, or the sun, must have turned from those of all pairs that
 are kept until another is taken, and since one was taken in vain."""
 AGREED_M = 0.03
@@ -158,7 +163,7 @@ class NarrowRecall:
         if memory is None:
             return update
         if update.state is not TrackState.TRACKED:
-            memory.confirmed = False
+            memory.confirmed, memory.share = False, AGAIN
             if memory.expected is not None:
                 # correlation may have given it up: the pictures have not
                 position, covariance = memory.expected
@@ -190,7 +195,8 @@ class NarrowRecall:
         eye = view.left_camera.C
         memory.sought = eye
         memory.known.tried = update.position - eye, view.t_s
-        side = Side(pair, NEAREST_M)
+        away = float(np.linalg.norm(update.position - eye))
+        side = Side(pair, DEPTHS[0] * away, farthest_m=DEPTHS[1] * away)
         for kept in memory.known.likeliest(eye, update.position, view.t_s):
             guess = Transform(np.eye(3), update.position - kept.point)
             answer = cascade(Handoff(side, kept.side.moved(guess), kept.pixel), "near")
@@ -213,7 +219,7 @@ class NarrowRecall:
 
     def _recalled(self, target: str, memory: _Memory, pair: StereoView, update: TrackUpdate) -> TrackUpdate:
         """Return the target as a kept pair has it in a wide one, the better first; `update` if none has."""
-        side, known = Side(pair, NEAREST_M), memory.known
+        side, known, before = Side(pair, NEAREST_M), memory.known, memory.against
         eye = pair.left_camera.C
         for kept in (*known.likeliest(eye, update.position, pair.t_s), known.near):
             if kept is None:
@@ -224,7 +230,7 @@ class NarrowRecall:
                 continue
             gap = np.asarray(answer.position - update.position)
             if float(np.linalg.norm(gap)) > _reach_m(update):
-                before, memory.against = memory.against, gap
+                memory.against = gap
                 again = before is not None and float(np.linalg.norm(gap - before)) < AGREED_M
                 if not again or answer.agreeing < FEW:
                     continue
@@ -298,7 +304,8 @@ def _is_sought(memory: _Memory, update: TrackUpdate, eye: Array, away_m: float, 
     if memory.expected is None:
         return False
     if update.state is TrackState.TRACKED:
-        return memory.known.outdated(eye, update.position, t_s, TURNED_RAD, TRIED_RAD)
+        known = memory.known
+        return away_m <= TIED_M and known.outdated(eye, update.position, t_s, TURNED_RAD, TRIED_RAD)
     come = math.inf if memory.sought is None else float(np.linalg.norm(eye - memory.sought))
     sigma2_m2 = float(np.linalg.eigvalsh(memory.expected[1])[-1])
     return sigma2_m2 >= SOUGHT_M**2 and come >= SOUGHT_SHARE * away_m

@@ -18,6 +18,8 @@ from rover_iface.vision.handoff import Side
 
 SUN_RAD_S = math.tau / 86_400.0
 """How fast the sun goes round, near enough on Earth and Mars."""
+SCALE_RAD = 0.3
+"""Angle that counts as much as a range that is e times another. By hand."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,8 +43,10 @@ class Kept:
         return SUN_RAD_S * abs(t_s - self.side.view.t_s)
 
     def unlike_rad(self, eye: Array, place: Array, t_s: float) -> float:
-        """Return how differently it shows the target: by the line of sight and by the light."""
-        return math.hypot(self.turned_rad(eye, place), self.sun_rad(t_s))
+        """Return how differently it shows the target: by line of sight, light and scale."""
+        was_m = float(np.linalg.norm(self.point - self.side.view.left_camera.C))
+        scale_rad = SCALE_RAD * math.log(was_m / float(np.linalg.norm(place - eye)))
+        return math.hypot(self.turned_rad(eye, place), self.sun_rad(t_s), scale_rad)
 
 
 @dataclass(slots=True, eq=False)
