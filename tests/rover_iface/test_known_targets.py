@@ -107,7 +107,7 @@ def test_a_tool_whose_surface_lies_beside_the_target_claims_nothing(
     told = do(rover, "ipplaceinstrument", target="T1")
     assert told.values["made"] is made
     assert made or told.reason == (
-        "target T1: the surface under the tool lies 2.4 cm from the target; 2 cm is the limit"
+        "target T1: the surface under the tool lies 2.4 cm from the target; 1.5 cm is the limit"
     )
 
 

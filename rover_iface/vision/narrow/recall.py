@@ -318,7 +318,10 @@ def _elsewhere(place: Array, eye: Array, update: TrackUpdate, memory: _Memory) -
     gap = place - expected
     away2_m2 = TWO_LOOKS_RAD**2 * float(np.sum((place - eye) ** 2))
     squared = float(gap @ np.linalg.solve(TAILS**2 * covariance + away2_m2 * np.eye(3), gap))
-    return squared > ASTRAY or float(np.linalg.norm(place - update.position)) > LOST_M
+    reach_m = LOST_M
+    if update.state is not TrackState.TRACKED:
+        reach_m = min(GONE_M, max(LOST_M, 2.0 * math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))))
+    return squared > ASTRAY or float(np.linalg.norm(place - update.position)) > reach_m
 
 
 def _coasting(update: TrackUpdate) -> TrackUpdate:

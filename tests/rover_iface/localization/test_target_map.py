@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
 
 from rover_iface.cameras.model import Array
 from rover_iface.frames import Pose
-from rover_iface.localization.target_map import SLIDE, SLIP, TURN_RAD, TargetMap
+from rover_iface.localization.target_map import SLIDE, SLIP, SLOPE_SLIP, TURN_RAD, TargetMap
 
 PLACES = {"A": (8.0, 1.0, 0.4), "B": (6.0, -4.0, 0.1), "C": (9.0, 5.0, -0.3)}
 POINTING_RAD, DRIFT_RAD_M = 0.004, 0.01
@@ -18,8 +19,10 @@ POINTING_RAD, DRIFT_RAD_M = 0.004, 0.01
 class Drive:
     """A rover whose dead reckoning goes wrong by as much as the map takes it to, and what it sees."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, slip: float | None = None) -> None:
+        """`slip` is the share that all ways have in common, drawn from the map's own odds when absent."""
         self.rng = np.random.default_rng(seed)
+        self.slip = self.rng.normal(0.0, SLOPE_SLIP) if slip is None else slip
         self.true = np.array([0.0, 0.0, 0.0, 0.3])
         self.believed = Pose(0.0, 0.0, 0.0, 0.3)
         self.map = TargetMap(POINTING_RAD, DRIFT_RAD_M)
@@ -35,9 +38,8 @@ class Drive:
         # the map takes a step for what lies between two places, so the way goes where it ends
         way = length_m * np.array([math.cos(turn_rad), math.sin(turn_rad), 0.0])
         along = way / length_m
-        off = self.rng.normal(0.0, SLIP) * along + self.rng.normal(0.0, SLIDE) * np.array(
-            [-along[1], along[0], 0.0]
-        )
+        aside = np.array([-along[1], along[0], 0.0])
+        off = (self.slip + self.rng.normal(0.0, SLIP)) * along + self.rng.normal(0.0, SLIDE) * aside
         off[2] = self.rng.normal(0.0, SLIDE)
         c, s = math.cos(self.true[3]), math.sin(self.true[3])
         self.true[:3] += np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ (way + length_m * off)
@@ -89,6 +91,24 @@ def test_a_target_out_of_sight_is_where_it_is_told_to_be() -> None:
     assert np.median(off_m) < 0.75 * np.median(alone_m)
 
 
+def test_a_slip_that_others_show_is_reckoned_with_once_they_are_gone() -> None:
+    """On a slope the rover comes 15 % short of each way; five metres alone would be 75 cm off."""
+    off_m: dict[bool, list[float]] = {True: [], False: []}
+    for learned, seed in product(off_m, range(10)):
+        drive = Drive(seed, slip=-0.15)
+        drive.look("A", "C", ranged=True)
+        for _ in range(5):
+            drive.go(0.0, 0.8)
+            if learned:
+                drive.look("A")
+        before = drive.expected("C") - drive.map.place("C")[0]
+        drive.go(0.0, 0.8)
+        drive.go(0.0, 0.8)
+        since = drive.expected("C") - drive.map.place("C")[0] - before
+        off_m[learned].append(float(np.linalg.norm(since)))
+    assert np.mean(off_m[True]) < 0.75 * np.mean(off_m[False])
+
+
 def test_dead_reckoning_alone_forgets_where_a_target_is() -> None:
     drive = Drive(7)
     drive.look("C")
@@ -97,8 +117,8 @@ def test_dead_reckoning_alone_forgets_where_a_target_is() -> None:
         drive.go(0.1, 0.8)
         told.append(float(np.linalg.eigvalsh(drive.map.place("C")[1])[-1]))
     assert told == sorted(told)
-    # five ways of 0.8 m, each 0.12 m off, and what the headings do to a target nine metres away
-    assert math.sqrt(told[-1]) > math.sqrt(5) * SLIP * 0.8
+    # four metres on one slope are off together
+    assert math.sqrt(told[-1]) > 0.7 * SLOPE_SLIP * 4.0
 
 
 def test_a_rover_that_does_not_move_learns_and_forgets_nothing() -> None:
