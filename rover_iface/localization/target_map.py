@@ -5,7 +5,7 @@ reckoning does not know of a slip. Together they know more: what is off between 
 off for all of them. So a target that is out of sight stays known as long as others are followed, and a match
 that puts a target where neither the drive nor the others have it is another stone. The filter is the
 stochastic map of Smith, Self and Cheeseman (1990), an extended Kalman filter over the rover's place and
-heading and the places of all targets.
+heading, its slip and the places of all targets.
 """
 
 from __future__ import annotations

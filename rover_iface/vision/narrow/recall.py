@@ -69,8 +69,8 @@ UNCONFIRMED_M = 0.03
 3.4 and 20.7 cm off on days looked at (918827762 to 918827764, 21431111), and told 2 cm; the 13 others were
 confirmed, and 0.2 to 1.0 cm off."""
 FEW = 18
-"""Patches fewer than which do not tell where a lost target is: twelve agreed on a place 26 cm off on a day
-looked at (477206368), where right ones had 21 and more."""
+"""Patches fewer than which do not tell where a lost target is, unless it was expected there: twelve agreed on
+a place 26 cm off on a day looked at (477206368), where most of the right ones had 21 and more."""
 LEAST_SCORE = 0.75
 """Correlation that this needs; that of the key template."""
 COASTING = 0.75
@@ -285,8 +285,14 @@ def _taken(look: PairFor | None, target: str, point: Array) -> StereoView | None
 
 
 def _tells(answer: Answer, update: TrackUpdate) -> bool:
-    """Return whether an answer is believed: of a lost target nothing else tells that it is the spot."""
-    return answer.accepted and (update.state is TrackState.TRACKED or answer.agreeing >= FEW)
+    """Return whether an answer is believed: where a lost target was not expected, nothing else tells that it
+    is the spot.
+    """
+    if not answer.accepted:
+        return False
+    if update.state is TrackState.TRACKED or answer.agreeing >= FEW:
+        return True
+    return float(np.linalg.norm(answer.position - update.position)) <= ASTRAY_M
 
 
 def _reach_m(update: TrackUpdate) -> float:
