@@ -63,8 +63,8 @@ class References:
         return sorted(self.narrow, key=lambda kept: kept.unlike_rad(eye, place, t_s))[:most]
 
     def outdated(self, eye: Array, place: Array, t_s: float, by_rad: float, again_rad: float) -> bool:
-        """Return whether line of sight or sun have turned by an angle from each pair that is kept, and by
-        another since one was taken in vain.
+        """Return whether the line of sight from an eye (3,) to a place (3,), m, or the sun have turned by an
+        angle from each pair that is kept, and by another since one was taken in vain.
         """
         if min(max(k.turned_rad(eye, place), k.sun_rad(t_s)) for k in self.narrow) < by_rad:
             return False
