@@ -120,17 +120,15 @@ def carry_out(
     A curve is, by number of a factor, the mean utility in rows 0..2 and the chance that the observation
     `asked` is made in rows 3..5; `costs` has the budgets of the largest factor, [6, factors]. Where `row` is
     not negative, the first order is the rival, whose curve is known: another that is `HOPELESS` behind it
-    at factor number `at` on what that row widens, after the futures of an inner level, gets no curve, nor
-    does one that comes to the same in each of them; one that is ahead after the last of those levels is the
-    rival from then on. One function: compiled helpers that take the tuples make it nine times as slow.
-    `windows` are [m, 2].
+    at factor number `at` on what that row widens, after the futures of an inner level, gets no curve. One
+    function: compiled helpers that take the tuples make it nine times as slow. `windows` are [m, 2].
     """
     count, most, n1 = futures.deviates.shape[0], scale.factors.shape[0], world.n + 1
     per_s, per_j = 1.0 / scale.time_s, 1.0 / scale.energy_j
     curves = np.empty((orders.shape[0], 6, most), np.float32)
     kept = np.empty(orders.shape[0], np.int64)
     found = 0
-    gained, rival, own = np.empty((6, most + 1)), np.empty(count), np.empty(count)
+    gained, rival = np.empty((6, most + 1)), np.empty(count)
     t_tight = scale.time_s * (scale.factors[at] if row != ENERGY else 1.0) * (1.0 + SHADE)
     e_tight = scale.energy_j * (scale.factors[at] if row != TIME else 1.0) * (1.0 + SHADE)
     for number in range(orders.shape[0]):
@@ -155,10 +153,6 @@ def carry_out(
                 spread = max(squares - behind * behind / run, 0.0) / (run - 1)
                 if behind > HOPELESS * math.sqrt(spread * run) + SHADE or (telling and number == 0):
                     break
-                if telling and squares == 0.0:
-                    break
-                if telling and behind < 0.0:
-                    rival[:few] = own[:few]
             hotel = costs.hotel * futures.load[f]
             t, g = started * costs.track_t, started * costs.track_e * futures.load[f]
             over = t > t_max or g + hotel * t > e_max
@@ -226,7 +220,6 @@ def carry_out(
                 continue
             if over:
                 earned -= costs.penalty
-            own[f] = earned
             if number == 0:
                 rival[f] = earned
             behind += rival[f] - earned
