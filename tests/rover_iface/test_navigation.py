@@ -413,6 +413,8 @@ def test_a_way_round_may_lead_away_for_long_but_not_close_to_the_goal() -> None:
     assert not any(far.stalled(left) for left in [5.0, *[6.0] * 40])
     shut_in = Progress(near_m=1.0, far_patience=20)
     assert [shut_in.stalled(3.0 + 0.01 * k) for k in range(22)] == [False] * 20 + [True] * 2
+    by_what_is_left = Progress(near_m=1.0, far_patience=4, looks_per_m=3.0)
+    assert [by_what_is_left.stalled(2.0) for _ in range(12)] == [False] * 10 + [True] * 2
     near = Progress(near_m=1.0)
     assert [near.stalled(left) for left in [0.9] * 8] == [False] * 6 + [True] * 2
     gaining = Progress(near_m=1.0)

@@ -20,6 +20,10 @@ from rover_iface.profile import load_profile
 GOAL = Command(CommandId("run", "navigate-T1", 1), "navigate", {"x": 3.0, "y": 0.0}, {})
 
 
+def nothing(*_: object) -> None:
+    """Stand for what these drives do not need."""
+
+
 class Ground:
     """A rover on flat ground that goes where it is told, but not onto a stretch of x that is `blocked`."""
 
@@ -29,10 +33,9 @@ class Ground:
         self.drawn_j, self.travelled_m, self.keeps_products = 0.0, 0.0, False
         self.blocked = blocked
         self.xs = [0.0]
-        nothing = lambda *_: None  # noqa: E731
         self.report = self.write_product = self.write_log = nothing
         self.follower: Any = SimpleNamespace(
-            targets={}, alive=lambda: [], leave_refused=nothing, set_ranges=nothing, write_views=nothing,
+            targets={}, alive=list, leave_refused=nothing, set_ranges=nothing, write_views=nothing,
             update_all=lambda: iter(()),
         )  # fmt: skip
 

@@ -182,6 +182,18 @@ def test_a_lost_target_is_told_within_two_updates_and_fails_the_drive(world: Pat
     assert states.index("lost") <= 3
 
 
+def test_a_target_that_is_lost_for_good_is_not_told_as_tracked_until_it_is_stopped(world: Path) -> None:
+    """A tracker that goes on by the drive and the other targets would tell so."""
+    rover = make_rover(world, seed=4, faults=[Fault(FaultKind.LOSE_TARGET, at_s=25, target="T1")])
+    assert do(rover, "trackstart", target="T1").success
+    do(rover, "navigate", x=2.0, y=0.0, mode="blind")
+    rover.hardware.set("trackerstate T1", "tracked")
+    assert rover.get("trackerstate T1") == "lost"
+    assert do(rover, "trackstop", target="T1").success
+    rover.hardware.set("trackerstate T1", "tracked")
+    assert rover.get("trackerstate T1") == "tracked"
+
+
 def test_a_sudden_change_of_light_is_not_taken_for_the_target(world: Path) -> None:
     rover = make_rover(world, seed=4, faults=[Fault(FaultKind.SHADOW, at_s=60, target="T1")])
     do(rover, "trackstart", target="T1")
