@@ -5,34 +5,35 @@
     python -m studies.domains --tuning                          # seeds that constants were set on;
     writes nothing
     python -m studies.domains --out docs --trackers             # odometry alone
+    python -m studies.domains --pictures-only                   # draws seeds and takes their pictures
 
 Domains: (a) the own renderer, (b) its geometry under the grain, albedo and blur of real Mars frames, (c) real
-stereo pairs turned and zoomed by known geometry and compressed to 1 to 4 bits a pixel. Targets follow a plain
-rule: any visible point of a rock of 25 to 70 cm, 3 px inside its outline. A run with a fault is counted
-on its own lines: an unknown jump of the heading by 7 degrees, a board in front for two stops, the sun
-gone round.
+stereo pairs turned and zoomed by known geometry and compressed to 1 to 4 bits a pixel, (d) MuJoCo's renderer
+on the same triangles. Targets follow a plain rule: any visible point of a rock of 25 to 70 cm, 3 px inside
+its outline. A run with a fault is counted on its own lines: an unknown jump of the heading by 7 degrees, a
+board in front for two stops, the sun gone round.
+
+Domain (d) needs what `studies/common/mujoco_pictures.py` names: `pip install -r studies/offscreen.txt` and a
+driver that draws without a screen.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import subprocess
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from rover_iface.vision.ncc import NccTracker
-from rover_iface.vision.sift import SiftTracker
-from rover_iface.vision.tracker import Tracker
 from studies.common.domain_rows import (
     INSIDE,
     OdometryRow,
     Row,
-    auc,
     follow,
     follow_warped,
     odometry,
@@ -45,12 +46,15 @@ from studies.common.pages import table, write_section
 from studies.common.warped import warped_run
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared"
-MAKE: dict[str, Callable[[], Tracker]] = {"correlation": NccTracker, "features": SiftTracker}
+TRACKERS = {"correlation": "ncc", "correlation and narrow pair": "ncc-narrow", "features": "sift"}
+"""What is reported, and its name among the trackers of the program."""
 DOMAINS = {
     "own": "(a) own renderer",
     "draped": "(b) grain of real frames",
     "warped": "(c) real pairs, warped",
+    "mujoco": "(d) MuJoCo's renderer",
 }
+RENDERED = ("own", "draped", "mujoco")
 Key = tuple[str, str, str]
 """Tracker, domain, "nominal" or "faults"."""
 
@@ -69,35 +73,33 @@ class Figures:
         self.refused[key] += found[1]
 
 
-def runs(seeds: Seeds, imagery: Path, folder: Path, faults: int) -> Iterator[Run]:
-    """Yield approaches: every seed in both domains, and of the first `faults` of them each fault."""
-    for domain in ("own", "draped"):
-        for seed in seeds.values:
+def runs(seeds: Seeds, domains: list[str], imagery: Path, folder: Path, faults: int) -> Iterator[Run]:
+    """Yield approaches: every seed in each domain, and of the first `faults` of them each fault."""
+    for number, seed in enumerate(seeds.values):
+        for domain in domains:
             yield kept_run(domain, seed, seeds.purpose, imagery, folder)
-        for seed in seeds.values[:faults]:
-            for fault in FAULTS:
+            for fault in FAULTS if number < faults else ():
                 yield kept_run(domain, seed, seeds.purpose, imagery, folder, fault)
 
 
-def measure(seeds: Seeds, imagery: Path, folder: Path, faults: int, trackers: list[str]) -> Figures:
+def measure(seeds: Seeds, arguments: argparse.Namespace) -> Figures:
     """Return the rows of every tracker on every run."""
     figures = Figures()
-    for run in runs(seeds, imagery, folder, faults):
+    rendered = [domain for domain in RENDERED if domain in arguments.domains]
+    for run in runs(seeds, rendered, arguments.imagery, arguments.pictures, arguments.faults):
         started = time.process_time()
         fault: Fault = run.fault
-        for name in trackers:
-            figures.add((name, run.domain, "faults" if fault else "nominal"), follow(run, MAKE[name]()))
+        for name in arguments.trackers:
+            figures.add((name, run.domain, "faults" if fault else "nominal"), follow(run, TRACKERS[name]))
         if not fault:
             figures.steps[run.domain] += odometry(run)
-        print(
-            f"  {run.domain} {run.seed} {fault or 'nominal'}: {time.process_time() - started:.0f} s",
-            flush=True,
-        )
-    for pair in PAIRS[seeds.purpose]:
+        spent = time.process_time() - started
+        print(f"  {run.domain} {run.seed} {fault or 'nominal'}: {spent:.0f} s", flush=True)
+    for pair in PAIRS[seeds.purpose] if "warped" in arguments.domains else ():
         for seed in seeds.values:
-            sights = warped_run(pair, seed, imagery)
-            for name in trackers:
-                figures.add((name, "warped", "nominal"), follow_warped(sights, MAKE[name]()))
+            sights = warped_run(pair, seed, arguments.imagery)
+            for name in (n for n in arguments.trackers if TRACKERS[n] != "ncc-narrow"):  # it has no such pair
+                figures.add((name, "warped", "nominal"), follow_warped(sights, TRACKERS[name]))
             figures.steps["warped"] += odometry_warped(sights)
     return figures
 
@@ -105,7 +107,9 @@ def measure(seeds: Seeds, imagery: Path, folder: Path, faults: int, trackers: li
 def tracker_table(figures: Figures) -> str:
     """Return the table of the trackers."""
     lines = []
-    for (name, domain, kind), rows in sorted(figures.rows.items()):
+    for (name, domain, kind), rows in sorted(
+        figures.rows.items(), key=lambda item: (item[0][0], DOMAINS[item[0][1]], item[0][2] != "nominal")
+    ):
         found = sums(rows, figures.refused[(name, domain, kind)])
         unit, scale = ("px", 1.0) if domain == "warped" else ("cm", 100.0)
         lines.append(
@@ -118,7 +122,7 @@ def tracker_table(figures: Figures) -> str:
                 f"{found.covered:.1f}",
                 f"{scale * found.median:.2f} / {scale * found.p95:.2f} {unit}",
                 f"{scale * found.end_median:.2f} / {scale * found.end_worst:.1f} {unit}",
-                f"{found.auc:.3f}",
+                _auc(found.auc),
                 f"{found.undetected} of {found.tracked}",
                 f"{found.false_alarms:.1f}",
             ]
@@ -127,25 +131,10 @@ def tracker_table(figures: Figures) -> str:
         every = [
             r for key, rows in figures.rows.items() if key[0] == name and key[1] != "warped" for r in rows
         ]
-        right = np.array([r.confidence for r in every if not r.wrong])
-        wrong = np.array([r.confidence for r in every if r.wrong])
-        tracked = [r for r in every if r.tracked]
-        false = sum(r.wrong for r in tracked)
-        lines.append(
-            [
-                name,
-                "(a) and (b)",
-                "all",
-                "",
-                str(len(every)),
-                "",
-                "",
-                "",
-                f"{auc(right, wrong):.3f}",
-                f"{false} of {len(tracked)}",
-                "",
-            ]
-        )
+        together = sums(every, 0)
+        covered, told = f"{together.covered:.1f}", f"{together.undetected} of {together.tracked}"
+        blank = ["", "", _auc(together.auc), told, f"{together.false_alarms:.1f}"]
+        lines.append([name, "all but (c)", "all", str(together.runs), str(len(every)), covered, *blank])
     head = [
         "tracker",
         "domain",
@@ -156,6 +145,11 @@ def tracker_table(figures: Figures) -> str:
         "aside: median / 95 %",
     ]
     return table([*head, "end: median / worst", "AUC", "wrong, not told", "false alarms, %"], lines)
+
+
+def _auc(value: float) -> str:
+    """Return the area under the curve in words that a table can take: NaN is that there were none to tell."""
+    return "none wrong" if math.isnan(value) else f"{value:.3f}"
 
 
 def odometry_table(figures: Figures) -> str:
@@ -204,13 +198,20 @@ def main() -> None:
     parser.add_argument("--faults", type=int, default=4)
     parser.add_argument("--seed", type=int)
     parser.add_argument("--tuning", action="store_true")
-    parser.add_argument("--trackers", nargs="*", choices=list(MAKE), default=list(MAKE))
+    parser.add_argument("--trackers", nargs="*", choices=list(TRACKERS), default=list(TRACKERS))
+    parser.add_argument("--domains", nargs="+", choices=list(DOMAINS), default=list(DOMAINS))
+    parser.add_argument("--pictures-only", action="store_true")
     parser.add_argument("--imagery", type=Path, default=SHARED / "data/imagery")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "domains")
     arguments = parser.parse_args()
     chosen = tuning(arguments.worlds) if arguments.tuning else reporting(arguments.worlds, arguments.seed)
     print(f"{chosen.purpose} seeds {chosen.values}", flush=True)
-    figures = measure(chosen, arguments.imagery, arguments.pictures, arguments.faults, arguments.trackers)
+    if arguments.pictures_only:
+        rendered = [domain for domain in RENDERED if domain in arguments.domains]
+        for run in runs(chosen, rendered, arguments.imagery, arguments.pictures, arguments.faults):
+            print(f"  {run.domain} {run.seed} {run.fault or 'nominal'}: {len(run.halts)} stops", flush=True)
+        return
+    figures = measure(chosen, arguments)
     print(tracker_table(figures))
     print(odometry_table(figures))
     if arguments.out is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,8 @@ from rover_iface.cameras.model import CameraModel
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Transform
 from rover_iface.localization.visual_odometry import StepState, VisualOdometer
-from rover_iface.vision.tracker import StereoView, Tracker, TrackState, TrackUpdate
+from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
+from rover_iface.vision.trackers import TrackerAids, make_tracker
 from studies.common.domain_runs import Run
 from studies.common.tracking_worlds import Array
 from studies.common.warped import WarpedRun
@@ -21,6 +22,7 @@ WRONG_M = 0.05
 """Error across the line of sight from which on an answer is wrong (Kim et al. 2009 count 3 cm at 2 m)."""
 WRONG_PX = 10.0
 """The same where no range is known."""
+SAME_PX = 0.01
 INSIDE = {2: 5.991, 3: 7.815, 6: 12.592}
 """95 % of chi square, by degrees of freedom."""
 
@@ -68,29 +70,59 @@ def axes(camera: CameraModel) -> Array:
     return np.stack((camera.horizontal, np.cross(camera.A, camera.horizontal), camera.A))
 
 
-def follow(run: Run, tracker: Tracker) -> tuple[list[Row], int]:
-    """Return a row for every update of every target, and how many targets were refused at the start."""
-    views = [halt.view() for halt in run.halts]
-    rows, started = [], []
+class Looks:
+    """What a tracker may ask of one run besides its views: the narrow pair of the first stop, and the wide
+    pair of the stop that it is at.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.views = [halt.view() for halt in run.halts]
+        self.stop = 0
+        left, right = run.narrow
+        self._narrow = StereoView(left.unit, right.unit, left.told, right.told)
+
+    def aids(self) -> TrackerAids:
+        """Return them as a rover tells its tracker."""
+        return TrackerAids(narrow=self.narrow, wide=lambda target, point: self.views[self.stop])
+
+    def narrow(self, target: str, point: Array) -> StereoView:
+        """Return the narrow pair; other stops have none."""
+        if self.stop:
+            raise TrackerError(f"stop {self.stop} has no narrow pair for target {target} at {point}")
+        return self._narrow
+
+
+def follow(run: Run, name: str) -> tuple[list[Row], int]:
+    """Return a row for every update of every target by a tracker, and how many were refused at the start.
+
+    Where a tracker takes a place beside the pixel it is given, that place is the target.
+    """
+    looks = Looks(run)
+    tracker = make_tracker(name, looks.aids())
+    first, rows, points = run.halts[0].left, [], {}
     for number, target in enumerate(run.targets):
-        first = run.halts[0]
-        believed = first.told.apply(first.pose.site_from_rover.inverse().apply(target.point))
+        # what a person designates is a pixel; the rover's cameras are not quite where it believes them
+        pixel = first.true.project(target.point)
+        eye, ray = first.told.back_project(pixel)
+        place = eye + float(np.linalg.norm(target.point - first.true.C)) * ray
         try:
-            tracker.start(str(number), believed, views[0], pixel=first.left.true.project(target.point))  # type: ignore[call-arg]
+            begun = tracker.start(str(number), place, looks.views[0])
         except TrackerError:
             continue
-        started.append(number)
-    for stop in range(1, len(views)):
-        for number in started:
-            update = tracker.update(str(number), views[stop])
-            rows.append(_row(run, number, stop, update, views[stop]))
-    return rows, len(run.targets) - len(started)
+        moved = float(np.hypot(*(begun.pixel - pixel))) > SAME_PX
+        points[number] = first.at(begun.pixel) if moved else target.point
+    for stop in range(1, len(looks.views)):
+        looks.stop = stop
+        for number, point in points.items():
+            update = tracker.update(str(number), looks.views[stop])
+            rows.append(_row(run, number, stop, update, looks.views[stop], point))
+    return rows, len(run.targets) - len(points)
 
 
-def _row(run: Run, number: int, stop: int, update: TrackUpdate, view: StereoView) -> Row:
+def _row(run: Run, number: int, stop: int, update: TrackUpdate, view: StereoView, point: Array) -> Row:
     halt, target = run.halts[stop], run.targets[number]
     told, true = axes(view.left_camera), axes(halt.left.true)
-    ray = true @ (target.point - halt.left.true.C)
+    ray = true @ (point - halt.left.true.C)
     off = told @ (update.position - view.left_camera.C) - ray
     covariance = told @ update.covariance @ told.T
     distance = float(np.linalg.norm(ray))
@@ -116,9 +148,10 @@ def _row(run: Run, number: int, stop: int, update: TrackUpdate, view: StereoView
     )
 
 
-def follow_warped(run: WarpedRun, tracker: Tracker) -> tuple[list[Row], int]:
+def follow_warped(run: WarpedRun, name: str) -> tuple[list[Row], int]:
     """Return a row for every update; only the two coordinates of the image are known."""
     rows, started = [], []
+    tracker = make_tracker(name)
     first = run.sights[0]
     for number, ray in enumerate(run.rays):
         pixel = first.true_left.project(run.origin + 5.0 * ray)
@@ -286,6 +319,3 @@ def sums(rows: Iterable[Row], refused: int) -> Sums:
 def _mean(values: Iterable[bool]) -> float:
     found: list[bool] = list(values)
     return float(np.mean(found)) if found else math.nan
-
-
-MakeTracker = Callable[[], Tracker]

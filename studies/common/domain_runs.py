@@ -9,33 +9,30 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
-from rover_iface.simulator.render.picture import AutoExposure, Truth
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.rocks import Rock
 from rover_iface.terrain.terrain import Terrain
-from studies.common.domain_split import GRAIN, Purpose
-from studies.common.draped import Drape, digitised, draped_light, gain_for
+from studies.common.domain_painters import LARGEST_PX, Painter, painter
+from studies.common.domain_split import Purpose
 from studies.common.perception_worlds import Halt, Shot
 from studies.common.tracking_worlds import BIG, PIVOT, Array, Believed
 
 Fault = Literal["", "jump", "board", "light"]
 FAULTS: tuple[Fault, ...] = ("jump", "board", "light")
-HALF = (180, 150)
+SIZE = (361, 301)
 LAST_M, SHARE = 1.7, 0.10
 JUMP_RAD = math.radians(7.0)
-Window = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
@@ -48,7 +45,10 @@ class Target:
 
 @dataclass(frozen=True)
 class Run:
-    """One approach: stops, targets, and from which stop on the fault lasts (its stops, empty without)."""
+    """One approach: stops, targets, and from which stop on the fault lasts (its stops, empty without).
+
+    `narrow` is what the mast's narrow pair takes of the rock at the first stop.
+    """
 
     domain: str
     seed: int
@@ -56,6 +56,7 @@ class Run:
     halts: list[Halt]
     targets: list[Target]
     hit: range
+    narrow: tuple[Shot, Shot]
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,7 @@ class _World:
     sun: Sun
 
 
-Paint = Callable[[CameraModel, Window, Sun, float | None, int], tuple[np.ndarray, Truth, float]]
-
-
+@lru_cache(maxsize=1)
 def _world(seed: int) -> _World:
     rng = np.random.default_rng([seed, 0xD0A])
     terrain = generate_terrain(
@@ -103,36 +102,6 @@ def _off_path(rock: Rock) -> bool:
     return not (rock.diameter > 0.3 and -12.0 < rock.x < -0.8 and abs(rock.y) < 0.35 * abs(rock.x) + 0.8)
 
 
-def _painter(domain: str, world: _World, purpose: Purpose, imagery: Path, seed: int) -> Paint:
-    rng = np.random.default_rng([seed, 0xD4A])
-    sensor = world.rig.mounted("navcam_left").sensor
-    if domain == "own":
-
-        def own(camera: CameraModel, window: Window, sun: Sun, gain: float | None, noise: int):  # type: ignore[no-untyped-def]
-            frame = world.renderer.render(
-                camera,
-                None,
-                sun,
-                window=window,
-                sensor=sensor,
-                exposure=AutoExposure() if gain is None else gain,
-                seed=noise,
-            )
-            return frame.image8, frame.truth, frame.exposure
-
-        return own
-    names = GRAIN[purpose]
-    drape = Drape(imagery / names[int(rng.integers(len(names)))], rng)
-    blur_px = float(rng.uniform(0.45, 0.85))
-
-    def draped(camera: CameraModel, window: Window, sun: Sun, gain: float | None, noise: int):  # type: ignore[no-untyped-def]
-        light, truth = draped_light(world.renderer, drape, camera, window, sun, blur_px)
-        used = gain_for(light) if gain is None else gain
-        return digitised(light, used, np.random.default_rng([seed, noise])), truth, used
-
-    return draped
-
-
 def kept_run(domain: str, seed: int, purpose: Purpose, imagery: Path, folder: Path, fault: Fault = "") -> Run:
     """Return an approach, rendered now or kept in `folder` from an earlier study."""
     kept = folder / f"{domain}_{purpose}_{seed}_{fault or 'nominal'}.pickle"
@@ -150,7 +119,16 @@ def kept_run(domain: str, seed: int, purpose: Purpose, imagery: Path, folder: Pa
 def make_run(domain: str, seed: int, purpose: Purpose, imagery: Path, fault: Fault = "") -> Run:
     """Return one approach of 6 to 10 m to 1.7 m in steps of a tenth of what remains."""
     world = _world(seed)
-    paint = _painter(domain, world, purpose, imagery, seed)
+    sensor = world.rig.mounted("navcam_left").sensor
+    middle = np.array([0.0, 0.0, world.rock.z])
+    paint = painter(domain, world.renderer, sensor, purpose, imagery, seed, middle)
+    try:
+        return _approach(domain, seed, fault, world, paint)
+    finally:
+        paint.close()
+
+
+def _approach(domain: str, seed: int, fault: Fault, world: _World, paint: Painter) -> Run:
     rng = np.random.default_rng([seed, 0xA99, FAULTS.index(fault) + 1 if fault else 0])
     look = np.array([0.0, 0.0, world.rock.z + 0.4 * world.rock.height])
     bend = math.radians(float(rng.uniform(-30, 30)))
@@ -179,7 +157,7 @@ def make_run(domain: str, seed: int, purpose: Purpose, imagery: Path, fault: Fau
         else:
             aim = told.apply(pose.site_from_rover.inverse().apply(look))
         aim = aim + rng.normal(0, 0.02, 3)
-        halts.append(_halt(world, paint, pose, told, sun, aim, travelled, rng))
+        halts.append(Halt(*_pair(world, paint, pose, told, sun, aim, rng), pose, told, sun, travelled))
         if remaining <= LAST_M + 1e-9:
             break
         moved = min(SHARE * remaining, remaining - LAST_M)
@@ -200,7 +178,20 @@ def make_run(domain: str, seed: int, purpose: Purpose, imagery: Path, fault: Fau
         for n in hit:
             away = float(np.linalg.norm(look - halts[n].left.true.C))
             halts[n] = board(halts[n], look, rng, side_m=0.10 * away)
-    return Run(domain, seed, fault, halts, _targets(world, halts, rng), hit)
+    targets = _targets(world, halts, rng)
+    first, kind = halts[0], ("pancam", LARGEST_PX)
+    again = np.random.default_rng([seed, 0x9A4])
+    narrow = _pair(
+        world,
+        paint,
+        first.pose,
+        first.told,
+        first.sun,
+        first.told.apply(first.pose.site_from_rover.inverse().apply(look)),
+        again,
+        *kind,
+    )
+    return Run(domain, seed, fault, halts, targets, hit, narrow)
 
 
 def _turned(error: Transform, pose: Pose, angle: float) -> Transform:
@@ -210,40 +201,43 @@ def _turned(error: Transform, pose: Pose, angle: float) -> Transform:
     return Transform(turn.rotation, here - turn.rotate(here)) * error
 
 
-def _halt(
+def _pair(
     world: _World,
-    paint: Paint,
+    paint: Painter,
     pose: Pose,
     told: Transform,
     sun: Sun,
     aim: Array,
-    travelled_m: float,
     rng: np.random.Generator,
-) -> Halt:
+    kind: str = "navcam",
+    size: tuple[int, int] = SIZE,
+) -> tuple[Shot, Shot]:
+    """Return the pair of subframes round a point (3,), m, where the rover believes that it is."""
     mast = rng.normal(0, math.radians(0.07), 2)
-    pan, tilt = world.rig.point_at(told.inverse().apply(aim), "navcam_left")
-    shots, gain = [], None
-    for name in ("navcam_left", "navcam_right"):
+    pan, tilt = world.rig.point_at(told.inverse().apply(aim), f"{kind}_left")
+    shots: list[Shot] = []
+    gain = None
+    for name in (f"{kind}_left", f"{kind}_right"):
         true_camera = world.rig.camera(name, pan + mast[0], tilt + mast[1]).transformed(pose.site_from_rover)
         told_camera = world.rig.camera(name, pan, tilt).transformed(told)
         middle = told_camera.project(aim)
-        size = 2 * HALF[0] + 1, 2 * HALF[1] + 1
-        left = int(np.clip(round(middle[0]) - HALF[0], 0, told_camera.width - size[0]))
-        top = int(np.clip(round(middle[1]) - HALF[1], 0, told_camera.height - size[1]))
+        left, top = (
+            int(np.clip(round(at) - part // 2, 0, whole - part))
+            for at, part, whole in zip(middle, size, told_camera.size, strict=True)
+        )
         window = (left, top, *size)
         image, truth, gain = paint(true_camera, window, sun, gain, int(rng.integers(1 << 30)))
         on_rock = truth.object_index == (truth.ids.index(BIG) if BIG in truth.ids else -2)
-        shots.append(
-            Shot(
-                image,
-                true_camera.window(*window),
-                told_camera.window(*window),
-                truth.range_m,
-                truth.lit,
-                on_rock,
-            )
+        shot = Shot(
+            image,
+            true_camera.window(*window),
+            told_camera.window(*window),
+            truth.range_m,
+            truth.lit,
+            on_rock,
         )
-    return Halt(shots[0], shots[1], pose, told, sun, travelled_m)
+        shots.append(shot)
+    return shots[0], shots[1]
 
 
 def _targets(world: _World, halts: list[Halt], rng: np.random.Generator, count: int = 3) -> list[Target]:
