@@ -67,15 +67,31 @@ def solve_by_model(problem: RoutingProblem, effort: Effort) -> RoutingSolution:
 
 def solve_by_survey(problem: RoutingProblem, effort: Effort) -> RoutingSolution:
     """Return the answer of the local search (one thread)."""
-    from planner.orienteering.survey import is_survey, solve_survey
+    from planner.orienteering.survey import solve_survey
 
-    if not is_survey(problem):
-        raise RoutingError(
-            "the survey engine takes symmetric problems with one time budget and no other rule"
-        )
+    _needs_survey("survey", problem)
     return solve_survey(
         problem, time_limit_s=effort.time_limit_s, iterations=effort.iterations, seed=effort.seed
     )
+
+
+def solve_by_cuts(problem: RoutingProblem, effort: Effort) -> RoutingSolution:
+    """Return the answer of the local search with a bound or proof by branch-and-cut (one thread)."""
+    from planner.orienteering.proof import solve_with_proof
+
+    _needs_survey("branch-and-cut", problem)
+    return solve_with_proof(
+        problem, time_limit_s=effort.time_limit_s, iterations=effort.iterations, seed=effort.seed
+    )
+
+
+def _needs_survey(engine: str, problem: RoutingProblem) -> None:
+    from planner.orienteering.survey import is_survey
+
+    if not is_survey(problem):
+        raise RoutingError(
+            f"the {engine} engine takes symmetric problems with one time budget and no other rule"
+        )
 
 
 ENGINES = Registry(
@@ -85,6 +101,7 @@ ENGINES = Registry(
         "exact": "planner.orienteering.engines:solve_exact",
         "cp-sat": "planner.orienteering.engines:solve_by_model",
         "survey": "planner.orienteering.engines:solve_by_survey",
+        "branch-and-cut": "planner.orienteering.engines:solve_by_cuts",
     },
 )
 
@@ -115,14 +132,14 @@ def warm_up() -> None:
     import numpy as np
 
     from planner.orienteering.exact import ExactSolver
-    from planner.orienteering.survey import solve_survey
+    from planner.orienteering.proof import solve_with_proof
 
     roads = np.array([[0, 5, 9], [5, 0, 6], [9, 6, 0]], dtype=np.int64)
     for prize in (2, 2**33):  # 32-bit and 64-bit tables
         tiny = RoutingProblem(roads, roads, (Experiment("a", 1, prize), Experiment("b", 2, 1)), 20, 20)
         ExactSolver(tiny).solve()
     plain = RoutingProblem(roads, roads * 0, (Experiment("a", 1, 2),), 20, end_site=2)
-    solve_survey(plain, time_limit_s=60.0, iterations=2)
+    solve_with_proof(plain, time_limit_s=60.0, iterations=2)
 
 
 def solve(
@@ -144,9 +161,8 @@ def solve(
     iterations
         A limit in the engine's own steps (labels, search steps, thousandths of deterministic time).
     engine
-        A name in `ENGINES` (`exact`, `cp-sat`, `survey`, or an installed package's), or `auto`: surveys go
-        to the local search (and, when small, on to the
-        exact engine for a bound), all else to the exact engine, and to CP-SAT what that cannot take.
+        A name in `ENGINES` (`exact`, `cp-sat`, `survey`, `branch-and-cut`, or an installed package's), or
+        `auto`: surveys go to branch-and-cut, all else to the exact engine, and to CP-SAT what that cannot take.
 
     Raises
     ------
@@ -156,7 +172,7 @@ def solve(
     effort = Effort(time_limit_s, iterations, seed, threads)
     if engine != AUTO:
         chosen = engine_named(engine)
-        if engine in ("exact", "survey"):
+        if engine in ("exact", "survey", "branch-and-cut"):
             warm_up()
         return chosen(problem, effort)
     from planner.orienteering.exact import ExactSolver
@@ -166,7 +182,7 @@ def solve(
         return _nothing_to_do(problem, seed)
     warm_up()
     if is_survey(problem):
-        return _survey_then_bound(problem, effort)
+        return solve_by_cuts(problem, effort)
     return (solve_exact if ExactSolver.fits(problem) else solve_by_model)(problem, effort)
 
 
@@ -176,36 +192,3 @@ def _nothing_to_do(problem: RoutingProblem, seed: int) -> RoutingSolution:
     except RoutingError:
         return RoutingSolution(None, None, True, (), "none", seed)
     return RoutingSolution(value, value, True, (), "none", seed)
-
-
-LEAST_TABLES = 4
-"""Tables that a bound worth having takes: its multipliers are set by several. By hand."""
-
-
-def _survey_then_bound(problem: RoutingProblem, effort: Effort) -> RoutingSolution:
-    """Return the local search's route with the bound of the exact engine's table where that is affordable.
-
-    A table that leaves no room for others in its share of the limit is not begun: it took 16 s of 1 s.
-    """
-    begin = time.perf_counter()
-    from planner.orienteering.exact import ExactSolver
-    from planner.orienteering.survey import solve_survey
-
-    time_limit_s, iterations, seed = effort.time_limit_s, effort.iterations, effort.seed
-    count = len(problem.experiments)
-    solver = ExactSolver(problem) if count <= 200 and ExactSolver.fits(problem) else None
-    share = 0.5 if count <= 70 else 0.7
-    if solver is None or solver.cost_s() * LEAST_TABLES > 0.6 * (1.0 - share) * time_limit_s:
-        found = solve_survey(problem, time_limit_s=time_limit_s, iterations=iterations, seed=seed)
-        return replace(found, wall_s=time.perf_counter() - begin)
-    with tallied() as tally:
-        until = tally.seconds + time_limit_s
-        found = solve_survey(problem, time_limit_s=share * time_limit_s, iterations=iterations, seed=seed)
-        if found.value is None or found.proven:
-            return replace(found, wall_s=time.perf_counter() - begin)
-        solver.prepare(0.6 * (until - tally.seconds))
-        left = until - tally.seconds
-        closed = solver.solve(time_limit_s=left, iterations=iterations, hint=found.route, seed=seed)
-        if closed.value is not None and closed.value >= found.value:
-            found = replace(closed, engine="survey+exact" if closed.route == found.route else closed.engine)
-    return replace(found, wall_s=time.perf_counter() - begin)

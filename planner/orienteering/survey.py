@@ -11,7 +11,7 @@ length.
 from __future__ import annotations
 
 import time
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,74 @@ def is_survey(p: RoutingProblem) -> bool:
     return bool((p.travel_time >= 0).all() and (p.travel_time == p.travel_time.T).all())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SurveyMap:
+    """A survey laid out for the compiled search: node 0 is the start, node n - 1 the end, between them experiments.
+
+    Lengths (n, n) and prizes (n,) are integers; `usable` are the nodes that a tour within the budget may visit
+    and that are worth it, `near` (n, K) the nearest of them, -1 as filler.
+    """
+
+    length: Array
+    prize: Array
+    near: Array
+    usable: Array
+    budget: int
+
+    @staticmethod
+    def of(p: RoutingProblem) -> SurveyMap:
+        """Return the map of a problem that `is_survey`."""
+        sites = np.array([p.start_site, *(e.site for e in p.experiments), p.end_site], dtype=np.int64)
+        d = np.ascontiguousarray(p.travel_time[np.ix_(sites, sites)]).astype(np.int64)
+        np.fill_diagonal(d, 0)
+        if p.start_site == p.end_site:
+            d[0, -1] = d[-1, 0] = 0
+        n = len(sites)
+        prize = np.zeros(n, dtype=np.int64)
+        prize[1:-1] = [e.prize for e in p.experiments]
+        budget = p.time_budget - p.start_time
+        inner = (np.arange(n) > 0) & (np.arange(n) < n - 1)
+        usable = np.nonzero((d[0] + d[:, n - 1] <= budget) & inner & (prize > 0))[0]
+        k = min(len(usable), 24 if n > 60 else 60)
+        near = np.full((n, max(1, k)), -1, dtype=np.int64)
+        for v in range(n if k else 0):
+            others = usable[usable != v]
+            order = np.argsort(d[v, others], kind="stable")[:k]
+            near[v, : len(order)] = others[order]
+        return SurveyMap(d, prize, near, usable, budget)
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes, both ends among them."""
+        return len(self.prize)
+
+    @property
+    def work(self) -> int:
+        """Nodes that one step of the search looks at."""
+        return _LOOKED_AT + _NEIGHBOUR * self.near.shape[1] + self.nodes
+
+    def improve(self, route: Array, steps: int, heat: float, seed: int) -> tuple[Array, int, Array]:
+        """Return the best tour after so many steps from a route (k,), its prize, and the last tour."""
+        spend(Step.SURVEY, steps * self.work)
+        best, value, last = search(
+            self.length, self.prize, self.near, self.budget, route, steps, heat, seed, self.usable
+        )
+        return best, int(value), last
+
+    def first_route(self, wanted: Array) -> Array:
+        """Return a tour of the wanted nodes (k,), each put in where it costs least; those that do not fit are left out."""
+        d, route = self.length, [0, self.nodes - 1]
+        total = int(d[0, self.nodes - 1])
+        for v in wanted.tolist():
+            here, after = np.array(route[:-1]), np.array(route[1:])
+            costs = d[here, v] + d[v, after] - d[here, after]
+            at = int(np.argmin(costs))
+            if total + int(costs[at]) <= self.budget:
+                total += int(costs[at])
+                route.insert(at + 1, v)
+        return np.array(route, dtype=np.int64)
+
+
 def solve_survey(
     problem: RoutingProblem,
     *,
@@ -59,88 +127,56 @@ def solve_survey(
     """Return the best route found; no bound. The same for the same seed and limit on every machine."""
     begin = time.perf_counter()
     p = problem
-    sites = np.array([p.start_site, *(e.site for e in p.experiments), p.end_site], dtype=np.int64)
-    d = np.ascontiguousarray(p.travel_time[np.ix_(sites, sites)]).astype(np.int64)
-    n = len(sites)
-    prize = np.zeros(n, dtype=np.int64)
-    prize[1:-1] = [e.prize for e in p.experiments]
-    budget = p.time_budget - p.start_time
-    if budget < 0 or d[0, n - 1] > budget:
+    m = SurveyMap.of(p)
+    if m.budget < 0 or m.length[0, -1] > m.budget:
         return RoutingSolution(None, None, True, (), ENGINE, seed, time.perf_counter() - begin)
-    usable = np.nonzero(
-        (d[0] + d[:, n - 1] <= budget) & (np.arange(n) > 0) & (np.arange(n) < n - 1) & (prize > 0)
-    )[0]
-    k = min(len(usable), 24 if n > 60 else 60)
-    near = np.zeros((n, max(1, k)), dtype=np.int64)
-    near[:] = -1
-    if k:
-        for v in range(n):
-            others = usable[usable != v]
-            order = np.argsort(d[v, others], kind="stable")[:k]
-            near[v, : len(order)] = others[order]
     rng = np.random.default_rng(np.random.SeedSequence([seed, 7]))
-    best_route, best_value = np.array([0, n - 1], dtype=np.int64), 0
-    done = 0
-    if k:
-        starts = _STARTS if n <= 250 else 4 if n <= 700 else 2
-        pool: list[tuple[int, int, Array]] = []
-        for s in range(starts):
-            seeds = rng.choice(
-                usable, size=min(len(usable), 0 if s == 0 else int(rng.integers(1, 4))), replace=False
-            )
-            pool.append((0, s, _first_route(d, budget, seeds.astype(np.int64), n)))
-        each = _LOOKED_AT + _NEIGHBOUR * k + n
-        planned = iterations if iterations is not None else affordable(Step.SURVEY, time_limit_s) // each
-        chunk = int(min(20_000.0, max(50.0, planned / _CHUNKS)))
-        limit = float(planned)
-        if iterations is not None:
-            limit = min(limit, float(max(1, affordable(Step.SURVEY, time_limit_s) // each)))
-        temperature = max(1.0, float(prize[usable].mean())) * _HEAT
-        stage, stop = 0, False
-        while not stop:
-            fresh = []
-            for value, s, route in pool:
-                if done >= limit:
-                    stop = True
-                    fresh.append((value, s, route))
-                    continue
-                steps = int(min(chunk, limit - done))
-                heat = temperature * _COLDEST ** min(1.0, done / limit)
-                spend(Step.SURVEY, steps * each)
-                top, top_value, last = search(
-                    d, prize, near, budget, route, steps, heat, int(rng.integers(1, 2**62)), usable
-                )
-                done += steps
-                if top_value > best_value:
-                    best_value, best_route = int(top_value), top
-                fresh.append((int(top_value), s, last if stage % 4 else top))
-            stage += 1
-            # Every few rounds the worse half gives its time to the better; at the end of a race, begin anew.
-            if stage % 4 == 0 and len(fresh) > 2:
-                fresh.sort(key=lambda r: (-r[0], r[1]))
-                fresh = fresh[: max(2, (len(fresh) + 1) // 2)]
-            elif len(fresh) <= 2 and stage % 24 == 0 and starts > 1:
-                fresh.append((best_value, 0, best_route))
-                for s in range(1, 5):
-                    seeds = rng.choice(usable, size=min(len(usable), int(rng.integers(1, 4))), replace=False)
-                    fresh.append((0, s, _first_route(d, budget, seeds.astype(np.int64), n)))
-            pool = fresh
-    chosen = tuple(int(v) - 1 for v in best_route[1:-1])
-    value = p.base_prize + best_value
-    total = p.base_prize + int(prize[usable].sum())
+    paid = affordable(Step.SURVEY, time_limit_s) // m.work
+    limit = float(paid if iterations is None else min(iterations, max(1, paid)))
+    planned = int(limit) if iterations is None else iterations
+    route, value, done = (np.array([0, m.nodes - 1]), 0, 0) if not len(m.usable) else _race(m, planned, limit, rng)
+    chosen = tuple(int(v) - 1 for v in route[1:-1])
+    total = p.base_prize + int(m.prize[m.usable].sum())
+    value += p.base_prize
     solution = RoutingSolution(
         value, total, value == total, chosen, ENGINE, seed, time.perf_counter() - begin, int(done)
     )
     return checked(p, solution)
 
 
-def _first_route(d: Array, budget: int, seeds: Array, n: int) -> Array:
-    """Return the tour start, nearest seeds, end; seeds that do not fit are left out."""
-    route = [0, n - 1]
-    for v in seeds.tolist():
-        costs = [int(d[a, v] + d[v, b] - d[a, b]) for a, b in pairwise(route)]
-        length = sum(int(d[a, b]) for a, b in pairwise(route))
-        at = int(np.argmin(costs))
-        if length + costs[at] <= budget:
-            route.insert(at + 1, v)
-    return np.array(route, dtype=np.int64)
+def _race(m: SurveyMap, planned: int, limit: float, rng: np.random.Generator) -> tuple[Array, int, int]:
+    """Return the best route of several searches, its prize and the steps done."""
+    best_route, best_value, done = np.array([0, m.nodes - 1], dtype=np.int64), 0, 0
+
+    def fresh(plain: bool) -> Array:
+        count = 0 if plain else int(rng.integers(1, 4))
+        return m.first_route(rng.choice(m.usable, size=min(len(m.usable), count), replace=False))
+
+    starts = _STARTS if m.nodes <= 250 else 4 if m.nodes <= 700 else 2
+    pool: list[tuple[int, int, Array]] = [(0, s, fresh(s == 0)) for s in range(starts)]
+    chunk = int(min(20_000.0, max(50.0, planned / _CHUNKS)))
+    temperature = max(1.0, float(m.prize[m.usable].mean())) * _HEAT
+    stage = 0
+    while done < limit:
+        after = []
+        for value, s, route in pool:
+            if done >= limit:
+                after.append((value, s, route))
+                continue
+            steps = int(min(chunk, limit - done))
+            heat = temperature * _COLDEST ** min(1.0, done / limit)
+            top, top_value, last = m.improve(route, steps, heat, int(rng.integers(1, 2**62)))
+            done += steps
+            if top_value > best_value:
+                best_value, best_route = top_value, top
+            after.append((top_value, s, last if stage % 4 else top))
+        stage += 1
+        # Every few rounds the worse half gives its time to the better; at the end of a race, begin anew.
+        if stage % 4 == 0 and len(after) > 2:
+            after.sort(key=lambda r: (-r[0], r[1]))
+            after = after[: max(2, (len(after) + 1) // 2)]
+        elif len(after) <= 2 and stage % 24 == 0 and starts > 1:
+            after.append((best_value, 0, best_route))
+            after += [(0, s, fresh(False)) for s in range(1, 5)]
+        pool = after
+    return best_route, best_value, done
