@@ -116,13 +116,14 @@ def _earned(model: Model, order: Order, futures: int, seed: int) -> Floats:
 def changed(model: Model, order: Order) -> Iterator[Order]:
     """Yield each order that one change leads to, once."""
     seen = {order}
-    for new in _changes(model, order):
+    for new in every_change(model, order):
         if new not in seen and model.admits(sum(1 << m for m in new)):
             seen.add(new)
             yield new
 
 
-def _changes(model: Model, order: Order) -> Iterator[Order]:
+def every_change(model: Model, order: Order) -> Iterator[Order]:
+    """Yield each order that one change leads to, some twice, whether it is admitted or not."""
     size = len(order)
     for i in range(size):
         left = (*order[:i], *order[i + 1 :])

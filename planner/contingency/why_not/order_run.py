@@ -28,6 +28,9 @@ HOPELESS = 2.5
 hundred orders that are as good hardly one is.
 """
 
+LANES = 128
+"""Futures in which a step is taken at once: what is kept of them fills half of a first-level cache."""
+
 SHADE = 1e-11
 """Share by which an amount may be above a limit that it meets."""
 
@@ -89,147 +92,287 @@ def steps_of(order: Ints, world: World, ways: Ints) -> Ints:
 
 
 @njit(inline="always")
-def _number(x: float, scale: Scale) -> int:
+def _number(x: float, factors: Floats, first: Ints, cells: float) -> int:
     """Return the number of the least factor that is at least x; how many there are, where none is."""
     if x <= 1.0 + SHADE:
         return 0
-    if x > scale.factors[-1] * (1.0 + SHADE):
-        return scale.factors.shape[0]
-    number = scale.first[int((x - 1.0) * scale.cells)]
-    return number + 1 if x > scale.factors[number] * (1.0 + SHADE) else number
+    if x > factors[-1] * (1.0 + SHADE):
+        return factors.shape[0]
+    number = first[int((x - 1.0) * cells)]
+    return number + 1 if x > factors[number] * (1.0 + SHADE) else number
 
 
-@njit(inline="always")
-def _gain(gained: Floats, rows: int, by_time: int, by_energy: int, much: float) -> None:
-    """Add what is gained from these factors on the budgets on; the last column is that of no factor."""
-    if by_energy == 0:
-        gained[rows + TIME, by_time] += much
-    if by_time == 0:
-        gained[rows + ENERGY, by_energy] += much
-    gained[rows + BOTH, max(by_time, by_energy)] += much
+@njit(cache=True, nogil=True)
+def _parts_of(levels: Ints, race: bool) -> Ints:
+    """Return which futures are run at once, in turn, [parts, 4]: from which to which, whether they tell a
+    curve, and whether an order far behind is given up after them.
+    """
+    parts = np.empty((2 * (levels[-1] // LANES + levels.shape[0]), 4), np.int64)
+    count, begin = 0, 0
+    if race:
+        for level in levels[:-1]:
+            while begin < level:
+                end = min(begin + LANES, level)
+                parts[count] = begin, end, 0, np.int64(end == level)
+                count, begin = count + 1, end
+    begin = 0
+    while begin < levels[-1]:
+        end = min(begin + LANES, levels[-1])
+        parts[count] = begin, end, 1, 0
+        count, begin = count + 1, end
+    return parts[:count]
+
+
+@njit(cache=True, nogil=True)
+def _drive(
+    t: Floats, g: Floats, hotel: Floats, live: Ints, goes: Ints, place: Ints, tracked: Ints, closed: Ints,
+    tracks: Ints, more_s: Floats, more_j: Floats, lost: Ints, leg_s: Floats, leg_j: Floats, lost_of: Ints,
+    legs: int, i: int, for_track: bool, starts: int, track_leg: float, t_max: float, e_max: float,
+) -> None:  # fmt: skip
+    """Take the drive to a place in the futures in which that is done.
+
+    All are [width] but the tables of drives to the place, [places, width]; `legs` are bits of the places from
+    which one leads here; `goes`, `tracks`, `more_s`, `more_j` and `lost` are room.
+    """
+    width, needs = t.shape[0], np.int64(for_track)
+    for j in range(width):
+        here = np.uint64(place[j])
+        more_s[j], more_j[j], lost[j] = leg_s[here, j], leg_j[here, j], lost_of[here, j]
+    for j in range(width):
+        goes[j] = live[j] & (legs >> place[j]) & ~(closed[j] >> i) & ((tracked[j] >> i) | (1 - needs))
+    if track_leg > 0.0:
+        tracks[:] = 0
+        for p in range(1, leg_s.shape[0]):
+            if (starts >> p) & 1:
+                for j in range(width):
+                    tracks[j] += (tracked[j] >> p) & 1
+        for j in range(width):
+            more_s[j] += track_leg * tracks[j]
+    for j in range(width):
+        t[j] = t[j] + more_s[j] if goes[j] else t[j]
+    for j in range(width):
+        g[j] = g[j] + more_j[j] if goes[j] else g[j]
+    for j in range(width):
+        live[j] &= np.int64(t[j] <= t_max) & np.int64(g[j] + hotel[j] * t[j] <= e_max)
+    for j in range(width):
+        tracked[j] &= ~(lost[j] & -goes[j])
+    for j in range(width):
+        place[j] = i if goes[j] & ~lost[j] else place[j]
+    for j in range(width):
+        closed[j] |= (goes[j] & lost[j]) << i
+
+
+@njit(cache=True, nogil=True)
+def _observe(
+    t: Floats, g: Floats, hotel: Floats, live: Ints, goes: Ints, place: Ints, tracked: Ints, done: Ints,
+    obs_s: Floats, obs_j: Floats, i: int, target: int, opens: float, closes: float, placed: bool, must: int,
+    all_of_it: int, t_max: float, e_max: float,
+) -> int:  # fmt: skip
+    """Make observation `i` in the futures in which that is done, and say in `goes` where it was within the
+    budgets; all are [width]. Return how many futures are still within them.
+    """
+    width, without_track, still = t.shape[0], 1 - np.int64(placed), 0
+    for j in range(width):
+        goes[j] = live[j] & np.int64(place[j] == target) & np.int64(t[j] <= closes) & ~(done[j] >> i)
+    for j in range(width):
+        goes[j] &= ((tracked[j] >> target) | without_track) & np.int64((must & ~done[j]) == 0)
+    for j in range(width):
+        t[j] = max(t[j], opens) + obs_s[j] if goes[j] else t[j]
+    for j in range(width):
+        g[j] = g[j] + obs_j[j] if goes[j] else g[j]
+    for j in range(width):
+        live[j] &= np.int64(t[j] <= t_max) & np.int64(g[j] + hotel[j] * t[j] <= e_max)
+    for j in range(width):
+        goes[j] &= live[j]
+    for j in range(width):
+        done[j] |= goes[j] << i
+    if placed:
+        for j in range(width):
+            tracked[j] &= ~((goes[j] & np.int64((all_of_it & ~done[j]) == 0)) << target)
+    for j in range(width):
+        still += live[j]
+    return still
+
+
+@njit(cache=True, nogil=True)
+def _tell(
+    gained: Floats, t: Floats, g: Floats, hotel: Floats, which: Ints, much: float, fewer: float, before: Ints,
+    time_s: float, energy_j: float, factors: Floats, first: Ints, cells: float,
+) -> None:  # fmt: skip
+    """Add what is won in futures to the factors on the budgets from which it is, [3, factors + 1].
+
+    That is `much` in those of `which`, times `fewer` for each of the observations `before` (bits); all are
+    [width], and the last are the members of `Scale`.
+    """
+    width, at_once = t.shape[0], 0
+    t_max, e_max = time_s * (1.0 + SHADE), energy_j * (1.0 + SHADE)
+    if fewer == 1.0:  # most keep to the budgets at factor 1
+        for j in range(width):
+            at_once += which[j] & np.int64(t[j] <= t_max) & np.int64(g[j] + hotel[j] * t[j] <= e_max)
+        gained[:, 0] += at_once * much
+    for j in range(width):
+        used_j = g[j] + hotel[j] * t[j]
+        if not which[j] or (fewer == 1.0 and t[j] <= t_max and used_j <= e_max):
+            continue
+        won, bits = much, before[j]
+        if fewer != 1.0:
+            while bits:
+                won *= fewer
+                bits &= bits - 1
+        by_time = _number(t[j] / time_s, factors, first, cells)
+        by_energy = _number(used_j / energy_j, factors, first, cells)
+        if by_energy == 0:
+            gained[TIME, by_time] += won
+        if by_time == 0:
+            gained[ENERGY, by_energy] += won
+        gained[BOTH, max(by_time, by_energy)] += won
+
+
+@njit(cache=True, nogil=True)
+def _earn(earned: Floats, goes: Ints, much: float, fewer: float, before: Ints) -> None:
+    """Add to what is earned in futures what an observation wins, as `_tell` has it; all are [width]."""
+    if fewer == 1.0:
+        for j in range(earned.shape[0]):
+            earned[j] += much if goes[j] else 0.0
+        return
+    for j in range(earned.shape[0]):
+        won, bits = much if goes[j] else 0.0, before[j]
+        while bits:
+            won *= fewer
+            bits &= bits - 1
+        earned[j] += won
 
 
 @njit(cache=True, nogil=True)
 def carry_out(
     orders: Ints, sizes: Ints, ways: Ints, costs: Costs, world: World, windows: Floats,
-    futures: TabledFutures, scale: Scale, asked: int, row: int, at: int,
-) -> tuple[NDArray[np.float32], Ints]:  # fmt: skip
-    """Return curves of orders, rows of `orders` [n, most] of which the first `sizes` count, and which orders
-    they are of.
+    futures: TabledFutures, scale: Scale, asked: int, row: int, at: int, curves: NDArray[np.float32],
+) -> Ints:  # fmt: skip
+    """Write curves [rows, 6, factors] of orders, rows of `orders` [n, most] of which the first `sizes` count;
+    return which orders they are of.
 
     A curve is, by number of a factor, the mean utility in rows 0..2 and the chance that the observation
-    `asked` is made in rows 3..5; `costs` has the budgets of the largest factor, [6, factors]. Where `row` is
+    `asked` is made in rows 3..5; `costs` has the budgets of the largest factor. Where `row` is
     not negative, the first order is the rival, whose curve is known: another that is `HOPELESS` behind it
-    at factor number `at` on what that row widens, after the futures of an inner level, gets no curve. One
-    function: compiled helpers that take the tuples make it nine times as slow. `windows` are [m, 2].
+    at factor number `at` on what that row widens, after the futures of an inner level, gets no curve.
+    `windows` are [m, 2].
+
+    A step is taken in `LANES` futures before the next, in short loops without branches: a processor does
+    several futures of those at once. Compiled helpers that take the tuples make it nine times as slow.
     """
     count, most, n1 = futures.deviates.shape[0], scale.factors.shape[0], world.n + 1
-    per_s, per_j = 1.0 / scale.time_s, 1.0 / scale.energy_j
-    curves = np.empty((orders.shape[0], 6, most), np.float32)
     kept = np.empty(orders.shape[0], np.int64)
-    found = 0
+    found, share = 0, 1.0 / count
     gained, rival = np.empty((6, most + 1)), np.empty(count)
     t_tight = scale.time_s * (scale.factors[at] if row != ENERGY else 1.0) * (1.0 + SHADE)
     e_tight = scale.energy_j * (scale.factors[at] if row != TIME else 1.0) * (1.0 + SHADE)
+    legs, missing = np.zeros(n1, np.int64), np.zeros(n1, np.int64)
+    for a in range(n1):
+        for b in range(n1):
+            if a != b and world.has_leg[a, b]:
+                legs[b] |= 1 << a
+                missing[b] |= (not futures.ready[a, b]) << a
+    parts = _parts_of(futures.levels, row >= 0)
+    real, whole = np.empty((6, LANES)), np.empty((9, LANES), np.int64)
     for number in range(orders.shape[0]):
         steps = steps_of(orders[number, : sizes[number]], world, ways)
-        gained[:] = 0.0
-        starts, started = np.int64(0), np.int64(0)
+        starts, started, holds, come_to = np.int64(0), np.int64(0), False, np.int64(1)
         for k in range(steps.shape[0]):
             i = steps[k, 1]
-            if steps[k, 0] == OBSERVE and world.is_place[i]:
-                starts |= 1 << world.obs_place[i]
-        for k in range(1, n1):
-            started += (starts >> k) & 1
-        # with a rival an order runs within the budgets of that factor first, in the futures of inner levels
-        few = futures.levels[-2] if row >= 0 else 0
-        level, behind, squares = 0, 0.0, 0.0
-        for run in range(few + count):
-            telling = run >= few
-            f = run - few if telling else run
+            if steps[k, 0] == OBSERVE:
+                holds = holds or i == asked
+                if world.is_place[i]:
+                    starts |= 1 << world.obs_place[i]
+                continue
+            for a in range(n1):
+                if (missing[i] & come_to) >> a & 1:
+                    work_out_drive(world, futures, a, i)
+            missing[i] &= ~come_to
+            come_to |= 1 << i
+        for p in range(1, n1):
+            started += (starts >> p) & 1
+        behind, squares = 0.0, 0.0
+        for part in range(parts.shape[0]):
+            begin, end, telling = parts[part, 0], parts[part, 1], parts[part, 2] == 1
+            if telling and row >= 0 and number == 0:
+                break
+            if telling and begin == 0:
+                gained[:] = 0.0
+            n = end - begin
+            t, g, hotel, earned, more_s, more_j = (
+                real[0, :n], real[1, :n], real[2, :n], real[3, :n], real[4, :n], real[5, :n]
+            )  # fmt: skip
+            live, goes, place, tracked, done, closed, tracks, lost, before = (
+                whole[0, :n], whole[1, :n], whole[2, :n], whole[3, :n], whole[4, :n], whole[5, :n],
+                whole[6, :n], whole[7, :n], whole[8, :n],
+            )  # fmt: skip
             t_max, e_max = (costs.t_max, costs.e_max) if telling else (t_tight, e_tight)
-            if run <= few and run == futures.levels[level]:
-                level += 1
-                spread = max(squares - behind * behind / run, 0.0) / (run - 1)
-                if behind > HOPELESS * math.sqrt(spread * run) + SHADE or (telling and number == 0):
-                    break
-            hotel = costs.hotel * futures.load[f]
-            t, g = started * costs.track_t, started * costs.track_e * futures.load[f]
-            over = t > t_max or g + hotel * t > e_max
-            tracked, tracks, place, done, closed = starts, started, np.int64(0), np.int64(0), np.int64(0)
-            earned = 0.0
+            for j in range(n):
+                hotel[j] = costs.hotel * futures.load[begin + j]
+                g[j] = started * costs.track_e * futures.load[begin + j]
+                live[j] = g[j] + hotel[j] * (started * costs.track_t) <= e_max
+            if started * costs.track_t > t_max:
+                live[:] = 0
+            t[:], earned[:] = started * costs.track_t, 0.0
+            place[:], tracked[:], done[:], closed[:] = 0, starts, 0, 0
             for k in range(steps.shape[0]):
-                if over:
-                    break
                 kind, i = steps[k, 0], steps[k, 1]
                 if kind != OBSERVE:
-                    if place == i or not world.has_leg[place, i] or (closed >> i) & 1:
-                        continue
-                    if kind == DRIVE_FOR_TRACK and not (tracked >> i) & 1:
-                        continue
-                    if not futures.ready[place, i]:
-                        work_out_drive(world, futures, place, i)
-                    t += futures.leg_s[place, i, f] + costs.track_leg * tracks
-                    g += futures.leg_j[place, i, f]
-                    over = t > t_max or g + hotel * t > e_max
-                    lost = futures.lost[place, i, f]
-                    if lost & tracked:
-                        tracked &= ~lost
-                        tracks = np.int64(0)
-                        for p in range(1, n1):
-                            tracks += (tracked >> p) & 1
-                    if lost & 1:
-                        closed |= 1 << i
-                    else:
-                        place = i
+                    _drive(
+                        t, g, hotel, live, goes, place, tracked, closed, tracks, more_s, more_j, lost,
+                        futures.leg_s[:, i, begin:end], futures.leg_j[:, i, begin:end],
+                        futures.lost[:, i, begin:end], legs[i], i, kind == DRIVE_FOR_TRACK, starts,
+                        costs.track_leg, t_max, e_max,
+                    )  # fmt: skip
                     continue
                 target = world.obs_place[i]
-                if (
-                    place != target
-                    or (done >> i) & 1
-                    or t > windows[i, 1]
-                    or (world.is_place[i] and not (tracked >> target) & 1)
-                    or world.predecessors[i] & ~done
-                ):
-                    continue
-                t = max(t, windows[i, 0]) + futures.obs_s[i, f]
-                g += futures.obs_j[i, f]
-                over = t > t_max or g + hotel * t > e_max
-                if over:
-                    break
-                won = world.worth[i]
-                if world.diminishing[target] != 1.0:
-                    before = done & world.target_bits[target]
-                    while before:
-                        won *= world.diminishing[target]
-                        before &= before - 1
-                done |= 1 << i
-                if world.is_place[i] and (tracked >> target) & 1 and not world.place_bits[target] & ~done:
-                    tracked &= ~(1 << target)
-                    tracks -= 1
-                earned += won
+                before[:] = done & world.target_bits[target]
+                still = _observe(
+                    t, g, hotel, live, goes, place, tracked, done, futures.obs_s[i, begin:end],
+                    futures.obs_j[i, begin:end], i, target, windows[i, 0], windows[i, 1], world.is_place[i],
+                    world.predecessors[i], world.place_bits[target], t_max, e_max,
+                )  # fmt: skip
                 if telling:
-                    by_time, by_energy = _number(t * per_s, scale), _number((g + hotel * t) * per_j, scale)
-                    _gain(gained, 0, by_time, by_energy, won)
+                    _tell(
+                        gained[:3], t, g, hotel, goes, world.worth[i], world.diminishing[target], before,
+                        scale.time_s, scale.energy_j, scale.factors, scale.first, scale.cells,
+                    )  # fmt: skip
                     if i == asked:
-                        _gain(gained, 3, by_time, by_energy, 1.0)
+                        _tell(
+                            gained[3:], t, g, hotel, goes, 1.0, 1.0, before,
+                            scale.time_s, scale.energy_j, scale.factors, scale.first, scale.cells,
+                        )  # fmt: skip
+                else:
+                    _earn(earned, goes, world.worth[i], world.diminishing[target], before)
+                if not still:
+                    break
             if telling:
-                if costs.penalty and not over:
-                    by_time, by_energy = _number(t * per_s, scale), _number((g + hotel * t) * per_j, scale)
-                    _gain(gained, 0, by_time, by_energy, costs.penalty)
+                if costs.penalty:
+                    _tell(
+                        gained[:3], t, g, hotel, live, costs.penalty, 1.0, before,
+                        scale.time_s, scale.energy_j, scale.factors, scale.first, scale.cells,
+                    )  # fmt: skip
                 continue
-            if over:
-                earned -= costs.penalty
+            for j in range(n):
+                earned[j] -= 0.0 if live[j] else costs.penalty
             if number == 0:
-                rival[f] = earned
-            behind += rival[f] - earned
-            squares += (rival[f] - earned) ** 2
+                rival[begin:end] = earned
+            for j in range(n):
+                more = rival[begin + j] - earned[j]
+                behind += more
+                squares += more**2
+            if parts[part, 3]:
+                spread = max(squares - behind * behind / end, 0.0) / (end - 1)
+                if behind > HOPELESS * math.sqrt(spread * end) + SHADE:
+                    break
         else:
-            for line in range(6):
+            for line in range(6 if holds else 3):
                 total = -costs.penalty * count if line < 3 else 0.0
                 for factor in range(most):
                     total += gained[line, factor]
-                    curves[found, line, factor] = total / count
+                    curves[found, line, factor] = total * share
+            if not holds:
+                curves[found, 3:] = 0.0
             kept[found] = number
             found += 1
-    return curves[:found], kept[:found]
+    return kept[:found]

@@ -21,13 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.contingency.order_in_futures import Order, changed
+from planner.contingency.order_in_futures import Order, every_change
 from planner.contingency.why_not.order_run import BOTH, ENERGY, TIME, Scale, carry_out, ways_of
 from planner.contingency.why_not.tabled_futures import TabledFutures
-from planner.evaluate.model import LEAST, Floats, Model, Truths
+from planner.evaluate.model import LEAST, Floats, Model
 from planner.evaluate.rollout import Costs, World
 
 Curves = NDArray[np.float32]
+Numbers = NDArray[np.int64]
 
 STEP = 1.0025
 """Ratio of neighbouring factors: a quarter of the 1 % to which a relaxation is told."""
@@ -47,6 +48,8 @@ a better order without the observation was not found. The latter are those begun
 AT_ONCE = 256
 """Orders whose curves are worked out in one go: 3 MB."""
 
+BEGUN = 256
+"""Orders for which there is room at first; a question at eight targets looks at 500 to 1,500 closely."""
 
 FAR_BEHIND = 0.05
 """Share of a value behind which, at every factor, no order is sought that makes it up. By hand."""
@@ -88,14 +91,16 @@ class OrdersByBudget:
         self._world = World.of(model, model.utility * model.p_success)
         self._ways = ways_of(model)
         self._scale = Scale.of(*limits, self.factors)
+        self._restricted = bool(model.limits) or bool(np.any(model.predecessors))
         self.windows = model.window
         self.number: dict[Order, int] = {}
         self._neighbours: dict[Order, list[Order]] = {}
         self._climbed: set[tuple[Order, int, int, bool]] = set()
         self._orders: list[Order] = []
-        self._curves = np.empty((64, 6, len(self.factors)), np.float32)
-        self._held = np.empty(64, np.bool_)
-        self._needs = np.empty(64)
+        self._curves = np.empty((BEGUN, 6, len(self.factors)), np.float32)
+        self._held = np.empty(BEGUN, np.bool_)
+        self._needs = np.empty(BEGUN)
+        self._ample = [True, True]  # whether no order exceeds the budget of TIME, of ENERGY
 
     def in_windows(self, windows: Floats) -> OrdersByBudget:
         """Return no orders yet, in the same futures with other windows of the observations, [m, 2]."""
@@ -124,25 +129,26 @@ class OrdersByBudget:
         """
         sizes = np.array([len(order) for order in orders])
         table = np.zeros((len(orders), max(1, int(sizes.max()))), np.int64)
-        for k, order in enumerate(orders):
-            table[k, : sizes[k]] = order
-        curves, kept = carry_out(
-            table, sizes, self._ways, self._costs, self._world, self.windows, self.futures, self._scale,
-            self.asked, row, at,
-        )  # fmt: skip
-        fresh = [k for k, which in enumerate(kept) if orders[which] not in self.number]
-        first, count = len(self._orders), len(self._orders) + len(fresh)
-        while count > len(self._held):
+        every = itertools.chain.from_iterable(orders)
+        table[np.arange(table.shape[1]) < sizes[:, None]] = np.fromiter(every, np.int64, int(sizes.sum()))
+        first = len(self._orders)
+        while first + len(orders) > len(self._held):
             self._curves = np.concatenate([self._curves, np.empty_like(self._curves)])
             self._held = np.concatenate([self._held, self._held])
             self._needs = np.concatenate([self._needs, self._needs])
-        self._curves[first:count] = curves[fresh]
-        for k in fresh:
-            order = orders[kept[k]]
+        kept = carry_out(
+            table, sizes, self._ways, self._costs, self._world, self.windows, self.futures, self._scale,
+            self.asked, row, at, self._curves[first:],
+        )  # fmt: skip
+        for which in kept.tolist():
+            order = orders[which]
             number = self.number[order] = len(self._orders)
             self._orders.append(order)
             self._held[number] = self.asked in order
             self._needs[number] = self.volume(order)
+        fresh = self._curves[first : len(self._orders)]
+        for k in (TIME, ENERGY):
+            self._ample[k] = self._ample[k] and np.array_equal(fresh[:, k, -1], fresh[:, k, 0])
 
     def volume(self, order: Order) -> float:
         """Return the factor on the downlink volume that an order needs."""
@@ -164,30 +170,37 @@ class OrdersByBudget:
         number = self._number(order)
         return float(self._curves[number, 3 + (how.row or TIME), how.column(at)])
 
-    def _worths(self, how: Widened, at: int | slice, *, holds: bool) -> tuple[Curves, list[Order]]:
-        """Return the values of all orders of one side at some factors, [orders, factors], and the orders."""
-        numbers = np.flatnonzero(self._held[: len(self._orders)] == holds)
+    def _worths(
+        self, how: Widened, at: int | slice, *, holds: bool | None = None, numbers: Numbers | None = None
+    ) -> tuple[Curves, Numbers]:
+        """Return the values of orders at some factors, [orders, factors], and their numbers: of all of one
+        side, or of these.
+        """
+        if numbers is None:
+            numbers = np.flatnonzero(self._held[: len(self._orders)] == holds)
         at = at if isinstance(at, slice) else slice(at, at + 1)
         row, column = how.row or TIME, (slice(0, 1) if how.row is None else at)
         values = self._curves[numbers, row, column]
-        most = (self.factors[at] if how.volume else np.ones(1)) * (1.0 + 1e-9)
-        counts: Truths = self._needs[numbers][:, None] <= most
-        if holds:
-            counts = counts & (self._curves[numbers, 3 + row, column] >= how.least)
-        return np.where(counts, values, -np.inf), [self._orders[k] for k in numbers]
+        if self._volume:
+            most = (self.factors[at] if how.volume else np.ones(1)) * (1.0 + 1e-9)
+            values = np.where(self._needs[numbers][:, None] <= most, values, -np.inf)
+        if holds is not False:
+            seldom = self._curves[numbers, 3 + row, column] < how.least
+            values = np.where(self._held[numbers][:, None] & seldom, -np.inf, values)
+        return values, numbers
 
     def best(self, how: Widened, at: int, *, holds: bool, most: int = 1) -> list[tuple[float, Order]]:
         """Return the best orders known at factor number `at`, with their values, best first; of those that
         hold the observation asked for, or of the others. Of orders worth the same, whose ends no future
         comes to, the longest and the shortest stand for all: in more futures some may come there.
         """
-        worths, orders = self._worths(how, at, holds=holds)
+        worths, numbers = self._worths(how, at, holds=holds)
         found: dict[float, list[Order]] = {}
         for k in np.argsort(-worths[:, 0], kind="stable"):
             value = round(float(worths[k, 0]), 9)
             if value == -math.inf or (len(found) == most and value not in found):
                 break
-            found.setdefault(value, []).append(orders[k])
+            found.setdefault(value, []).append(self._orders[numbers[k]])
         return [
             (value, order)
             for value, alike in found.items()
@@ -214,8 +227,7 @@ class OrdersByBudget:
         taken as it is.
         """
         row, column = how.row or TIME, how.column(at)
-        curves = self._curves[: len(self._orders)]
-        ample_s, ample_j = (np.array_equal(curves[:, k, -1], curves[:, k, 0]) for k in (TIME, ENERGY))
+        ample_s, ample_j = self._ample
         if (row == TIME and ample_s) or (row == ENERGY and ample_j):
             return TIME, 0
         if row == BOTH and (ample_s or ample_j):
@@ -231,13 +243,14 @@ class OrdersByBudget:
         """Change the best orders known, each begun with another observation, as long as that wins at one
         factor.
         """
-        worths, orders = self._worths(how, at, holds=holds)
+        worths, numbers = self._worths(how, at, holds=holds)
         begun: dict[int, tuple[float, Order]] = {}
         for k in np.argsort(-worths[:, 0], kind="stable"):
             if worths[k, 0] == -math.inf or len(begun) == starts:
                 break
-            if orders[k]:
-                begun.setdefault(orders[k][0], (float(worths[k, 0]), orders[k]))
+            order = self._orders[numbers[k]]
+            if order:
+                begun.setdefault(order[0], (float(worths[k, 0]), order))
         for value, order in begun.values():
             self._climb(how, at, value, order)
 
@@ -251,32 +264,42 @@ class OrdersByBudget:
             fresh = [new for new in near if new not in self.number and self.volume(new) <= most]
             if fresh:
                 self._carry_out([here, *fresh], row, column)
-            best, better = max(
-                ((self.worth(new, how, at), new) for new in near if new in self.number),
-                key=lambda one: one[0], default=(value, here),
-            )  # fmt: skip
-            if best <= value:
+            numbers = np.array([self.number[new] for new in near if new in self.number], np.int64)
+            worths = self._worths(how, at, numbers=numbers)[0][:, 0]
+            if not len(numbers) or worths.max() <= value:
                 return
-            value, here = best, better
+            best = worths.argmax()
+            value, here = float(worths[best]), self._orders[numbers[best]]
 
     def _near(self, order: Order, *, holds: bool) -> list[Order]:
         """Return the orders that one change of an order leads to and that can be made, of one side."""
         known = self._neighbours.get(order)
         if known is None:
-            every = itertools.chain(changed(self.model, order), more(self.model, order))
+            every = itertools.chain(every_change(self.model, order), more(self.model, order))
             known = self._neighbours[order] = [
                 new
                 for new in dict.fromkeys(every)
-                if (self.asked in new) is holds and may_be_made(self.model, new)
+                if (self.asked in new) is holds and new != order and self._may_be_made(new)
             ]
         return known
 
     def look_at(self, orders: Iterable[Order]) -> None:
         """Work out the curves of orders, those that can be made."""
         every = dict.fromkeys(orders)
-        fresh = [order for order in every if order not in self.number and may_be_made(self.model, order)]
+        fresh = [order for order in every if order not in self.number and self._may_be_made(order)]
         for begin in range(0, len(fresh), AT_ONCE):
             self._carry_out(fresh[begin : begin + AT_ONCE])
+
+    def _may_be_made(self, order: Order) -> bool:
+        """Return whether all that must precede an observation stands before it, for each of an order."""
+        if not self._restricted:
+            return True
+        made = 0
+        for m in order:
+            if self.model.predecessors[m] & ~made:
+                return False
+            made |= 1 << m
+        return self.model.admits(made)
 
     def put_in(self, order: Order) -> list[Order]:
         """Return an order with the observation asked for at each place."""
@@ -298,16 +321,6 @@ class OrdersByBudget:
             self._climb(how, below, *max(valued))
         self.look_at(self.without(order) for _, order in self.best(how, at, holds=True))
         self.climb(how, at, holds=False)
-
-
-def may_be_made(model: Model, order: Order) -> bool:
-    """Return whether all that must precede an observation stands before it, for each of an order."""
-    made = 0
-    for m in order:
-        if model.predecessors[m] & ~made:
-            return False
-        made |= 1 << m
-    return model.admits(made)
 
 
 def more(model: Model, order: Order) -> Iterator[Order]:
