@@ -5,7 +5,6 @@
     python -m studies.domains --tuning                          # seeds that constants were set on;
     writes nothing
     python -m studies.domains --out docs --trackers             # odometry alone
-    python -m studies.domains --pictures-only                   # draws seeds and takes their pictures
 
 Domains: (a) the own renderer, (b) its geometry under the grain, albedo and blur of real Mars frames, (c) real
 stereo pairs turned and zoomed by known geometry and compressed to 1 to 4 bits a pixel, (d) MuJoCo's renderer
@@ -14,7 +13,7 @@ its outline. A run with a fault is counted on its own lines: an unknown jump of 
 board in front for two stops, the sun gone round.
 
 Domain (d) needs what `studies/common/mujoco_pictures.py` names: `pip install -r studies/offscreen.txt` and a
-driver that draws without a screen.
+driver that draws without a screen. The table is written anew after each seed.
 """
 
 from __future__ import annotations
@@ -73,35 +72,32 @@ class Figures:
         self.refused[key] += found[1]
 
 
-def runs(seeds: Seeds, domains: list[str], imagery: Path, folder: Path, faults: int) -> Iterator[Run]:
-    """Yield approaches: every seed in each domain, and of the first `faults` of them each fault."""
-    for number, seed in enumerate(seeds.values):
-        for domain in domains:
-            yield kept_run(domain, seed, seeds.purpose, imagery, folder)
-            for fault in FAULTS if number < faults else ():
-                yield kept_run(domain, seed, seeds.purpose, imagery, folder, fault)
+def runs(
+    seed: int, purpose: Purpose, arguments: argparse.Namespace, faults: tuple[Fault, ...]
+) -> Iterator[Run]:
+    """Yield the approaches of a seed in each domain that is rendered, and those with faults."""
+    for domain in (d for d in RENDERED if d in arguments.domains):
+        for fault in ("", *faults):
+            yield kept_run(domain, seed, purpose, arguments.imagery, arguments.pictures, fault)
 
 
-def measure(seeds: Seeds, arguments: argparse.Namespace) -> Figures:
-    """Return the rows of every tracker on every run."""
-    figures = Figures()
-    rendered = [domain for domain in RENDERED if domain in arguments.domains]
-    for run in runs(seeds, rendered, arguments.imagery, arguments.pictures, arguments.faults):
+def measure(
+    figures: Figures, seed: int, purpose: Purpose, arguments: argparse.Namespace, faults: tuple[Fault, ...]
+) -> None:
+    """Add the rows of every tracker on every run of a seed."""
+    for run in runs(seed, purpose, arguments, faults):
         started = time.process_time()
-        fault: Fault = run.fault
         for name in arguments.trackers:
-            figures.add((name, run.domain, "faults" if fault else "nominal"), follow(run, TRACKERS[name]))
-        if not fault:
+            figures.add((name, run.domain, "faults" if run.fault else "nominal"), follow(run, TRACKERS[name]))
+        if not run.fault:
             figures.steps[run.domain] += odometry(run)
         spent = time.process_time() - started
-        print(f"  {run.domain} {run.seed} {fault or 'nominal'}: {spent:.0f} s", flush=True)
-    for pair in PAIRS[seeds.purpose] if "warped" in arguments.domains else ():
-        for seed in seeds.values:
-            sights = warped_run(pair, seed, arguments.imagery)
-            for name in (n for n in arguments.trackers if TRACKERS[n] != "ncc-narrow"):  # it has no such pair
-                figures.add((name, "warped", "nominal"), follow_warped(sights, TRACKERS[name]))
-            figures.steps["warped"] += odometry_warped(sights)
-    return figures
+        print(f"  {run.domain} {run.seed} {run.fault or 'nominal'}: {spent:.0f} s", flush=True)
+    for pair in PAIRS[purpose] if "warped" in arguments.domains else ():
+        sights = warped_run(pair, seed, arguments.imagery)
+        for name in (n for n in arguments.trackers if TRACKERS[n] != "ncc-narrow"):  # it has no such pair
+            figures.add((name, "warped", "nominal"), follow_warped(sights, TRACKERS[name]))
+        figures.steps["warped"] += odometry_warped(sights)
 
 
 def tracker_table(figures: Figures) -> str:
@@ -200,22 +196,19 @@ def main() -> None:
     parser.add_argument("--tuning", action="store_true")
     parser.add_argument("--trackers", nargs="*", choices=list(TRACKERS), default=list(TRACKERS))
     parser.add_argument("--domains", nargs="+", choices=list(DOMAINS), default=list(DOMAINS))
-    parser.add_argument("--pictures-only", action="store_true")
     parser.add_argument("--imagery", type=Path, default=SHARED / "data/imagery")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "domains")
     arguments = parser.parse_args()
     chosen = tuning(arguments.worlds) if arguments.tuning else reporting(arguments.worlds, arguments.seed)
     print(f"{chosen.purpose} seeds {chosen.values}", flush=True)
-    if arguments.pictures_only:
-        rendered = [domain for domain in RENDERED if domain in arguments.domains]
-        for run in runs(chosen, rendered, arguments.imagery, arguments.pictures, arguments.faults):
-            print(f"  {run.domain} {run.seed} {run.fault or 'nominal'}: {len(run.halts)} stops", flush=True)
-        return
-    figures = measure(chosen, arguments)
+    figures = Figures()
+    for number, seed in enumerate(chosen.values):
+        faults = FAULTS if number < arguments.faults else ()
+        measure(figures, seed, chosen.purpose, arguments, faults)
+        if arguments.out is not None:
+            report(figures, Seeds(chosen.purpose, chosen.values[: number + 1]), arguments.out)
     print(tracker_table(figures))
     print(odometry_table(figures))
-    if arguments.out is not None:
-        report(figures, chosen, arguments.out)
 
 
 if __name__ == "__main__":

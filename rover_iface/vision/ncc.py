@@ -12,6 +12,7 @@ compared over a wider patch before one is believed. The gain of each is in `docs
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -27,6 +28,7 @@ from rover_iface.vision.gallery import Gallery
 from rover_iface.vision.narrow_range import KnownRange
 from rover_iface.vision.seen_relief import SeenRelief
 from rover_iface.vision.template import (
+    AS_GOOD,
     UNKNOWN_SHARE,
     WEIGHT_SHARE,
     Found,
@@ -52,6 +54,17 @@ KEYS = 3
 ASTRAY = 16.27
 """Squared distance, in deviations, of a match from where its target was expected, over which it is another
 spot: 99.9 % of chi square with three degrees of freedom."""
+NEAR_PX = 12
+"""How near to where it is expected a target lies: two deviations of what the mast and dead reckoning err
+over a step (3 % of 0.8 m and 0.3 degrees of heading at 8 m)."""
+SAME_PX = 4.0
+"""Matches nearer to each other than this are of one place: what the search keeps peaks apart by."""
+LOST, BELIEVED_M = 0.49, 0.05
+"""Most confidence in a lost target, and how near to where it is believed it should lie, across the line of
+sight: its confidence is the chance of that, times the most. Kim et al. 2009 count 3 cm as right."""
+LEAST_ALIKE = 0.1
+"""What is left of that chance where another range stands at its place, or none: dust, and a panel that stands
+in front, come with the right place too."""
 TAILS = 2.0
 """Times its usual error that a place may be expected beside: a rover that climbs slips by a third of its
 way."""
@@ -108,9 +121,11 @@ class _Judgement:
 class NccTracker:
     """Normalised cross-correlation with templates predicted from the pose estimate (a `Tracker`).
 
-    Its confidence is the least of four margins (correlation, stereo score, range correction, agreement
-    forwards and backwards), each scaled to be 0 at the limit where the target counts as lost and 1 at
-    perfect, passed through a logistic curve: 0.5 is the limit, 0.98 and more a clear match.
+    Its confidence in a target that it finds is the least of its margins (correlation, stereo score, range
+    correction, agreement forwards and backwards and more), each scaled to be 0 at the limit where the target
+    counts as lost and 1 at perfect, passed through a logistic curve: 0.5 is the limit, 0.98 and more a clear
+    match. In a lost one it is below that: it falls with what dead reckoning errs, and where another range is
+    seen at its place.
     """
 
     looks_twice: ClassVar[bool] = True
@@ -119,6 +134,7 @@ class NccTracker:
     def __init__(self, options: NccOptions | None = None) -> None:
         self.options = options or NccOptions()
         self.matcher = TemplateMatcher(self.options)
+        self.near = TemplateMatcher(replace(self.options, search_px=min(NEAR_PX, self.options.search_px)))
         self.watch = CoverageWatch()
         self._targets: dict[str, _Target] = {}
 
@@ -252,28 +268,57 @@ class NccTracker:
         """Find the target again after a move; see the module for the steps."""
         track = self._get(target)
         if track.update.state is TrackState.FAILED:
-            return track.update
+            return self._unseen(track, view, track.update.reasons, track.update.scores)
         judged = self._find(target, track, view)
         if isinstance(judged, TrackUpdate):
             track.update = judged
             return judged
         track.misses += 1
-        state = TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST
+        return self._unseen(track, view, tuple(judged.reasons), judged.scores)
+
+    def _unseen(
+        self, track: _Target, view: StereoView, reasons: tuple[str, ...], scores: Mapping[str, float]
+    ) -> TrackUpdate:
+        """Return the answer about a target that is not found: where it is believed, ever less surely."""
         moved = max(0.0, view.travelled_m - track.travelled_m)
         drift = (self.options.odometry_share / 3.0 * moved) ** 2
         told = track.expected
-        track.update = TrackUpdate(
-            target=target,
-            state=state,
+        covariance = track.update.covariance + drift * np.eye(3) if told is None else told[1]
+        ray = track.believed - view.left_camera.C
+        ray = ray / np.linalg.norm(ray)
+        along_m2 = float(ray @ covariance @ ray)
+        aside_m2 = 0.5 * (float(np.trace(covariance)) - along_m2)
+        chance = -math.expm1(-0.5 * BELIEVED_M**2 / aside_m2) * self._ranges_alike(track, view, along_m2)
+        track.update = replace(
+            track.update,
+            state=TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST,
             position=track.believed,
-            covariance=track.update.covariance + drift * np.eye(3) if told is None else told[1],
-            confidence=min(0.49, judged.confidence) * 0.6 ** (track.misses - 1),
+            covariance=covariance,
+            confidence=LOST * chance,
             pixel=NOWHERE.copy(),
-            reasons=tuple(judged.reasons),
-            scores=judged.scores,
+            reasons=reasons,
+            scores=scores,
         )
         track.travelled_m = view.travelled_m
         return track.update
+
+    def _ranges_alike(self, track: _Target, view: StereoView, along_m2: float) -> float:
+        """Return how well what stereo ranges at a lost target's place agrees with its range: 1 it does.
+
+        A pair ranges a face in any light; where the rover has turned farther than it knows, something else
+        stands there. `along_m2` is the variance of the believed range, m^2.
+        """
+        camera = view.left_camera
+        at, away = camera.project(track.believed), float(np.linalg.norm(track.believed - camera.C))
+        half = self.options.template_px // 2 + 2
+        if not (np.isfinite(at).all() and _within(at, view.left.shape, half)):
+            return LEAST_ALIKE
+        match = self._stereo(view, at, away, spread=0.5)
+        if match is None or match.score < self.options.stereo_limit:
+            return LEAST_ALIKE
+        off = float(np.linalg.norm(match.point - camera.C)) - away
+        variance = along_m2 + _depth_m2(match) + (self._range_error(view, away) / 3.0) ** 2
+        return max(LEAST_ALIKE, math.exp(-0.5 * off**2 / variance))
 
     # ---- one update
 
@@ -304,7 +349,8 @@ class NccTracker:
         self._judge_position(track, view, match, distance, judged)
         if self.options.surroundings_px:
             self._judge_surroundings(track, view, match, judged)
-            self._judge_identity(judged)
+            self._judge_identity(track, view, match, judged)
+            self._judge_where_expected(track, view, match, judged)
         if judged.reasons:
             return judged
         at, match, drift = self._against_first(track, view, at, match, drift, judged)
@@ -385,7 +431,9 @@ class NccTracker:
             f"correlation {score:.2f} is below {options.score_limit}",
         )
         if math.isfinite(options.back_check_px):
-            now = Template(view.left, camera, at, believed, last.normal, distance)
+            eye, ray = camera.back_project(at)
+            place, relief = eye + distance * ray, SeenRelief(view, distance) if by_ranges else None
+            now = Template(view.left, camera, at, place, last.normal, distance, relief=relief)
             back = scores["back_px"] = self.matcher.back_error(now, last)
             judged.limit(
                 1.0 - back / options.back_check_px,
@@ -427,16 +475,49 @@ class NccTracker:
         limit = self.options.surroundings_limit
         judged.limit((score - limit) / (1.0 - limit), f"its surroundings agree by {score:.2f}, below {limit}")
 
-    def _judge_identity(self, judged: _Judgement) -> None:
-        """Hold texture, surroundings and range together: another stone may pass each of them by a hair."""
+    def _judge_where_expected(
+        self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
+    ) -> None:
+        """Ask whether the place where a target is expected looks more like it than a match farther off.
+
+        In another light a target may correlate just below the limit at its own place, and the best match of
+        a wide search then lies on another spot of the rock.
+        """
+        camera, last = view.left_camera, track.last
+        prediction = camera.project(track.believed)
+        if float(np.hypot(*(match.left_px - prediction))) <= self.near.options.search_px:
+            return
+        template = self.near.predict(last, camera, prediction, track.believed)
+        found = None if template is None else self.near.search(view.left, template, prediction)
+        if found is None or float(np.hypot(*(found.pixel - match.left_px))) < SAME_PX:
+            return
+        eye, ray = camera.back_project(found.pixel)
+        place = eye + float(np.linalg.norm(track.believed - camera.C)) * ray
+        round_it = self.matcher.surroundings(last, view, found.pixel, np.asarray(place))
+        if round_it is None or not {"ncc", "surroundings"} <= judged.scores.keys():
+            return
+        there, here = found.score + round_it, judged.scores["ncc"] + judged.scores["surroundings"]
+        judged.scores["where_expected"] = there
+        judged.limit(
+            here - there - 2.0 * AS_GOOD,
+            f"where it is expected correlation and surroundings are {there:.2f} in all, here {here:.2f}",
+        )
+
+    def _judge_identity(
+        self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
+    ) -> None:
+        """Hold texture, surroundings, range and place together: another stone may pass each by a hair."""
         options, scores = self.options, judged.scores
         near = 1.0 - abs(scores["range_correction_m"]) / scores["range_tolerance_m"]
+        # three deviations off is where the margin ends; a rover may be turned farther than it knows
+        off_px = float(np.hypot(*(match.left_px - view.left_camera.project(track.believed))))
+        aside = max(-1.0, 1.0 - off_px / (1.5 * NEAR_PX))
         limit = options.surroundings_limit
         round_it = (scores.get("surroundings", limit) - limit) / (1.0 - limit)
-        identity = scores["identity"] = (near + judged.alike + round_it) / 3.0
+        identity = scores["identity"] = (near + aside + judged.alike + round_it) / 4.0
         judged.limit(
             (identity - options.identity_limit) / (1.0 - options.identity_limit),
-            f"texture, surroundings and range together give {identity:.2f}, below {options.identity_limit}",
+            f"texture, surroundings, range and place give {identity:.2f}, below {options.identity_limit}",
         )
 
     def _judge_position(

@@ -391,7 +391,7 @@ class TemplateMatcher:
         better place elsewhere counts only if the patch, its shape left free as in the search forwards, does
         not fit as well at its own: a slant that is off by some degrees moves the peak of whole pixels.
         """
-        template = self.predict(now, before.camera, before.pixel, before.point)
+        template = self._seen_before(now, before)
         if template is None:
             return 0.0
         found = self._nearby(before.image, template, before.pixel)
@@ -403,6 +403,16 @@ class TemplateMatcher:
         own_score, _ = self.align(before.image, template, own, half)
         other_score, _ = self.align(before.image, template, other, half)
         return float(np.hypot(*(own - before.pixel))) if own_score >= other_score - AS_GOOD else away
+
+    def _seen_before(self, now: Template, before: Template) -> Image | None:
+        """Return what the old view should show of `now`: by its ranges, if any, else over its plane."""
+        if now.relief is not None:
+            half, inner = self.options.context_px // 2, self.options.template_px // 2
+            seen = now.relief.seen_by(before.camera, before.point, before.point - now.point, half)
+            middle = slice(half - inner, half + inner + 1)
+            if seen is not None and np.isnan(seen[middle, middle]).mean() <= UNKNOWN_SHARE:
+                return seen
+        return self.predict(now, before.camera, before.pixel, before.point)
 
     def _nearby(self, image: Image, template: Image, at: Array) -> Array | None:
         import cv2

@@ -240,7 +240,7 @@ def _pair(
     return shots[0], shots[1]
 
 
-def _targets(world: _World, halts: list[Halt], rng: np.random.Generator, count: int = 3) -> list[Target]:
+def _targets(world: _World, halts: list[Halt], rng: np.random.Generator, count: int = 5) -> list[Target]:
     import cv2
 
     first = halts[0].left
