@@ -59,12 +59,14 @@ Key = tuple[str, str, str]
 
 
 class Figures:
-    """Rows of all runs, by tracker, domain and kind."""
+    """Rows of all runs, by tracker, domain and kind, and the commit whose code they are of."""
 
     def __init__(self) -> None:
         self.rows: dict[Key, list[Row]] = defaultdict(list)
         self.refused: dict[Key, int] = defaultdict(int)
         self.steps: dict[str, list[OdometryRow]] = defaultdict(list)
+        head = ["git", "rev-parse", "--short", "HEAD"]
+        self.commit = subprocess.run(head, capture_output=True, text=True, check=True).stdout.strip()
 
     def add(self, key: Key, found: tuple[list[Row], int]) -> None:
         """Take what `follow` has found."""
@@ -75,16 +77,16 @@ class Figures:
 def runs(
     seed: int, purpose: Purpose, arguments: argparse.Namespace, faults: tuple[Fault, ...]
 ) -> Iterator[Run]:
-    """Yield the approaches of a seed in each domain that is rendered, and those with faults."""
+    """Yield the approaches of a seed in each domain that is rendered, with each of some faults ("": none)."""
     for domain in (d for d in RENDERED if d in arguments.domains):
-        for fault in ("", *faults):
+        for fault in faults:
             yield kept_run(domain, seed, purpose, arguments.imagery, arguments.pictures, fault)
 
 
 def measure(
     figures: Figures, seed: int, purpose: Purpose, arguments: argparse.Namespace, faults: tuple[Fault, ...]
 ) -> None:
-    """Add the rows of every tracker on every run of a seed."""
+    """Add the rows of every tracker on the runs of a seed with each of some faults ("": none)."""
     for run in runs(seed, purpose, arguments, faults):
         started = time.process_time()
         for name in arguments.trackers:
@@ -93,7 +95,7 @@ def measure(
             figures.steps[run.domain] += odometry(run)
         spent = time.process_time() - started
         print(f"  {run.domain} {run.seed} {run.fault or 'nominal'}: {spent:.0f} s", flush=True)
-    for pair in PAIRS[purpose] if "warped" in arguments.domains else ():
+    for pair in PAIRS[purpose] if "warped" in arguments.domains and "" in faults else ():
         sights = warped_run(pair, seed, arguments.imagery)
         for name in (n for n in arguments.trackers if TRACKERS[n] != "ncc-narrow"):  # it has no such pair
             figures.add((name, "warped", "nominal"), follow_warped(sights, TRACKERS[name]))
@@ -177,10 +179,8 @@ def report(figures: Figures, seeds: Seeds, docs: Path) -> None:
     """
     if seeds.purpose is not Purpose.REPORTING:
         raise ValueError("figures of tuning seeds are not reported")
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True
-    ).stdout.strip()
-    note = f"Seeds {seeds.values[0]} to {seeds.values[-1]}, drawn when the command ran; commit {commit}."
+    drawn = f"Seeds {seeds.values[0]} to {seeds.values[-1]}"
+    note = f"{drawn}, drawn when the command ran; commit {figures.commit}."
     if figures.rows:
         write_section(docs, "tracking", "domains", f"{note}\n\n{tracker_table(figures)}")
     write_section(docs, "tracking", "odometry", f"{note}\n\n{odometry_table(figures)}")
@@ -202,8 +202,10 @@ def main() -> None:
     chosen = tuning(arguments.worlds) if arguments.tuning else reporting(arguments.worlds, arguments.seed)
     print(f"{chosen.purpose} seeds {chosen.values}", flush=True)
     figures = Figures()
-    for number, seed in enumerate(chosen.values):
-        faults = FAULTS if number < arguments.faults else ()
+    nominal = [(seed, ("",)) for seed in chosen.values]
+    for number, (seed, faults) in enumerate(
+        [*nominal, *((s, FAULTS) for s in chosen.values[: arguments.faults])]
+    ):
         measure(figures, seed, chosen.purpose, arguments, faults)
         if arguments.out is not None:
             report(figures, Seeds(chosen.purpose, chosen.values[: number + 1]), arguments.out)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -314,3 +315,48 @@ def test_a_noisy_match_does_not_widen_its_own_tolerance_without_end(
     assert update.state is not TrackState.TRACKED
     assert update.scores["range_tolerance_m"] < 1.5
     assert any("range corrected" in reason for reason in update.reasons)
+
+
+def inverted(seen: StereoView) -> StereoView:
+    """Return a pair as its negative: nothing correlates, but ranges are what they were."""
+    return replace(seen, left=np.float32(1.0) - seen.left, right=np.float32(1.0) - seen.right)
+
+
+def test_confidence_in_a_lost_target_falls_with_the_way_and_where_another_range_stands() -> None:
+    told: dict[float, list[float]] = {}
+    for heading_error in (0.0, 0.12):
+        tracker = NccTracker()
+        tracker.start("T1", None, view(-8.0)[0], pixel=target_pixel()[0])
+        told[heading_error] = []
+        for x in approach()[1:6]:
+            about = Transform.from_rpy(0.0, 0.0, heading_error)
+            here = np.array([x, 0.0, 0.0])
+            error = Transform(about.rotation, here - about.rotate(here))
+            now, _ = view(x, error=error, travelled_m=x + 8.0)
+            update = tracker.update("T1", inverted(now))
+            assert update.state in (TrackState.LOST, TrackState.FAILED)
+            told[heading_error].append(update.confidence)
+    assert update.state is TrackState.FAILED
+    assert all(0.0 < one < 0.5 for one in told[0.0])
+    assert all(later < sooner for sooner, later in pairwise(told[0.0]))
+    assert told[0.12][0] < 0.5 * told[0.0][0]
+
+
+def test_a_twin_far_from_the_prediction_is_refused_where_the_expected_place_looks_more_alike() -> None:
+    tracker = NccTracker()
+    tracker.start("T1", None, view(-8.0)[0], pixel=target_pixel()[0])
+    now, left = view(-7.2, travelled_m=0.8)
+    right = frames(-7.2, 0.0, 0.0, 0.0)[1]
+    pictures = []
+    for seen, frame in ((now.left, left), (now.right, right)):
+        x, y = np.round(frame.camera.project(target_pixel()[1])).astype(int)
+        image = seen.copy()
+        # 35 px aside stands what the spot looked like; the spot itself is spoilt, as by another light
+        image[y - 20 : y + 21, x - 55 : x - 14] = seen[y - 20 : y + 21, x - 20 : x + 21]
+        core = seen[y - 12 : y + 13, x - 12 : x + 13]
+        noise = np.random.default_rng(4).permutation(core.ravel()).reshape(core.shape)
+        image[y - 12 : y + 13, x - 12 : x + 13] = np.float32(0.6) * core + np.float32(0.4) * noise
+        pictures.append(image)
+    update = tracker.update("T1", replace(now, left=pictures[0], right=pictures[1]))
+    assert update.state is TrackState.LOST, update.scores
+    assert any("where it is expected" in reason for reason in update.reasons)
