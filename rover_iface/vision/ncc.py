@@ -313,6 +313,8 @@ class NccTracker:
         half = self.options.template_px // 2 + 2
         if not (np.isfinite(at).all() and _within(at, view.left.shape, half)):
             return LEAST_ALIKE
+        if not (np.isfinite(view.left).all() and np.isfinite(view.right).all()):
+            return LEAST_ALIKE
         match = self._stereo(view, at, away, spread=0.5)
         if match is None or match.score < self.options.stereo_limit:
             return LEAST_ALIKE
