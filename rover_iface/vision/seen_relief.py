@@ -38,8 +38,10 @@ class SeenRelief:
 
     @cached_property
     def cloud(self) -> Cloud | None:
-        """Return what the pair ranges, None where it cannot be aligned."""
+        """Return what the pair ranges, None where it cannot be aligned or has pixels without a number."""
         view = self.view
+        if not (np.isfinite(view.left).all() and np.isfinite(view.right).all()):
+            return None
         try:
             return dense_stereo(
                 view.left,
