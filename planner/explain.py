@@ -75,7 +75,8 @@ def compare_plans(
     With `other`, B is run on that problem instead (a what-if of the same shape).
     """
     one = simulate(Model.of(problem), a, futures, seed=seed)
-    two = simulate(Model.of(other or problem), b, futures, seed=seed)
+    same = other is None and a == b
+    two = one if same else simulate(Model.of(other or problem), b, futures, seed=seed)
     difference = one.utility - two.utility
     tail = max(1, futures // 20)
     return Comparison(

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.contingency.why_not.tabled_futures import TabledFutures, work_out_drive
-from planner.evaluate.model import Floats, Ints, Model
+from planner.evaluate.model import Floats, Ints, Model, Truths
 from planner.evaluate.rollout import Costs, World
 
 TIME, ENERGY, BOTH = 0, 1, 2
@@ -67,18 +67,21 @@ def ways_of(model: Model) -> Ints:
 
 
 @njit(cache=True, nogil=True)
-def steps_of(order: Ints, world: World, ways: Ints) -> Ints:
-    """Return the steps of the plan of an order, [steps, 2]: kind, and place or observation."""
-    steps = np.empty((order.shape[0] * (world.n + 1), 2), np.int64)
+def steps_of(order: Ints, obs_place: Ints, is_place: Truths, ways: Ints) -> Ints:
+    """Return the steps of the plan of an order [n], [steps, 2]: kind, and place or observation.
+
+    `obs_place` [m] and `is_place` [m] are those of `World`, `ways` [places, places] as `ways_of` gives them.
+    """
+    steps = np.empty((order.shape[0] * ways.shape[0], 2), np.int64)
     count, place = 0, np.int64(0)
     for k in range(order.shape[0]):
-        target = world.obs_place[order[k]]
+        target = obs_place[order[k]]
         if target != place:
             for_track = True
             for j in range(k, order.shape[0]):
-                if world.obs_place[order[j]] != target:
+                if obs_place[order[j]] != target:
                     break
-                for_track = for_track and world.is_place[order[j]]
+                for_track = for_track and is_place[order[j]]
             while ways[place, target] != target:
                 place = ways[place, target]
                 steps[count, 0], steps[count, 1] = DRIVE, place
@@ -89,6 +92,34 @@ def steps_of(order: Ints, world: World, ways: Ints) -> Ints:
         steps[count, 0], steps[count, 1] = OBSERVE, order[k]
         count += 1
     return steps[:count]
+
+
+@njit(cache=True, nogil=True)
+def work_out_drives(orders: Ints, sizes: Ints, ways: Ints, world: World, futures: TabledFutures) -> None:
+    """Work out the drives that orders may take, rows of `orders` [n, most] of which the first `sizes` count.
+
+    `ways` [places, places] as `ways_of` gives them.
+    """
+    n1 = world.n + 1
+    missing = np.zeros(n1, np.int64)
+    for a in range(n1):
+        for b in range(n1):
+            if a != b and world.has_leg[a, b] and not futures.ready[a, b]:
+                missing[b] |= 1 << a
+    if not missing.any():
+        return
+    for number in range(orders.shape[0]):
+        steps = steps_of(orders[number, : sizes[number]], world.obs_place, world.is_place, ways)
+        come_to = np.int64(1)
+        for k in range(steps.shape[0]):
+            i = steps[k, 1]
+            if steps[k, 0] == OBSERVE:
+                continue
+            for a in range(n1):
+                if (missing[i] & come_to) >> a & 1:
+                    work_out_drive(world, futures, a, i)
+            missing[i] &= ~come_to
+            come_to |= 1 << i
 
 
 @njit(inline="always")
@@ -255,7 +286,7 @@ def carry_out(
     `asked` is made in rows 3..5; `costs` has the budgets of the largest factor. Where `row` is
     not negative, the first order is the rival, whose curve is known: another that is `HOPELESS` behind it
     at factor number `at` on what that row widens, after the futures of an inner level, gets no curve.
-    `windows` are [m, 2].
+    `windows` are [m, 2]. The drives must be worked out (`work_out_drives`).
 
     A step is taken in `LANES` futures before the next, in short loops without branches: a processor does
     several futures of those at once. Compiled helpers that take the tuples make it nine times as slow.
@@ -266,29 +297,22 @@ def carry_out(
     gained, rival = np.empty((6, most + 1)), np.empty(count)
     t_tight = scale.time_s * (scale.factors[at] if row != ENERGY else 1.0) * (1.0 + SHADE)
     e_tight = scale.energy_j * (scale.factors[at] if row != TIME else 1.0) * (1.0 + SHADE)
-    legs, missing = np.zeros(n1, np.int64), np.zeros(n1, np.int64)
+    legs = np.zeros(n1, np.int64)
     for a in range(n1):
         for b in range(n1):
             if a != b and world.has_leg[a, b]:
                 legs[b] |= 1 << a
-                missing[b] |= (not futures.ready[a, b]) << a
     parts = _parts_of(futures.levels, row >= 0)
     real, whole = np.empty((6, LANES)), np.empty((9, LANES), np.int64)
     for number in range(orders.shape[0]):
-        steps = steps_of(orders[number, : sizes[number]], world, ways)
-        starts, started, holds, come_to = np.int64(0), np.int64(0), False, np.int64(1)
+        steps = steps_of(orders[number, : sizes[number]], world.obs_place, world.is_place, ways)
+        starts, started, holds = np.int64(0), np.int64(0), False
         for k in range(steps.shape[0]):
             i = steps[k, 1]
             if steps[k, 0] == OBSERVE:
                 holds = holds or i == asked
                 if world.is_place[i]:
                     starts |= 1 << world.obs_place[i]
-                continue
-            for a in range(n1):
-                if (missing[i] & come_to) >> a & 1:
-                    work_out_drive(world, futures, a, i)
-            missing[i] &= ~come_to
-            come_to |= 1 << i
         for p in range(1, n1):
             started += (starts >> p) & 1
         behind, squares = 0.0, 0.0

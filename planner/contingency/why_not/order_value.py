@@ -9,6 +9,7 @@ they take a fifth of the time.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numba import njit
@@ -33,9 +34,13 @@ evaluator's.
 
 SETTLED = 1e-3
 """Share of a value by which the finer of the quick grids may be off, as both tell; where it is off by more,
-the evaluator's are asked. About half of it is left after the extrapolation. On one day in eight (seed
-442739731) quick values alone were off by 1 %.
+the evaluator's finer grid is asked. About half of it is left after the extrapolation. On one day in eight
+(seed 442739731) quick values alone were off by 1 %.
 """
+
+
+Kinds = list[tuple[float, Costs, World, Floats]]
+"""Chance, costs, world and windows of each kind of sol."""
 
 
 class OrderValues:
@@ -46,7 +51,8 @@ class OrderValues:
         self.model, self.quick = model, quick
         self._ways = ways_of(model)
         self._known: dict[Order, float] = {}
-        self._kinds = [
+        self._roughly: dict[Order, tuple[float, float]] = {}
+        self._kinds: Kinds = [
             (chance, Costs.of(known), World.of(known, known.utility * known.p_success), known.window)
             for chance, known in model.by_kind
         ]
@@ -55,11 +61,21 @@ class OrderValues:
         """Return the expected utility of the plan of an order, as the evaluator gives it."""
         known = self._known.get(order)
         if known is None:
-            known = self._known[order] = self._value(order)
+            known = self._known[order] = self._settled(order, self._kinds, *self._rough(order))
         return known
 
-    def _value(self, order: Order) -> float:
-        return self._extrapolated(order, self._kinds)
+    def best(self, orders: Iterable[Order]) -> Order:
+        """Return the best of orders. Larger grids are asked of those only that may be, as far as the smaller
+        ones are off.
+        """
+        rough = {order: self._rough(order) for order in orders}
+        least = max(value - abs(value - fine) for value, fine in rough.values())
+        near = [order for order, (value, fine) in rough.items() if value + abs(value - fine) >= least]
+        return max(near, key=lambda order: self[order])
+
+    def poor(self, orders: Iterable[Order], most: float) -> list[Order]:
+        """Return those of orders that are worth less than so much, where `best` has not shown better."""
+        return [order for order in orders if self._known.get(order, self._rough(order)[0]) < most]
 
     def chance(self, order: Order, asked: int) -> float:
         """Return the chance that an order makes an observation."""
@@ -68,30 +84,38 @@ class OrderValues:
             for chance, costs, world, windows in self._kinds
             for only_one in [np.eye(self.model.m)[asked]]
         ]
-        made: float = self._extrapolated(order, kinds)
-        return made
+        return self._settled(order, kinds, *self._extrapolated(order, kinds))
 
-    def _extrapolated(self, order: Order, kinds: list[tuple[float, Costs, World, Floats]]) -> float:
-        if self.quick:
-            value, fine = self._on(QUICK, order, kinds)
-            if abs(value - fine) <= SETTLED * abs(value):
-                return value
-        return self._on((COARSE, FINE), order, kinds)[0]
+    def _rough(self, order: Order) -> tuple[float, float]:
+        """Return the value as the first two grids tell it, and as the finer of them alone does."""
+        known = self._roughly.get(order)
+        if known is None:
+            known = self._roughly[order] = self._extrapolated(order, self._kinds)
+        return known
 
-    def _on(
-        self, grids: tuple[Nodes, Nodes], order: Order, kinds: list[tuple[float, Costs, World, Floats]]
-    ) -> tuple[float, float]:
-        """Return the value as two grids tell it (Richardson), and as the finer alone does."""
+    def _extrapolated(self, order: Order, kinds: Kinds) -> tuple[float, float]:
+        grids = QUICK if self.quick else (COARSE, FINE)
+        coarse, fine = (self._on(nodes, order, kinds) for nodes in grids)
+        return _towards(grids, coarse, fine), fine
+
+    def _settled(self, order: Order, kinds: Kinds, value: float, fine: float) -> float:
+        """Return the value, with the evaluator's finest grid where smaller ones have not settled."""
+        if not self.quick or abs(value - fine) <= SETTLED * abs(value):
+            return value
+        return _towards((QUICK[1], FINE), fine, self._on(FINE, order, kinds))
+
+    def _on(self, nodes: Nodes, order: Order, kinds: Kinds) -> float:
         numbers = np.array(order, np.int64)
-        coarse, fine = (
-            sum(
-                chance * value_on(numbers, self._ways, costs, world, windows, *nodes)
-                for chance, costs, world, windows in kinds
-            )
-            for nodes in grids
+        return sum(
+            chance * value_on(numbers, self._ways, costs, world, windows, *nodes)
+            for chance, costs, world, windows in kinds
         )
-        ratio = (grids[1][0] - 1) / (grids[0][0] - 1)
-        return fine + (fine - coarse) / (ratio**2 - 1.0), fine
+
+
+def _towards(grids: tuple[Nodes, Nodes], coarse: float, fine: float) -> float:
+    """Return what the values on two grids tend to (Richardson)."""
+    ratio = (grids[1][0] - 1) / (grids[0][0] - 1)
+    return fine + (fine - coarse) / (ratio**2 - 1.0)
 
 
 @njit(cache=True, nogil=True)
@@ -197,7 +221,7 @@ def value_on(order: Ints, ways: Ints, costs: Costs, world: World, windows: Float
 
     `ways` [places, places] as `ways_of` gives them, `windows` [m, 2].
     """
-    steps = steps_of(order, world, ways)
+    steps = steps_of(order, world.obs_place, world.is_place, ways)
     length, n1 = steps.shape[0], world.n + 1
     starts, started = np.int64(0), 0
     for k in range(length):

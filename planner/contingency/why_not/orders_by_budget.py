@@ -22,7 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.contingency.order_in_futures import Order, every_change
-from planner.contingency.why_not.order_run import BOTH, ENERGY, TIME, Scale, carry_out, ways_of
+from planner.contingency.why_not.order_run import (
+    BOTH,
+    ENERGY,
+    TIME,
+    Scale,
+    carry_out,
+    ways_of,
+    work_out_drives,
+)
 from planner.contingency.why_not.tabled_futures import TabledFutures
 from planner.evaluate.model import LEAST, Floats, Model
 from planner.evaluate.rollout import Costs, World
@@ -136,6 +144,7 @@ class OrdersByBudget:
             self._curves = np.concatenate([self._curves, np.empty_like(self._curves)])
             self._held = np.concatenate([self._held, self._held])
             self._needs = np.concatenate([self._needs, self._needs])
+        work_out_drives(table, sizes, self._ways, self._world, self.futures)
         kept = carry_out(
             table, sizes, self._ways, self._costs, self._world, self.windows, self.futures, self._scale,
             self.asked, row, at, self._curves[first:],

@@ -96,18 +96,22 @@ class Question:
             return (), ()
         self.orders.search(how, 0)
         worth = OrderValues(model, quick=True)
-        values: dict[Plan, float] = {(): 0.0}
-        forced: dict[Plan, float] = {}
+        sides: list[list[Order]] = []
         for holds in (True, False):
             self.closer.look_at(order for _, order in self.orders.best(how, 0, holds=holds, most=NEAR))
-            for order in alike(self.closer, how, 0, holds=holds):
-                plan = route_plan(model, order)
-                program = compile_plan(model, plan)
-                values[plan] = worth[order]
-                if holds and not run_in(model, program, program.entry).over:
-                    forced[plan] = values[plan]
-        best = max(values, key=lambda plan: values[plan])
-        return max(forced, key=lambda plan: forced[plan], default=()), best
+            sides.append(alike(self.closer, how, 0, holds=holds))
+        makes = [order for order in sides[0] if self._keeps_to_budgets(order)]
+        every = [order for side in sides for order in side]
+        best = worth.best(every) if every else ()
+        return (
+            route_plan(model, worth.best(makes)) if makes else (),
+            route_plan(model, best) if every and worth[best] > 0.0 else (),
+        )
+
+    def _keeps_to_budgets(self, order: Order) -> bool:
+        """Return whether the tracks that an order starts leave something of the budgets."""
+        program = compile_plan(self.model, route_plan(self.model, order))
+        return not run_in(self.model, program, program.entry).over
 
 
 def alike(orders: OrdersByBudget, how: Widened, at: int, *, holds: bool) -> list[Order]:

@@ -132,9 +132,9 @@ def _valued(
     ]  # fmt: skip
     if not with_it:
         return None
-    other = max((values[o] for o in without), default=0.0)
-    best = max(with_it, key=lambda o: values[o])
+    other = values[values.best(without)] if without else 0.0
+    best = values.best(with_it)
     for side, most in ((with_it, values[best]), (without, other)):
-        poor.update((o, at) for o in side if values[o] < most - POOR * abs(most))
+        poor.update((o, at) for o in values.poor(side, most - POOR * abs(most)))
     lead = values[best] - AHEAD * abs(values[best]) - max(0.0, other)
     return lead, (factor, best)
