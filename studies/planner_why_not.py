@@ -138,6 +138,7 @@ def main() -> None:
     rng, began = np.random.default_rng(seed), time.monotonic()
     short: list[float] = []
     used: list[float] = []
+    texts: list[str] = []
     told, unverified, late, early = 0, 0, 0, 0
     missed: list[str] = []
     while len(short) < options.questions and time.monotonic() - began < options.seconds:
@@ -157,6 +158,7 @@ def main() -> None:
             if not found.forced:
                 continue
             used.append(took)
+            texts.append(f"{o.id}: {found.reason}")
             best = best_of(problem, ranked, str(o.id))
             scale = max(best_of(problem, ranked, None), abs(best))
             short.append((best - fine.value(found.forced).value) / scale)
@@ -172,12 +174,12 @@ def main() -> None:
                 if over < -TIE or (under > TIE and relaxation.factor > CLOSE):
                     missed.append(f"{o.id} {relaxation.what} {relaxation.factor}: {under:+.4f} {over:+.4f}")
     worst = max(short, default=0.0)
-    within = sum(value <= 0.001 for value in short)
+    within, soon = sum(value <= 0.001 for value in short), sum(took <= WANTED_S for took in used)
     print(
         f"{len(short)} questions at {options.targets} targets: forced plan within 0.1 % of the best order on "
         f"{within}, worst {worst:.3%}; {told} relaxations told, {unverified} without a plan; processor "
-        f"{np.median(used):.2f} s in the median, at most {WANTED_S} s on {sum(t <= WANTED_S for t in used)}, "
-        f"{max(used):.2f} at most"
+        f"{np.median(used):.2f} s in the median, at most {WANTED_S} s on {soon} of {len(used)}; "
+        f"the dearest {max(used):.2f} s, {texts[int(np.argmax(used))]}"
     )
     print(
         f"of the relaxations {early} come too early and {late} too late by more than 1 %", *missed, sep="\n  "
