@@ -22,7 +22,7 @@ from rover_iface.cameras.stereo import PointMatch, triangulate
 from rover_iface.frames import Transform
 from rover_iface.vision.drape import SIGMA_PX, Draped, DrapeOptions, find_draped, on_plane, range_pixel
 from rover_iface.vision.handoff import Handoff, Side
-from rover_iface.vision.shape_draped import lay, ranged_by, surface_under
+from rover_iface.vision.shape_draped import lay, ranged_by, surface_at, surface_under
 from rover_iface.vision.tracker import StereoView
 
 RANGE_PX = 0.15
@@ -44,6 +44,9 @@ class CascadeOptions:
         Correlation below which the target's own patch is not recognised.
     agree_px
         How far consensus and the target's own patch may be apart.
+    overrule
+        Patches that overrule the target's own where it is found elsewhere, as the border of a shadow is that
+        has moved since; None if such a target is refused.
     most_error_px
         Largest stated error that is accepted.
     """
@@ -54,6 +57,7 @@ class CascadeOptions:
     surface_m: float = 0.02
     own_score: float = 0.45
     agree_px: float = 1.5
+    overrule: int | None = None
     most_error_px: float = 2.0
 
 
@@ -103,7 +107,7 @@ def cascade(given: Handoff, which: str, options: CascadeOptions | None = None) -
     if best is None or best.motion.inliers < options.drape.least_agree:
         count = 0 if best is None else best.motion.inliers
         why = f"{count} patches agree; {options.drape.least_agree} are needed"
-        if best is None and surface_under(given.hazcam, side.view.left_camera, pixel) is None:
+        if surface_under(given.hazcam, side.view.left_camera, pixel) is None:
             why = "missing stereo: the hazcams do not range the surface where the target should be"
         return _refused(Transform.identity(), why)
     return _tested(side, given.hazcam, pixel, best, options)
@@ -121,37 +125,40 @@ def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: Casc
     """Return the answer of consensus and own patch together, refused where they disagree."""
     motion, scene = found.scene_from_source, hazcam.view
     standing, camera = side.view.left_camera.transformed(motion), scene.left_camera
-    under = surface_under(hazcam, standing, pixel)
+    index, right = ranged_by(side, found)
+    told = _told(side, standing, pixel, found, index, right)
+    under = _under(hazcam, standing, pixel, told)
     if under is None:
         return _refused(motion, "missing stereo: the hazcams do not range the surface there")
-    index, right = ranged_by(side, found)
-    place = _placed(side, standing, pixel, under, _lifted(under[1], scene), found, index, right)
+    place = _placed(standing, pixel, under, scene, found, told)
     expected = np.asarray(camera.project(place.point))
     patch = replace(under[1], point=place.point, left_px=expected)
-    blind = _blind(standing, scene, pixel, patch, place.sigma_m, found)
+    blind = place.open_px(camera)
     own = find_draped(
         side.view.left, standing, pixel, scene, patch, options.drape.search_px[-1], options.drape.context_px
     )
     score = 0.0 if own is None else own[1]
-    if own is not None and score >= options.own_score:
-        gap = float(np.hypot(*(own[0] - expected)))
-        if gap > options.agree_px + 2.0 * blind:
-            return _refused(motion, f"consensus and the target's own patch are {gap:.1f} px apart")
+    why = f"the target's own patch scores {score:.2f} of {options.own_score}"
+    gap = 0.0 if own is None else float(np.hypot(*(own[0] - expected)))
+    recognised = own is not None and score >= options.own_score
+    if recognised and gap > options.agree_px + 2.0 * blind:
+        why = f"consensus and the target's own patch are {gap:.1f} px apart"
+        if options.overrule is None or found.motion.inliers < options.overrule:
+            return _refused(motion, why)
+        recognised = False
+    if own is not None and recognised:
         weight = 1.0 / (1.0 + (SIGMA_PX / max(blind, 1e-6)) ** 2)
         at = weight * own[0] + (1.0 - weight) * expected
         error = math.hypot(0.5 * gap, math.sqrt(weight) * SIGMA_PX)
     else:
         # not to be recognised: both pairs must have the surface in one place
         at, error = expected, 1.5 * blind
-        why = f"the target's own patch scores {score:.2f} of {options.own_score}"
         if found.motion.inliers < options.many_agree or blind > options.blind_px:
             agree_on = f"{found.motion.inliers} patches leave {blind:.1f} px"
             return _refused(motion, f"{why}, and {agree_on} ({options.many_agree}, {options.blind_px} px)")
         if not place.gap_m <= options.surface_m:
-            told = (
-                f"has it {100 * place.gap_m:.1f} cm away" if math.isfinite(place.gap_m) else "does not tell"
-            )
-            return _refused(motion, f"{why}, and the navcams' stereo {told}")
+            has = f"has it {100 * place.gap_m:.1f} cm away" if told is not None else "does not tell"
+            return _refused(motion, f"{why}, and the navcams' stereo {has}")
     if error > options.most_error_px:
         return _refused(motion, f"the error may be {error:.1f} px; {options.most_error_px} is the limit")
     again = range_pixel(scene, at, float(np.linalg.norm(place.point - camera.C)))
@@ -169,49 +176,105 @@ def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: Casc
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Place:
-    """Where the target is on its ray (3,), how sure, and how far apart the two pairs have it."""
+    """Where the target is on its ray (3,), m, the covariance of that (3, 3), m^2, and how far apart the two
+    pairs have it.
+    """
+
+    point: Array
+    covariance: Array
+    gap_m: float
+
+    def open_px(self, camera: CameraModel) -> float:
+        """Return what the covariance leaves open of the target in a camera's picture, pixels."""
+        there = camera.jacobian(self.point)
+        return math.sqrt(0.5 * float(np.trace(there @ self.covariance @ there.T)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """Where the navcams' own stereo has the target (3,), m, frame of the hazcams, and its error along the
+    ray, m.
+    """
 
     point: Array
     sigma_m: float
-    gap_m: float
 
 
-def _placed(
+def _told(
     side: Side,
     standing: CameraModel,
     pixel: Array,
-    under: tuple[Array, PointMatch],
-    lifted: PointMatch,
     found: Draped,
     index: npt.NDArray[np.int64],
     right: Array,
+) -> _Told | None:
+    """Return the target by the navcams' stereo; what their disparities are off is taken from the agreeing
+    patches first. None where it is not found or too few tell.
+    """
+    own = side.point(pixel)
+    if own is None or len(index) < 6:
+        return None
+    other = side.view.right_camera.transformed(found.scene_from_source)
+    wrong = np.median(right - other.project(found.points[index]), axis=0)
+    point = triangulate(standing, other, pixel[None], (own.right_px - wrong)[None])[0][0]
+    away = float(np.linalg.norm(point - standing.C))
+    return _Told(point, RANGE_PX * away**2 / (standing.hs * float(np.linalg.norm(other.C - standing.C))))
+
+
+def _under(
+    hazcam: Side, standing: CameraModel, pixel: Array, told: _Told | None
+) -> tuple[Array, PointMatch] | None:
+    """Return the surface under a pixel as the hazcams range it: along a ray that passes an edge there are two
+    that it may meet, and the navcams' stereo says which.
+    """
+    first = surface_under(hazcam, standing, pixel)
+    if told is None:
+        return first
+    second = surface_at(hazcam.view, standing, pixel, told.point)
+    both = [found for found in (first, second) if found is not None]
+    return min(both, key=lambda found: float(np.linalg.norm(found[0] - told.point)), default=None)
+
+
+def _placed(
+    standing: CameraModel,
+    pixel: Array,
+    under: tuple[Array, PointMatch],
+    scene: StereoView,
+    found: Draped,
+    told: _Told | None,
 ) -> _Place:
     """Return the target's place by the hazcams' surface and the navcams' stereo, by what each can know.
 
-    `lifted` is the surface as far off as the hazcams' stereo may be. What the navcams' disparities are off is
-    taken from the agreeing patches first. Where the two contradict each other by more than chance allows the
-    hazcams are believed.
+    Where the two contradict each other by more than chance allows the hazcams are believed.
     """
-    place, _ = under
+    place, patch = under
     origin, ray = standing.back_project(pixel)
-    met = on_plane(standing, pixel, lifted)
-    sigma = math.inf if met is None else float(np.linalg.norm(met - place))
-    own = side.point(pixel)
-    if own is None or len(index) < 6:
-        return _Place(place, sigma, math.inf)
-    other = side.view.right_camera.transformed(found.scene_from_source)
-    wrong = np.median(right - other.project(found.points[index]), axis=0)
-    there = triangulate(standing, other, pixel[None], (own.right_px - wrong)[None])[0][0]
-    gap = float((there - place) @ ray)
-    away = float(np.linalg.norm(place - standing.C))
-    noise = RANGE_PX * away**2 / (standing.hs * float(np.linalg.norm(other.C - standing.C)))
-    if not abs(gap) < 3.0 * math.hypot(sigma, noise):
-        return _Place(place, sigma, abs(gap))
-    share = sigma**2 / (sigma**2 + noise**2) if math.isfinite(sigma) else 1.0
+    met = on_plane(standing, pixel, _lifted(patch, scene))
+    assert met is not None  # the ray met a plane of the same slope
+    lift = float(np.linalg.norm(met - place))
+    # a pose that is off by d moves the place along the ray by tilt @ d: more than itself on a slant
+    tilt = patch.normal / float(patch.normal @ ray)
+    turn = found.scene_from_source.rotation
+    pose = turn @ found.motion.at(place, np.zeros((3, 3)))[1] @ turn.T
+
+    def spread(share: float, noise: float) -> Array:
+        """Return the covariance of a place that lies a share of the way to that of the navcams' stereo."""
+        moved = np.eye(3) - (1.0 - share) * np.outer(ray, tilt)
+        along2 = (share * noise) ** 2 + ((1.0 - share) * lift) ** 2
+        return np.asarray(moved @ pose @ moved.T + along2 * np.outer(ray, ray))
+
+    if told is None:
+        return _Place(place, spread(0.0, 0.0), math.inf)
+    gap, noise = float((told.point - place) @ ray), told.sigma_m
+    if not abs(gap) < 3.0 * math.sqrt(lift**2 + noise**2 + float(tilt @ pose @ tilt)):
+        return _Place(place, spread(0.0, 0.0), abs(gap))
+    # a pose that is off along the ray does not move where that meets the surface
+    surface2 = lift**2 + float((tilt - ray) @ pose @ (tilt - ray))
+    share = surface2 / (surface2 + noise**2 + float(ray @ pose @ ray))
     along = float((place - origin) @ ray) + share * gap
-    return _Place(np.asarray(origin + along * ray), math.sqrt(share) * noise, abs(gap))
+    return _Place(np.asarray(origin + along * ray), spread(share, noise), abs(gap))
 
 
 def _lifted(patch: PointMatch, scene: StereoView) -> PointMatch:
@@ -221,21 +284,3 @@ def _lifted(patch: PointMatch, scene: StereoView) -> PointMatch:
     away = float(np.linalg.norm(ray))
     baseline = float(np.linalg.norm(scene.right_camera.C - camera.C))
     return replace(patch, point=patch.point - RANGE_PX * away / (camera.hs * baseline) * ray)
-
-
-def _blind(
-    standing: CameraModel, scene: StereoView, pixel: Array, patch: PointMatch, sigma_m: float, found: Draped
-) -> float:
-    """Return what pose and surface leave open of the target in the left hazcam image, pixels."""
-    camera = scene.left_camera
-    believed, spread = found.motion.at(patch.point, np.zeros((3, 3)))
-    # the same place in the navcam's own frame: its pixel moves with the motion's error
-    there = standing.transformed(found.motion.new_from_old).jacobian(believed)
-    slope = np.zeros((2, 2))
-    for k, beside in enumerate(pixel + np.eye(2)):
-        met = on_plane(standing, beside, patch)
-        if met is not None:
-            slope[:, k] = np.asarray(camera.project(met)) - patch.left_px
-    lift = camera.jacobian(patch.point) @ standing.back_project(pixel)[1] * sigma_m
-    spread_px = slope @ there @ spread @ there.T @ slope.T
-    return math.sqrt(0.5 * float(np.trace(spread_px) + lift @ lift))

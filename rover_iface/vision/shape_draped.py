@@ -29,6 +29,7 @@ from rover_iface.vision.handoff import Side
 from rover_iface.vision.shape import Registration, register
 from rover_iface.vision.sift_motion import Motion, settle
 from rover_iface.vision.surface import ShapeOptions
+from rover_iface.vision.tracker import StereoView
 
 BOTH_PX = 2.5
 """Consensus distance of patches in both images of a pair, in units of their expected error of a pixel."""
@@ -44,12 +45,20 @@ def lay(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> Draped 
     Guesses are tried, likeliest first, until enough patches agree on one; None where never four do.
     """
     view = side.view
+    if scene.cloud is None:
+        return None
+    match = side.point(pixel)
     best: Draped | None = None
-    for guess in _guesses(side, scene, pixel, options):
+    for guess in _guesses(side, scene, match, options):
         under = surface_under(scene, view.left_camera.transformed(guess), pixel)
-        if under is None or scene.cloud is None:
+        if under is not None:
+            middle = under[0]
+        elif match is not None:
+            # round a target that the pair does not range there may be patches that it does
+            middle = np.asarray(guess.apply(match.point))
+        else:
             continue
-        found = drape(view.left, view.left_camera, scene.view, scene.cloud, under[0], guess, options)
+        found = drape(view.left, view.left_camera, scene.view, scene.cloud, middle, guess, options)
         if found is not None and (best is None or found.motion.inliers > best.motion.inliers):
             best = found
         if best is not None and best.motion.inliers >= options.enough:
@@ -57,9 +66,8 @@ def lay(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> Draped 
     return best
 
 
-def _guesses(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> Iterator[Transform]:
+def _guesses(side: Side, scene: Side, match: PointMatch | None, options: DrapeOptions) -> Iterator[Transform]:
     """Yield motions that may put the side right, likeliest first, each worked out when asked for."""
-    match = side.point(pixel)
 
     def features() -> Transform | None:
         return from_features(
@@ -107,13 +115,23 @@ def surface_under(scene: Side, camera: CameraModel, pixel: Array) -> tuple[Array
         return None
     away = np.linalg.norm(cloud.points[nearest] - camera.C, axis=1)
     front = nearest[away < away.min() + 0.05]
-    place = cloud.points[front[int(np.argmin(off[front]))]]
+    return surface_at(view, camera, pixel, cloud.points[front[int(np.argmin(off[front]))]])
+
+
+def surface_at(
+    scene: StereoView, camera: CameraModel, pixel: Array, place: Array
+) -> tuple[Array, PointMatch] | None:
+    """Return where (3,), m, the ray of a camera's pixel (2,) meets the surface that a pair ranges near a
+    place (3,), m, and the patch there; None where stereo does not find it again.
+    """
     found: PointMatch | None = None
     for _ in range(3):
-        at = np.asarray(view.left_camera.project(place))
+        at = np.asarray(scene.left_camera.project(place))
+        if not np.isfinite(at).all():
+            return None
         if found is not None and float(np.hypot(*(at - found.left_px))) < 1.0:
             break
-        found = range_pixel(view, at, float(np.linalg.norm(place - view.left_camera.C)))
+        found = range_pixel(scene, at, float(np.linalg.norm(place - scene.left_camera.C)))
         meets = None if found is None else on_plane(camera, pixel, found)
         if found is None or meets is None:
             return None

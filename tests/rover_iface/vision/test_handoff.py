@@ -13,7 +13,7 @@ from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
-from rover_iface.vision.handoff_cascade import cascade
+from rover_iface.vision.handoff_cascade import CascadeOptions, cascade
 from rover_iface.vision.resection import resect
 from rover_iface.vision.shape_draped import register_views
 from rover_iface.vision.sift_motion import small_rotation
@@ -180,6 +180,35 @@ def test_the_cascade_refuses_a_target_that_has_been_covered() -> None:
     answer = cascade(covered, "near")
     assert not answer.accepted
     assert answer.reasons
+
+
+def _shaded(pair: StereoView, place: np.ndarray, beside_m: float = 0.0) -> StereoView:
+    """Return a pair in which 1.5 cm round a surface point (3,), m, moved to the right, lie in shade."""
+    pictures = []
+    for image, camera in ((pair.left, pair.left_camera), (pair.right, pair.right_camera)):
+        x, y = (float(v) for v in camera.project(place))
+        px_of_m = camera.hs / float(np.linalg.norm(place - camera.C))
+        rows, columns = np.indices(image.shape)
+        shade = np.hypot(columns - x - px_of_m * beside_m, rows - y) < 0.015 * px_of_m
+        pictures.append(np.where(shade, 0.15 * image, image).astype(np.float32))
+    return replace(pair, left=pictures[0], right=pictures[1])
+
+
+def test_many_patches_overrule_a_shadow_that_has_gone_on() -> None:
+    setting, true = given()
+    near, haz, _, target = world()
+    side, pixel = setting.source("near")
+    shaded = _shaded(near.view, target)
+    before = Side(replace(side.view, left=shaded.left, right=shaded.right), 0.8)
+    after = Side(_shaded(haz.view, target, 0.01), 0.3)
+    moved = replace(setting, hazcam=after, near=before)
+    refused = cascade(moved, "near")
+    assert not refused.accepted
+    assert "own patch are" in refused.reasons[0]
+    answer = cascade(moved, "near", CascadeOptions(overrule=12))
+    assert answer.accepted, answer.reasons
+    assert np.hypot(*(answer.pixel - true)) < 1.0
+    assert not cascade(moved, "near", CascadeOptions(overrule=10_000)).accepted
 
 
 def test_a_pancam_window_is_found_in_the_navcam() -> None:
