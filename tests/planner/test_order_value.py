@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -49,6 +50,23 @@ def test_the_chance_of_an_observation_is_the_share_of_futures_that_make_it(seed:
     only = dataclasses.replace(model, utility=np.eye(model.m)[asked], p_success=np.ones(model.m), penalty=0.0)
     share = float(simulate(only, route_plan(model, order), 40_000, seed=1).utility.mean())
     assert OrderValues(model, quick=True).chance(order, asked) == pytest.approx(share, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_best_order_is_that_of_the_evaluator_though_few_are_asked_of_its_grid(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem = day(rng, least=6, most=6)
+    budget = dataclasses.replace(problem.budget, time_s=0.5 * problem.budget.time_s)
+    model = Model.of(dataclasses.replace(problem, budget=budget))
+    orders = list(itertools.permutations(rng.permutation(6)[:4].tolist()))
+    exact, quick = OrderValues(model), OrderValues(model, quick=True)
+    best = quick.best(orders)
+    most = max(exact[order] for order in orders)
+    assert exact[best] >= most - 1e-3 * abs(most)
+    assert quick[best] == pytest.approx(exact[best], rel=1e-3)
+    poor = quick.poor(orders, most - 0.02 * abs(most))
+    assert poor
+    assert all(exact[order] < most - 0.01 * abs(most) for order in poor)
 
 
 @pytest.mark.parametrize("seed", range(3))
