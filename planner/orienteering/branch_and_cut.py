@@ -1,11 +1,11 @@
 """Proofs for surveys: branch-and-cut over edges and visits, warm-started by a known route.
 
-At each node of the tree the linear relaxation is cut by rows that its optimum breaks (`cuts`), priced over all
-edges and bounded exactly (`cut_relaxation`). Edges and visits whose change would push the bound to what is
+At each node of the tree the linear relaxation is cut by rows that its optimum breaks (`cuts`), priced
+over all edges and bounded exactly (`cut_relaxation`). Edges and visits whose change would push the bound to what is
 already known are fixed. The tree branches on a node set first: a tour either visits none of it or crosses its
 boundary twice; that settles clusters, where single visits or edges would not. Branching on visits and edges
-follows Fischetti, Salazar and Toth 1998, section 4; the choice by trying both sides is Applegate et al. 2007,
-The Traveling Salesman Problem, section 14.3.
+follows Fischetti, Salazar and Toth 1998; the choice by trying both sides is Applegate et al. 2007,
+The Traveling Salesman Problem (strong branching).
 """
 
 from __future__ import annotations
@@ -103,7 +103,11 @@ class BranchAndCut:
     """One search for a better tour than the one given, and a bound on all."""
 
     def __init__(
-        self, tours: Tours, known: tuple[int, tuple[int, ...]], polish: Polish, options: CutOptions = CutOptions()
+        self,
+        tours: Tours,
+        known: tuple[int, tuple[int, ...]],
+        polish: Polish,
+        options: CutOptions = CutOptions(),
     ) -> None:
         self._tours, self._options, self._polish = tours, options, polish
         self.proof = Proof(known[0], known[1], int(tours.prize.sum()))
@@ -119,8 +123,10 @@ class BranchAndCut:
         self._ages: dict[Row, int] = {}
 
     def run(self, until: float) -> Proof:
-        """Return the proof as far as it gets until so many reckoned seconds, as `planner.tally` counts them."""
+        """Return the proof as far as it gets until so many seconds of `planner.tally`."""
         m, n = len(self._tail), self._tours.nodes
+        if m == 0:
+            self.proof.upper = self.proof.value
         if m == 0 or now_s() >= until:
             return self.proof
         box = Box(
@@ -214,7 +220,7 @@ class BranchAndCut:
             heapq.heappush(self._open, (-units, next(self._number), box))
 
     def _fix(self, box: Box, bound: Bound) -> None:
-        """Fix what would bring the bound down to the value known if it were the other way (FST section 4)."""
+        """Fix what would bring the bound down to the value known if it were the other way."""
         least = bound.units - (self.proof.value + 1) * bound.scale
         box.x_high[(-bound.edge > least) & (box.x_low == 0)] = 0
         box.x_low[(bound.edge > least) & (box.x_high == 1)] = 1
@@ -292,7 +298,10 @@ class BranchAndCut:
             tour = tour[::-1]
         value = int(self._tours.prize[list(tour)].sum())
         ring = np.array([0, *tour, 0])
-        if value > self.proof.value and int(self._tours.length[ring[:-1], ring[1:]].sum()) <= self._tours.budget:
+        if (
+            value > self.proof.value
+            and int(self._tours.length[ring[:-1], ring[1:]].sum()) <= self._tours.budget
+        ):
             self.proof.value, self.proof.tour = value, tour
 
     def _offer(self, point: FractionalTour) -> None:
@@ -334,7 +343,7 @@ class BranchAndCut:
             self._push(part, s)
 
     def _candidates(self, box: Box, point: FractionalTour) -> list[_Branch]:
-        """Return ways to part the box: sets half crossed, visits and edges half used, most promising first."""
+        """Return ways to part the box: sets half crossed, visits and edges half used, the best first."""
         found: list[tuple[float, int, _Branch]] = []
         y, prize = point.y, self._tours.prize
         for row in self._sets.values():
@@ -346,7 +355,10 @@ class BranchAndCut:
                 found.append((half * float((prize * y)[row.side].sum()), 0, _Branch(side=row.side, row=row)))
         top: list[_Branch] = _first(found, self._options.tried // 2)
         whole = np.minimum(y, 1.0 - y)
-        scores = [(float(whole[v] * (1.0 + prize[v])), v, _Branch(visit=v)) for v in np.nonzero(whole > _WHOLE)[0].tolist()]
+        scores = [
+            (float(whole[v] * (1.0 + prize[v])), v, _Branch(visit=v))
+            for v in np.nonzero(whole > _WHOLE)[0].tolist()
+        ]
         top += _first(scores, self._options.tried // 4)
         x = self._relaxed.x
         part = np.minimum(x, 1.0 - x)

@@ -194,7 +194,14 @@ def cut_tree(nodes: int, tail: Array, head: Array, weight: Array) -> tuple[Array
 
 @numba.njit(cache=True, nogil=True)
 def edge_profits(
-    tail: Array, head: Array, length: Array, per_length: int, node: Array, kind: Array, sides: Array, by: Array
+    tail: Array,
+    head: Array,
+    length: Array,
+    per_length: int,
+    node: Array,
+    kind: Array,
+    sides: Array,
+    by: Array,
 ) -> Array:
     """Return what each edge adds to the Lagrangean, int64 (m,), rows' own edge coefficients left out.
 
@@ -226,7 +233,7 @@ def edge_profits(
 def heavy_path(
     value: Array, visit: Array, length: Array, home: Array, budget: int, first: int, margin: float
 ) -> Array:
-    """Return a path (k,) from `first` whose flow cannot all go on within the budget; (0,) where there is none.
+    """Return a path (k,) from `first` whose flow cannot all go on within the budget; (0,) for none.
 
     Parameters
     ----------

@@ -106,14 +106,14 @@ class FractionalTour:
 
 
 def subtour_row(side: Flags, witness: int, sparse: bool) -> Row:
-    """Return x(d(S)) >= 2 y(witness), the generalised subtour elimination (FST eq. 6).
+    """Return x(d(S)) >= 2 y(witness), the generalised subtour elimination of FST.
 
     Parameters
     ----------
     side
         Flags S (n,), which holds the witness and not the depot.
     sparse
-        Write it as y(S) - x(E(S)) >= y(witness), which the degree equations make the same (FST eq. 10).
+        Write it as y(S) - x(E(S)) >= y(witness), which the degree equations make the same.
     """
     if sparse:
         return Row(INNER, side, _NO_EDGES, ((witness, -1),), 0)
@@ -121,31 +121,31 @@ def subtour_row(side: Flags, witness: int, sparse: bool) -> Row:
 
 
 def leaving_row(side: Flags) -> Row:
-    """Return x(d(S)) >= 2 for S (n,): a tour worth more than all nodes outside S must visit S (FST eq. 14).
+    """Return x(d(S)) >= 2 for S (n,): a tour worth more than all nodes outside S must visit S.
 
-    Valid for every tour worth more than the prizes of the nodes outside S together.
+    Valid for every tour worth more than the prizes of the nodes outside S together: a conditional cut of FST.
     """
     return Row(DELTA, side, _NO_EDGES, (), 2)
 
 
 def parity_row(side: Flags, teeth: Array) -> Row:
-    """Return x(d(H) - T) - x(T) >= 1 - |T| for T within d(H), |T| odd: a tour crosses d(H) an even number of times.
+    """Return x(d(H) - T) - x(T) >= 1 - |T| for an odd T within d(H): tours cross d(H) evenly often.
 
-    With the degree equations these are the 2-matching (blossom) inequalities (FST eq. 8; KML section 4.3).
+    With the degree equations these are the 2-matching (blossom) inequalities of FST and KML.
     """
     return Row(DELTA, side, _with(teeth, -2), (), 1 - len(teeth))
 
 
 def cover_row(nodes: int, edges: Array) -> Row:
-    """Return x(C) <= |C| - 1 for edges that are together longer than the budget (FST eq. 11)."""
+    """Return x(C) <= |C| - 1 for edges that are together longer than the budget (FST: cover)."""
     return Row(PLAIN, np.zeros(nodes, dtype=np.bool_), _with(edges, -1), (), 1 - len(edges))
 
 
 def path_row(nodes: int, path: Array, onward: Array) -> Row:
-    """Return sum of y inside the path + x from its last node to `onward` >= x(path) (FST eq. 13).
+    """Return sum of y inside the path + x from its last node to `onward` >= x(path) (FST: path).
 
-    A tour that uses all edges of a path without the depot leaves it at the last node for one of `onward`: those
-    that still let it close within the budget, and the depot.
+    A tour that uses all edges of a path without the depot leaves it at the last node for one of `onward`:
+    those that still let it close within the budget, and the depot.
 
     Parameters
     ----------
@@ -202,9 +202,7 @@ class Separator:
         n = len(self.prize)
         order = np.argsort(-point.y, kind="stable")
         order = order[(point.y[order] > _LEAST) & (order > 0)]
-        sets, witnesses, work = sets_below(
-            n, point.tail, point.head, point.x, point.y, order, _LEAST, _SETS
-        )
+        sets, witnesses, work = sets_below(n, point.tail, point.head, point.x, point.y, order, _LEAST, _SETS)
         self.work += work
         total = int(self.prize.sum())
         for side, witness in zip(sets, witnesses.tolist(), strict=True):
@@ -263,12 +261,10 @@ class Separator:
         fits = int(np.searchsorted(length, self.budget, side="right"))
         if fits < len(order) and slack[fits] < 1.0 - _LEAST:
             chosen = order[: fits + 1]
-            yield cover_row(
-                len(self.prize), np.stack([point.tail[chosen], point.head[chosen]], axis=1)
-            )
+            yield cover_row(len(self.prize), np.stack([point.tail[chosen], point.head[chosen]], axis=1))
 
     def _paths(self, point: FractionalTour) -> Iterator[Row]:
-        """Follow heavy edges from each node on (FST section 3.4)."""
+        """Follow heavy edges from each node on."""
         n = len(self.prize)
         if n > _PATHS:
             return

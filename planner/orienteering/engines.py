@@ -13,7 +13,6 @@ from mission.plugins import Registry
 from planner.errors import RoutingError
 from planner.orienteering.check import route_value
 from planner.orienteering.problem import Experiment, RoutingProblem, RoutingSolution
-from planner.tally import tallied
 
 AUTO = "auto"
 
@@ -162,7 +161,7 @@ def solve(
         A limit in the engine's own steps (labels, search steps, thousandths of deterministic time).
     engine
         A name in `ENGINES` (`exact`, `cp-sat`, `survey`, `branch-and-cut`, or an installed package's), or
-        `auto`: surveys go to branch-and-cut, all else to the exact engine, and to CP-SAT what that cannot take.
+        `auto`: surveys go to branch-and-cut, all else to the exact engine, or to CP-SAT.
 
     Raises
     ------

@@ -21,6 +21,7 @@ ENGINE = "branch-and-cut"
 Array = npt.NDArray[Any]
 
 _SURVEY = 0.35  # share of the limit that the local search has first, where a proof is tried. By hand
+_SEARCHED_S = 3e-4  # reckoned seconds for each pair of nodes after which the local search may stop. By hand
 _ROOT_S = 2.5e-5  # reckoned seconds of the root for each pair of nodes, of the odd files of the benchmark
 _WORTH = 0.5  # share of the root that the rest of the limit must pay for, or all goes to the local search
 _POLISH = 400  # steps of the local search from a route of the relaxation
@@ -47,8 +48,9 @@ def solve_with_proof(
         until = tally.seconds + time_limit_s
         rest = (1.0 - _SURVEY) * time_limit_s
         small = rest >= _WORTH * _ROOT_S * (len(problem.experiments) + 1) ** 2
-        share = _SURVEY if small else 1.0
-        found = solve_survey(problem, time_limit_s=share * time_limit_s, iterations=iterations, seed=seed)
+        nodes = len(problem.experiments) + 1
+        first = min(_SURVEY * time_limit_s, max(1.0, _SEARCHED_S * nodes**2)) if small else time_limit_s
+        found = solve_survey(problem, time_limit_s=first, iterations=iterations, seed=seed)
         if small and found.value is not None and not found.proven:
             found = _proven(problem, found, until, seed)
     return checked(problem, replace(found, wall_s=time.perf_counter() - begin))
@@ -68,11 +70,11 @@ def _proven(p: RoutingProblem, found: RoutingSolution, until: float, seed: int) 
         best, value, _ = m.improve(route, _POLISH, heat, int(rng.integers(1, 2**62)))
         return value, tuple(best[1:-1].tolist())
 
-    single = max((int(m.prize[v]) for v in m.usable.tolist()), default=0)
-    value = (found.value or 0) - p.base_prize
-    assert value >= single
     tour = tuple(i + 1 for i in found.route)
-    proof = BranchAndCut(tours, (value, tour), polish).run(until)
+    known = int(m.prize[list(tour)].sum()), tour
+    for v in m.usable.tolist():  # there and back is no tour of three nodes, which the tree looks at
+        known = max(known, (int(m.prize[v]), (v,)), key=lambda k: k[0])
+    proof = BranchAndCut(tours, known, polish).run(until)
     route = tuple(v - 1 for v in proof.tour if v <= len(p.experiments))
     return replace(
         found,
@@ -85,7 +87,7 @@ def _proven(p: RoutingProblem, found: RoutingSolution, until: float, seed: int) 
 
 
 def tours_of(p: RoutingProblem) -> Tours:
-    """Return a survey's tours: node 0 is the start, 1.. the experiments; the end is a node where it is another site."""
+    """Return a survey's tours: start, experiments, and the end if it is another site."""
     m = SurveyMap.of(p)
     joined = p.start_site != p.end_site
     n = m.nodes if joined else m.nodes - 1

@@ -19,18 +19,27 @@ import numpy.typing as npt
 
 from planner.orienteering.check import checked
 from planner.orienteering.problem import RoutingProblem, RoutingSolution
+from planner.orienteering.selection_kernels import part_within, tour_of_all
 from planner.orienteering.survey_kernels import search
-from planner.tally import Step, affordable, spend
+from planner.tally import SECONDS, Step, affordable, spend
 
 ENGINE = "survey"
 
 Array = npt.NDArray[Any]
 
 _STARTS = 12
-_LOOKED_AT = 200  # nodes that a step looks at beside its neighbours and the route, of one take-out and repair
+_BIG = 4
+_LEFT = 1
+_LOOKED_AT = 360  # nodes that a step looks at beside its neighbours and the route, of one take-out and repair
+_COPIED = 8  # nodes of the route that are copied while one is looked at
 _NEIGHBOUR = 5  # times that a step looks at each of the neighbours
+_BUCKETS = 64  # of length, when a tour's best part is taken
+_SELECTED = 0.25  # of a step for each label of that
+_TOURED = 400  # of a step for each node of a tour through everything
+_BEGUN = 0.25  # share of the steps that may go to the starts of several searches
+_LAID_OUT = 4  # steps for each pair of nodes, when the neighbours are sorted
 _CHUNKS = 150  # pieces into which the steps are cut
-_HEAT = 3.0  # first temperature in mean prizes
+_HEAT = 1.0  # first temperature in mean prizes
 _COLDEST = 0.01  # last temperature as a share of the first
 
 
@@ -51,10 +60,10 @@ def is_survey(p: RoutingProblem) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurveyMap:
-    """A survey laid out for the compiled search: node 0 is the start, node n - 1 the end, between them experiments.
+    """A survey laid out for the compiled search: node 0 is the start, node n - 1 the end.
 
-    Lengths (n, n) and prizes (n,) are integers; `usable` are the nodes that a tour within the budget may visit
-    and that are worth it, `near` (n, K) the nearest of them, -1 as filler.
+    Lengths (n, n) and prizes (n,) are integers; `usable` are the nodes that a tour within the budget may
+    visit and that are worth it, `near` (n, K) the nearest of them, -1 as filler.
     """
 
     length: Array
@@ -83,6 +92,7 @@ class SurveyMap:
             others = usable[usable != v]
             order = np.argsort(d[v, others], kind="stable")[:k]
             near[v, : len(order)] = others[order]
+        spend(Step.SURVEY, _LAID_OUT * n * n)
         return SurveyMap(d, prize, near, usable, budget)
 
     @property
@@ -93,7 +103,13 @@ class SurveyMap:
     @property
     def work(self) -> int:
         """Nodes that one step of the search looks at."""
-        return _LOOKED_AT + _NEIGHBOUR * self.near.shape[1] + self.nodes
+        return _LOOKED_AT + _NEIGHBOUR * self.near.shape[1] + self.nodes // _COPIED
+
+    @property
+    def selection(self) -> int:
+        """Steps that `selected` takes at most, nearly."""
+        labels = _BUCKETS * len(self.usable) ** 2 // 4
+        return int((_SELECTED * labels + _TOURED * len(self.usable)) / self.work)
 
     def improve(self, route: Array, steps: int, heat: float, seed: int) -> tuple[Array, int, Array]:
         """Return the best tour after so many steps from a route (k,), its prize, and the last tour."""
@@ -103,8 +119,17 @@ class SurveyMap:
         )
         return best, int(value), last
 
+    def selected(self, route: Array, seed: int) -> tuple[Array, int]:
+        """Return the best part of a tour through everything made of a route (k,), and its cost in steps."""
+        state = np.array([np.uint64(seed)])
+        everything = tour_of_all(self.length, self.near, self.usable, route, state)
+        part, work = part_within(self.length, self.prize, everything, self.budget, _BUCKETS)
+        steps = int(_SELECTED * work / self.work) + _TOURED * len(everything) // self.work + 1
+        spend(Step.SURVEY, steps * self.work)
+        return part, steps
+
     def first_route(self, wanted: Array) -> Array:
-        """Return a tour of the wanted nodes (k,), each put in where it costs least; those that do not fit are left out."""
+        """Return a tour of the wanted nodes (k,) that fit, each put in where it costs least."""
         d, route = self.length, [0, self.nodes - 1]
         total = int(d[0, self.nodes - 1])
         for v in wanted.tolist():
@@ -131,10 +156,13 @@ def solve_survey(
     if m.budget < 0 or m.length[0, -1] > m.budget:
         return RoutingSolution(None, None, True, (), ENGINE, seed, time.perf_counter() - begin)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 7]))
-    paid = affordable(Step.SURVEY, time_limit_s) // m.work
+    left_s = time_limit_s - _LAID_OUT * m.nodes**2 * SECONDS[Step.SURVEY]
+    paid = affordable(Step.SURVEY, left_s) // m.work
     limit = float(paid if iterations is None else min(iterations, max(1, paid)))
     planned = int(limit) if iterations is None else iterations
-    route, value, done = (np.array([0, m.nodes - 1]), 0, 0) if not len(m.usable) else _race(m, planned, limit, rng)
+    route, value, done = (
+        (np.array([0, m.nodes - 1]), 0, 0) if not len(m.usable) else _race(m, planned, limit, rng)
+    )
     chosen = tuple(int(v) - 1 for v in route[1:-1])
     total = p.base_prize + int(m.prize[m.usable].sum())
     value += p.base_prize
@@ -148,12 +176,17 @@ def _race(m: SurveyMap, planned: int, limit: float, rng: np.random.Generator) ->
     """Return the best route of several searches, its prize and the steps done."""
     best_route, best_value, done = np.array([0, m.nodes - 1], dtype=np.int64), 0, 0
 
-    def fresh(plain: bool) -> Array:
-        count = 0 if plain else int(rng.integers(1, 4))
-        return m.first_route(rng.choice(m.usable, size=min(len(m.usable), count), replace=False))
+    def fresh(select: bool) -> tuple[Array, int]:
+        count = int(rng.integers(1, 4)) if select else 0
+        route = m.first_route(rng.choice(m.usable, size=min(len(m.usable), count), replace=False))
+        return m.selected(route, int(rng.integers(1, 2**62))) if select else (route, 0)
 
-    starts = _STARTS if m.nodes <= 250 else 4 if m.nodes <= 700 else 2
-    pool: list[tuple[int, int, Array]] = [(0, s, fresh(s == 0)) for s in range(starts)]
+    starts, left = (_STARTS, 2) if m.nodes <= 250 else (_BIG, _LEFT)
+    pool: list[tuple[int, int, Array]] = []
+    while len(pool) < starts and (not pool or done + m.selection <= _BEGUN * limit):
+        route, cost = fresh(bool(pool))
+        done += cost
+        pool.append((0, len(pool), route))
     chunk = int(min(20_000.0, max(50.0, planned / _CHUNKS)))
     temperature = max(1.0, float(m.prize[m.usable].mean())) * _HEAT
     stage = 0
@@ -172,11 +205,14 @@ def _race(m: SurveyMap, planned: int, limit: float, rng: np.random.Generator) ->
             after.append((top_value, s, last if stage % 4 else top))
         stage += 1
         # Every few rounds the worse half gives its time to the better; at the end of a race, begin anew.
-        if stage % 4 == 0 and len(after) > 2:
+        if stage % 4 == 0 and len(after) > left:
             after.sort(key=lambda r: (-r[0], r[1]))
-            after = after[: max(2, (len(after) + 1) // 2)]
-        elif len(after) <= 2 and stage % 24 == 0 and starts > 1:
+            after = after[: max(left, (len(after) + 1) // 2)]
+        elif left > 1 and len(after) <= left and stage % 24 == 0:
             after.append((best_value, 0, best_route))
-            after += [(0, s, fresh(False)) for s in range(1, 5)]
+            for s in range(1, 5):
+                route, cost = fresh(True)
+                done += cost
+                after.append((0, s, route))
         pool = after
     return best_route, best_value, done

@@ -16,7 +16,7 @@ import numpy.typing as npt
 Array = npt.NDArray[Any]
 
 _SHORTEN = 10  # neighbours looked at by 2-opt and or-opt
-_STRING = 10  # longest string taken out
+_STRING = 16  # longest string taken out
 _PROBES = 6  # random places of the tour whose neighbours are offered besides those of the holes
 _OFFERED = 8  # neighbours offered at such a place
 
