@@ -162,7 +162,8 @@ def settle(
     inlier_px: float,
     sigma_px: float,
 ) -> tuple[Motion, Mask] | None:
-    """Return the motion refitted until its consensus is stable, and that consensus; None below four.
+    """Return the motion refitted until its consensus is stable, and that consensus; None below four, or
+    where those that agree do not tell a motion, as points on a line or in one place do not.
 
     Parameters
     ----------
@@ -183,23 +184,42 @@ def settle(
             break
         best = again
     fit, normal, variance = _refine(fit, p[best], unit[best], seen[best], cameras)
+    inverse = _inverse(normal)
+    if inverse is None:
+        return None
     now = np.asarray(fit.apply(p[best]), dtype=np.float64)
-    inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
     covariance = _spread(fit, p[best], unit[best], seen[best], cameras, inverse, sigma_px)
+    if covariance is None:
+        return None
     count_in = int(best.sum())
     pixels = seen[best, :2]
     residual = math.sqrt(variance)
     return Motion(fit, covariance, now.mean(axis=0), count_in, len(p), now, pixels, residual), best
 
 
+UNTOLD = 1e10
+"""Condition of the normal equations, radians and metres, beyond which they tell no motion: some direction is
+known 100,000 times worse than another, 100 m to 1 mm."""
+
 CELLS = 4
 """Parts of the image to a side, of which each tells for itself what the motion should be."""
 
 
+def _inverse(normal: Array) -> Array | None:
+    """Return the inverse of a normal matrix (6, 6), positive definite; None where it tells no motion."""
+    if not np.isfinite(normal).all():
+        return None
+    shares, axes = np.linalg.eigh(normal)
+    if not shares[0] * UNTOLD > shares[-1]:
+        return None
+    return np.asarray((axes / shares) @ axes.T)
+
+
 def _spread(
     fit: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras, inverse: Array, sigma_px: float
-) -> Array:
-    """Return the covariance (6, 6) of a motion by the residuals: one by one, or by part of the image.
+) -> Array | None:
+    """Return the covariance (6, 6) of a motion by the residuals: one by one, or by part of the image; None
+    where the fit has put points behind a camera.
 
     Both are sandwiches, in each direction the wider counts. One by one (White 1980) it is that of features
     that err each for themselves, whatever the size of their errors; by parts (Liang and Zeger 1986) it sees
@@ -212,7 +232,9 @@ def _spread(
     moved = np.asarray(fit.apply(p), dtype=np.float64)
     r, slope = seen - _project(cameras, moved), _jacobian(cameras, moved)
     good = np.isfinite(r).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
-    r, slope, moved, unit, pixels = r[good], slope[good], moved[good], unit[good], seen[good, :2]
+    if not good.all():
+        return None
+    pixels = seen[:, :2]
     turn = -np.stack([cross(v) for v in moved - moved.mean(axis=0)])
     j = np.concatenate((slope @ turn, slope), axis=2)
     w = _weights(np.asarray(fit.rotation, np.float64), unit, slope)
@@ -233,10 +255,12 @@ def _spread(
 def _wider(one: Array, other: Array) -> Array:
     """Return the least covariance that, in the axes that both share, is nowhere below either of two (n, n).
 
-    `one` must be positive definite.
+    `one` must be positive definite, but for what rounding does to an axis that is known far better than
+    another.
     """
-    root = np.linalg.cholesky(one)
-    from_unit = np.linalg.inv(root)
+    variances, own = np.linalg.eigh(one)
+    sigmas = np.sqrt(np.maximum(variances, np.finfo(float).eps * variances[-1]))
+    root, from_unit = own * sigmas, (own / sigmas).T
     share, axes = np.linalg.eigh(from_unit @ other @ from_unit.T)
     axes = root @ axes
     return np.asarray((axes * np.maximum(share, 1.0)) @ axes.T)
@@ -325,15 +349,19 @@ def _mahalanobis(fit: Transform, p: Array, unit: Array, seen: Array, cameras: Ca
 def _refine(
     guess: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras
 ) -> tuple[Transform, Array, float]:
-    """Return the motion that fits all images best, its normal matrix about the middle, and the variance."""
+    """Return the motion that fits all images best, its normal matrix about the middle, and the variance.
+
+    Where the points tell no motion it is as far as it came, and the matrix singular.
+    """
     rotation, translation = np.asarray(guess.rotation, np.float64), np.asarray(guess.translation, np.float64)
-    normal: Array = np.eye(6)
+    normal: Array = np.zeros((6, 6))
     variance = 1.0
     for _ in range(8):
         moved = p @ rotation.T + translation
         r, slope = seen - _project(cameras, moved), _jacobian(cameras, moved)
         good = np.isfinite(r).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
         if good.sum() < 3:
+            normal = np.zeros((6, 6))
             break
         centre = moved[good].mean(axis=0)
         turn = -np.stack([cross(v) for v in moved[good] - centre])
@@ -343,7 +371,10 @@ def _refine(
         w = w / np.maximum(1.0, distance / 0.5)[:, None, None]
         jw = np.swapaxes(j, 1, 2) @ w
         normal = (jw @ j).sum(axis=0) + 1e-9 * np.eye(6)
-        step = np.linalg.solve(normal, (jw @ r[good][..., None]).sum(axis=0)[:, 0])
+        inverse = _inverse(normal)
+        if inverse is None:
+            break
+        step = inverse @ (jw @ r[good][..., None]).sum(axis=0)[:, 0]
         variance = float(np.einsum("na,nab,nb->", r[good], w, r[good])) / max(
             1, seen.shape[1] * int(good.sum()) - 6
         )

@@ -144,6 +144,25 @@ def test_resection_finds_a_camera_among_wrong_matches() -> None:
     assert resect(points[:3], np.zeros((3, 3, 3)), pixels[:3], wrong, reach_px=2.0, sigma_px=0.3) is None
 
 
+def test_points_on_a_line_or_in_one_place_tell_no_camera_and_raise_nothing() -> None:
+    near, _, _, target = world()
+    camera = near.view.left_camera
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        count, off_m = int(rng.integers(4, 9)), 10.0 ** rng.uniform(-13.0, -5.0)
+        points = np.tile(target, (count, 1))
+        if seed % 4 == 0:
+            points += np.linspace(0.0, 0.3, count)[:, None] * rng.normal(size=3)
+        elif seed % 4 > 1:
+            away = seed % 4 - 1
+            points[-away:] += rng.normal(0.0, 0.1, (away, 3))
+        points += rng.normal(0.0, off_m, (count, 3))
+        unit = 1e-8 * np.tile(np.eye(3), (count, 1, 1))
+        settled = resect(points, unit, camera.project(points), camera, reach_px=4.0, sigma_px=0.3)
+        if settled is not None:
+            assert np.linalg.eigvalsh(settled[0].covariance)[0] > 0.0
+
+
 def test_the_cascade_refuses_what_the_hazcams_do_not_show() -> None:
     setting, _ = given()
     haz = setting.hazcam.view
@@ -197,7 +216,7 @@ def _shaded(pair: StereoView, place: np.ndarray, beside_m: float = 0.0) -> Stere
 def test_many_patches_overrule_a_shadow_that_has_gone_on() -> None:
     setting, true = given()
     near, haz, _, target = world()
-    side, pixel = setting.source("near")
+    side, _ = setting.source("near")
     shaded = _shaded(near.view, target)
     before = Side(replace(side.view, left=shaded.left, right=shaded.right), 0.8)
     after = Side(_shaded(haz.view, target, 0.01), 0.3)
