@@ -196,16 +196,16 @@ def main() -> None:
     parser.add_argument("--tuning", action="store_true")
     parser.add_argument("--trackers", nargs="*", choices=list(TRACKERS), default=list(TRACKERS))
     parser.add_argument("--domains", nargs="+", choices=list(DOMAINS), default=list(DOMAINS))
+    parser.add_argument("--kinds", nargs="+", choices=("nominal", "faults"), default=("nominal", "faults"))
     parser.add_argument("--imagery", type=Path, default=SHARED / "data/imagery")
     parser.add_argument("--pictures", type=Path, default=Path(tempfile.gettempdir()) / "domains")
     arguments = parser.parse_args()
     chosen = tuning(arguments.worlds) if arguments.tuning else reporting(arguments.worlds, arguments.seed)
     print(f"{chosen.purpose} seeds {chosen.values}", flush=True)
     figures = Figures()
-    nominal = [(seed, ("",)) for seed in chosen.values]
-    for number, (seed, faults) in enumerate(
-        [*nominal, *((s, FAULTS) for s in chosen.values[: arguments.faults])]
-    ):
+    nominal = [(seed, ("",)) for seed in chosen.values if "nominal" in arguments.kinds]
+    faulty = [(s, FAULTS) for s in chosen.values[: arguments.faults] if "faults" in arguments.kinds]
+    for number, (seed, faults) in enumerate([*nominal, *faulty]):
         measure(figures, seed, chosen.purpose, arguments, faults)
         if arguments.out is not None:
             report(figures, Seeds(chosen.purpose, chosen.values[: number + 1]), arguments.out)

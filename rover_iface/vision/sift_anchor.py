@@ -248,6 +248,10 @@ class Looks:
         if noise > self.options.sharper**2 * before:
             return position, covariance, match
         anchor.shared = match.surface_covariance
+        # its window is narrower on the surface than the template's was, and relief grows with the window
+        wider = anchor.key.range_m / float(np.linalg.norm(match.point - view.left_camera.C))
+        depth_m2 = wider**2 * float(np.trace(match.surface_covariance))
+        anchor.key = replace(anchor.key, depth_m2=min(anchor.key.depth_m2, depth_m2))
         return weighed[0], weighed[1], match
 
     def _renew(self, view: StereoView, position: Array, match: PointMatch, anchor: Anchor) -> None:

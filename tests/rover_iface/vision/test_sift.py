@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
-from rover_iface.vision.sift import SiftOptions, SiftTracker, horn
+from rover_iface.vision.sift import SiftOptions, SiftTracker, _Anchored, horn
 from rover_iface.vision.sift_features import detect, mutual
 from rover_iface.vision.sift_motion import settle
 from rover_iface.vision.tracker import StereoView, Tracker, TrackState
@@ -61,6 +61,20 @@ def test_targets_are_carried_with_a_pose_estimate_that_drifts(
             off = update.position - error.apply(point)
             assert np.linalg.norm(off) < 0.015
             assert off @ np.linalg.solve(update.covariance, off) < 16.0
+
+
+def test_a_spot_that_was_ranged_badly_at_first_is_known_once_it_is_ranged_well() -> None:
+    # its depth against its surroundings was taken to be as unsure for good: 4 cm across, at 2 m, and lost
+    tracker = SiftTracker()
+    tracker.start("A", surface(), view(-6.0))
+    track = tracker._targets["A"]
+    assert isinstance(track, _Anchored)
+    track.anchor.key = replace(track.anchor.key, depth_m2=0.5**2)
+    track.covariance = track.covariance + 0.5**2 * np.outer(track.anchor.normal, track.anchor.normal)
+    for x in (-5.4, -4.86):
+        update = tracker.update("A", view(x))
+    assert update.confidence > 0.9
+    assert math.sqrt(np.linalg.eigvalsh(update.covariance)[1]) < 0.01
 
 
 def test_confidence_is_one_half_at_thirty_features() -> None:
