@@ -133,8 +133,8 @@ def value_by_rule(days: Days, needs: Needs, order: Array, length: int, caution: 
 
 
 @_compiled
-def _changed(order: Array, length: int, new: Array) -> int:
-    """Write a changed order into `new`; return its length. What stands behind the length is left out."""
+def changed_order(order: Array, length: int, new: Array) -> int:
+    """Write a changed order (m,) into `new` (m,); return its length. What stands behind it is left out."""
     n = len(order)
     new[:] = order
     kind = np.random.randint(0, 6)
@@ -178,6 +178,43 @@ def _moved(order: Array, source: int, to: int) -> None:
 
 
 @_compiled
+def mean_starts(days: Days, needs: Needs, order: Array, length: int, margin: int) -> tuple[Array, Array]:
+    """Return between which places of an order each sol begins and ends where all takes its mean, (K,) both,
+    with so many more on both sides; the first sol begins with the order. Of `order` (m,), observations by
+    number, the first `length` count.
+    """
+    sols = len(days.time_s)
+    low, high = np.full(sols, length, np.int64), np.full(sols, length, np.int64)
+    low[0] = 0
+    k, t, b, place = 0, 0.0, days.charge_j, 0
+    for index in range(length):
+        m = order[index]
+        at, t1, b1 = k, t, b
+        while at < sols and not _fits(days, needs, 0.0, at, t1, b1, place, m):
+            b1 = min(days.ceiling_j[at], b1 + days.gain_j[at])
+            t1 = 0.0
+            at += 1
+        if at == sols:
+            continue
+        for sol in range(k, at):
+            high[sol], low[sol + 1] = index, index
+        k, t, b = at, t1, b1
+        to = needs.place[m]
+        if to != place:
+            t += needs.leg[place, to, 0]
+            b -= needs.leg[place, to, 2]
+            place = to
+        waits = max(days.window[k, m, 0] - t, 0.0)
+        t += waits + needs.obs[m, 0]
+        b -= days.hotel_w * waits + needs.obs[m, 2]
+    for sol in range(sols):
+        low[sol] = max(low[sol] - margin, 0)
+        high[sol] = min(high[sol] + margin, length)
+    low[0] = 0
+    return low, high
+
+
+@_compiled
 def annealed(
     days: Days, needs: Needs, order: Array, length: int, caution: float, seed: int, steps: int, hot: float,
     cold: float,
@@ -196,7 +233,7 @@ def annealed(
     new = now.copy()
     for step in range(steps):
         heat = hot * (cold / hot) ** (step / steps)
-        changed = _changed(now, size, new)
+        changed = changed_order(now, size, new)
         found = value_by_rule(days, needs, new, changed, caution)
         if found >= value or np.random.random() < np.exp((found - value) / heat):
             now, new = new, now

@@ -20,18 +20,36 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from planner.evaluate.grid import Grid
+from planner.evaluate.grid import Grid, weights_from
 from planner.evaluate.model import Floats, Ints
 from planner.sols.order_kernels import Amounts, Days, Needs, Table, Told, carried_out
 from planner.sols.path_problem import PathProblem
+from planner.sols.policy_kernels import Nodes, Rows, annealed_by_policy, policy_along
 from planner.tally import Step, spend
 
 AHEAD = 6
 """Next observations of the order that the rover may go to. By hand: leaving out five at once is rare."""
 
-Acts = NDArray[np.int8]
+MARGIN = 4
+"""Places of the order before and behind a sol's own that the search works out. By hand."""
+
+NEAR = 3
+"""Next observations of the order that the search looks at. By hand."""
+
+SLOWER = 3.5
+"""What a product on a coarse grid takes in those of a large matrix (`Step.NODE`): its rows are short."""
+
+FAINT = 1e-6
+"""Chance of a far move that counts as overrun."""
+
+
+def _spans(rows: Floats) -> Ints:
+    """Return the first move of rows (..., nodes) and the one behind the last, (..., 2)."""
+    tails = np.cumsum(rows[..., ::-1], axis=-1)[..., ::-1]
+    behind = np.count_nonzero(tails > FAINT, axis=-1)
+    first = np.where(behind > 0, np.argmax(rows > 0.0, axis=-1), 0)
+    return np.stack([first, behind], axis=-1).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +63,8 @@ class OrderPolicy:
 class OrderPolicies:
     """Finds the best policy along orders of one problem; `nodes` are those of time and of energy drawn."""
 
-    def __init__(self, path: PathProblem, nodes: tuple[int, int]) -> None:
-        self.path, self.nodes = path, nodes
+    def __init__(self, path: PathProblem, needs: Needs, nodes: tuple[int, int]) -> None:
+        self.path, self.needs, self.nodes = path, needs, nodes
         self.grids: list[Grid] = []
         for k in range(path.sols):
             span = path.most_j(k) - float(path.reserve_j[k])
@@ -62,6 +80,7 @@ class OrderPolicies:
             ]
             self.grids.append(same[0] if same else Grid(model, *nodes))
         self.mornings = [self._morning(k) for k in range(path.sols - 1)]
+        self.table_nodes, self.rows = self._table_nodes(), self._rows()
 
     def _morning(self, k: int) -> tuple[Ints, Floats]:
         """Return where the nodes of a sol come to in the next morning: a node of its d, and the share of the
@@ -75,86 +94,89 @@ class OrderPolicies:
         below = np.minimum(drawn.astype(np.int64), after.ng - 2)
         return below, drawn - below
 
-    def _after_rest(self, k: int, next_sol: Floats | None) -> Floats:
-        """Return a morning's values, by d at t = 0, at the nodes of the sol before; 0 after the last sol."""
-        if next_sol is None:
-            return np.zeros(self.grids[k].shape)
-        below, share = self.mornings[k]
-        return (1.0 - share) * next_sol[below] + share * next_sol[below + 1]
+    def _table_nodes(self) -> Nodes:
+        path = self.path
+        distinct = list(dict.fromkeys(map(id, self.grids)))
+        first = {id(grid): grid for grid in self.grids}
+        closes = [
+            np.minimum(np.floor(path.window[k, :, 1] / grid.step_t * (1.0 + 1e-12)), grid.nt - 1.0)
+            for k, grid in enumerate(self.grids)
+        ]
+        below = [row for row, _ in self.mornings] or [np.zeros(self.nodes, np.int64)]
+        share = [row for _, row in self.mornings] or [np.zeros(self.nodes)]
+        return Nodes(
+            np.array([distinct.index(id(grid)) for grid in self.grids]),
+            np.stack([first[one].alive for one in distinct]),
+            np.stack(below),
+            np.stack(share),
+            np.where(path.allowed, np.array(closes), -1.0).astype(np.int64),
+        )
 
-    def _before(self, k: int, kernels: tuple[Floats, Floats], after: Floats, over: Floats) -> Floats:
-        """Return the value before an action; `after` within the budgets, `over` by node where it overran."""
-        grid = self.grids[k]
-        kernel_t, kernel_g = kernels
-        grid.count()
-        empty = float(over[-1, -1])  # nothing left above the reserve
-        lost = over - self.path.model.penalty
-        inside = kernel_t @ (lost + grid.alive * (after - lost)) @ kernel_g.T
-        late = np.maximum(1.0 - kernel_t.sum(axis=1), 0.0)
-        more = np.maximum(1.0 - kernel_g.sum(axis=1), 0.0)
-        ended = kernel_g @ (over[-1] - self.path.model.penalty)
-        drained = more * (empty - self.path.model.penalty)
-        return np.asarray(
-            inside + np.outer(late, ended) + np.outer(1.0 - late, drained) + np.outer(late, drained)
+    def _rows(self) -> Rows:
+        """Return the moves of all actions on all distinct grids."""
+        model, grids = self.path.model, list({id(grid): grid for grid in self.grids}.values())
+        nt, nd = self.nodes
+        count, size, places = len(grids), model.m, model.n + 1
+        leg_t, leg_g = np.zeros((count, places, places, nt)), np.zeros((count, places, places, nd))
+        obs_t, obs_g = np.zeros((count, size, nt)), np.zeros((count, size, nd))
+        early, waits = np.zeros((count, max(size, 1), nt)), np.zeros((count, size), np.int64)
+        for g, grid in enumerate(grids):
+
+            def row(origin: float, ln: Floats, grid: Grid = grid) -> Floats:
+                return weights_from(origin, nt, grid.step_t, float(ln[0]), float(ln[1]), 0.0, grid.how)
+
+            def drawn(ln: Floats, grid: Grid = grid) -> Floats:
+                return weights_from(0.0, nd, grid.step_g, float(ln[2]), float(ln[3]), 0.0, grid.how)
+
+            for a, b in np.argwhere(model.has_leg).tolist():
+                leg_t[g, a, b], leg_g[g, a, b] = row(0.0, model.leg_ln[a, b]), drawn(model.leg_ln[a, b])
+            for m in range(size):
+                obs_t[g, m], obs_g[g, m] = row(0.0, model.obs_ln[m]), drawn(model.obs_ln[m])
+                opens = float(grid.model.window[m, 0])
+                if opens > 0.0:
+                    early[g, m] = row(opens, model.obs_ln[m])
+                    waits[g, m] = int(np.count_nonzero(grid.t < opens))
+            spend(Step.ELEMENT, float((nt + nd) * (model.has_leg.sum() + size)))
+        return Rows(
+            leg_t,
+            leg_g,
+            obs_t,
+            obs_g,
+            early,
+            _spans(leg_t),
+            _spans(leg_g),
+            _spans(obs_t),
+            _spans(obs_g),
+            _spans(early),
+            waits,
         )
 
     def best(self, order: Ints) -> OrderPolicy:
         """Return the best policy along an order [k] of observations, by number."""
-        path, model, size = self.path, self.path.model, len(order)
-        shape = self.nodes
-        leaving = np.zeros((path.sols, size + 1, *shape), np.int8)
-        arrived = np.zeros((path.sols, max(size, 1), *shape), np.int8)
-        places = [0, *(int(model.obs_place[m]) for m in order)]
-        worth = model.utility * model.p_success
-        later_s: list[Floats | None] = [None] * (size + 1)
-        later_a: list[Floats | None] = [None] * size
-        value = 0.0
-        for k in range(path.sols - 1, -1, -1):
-            grid = self.grids[k]
-            s: list[Floats] = [np.zeros(shape)] * (size + 1)
-            a: list[Floats] = [np.zeros(shape)] * size
-            for i in range(size, -1, -1):
-                stay = self._after_rest(k, later_s[i])
-                best, act = stay.copy(), leaving[k, i]
-                for j in range(i, min(i + AHEAD, size)):
-                    here, to = places[i], places[j + 1]
-                    if here == to:
-                        found = a[j]
-                    elif model.has_leg[here, to]:
-                        kernels = grid.leg_t(here, to, 0), grid.leg_g(here, to)
-                        found = self._before(k, kernels, a[j], stay)
-                    else:
-                        continue
-                    better = (found > best) & (grid.alive > 0.0)
-                    best[better] = found[better]
-                    act[better] = j - i + 1
-                s[i] = best
-                if i:
-                    m = int(order[i - 1])
-                    a[i - 1] = self._arrived(k, m, float(worth[m]), s[i], later_a[i - 1], arrived[k, i - 1])
-            later_s, later_a = [v[0] for v in s], [v[0] for v in a]
-            value = float(np.interp(path.most_j(k) - path.charge_j, grid.g, s[0][0])) if k == 0 else 0.0
+        path, size = self.path, len(order)
+        leaving = np.zeros((path.sols, size + 1, *self.nodes), np.int8)
+        arrived = np.zeros((path.sols, max(size, 1), *self.nodes), np.int8)
+        low, high = np.zeros(path.sols, np.int64), np.full(path.sols, size)
+        value, products = policy_along(
+            self.table_nodes, self.rows, self.needs, order, size, low, high, AHEAD, path.model.penalty,
+            leaving, arrived,
+        )  # fmt: skip
+        spend(Step.NODE, products)
         steps = np.array([[g.step_t, g.step_g] for g in self.grids])
         most = np.array([path.most_j(k) for k in range(path.sols)])
         return OrderPolicy(value, Table(order, leaving, arrived, steps[:, 0], steps[:, 1], most))
 
-    def _arrived(
-        self, k: int, m: int, worth: float, behind: Floats, later: Floats | None, act: Acts
-    ) -> Floats:
-        """Return the value on arriving at an observation, and write what is done."""
-        grid = self.grids[k]
-        stay = self._after_rest(k, later)
-        best = stay.copy()
-        skip = behind > best
-        best[skip] = behind[skip]
-        act[skip] = 2
-        if self.path.allowed[k, m]:
-            found = self._before(k, (grid.obs_t(m), grid.obs_g(m)), behind + worth, stay)
-            in_time = (grid.t <= self.path.window[k, m, 1])[:, None] & (grid.alive > 0.0)
-            better = (found > best) & in_time
-            best[better] = found[better]
-            act[better] = 1
-        return best
+    def annealed(
+        self, days: Days, order: Ints, length: int, *, seed: int, steps: int, hot: float, cold: float
+    ) -> tuple[Ints, int, Ints, float]:
+        """Return the order that annealing by the policy's value ends at, its length, and the best with its
+        value; `order` [m] holds observations, of which the first `length` count.
+        """
+        now, size, best, best_size, value, products = annealed_by_policy(
+            days, self.table_nodes, self.rows, self.needs, order, length, MARGIN, NEAR, seed, steps, hot, cold
+        )
+        spend(Step.NODE, SLOWER * products)
+        return now, size, best[:best_size].copy(), value
 
     def carry_out(self, table: Table, days: Days, needs: Needs, *, seed: int, futures: int) -> Told:
         """Return what a policy came to in drawn futures."""

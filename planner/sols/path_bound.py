@@ -5,9 +5,9 @@ The flow of `contingency.flow_bound`, once for each sol. Variables are expectati
 the chance that the rover stands at p after sol k, `B[k]` the charge in the morning. Every policy satisfies:
 
 1. *Time.* As there: a success of an action costs at least c = inf over R of E[min(X, R)] / P(X <= R).
-2. *Charge.* What an action draws, min(E, R) with R left above the reserve, is at least c for each success. So
-   with U[k] the sum of c over successes, U[k] + reserve <= B[k], and since what a rest makes of a charge is
-   concave, B[k + 1] <= min(ceiling, B[k] - U[k] + gain) (Jensen).
+2. *Charge.* What an action draws, min(E, R) with R left above the reserve, is at least c for each success
+   (`least_draw`). So with U[k] the sum of c over successes, U[k] + reserve <= B[k], and since what a rest
+   makes of a charge is concave, B[k + 1] <= min(ceiling, B[k] - U[k] + gain) (Jensen).
 3. *Flow.* Where the rover stands after a sol it begins the next one: drives from p and `e[k, p]` are not more
    than drives to p and `e[k - 1, p]`.
 4. *Entries.* What is observed on sol k is not more than the flow that comes to its place then; what is
@@ -25,14 +25,12 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import maximum_flow
 
-from planner.contingency.flow_bound import least_energy, least_time
+from planner.contingency.flow_bound import least_time
 from planner.contingency.linear_program import solved
 from planner.evaluate.model import Floats, Ints
+from planner.sols.least_draw import least_draw
 from planner.sols.path_problem import PathProblem
 from planner.tally import Step, now_s, spend, tallied
-
-CELLS, NODES = 64, 129
-"""Cells and nodes for the cost of an energy: with 8 and 33 it comes out 9 % below the mean."""
 
 SCALE = 1_000_000
 """Flow units in which cuts are sought."""
@@ -110,9 +108,7 @@ class _Program:
         amounts = np.concatenate([model.leg[self.origin, self.to], model.obs])
         ln = np.concatenate([model.leg_ln[self.origin, self.to], model.obs_ln])
         seconds = np.array([least_time(*row) for row in np.column_stack([amounts[:, 0], ln[:, :2]]).tolist()])
-        joules = np.array(
-            [least_energy(a, b, model.hotel_w, CELLS, NODES) for a, b in zip(amounts, ln, strict=True)]
-        )
+        joules = np.array([least_draw(a, b, model.hotel_w) for a, b in zip(amounts, ln, strict=True)])
         spend(Step.CALL, len(amounts))
         for k in range(path.sols):
             at = np.concatenate([self.x[k], self.y[k]])

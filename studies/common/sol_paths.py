@@ -1,7 +1,8 @@
-"""Random problems of several sols for studies of the planner."""
+"""Random problems of several sols for studies of the planner, and planning them sol by sol."""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from typing import Any
@@ -9,7 +10,13 @@ from typing import Any
 import numpy as np
 
 from mission.sol_timeline import Battery, PowerSegment, SolSeries, SolTimeline
-from planner.problem import Problem, problem_from_dict
+from planner.problem import START, ObservationId, Problem, problem_from_dict
+from planner.sols.path_problem import path_problem
+from planner.sols.solve_path import PathSearch
+from planner.tally import now_s, tallied
+
+LIKELY, CHECKED = 0.5, 2_000
+"""Chance from which on an observation counts as made on a sol, and futures in which it is found."""
 
 
 def _amount(mean: float, share: float) -> dict[str, float]:
@@ -78,3 +85,43 @@ def several_sols(rng: np.random.Generator, *, targets: int = 30, sols: int = 5) 
         for k in range(sols)
     )
     return problem, SolSeries(Battery(2.4e6, 2.0e6, 0.3e6), days)
+
+
+def sol_by_sol(problem: Problem, series: SolSeries, *, limit_s: float, seed: int) -> list[ObservationId]:
+    """Return the order that comes of planning each sol alone for the most that it can earn.
+
+    A sol begins where the last observation made before stands, with the charge of the mean, and knows nothing
+    of later sols but that their nights must be survived. `limit_s` are reckoned processor seconds for each.
+    """
+    order: list[ObservationId] = []
+    place, charge = START, series.battery.charge_j
+    for k, sol in enumerate(series.sols):
+        left = _from(problem, place, set(order))
+        battery = dataclasses.replace(series.battery, charge_j=charge)
+        path = path_problem(left, SolSeries(battery, (sol,)))
+        with tallied():
+            search = PathSearch(path, seed + k, now_s() + limit_s)
+            search.run()
+            told = search.policies.carry_out(
+                search.best.table, search.days, search.needs, seed=seed, futures=CHECKED
+            )
+        names = path.model.observation_ids
+        made = [names[m] for m in search.best.table.order if told.made[0, m] >= LIKELY * CHECKED]
+        order += made
+        if made:
+            place = next(str(o.target) for o in problem.observations if o.id == made[-1])
+        charge = path.rests[0].morning_j(charge - float(told.drawn_j[:, 0].mean()))
+    return order
+
+
+def _from(problem: Problem, place: str, done: set[ObservationId]) -> Problem:
+    """Return what is left to do of a problem with one observation a target, begun at a place."""
+    targets = tuple(t for t in problem.targets if not {o.id for o in t.observations} & done)
+    ends = {str(t.id) for t in targets}
+    legs = tuple(leg for leg in problem.legs if leg.to in ends and leg.origin in ends)
+    first = tuple(
+        dataclasses.replace(leg, origin=START)
+        for leg in problem.legs
+        if leg.origin == place and leg.to in ends
+    )
+    return dataclasses.replace(problem, targets=targets, legs=first + legs)
