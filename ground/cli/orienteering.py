@@ -20,14 +20,14 @@ def orienteering(
     ),
     out: Path = typer.Option(..., "--out", help="Where the solution goes (JSON)."),
     time_limit: float = typer.Option(
-        10.0, "--time-limit", help="Wall seconds, from the matrix in memory on."
+        10.0, "--time-limit", help="Seconds of a processor, reckoned from the steps that are done."
     ),
     iterations: int | None = typer.Option(
         None, "--iterations", min=1, help="Limit in the engine's own steps; makes the answer repeatable."
     ),
     seed: int = typer.Option(0, "--seed", min=0, help="Seed of the local search."),
     threads: int = typer.Option(1, "--threads", min=1, help="Threads for CP-SAT; the other engines use one."),
-    engine: str = typer.Option("auto", "--engine", help="auto, exact, cp-sat or survey."),
+    engine: str = typer.Option("auto", "--engine", help="auto, exact, cp-sat, survey or branch-and-cut."),
 ) -> None:
     """Choose targets with prizes under budgets, and the order in which to visit them."""
     if not 0 < time_limit < float("inf"):

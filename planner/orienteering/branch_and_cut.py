@@ -1,11 +1,11 @@
 """Proofs for surveys: branch-and-cut over edges and visits, warm-started by a known route.
 
-At each node of the tree the linear relaxation is cut by rows that its optimum breaks (`cuts`), priced
-over all edges and bounded exactly (`cut_relaxation`). Edges and visits whose change would push the bound to what is
-already known are fixed. The tree branches on a node set first: a tour either visits none of it or crosses its
+At each node of the tree the linear relaxation is cut by rows that its optimum breaks (`cuts`), priced over
+all edges and bounded exactly (`cut_relaxation`). Edges and visits are fixed whose change would push the bound
+down to what is already known. The tree branches on a node set first: a tour visits none of it or crosses its
 boundary twice; that settles clusters, where single visits or edges would not. Branching on visits and edges
-follows Fischetti, Salazar and Toth 1998; the choice by trying both sides is Applegate et al. 2007,
-The Traveling Salesman Problem (strong branching).
+follows Fischetti, Salazar and Toth 1998; the choice by trying both sides is strong branching (Applegate et
+al. 2007, The Traveling Salesman Problem).
 """
 
 from __future__ import annotations
@@ -174,9 +174,8 @@ class BranchAndCut:
                 point, bound = self._solved(box)
                 if len(fresh) > _FEW:
                     continue
-            gap = bound.units / relaxed.scale - self.proof.value
-            gaps.append(gap)
-            if len(gaps) > opt.flat and gaps[-1 - opt.flat] - min(gaps[-opt.flat :]) < opt.won * gap:
+            gaps.append(bound.units / relaxed.scale - self.proof.value)
+            if self._stalled(gaps):
                 break
             before = self._separator.work
             rows = self._separator.rows(point, self.proof.value, thorough=root or k % 4 == 0)
@@ -184,8 +183,6 @@ class BranchAndCut:
             if not rows:
                 if self._integral(point):
                     self._take(point)
-                    if not len(relaxed.missing(bound, box, 1)):
-                        return
                 break
             self._remember(rows)
             if root or relaxed.crowded():
@@ -211,6 +208,10 @@ class BranchAndCut:
     def _solved(self, box: Box) -> tuple[FractionalTour, Bound]:
         point = self._relaxed.solve(box)
         return point, self._relaxed.bound(box)
+
+    def _stalled(self, gaps: list[float]) -> bool:
+        flat = self._options.flat
+        return len(gaps) > flat and gaps[-1 - flat] - min(gaps[-flat:]) < self._options.won * gaps[-1]
 
     def _done(self, units: int) -> bool:
         return units // self._relaxed.scale <= self.proof.value

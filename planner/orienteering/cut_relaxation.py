@@ -23,6 +23,7 @@ Array = npt.NDArray[Any]
 
 _BITS = 44  # all prizes together are 2^44 units of a bound: 2^50 is the most of one multiplier, 2^63 of a sum
 _LARGEST = 1 << 50
+_UNUSED = 1e-9  # multiplier that counts as none
 _CLP = 1.6  # times a pivot's row of the tally, measured on four files of 70 to 150 nodes
 _HANDED = 25.0  # rows of a pivot that take as long as handing over one value
 _PENALTY = 4.0  # of a row that cannot hold, in prizes of all nodes together
@@ -137,6 +138,7 @@ class Relaxation:
         self._handles: list[Any] = []
         self._row_on = np.empty(0, dtype=np.bool_)
         self._local: dict[Row, int] = {}
+        self._optimal = False
         old, self.rows = self.rows, []
         self.add_columns(columns)
         self.add_rows(old)
@@ -196,9 +198,9 @@ class Relaxation:
             spend(Step.PIVOT, _CLP * height * (1 + max(0, pivots)) + _HANDED * (height + len(self._x)))
             if status == pywraplp.Solver.OPTIMAL:
                 break
-        self.pivots = pivots
-        x = np.array([v.solution_value() for v in self._x])
-        y = np.array([v.solution_value() for v in self._y])
+        self._optimal = status == pywraplp.Solver.OPTIMAL
+        values = [v.solution_value() if self._optimal else 0.0 for v in (*self._x, *self._y)]
+        x, y = np.array(values[: len(self._x)]), np.array(values[len(self._x) :])
         e = self._edge_of
         self.x = np.zeros(len(self.tail))
         self.x[e] = x
@@ -226,6 +228,9 @@ class Relaxation:
     def bound(self, box: Box) -> Bound:
         """Return the bound of the last optimum's multipliers in a box, exact in integers."""
         t, scale, n = self.tours, self.scale, self.tours.nodes
+        if not self._optimal:  # no multipliers: all there is
+            nothing = np.zeros(len(self.tail), dtype=np.int64)
+            return Bound(scale * int(t.prize.sum()), scale, nothing, np.zeros(n, dtype=np.int64))
         units = float(scale) * self._top
         # L = goal + per_length (budget - c x) + node (x(d(v)) - 2 y) + by (row - at_least)
         # with per_length, by >= 0
@@ -276,7 +281,9 @@ class Relaxation:
 
     def slack_rows(self) -> Array:
         """Return which rows (r,) have no multiplier at the last optimum."""
-        return np.array([abs(h.dual_value()) < 1e-9 for h in self._handles], dtype=np.bool_)
+        if not self._optimal:
+            return np.zeros(len(self._handles), dtype=np.bool_)
+        return np.array([abs(h.dual_value()) < _UNUSED for h in self._handles], dtype=np.bool_)
 
     def crowded(self) -> bool:
         """Return whether there are so many rows that those without use should go."""

@@ -131,13 +131,14 @@ def leaving_row(side: Flags) -> Row:
 def parity_row(side: Flags, teeth: Array) -> Row:
     """Return x(d(H) - T) - x(T) >= 1 - |T| for an odd T within d(H): tours cross d(H) evenly often.
 
-    With the degree equations these are the 2-matching (blossom) inequalities of FST and KML.
+    With the degree equations these are the 2-matching (blossom) inequalities of FST and KML. `side` (n,)
+    flags H, `teeth` (k, 2) are the ends of T.
     """
     return Row(DELTA, side, _with(teeth, -2), (), 1 - len(teeth))
 
 
 def cover_row(nodes: int, edges: Array) -> Row:
-    """Return x(C) <= |C| - 1 for edges that are together longer than the budget (FST: cover)."""
+    """Return x(C) <= |C| - 1 for edges (k, 2) that are together longer than the budget (FST: cover)."""
     return Row(PLAIN, np.zeros(nodes, dtype=np.bool_), _with(edges, -1), (), 1 - len(edges))
 
 

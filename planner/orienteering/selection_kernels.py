@@ -18,6 +18,29 @@ Array = npt.NDArray[Any]
 
 
 @numba.njit(cache=True, nogil=True)
+def _beside(d: Array, near: Array, inside: Array, before: Array, follow: Array, v: int, first: int) -> int:
+    """Return the node behind which v is put in at least cost, next to what is nearest or else anywhere."""
+    place, extra = -1, 0
+    for q in range(near.shape[1]):
+        w = near[v, q]
+        if w < 0:
+            break
+        if inside[w]:
+            for a in (before[w], w):
+                e = d[a, v] + d[v, follow[a]] - d[a, follow[a]]
+                if place < 0 or e < extra:
+                    place, extra = a, e
+    if place < 0:
+        a = first
+        while follow[a] >= 0:
+            e = d[a, v] + d[v, follow[a]] - d[a, follow[a]]
+            if place < 0 or e < extra:
+                place, extra = a, e
+            a = follow[a]
+    return place
+
+
+@numba.njit(cache=True, nogil=True)
 def tour_of_all(d: Array, near: Array, usable: Array, route: Array, state: Array) -> Array:
     """Return a short tour (k,) of a route and all usable nodes that it lacks.
 
@@ -52,26 +75,7 @@ def tour_of_all(d: Array, near: Array, usable: Array, route: Array, state: Array
     last = route[len(route) - 1]
     for k in range(count):
         v = waiting[k]
-        place, extra = -1, 0
-        for q in range(near.shape[1]):
-            w = near[v, q]
-            if w < 0:
-                break
-            if not inside[w]:
-                continue
-            e = d[before[w], v] + d[v, w] - d[before[w], w]
-            if place < 0 or e < extra:
-                place, extra = before[w], e
-            e = d[w, v] + d[v, follow[w]] - d[w, follow[w]]
-            if e < extra:
-                place, extra = w, e
-        if place < 0:
-            w = route[0]
-            while w != last:
-                e = d[w, v] + d[v, follow[w]] - d[w, follow[w]]
-                if place < 0 or e < extra:
-                    place, extra = w, e
-                w = follow[w]
+        place = _beside(d, near, inside, before, follow, v, route[0])
         inside[v] = True
         after = follow[place]
         follow[place], before[v], follow[v], before[after] = v, place, after, v

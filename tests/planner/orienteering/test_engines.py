@@ -273,5 +273,5 @@ def test_an_engine_of_a_package_that_fails_says_so(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(plugins, "entry_points", lambda group: points.select(group=group))
     with pytest.raises(RoutingError, match=r'engine "broken" \(no_such_package:solve\) cannot be loaded'):
         solve(_survey(1), engine="broken")
-    with pytest.raises(RoutingError, match="known are broken, cp-sat, exact, survey"):
+    with pytest.raises(RoutingError, match="known are branch-and-cut, broken, cp-sat, exact, survey"):
         solve(_survey(1), engine="best")
