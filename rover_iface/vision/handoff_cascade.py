@@ -151,8 +151,10 @@ def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: Casc
         at = weight * own[0] + (1.0 - weight) * expected
         error = math.hypot(0.5 * gap, math.sqrt(weight) * SIGMA_PX)
     else:
-        # not to be recognised: both pairs must have the surface in one place
+        # not to be recognised: both pairs must see the surface, and have it in one place
         at, error = expected, 1.5 * blind
+        if own is None:
+            return _refused(motion, f"{why}: one of the pictures sees its surface too flat, or not at all")
         if found.motion.inliers < options.many_agree or blind > options.blind_px:
             agree_on = f"{found.motion.inliers} patches leave {blind:.1f} px"
             return _refused(motion, f"{why}, and {agree_on} ({options.many_agree}, {options.blind_px} px)")

@@ -174,6 +174,8 @@ class NarrowRecall:
         memory = self._memories.get(target)
         if memory is None:
             return update
+        # what was known a moment ago is asked for at once: at its goal the rover comes no nearer
+        anew = memory.confirmed and update.state is not TrackState.TRACKED
         if update.state is not TrackState.TRACKED:
             memory.confirmed, memory.share = False, AGAIN
             if memory.expected is not None:
@@ -183,7 +185,7 @@ class NarrowRecall:
         eye = view.left_camera.C
         away = float(np.linalg.norm(update.position - eye))
         come = math.inf if memory.asked is None else float(np.linalg.norm(eye - memory.asked))
-        if away <= RECALL_M and come >= memory.share * away:
+        if away <= RECALL_M and (anew or come >= memory.share * away):
             pair = _taken(self.wide, target, update.position)
             if pair is not None:
                 memory.asked, memory.share = eye, AGAIN
