@@ -59,6 +59,15 @@ def test_a_track_that_was_lost_is_put_where_the_first_narrow_picture_has_the_tar
     assert tracker.beside("A", near) == pytest.approx(again.pixel, abs=0.2)
 
 
+def test_a_target_lost_at_the_goal_is_asked_for_without_a_step_nearer() -> None:
+    tracker, point = begun()
+    near = view("navcam", NEAR_X, DRIFT)
+    assert tracker.update("A", near).state is TrackState.TRACKED
+    found = tracker.update("A", blank(near))
+    assert found.state is TrackState.TRACKED
+    assert np.linalg.norm(found.position - DRIFT.apply(point)) < 0.01
+
+
 def put_there(tracker: NarrowRecall, seen: StereoView, place: Array) -> None:
     """Let correlation follow the target from a place (3,) in a view on, as if it had come there."""
     pixel = np.asarray(seen.left_camera.project(place))
