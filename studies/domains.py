@@ -126,13 +126,12 @@ def tracker_table(figures: Figures) -> str:
             ]
         )
     for name in sorted({key[0] for key in figures.rows}):
-        every = [
-            r for key, rows in figures.rows.items() if key[0] == name and key[1] != "warped" for r in rows
-        ]
-        together = sums(every, 0)
+        parts = [rows for key, rows in figures.rows.items() if key[0] == name and key[1] != "warped"]
+        together = sums([row for rows in parts for row in rows], 0)
+        followed = sum(sums(rows, 0).runs for rows in parts)
         covered, told = f"{together.covered:.1f}", f"{together.undetected} of {together.tracked}"
-        blank = ["", "", _auc(together.auc), told, f"{together.false_alarms:.1f}"]
-        lines.append([name, "all but (c)", "all", str(together.runs), str(len(every)), covered, *blank])
+        rest = [covered, "", "", _auc(together.auc), told, f"{together.false_alarms:.1f}"]
+        lines.append([name, "all but (c)", "all", str(followed), str(together.updates), *rest])
     head = [
         "tracker",
         "domain",
