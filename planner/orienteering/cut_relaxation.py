@@ -2,8 +2,8 @@
 
 Clp, which OR-Tools carries, keeps its basis while rows, columns and bounds change. Its floating-point answer
 is never believed: `Relaxation.bound` rounds the multipliers to integers and takes the largest value of the
-Lagrangean over all edges and nodes, also those that are no column, in integer arithmetic. So each bound holds
-whatever the linear solver did, and the same sums price new columns and fix those that cannot matter.
+Lagrangean over all edges and nodes, those without a column too, in integer arithmetic. So each bound holds
+whatever the linear solver did, and the same sums find new columns and fix those that cannot matter.
 """
 
 from __future__ import annotations

@@ -262,7 +262,7 @@ def _placed(
     pose = turn @ found.motion.at(place, np.zeros((3, 3)))[1] @ turn.T
 
     def spread(share: float, noise: float) -> Array:
-        """Return the covariance of a place that lies a share of the way to that of the navcams' stereo."""
+        """Return the covariance of a place a share of the distance nearer to that of the navcams' stereo."""
         moved = np.eye(3) - (1.0 - share) * np.outer(ray, tilt)
         along2 = (share * noise) ** 2 + ((1.0 - share) * lift) ** 2
         return np.asarray(moved @ pose @ moved.T + along2 * np.outer(ray, ray))

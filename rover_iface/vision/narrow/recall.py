@@ -76,8 +76,8 @@ LAID = CascadeOptions(
     most_error_px=4.0,
     overrule=30,
 )
-"""How a kept pair is laid over a new one. The sun goes on and other faces are seen, so few patches near the
-target are found again; there are more on the ground and the rocks round it, and all stand still. Eighteen
+"""How a kept pair is registered to a new one. The sun goes on and other faces are seen, so few patches near
+the target are found again; there are more on the ground and the rocks round it, and all stand still. Eighteen
 must agree: twelve did on a place 26 cm off, fifteen on one 1.8 m off, on days looked at (477206368,
 434954184), where nearly all right answers had more. With so many the pose is known to a pixel. So what a
 slant leaves open (2.5 px are 4 mm at 1.6 m) is told, not refused, and 30 patches overrule the target's own,
