@@ -1,6 +1,6 @@
 """Bounds and plans of small problems against the best policy, found by trying every choice in every state.
 
-    python -m studies.planner_small [--problems 3000] [--seed S]
+    python -m studies.planner_small [--problems 3000] [--seed S] [--seconds 1200] [--resume]
 
 Problems of `tests.planner.reference.problems`: ways back, missing legs and hubs, two windows on one rock,
 precedence, must-do, fading value, lost tracks, penalties; all amounts constant, as the reference asks
@@ -8,7 +8,8 @@ precedence, must-do, fading value, lost tracks, penalties; all amounts constant,
 kinds of sols (there the best policy remembers what its progress has told of the kind). Checked for each: no
 bound is below the optimum; the certified lower bound of the plan is not above it; with up to 3 branches the
 plan of a quick search (coarse grid) is worth no less than the best order without branches, by more than 0.1 %
-and 4 standard errors of their difference in common futures that took no part in any choice.
+and 4 standard errors of their difference in common futures that took no part in any choice. A run that was
+ended goes on with `--resume`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +42,8 @@ from planner.tally import tallied
 from tests.planner.examples import visits
 from tests.planner.reference.optimum import optimum
 from tests.planner.reference.problems import ALL_FAMILIES, generated
+
+RESULTS = Path("studies/results/planner_small.json")
 
 RANKED, CHECKED = 4_000, 200_000
 """Futures in which all orders are carried out, and in which the best `FINAL` of them are compared."""
@@ -83,63 +87,79 @@ def worse_than_an_order(problem: Problem, found: Plan, seed: int) -> str:
     return ""
 
 
+def judged(family: str, k: int, rng: np.random.Generator) -> tuple[list[str], float | None]:
+    """Return what problem `k` violates, and the share of the optimum that its plan earns.
+
+    The share is None where an observation is demanded or nothing can be earned.
+    """
+    number = int(rng.integers(1 << 30))
+    problem, must = generated(family, number), rng.random() < 0.15
+    must = must and bool(problem.targets[0].observations)
+    model = Model.of(problem)
+    best = optimum(problem)
+    slack = SLACK * max(1.0, best)
+    turn = k // len(ALL_FAMILIES)
+    passed_over = len(model.by_kind) > 1 and turn % HIDDEN_BY_PLACES > 0
+    bad = [
+        f"{family} {number}: bound {name} {value:.4f} is below {best:.4f}"
+        for name, value in (
+            ("table", upper_bound(model, limit_s=0.1).value),
+            ("above", _told_the_kind(model, partial(_by_table_above, ABOVE_NODES[turn % len(ABOVE_NODES)]))),
+            ("starts", _told_the_kind(model, lambda known: relaxed_bound(known).value)),
+            ("drives", _told_the_kind(model, partial(flow_bound, limit_s=1.0 / len(model.by_kind)))),
+            ("places", math.inf if passed_over else _told_the_kind(model, _by_places)),
+        )
+        if value < best - slack
+    ]
+    asked = _with_must(problem) if must else problem
+    result = solve(asked, max_branches=3, time_limit_s=1.0, quick=True)
+    if result.lower > best + slack:
+        bad.append(f"{family} {number}: lower bound {result.lower:.4f} is above {best:.4f}")
+    if result.status is PlanStatus.PLANNED and result.upper < result.lower - slack:
+        bad.append(f"{family} {number}: {result.upper:.4f} is below the plan's {result.lower:.4f}")
+    if must:
+        return bad, None
+    if worse := worse_than_an_order(problem, result.tree.plan, number):
+        bad.append(f"{family} {number}: {worse}")
+    earned = 0.0 if result.check is None else result.check.mean
+    return bad, earned / best if best > 0.0 else None
+
+
 def main() -> None:
-    """Print what was violated and write `studies/results/planner_small.json`."""
+    """Print what is violated and, after every problem, write `studies/results/planner_small.json`."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--problems", type=int, default=3000)
     parser.add_argument("--seed", type=int, default=None, help="fresh from the clock when absent")
     parser.add_argument("--seconds", type=float, default=1e9, help="ends after so many by the clock")
     parser.add_argument("--family", choices=ALL_FAMILIES, help="one family instead of all in turn")
+    parser.add_argument("--resume", action="store_true", help="go on where the results stopped")
     options = parser.parse_args()
     families = (options.family,) if options.family else ALL_FAMILIES
-    seed = options.seed if options.seed is not None else time.time_ns() % 1_000_000_000
-    print(f"seed {seed}")
-    rng, began = np.random.default_rng(seed), time.monotonic()
-    bad: list[str] = []
-    shares: list[float] = []
-    done = 0
-    for k in range(options.problems):
+    told: dict[str, Any] = {
+        "seed": options.seed if options.seed is not None else time.time_ns() % 1_000_000_000
+    }
+    told |= {"family": options.family, "problems": 0, "bad": [], "shares": []}
+    if options.resume:
+        told = json.loads(RESULTS.read_text(encoding="utf-8"))
+        if told["family"] != options.family:
+            parser.error(f"the results are of --family {told['family']}, not of {options.family}")
+    print(f"seed {told['seed']}, from problem {told['problems']} on", flush=True)
+    began = time.monotonic()
+    for k in range(told["problems"], options.problems):
         if time.monotonic() - began > options.seconds:
             break
-        family, number = families[k % len(families)], int(rng.integers(1 << 30))
-        problem, must = generated(family, number), rng.random() < 0.15
-        must = must and bool(problem.targets[0].observations)
-        model = Model.of(problem)
-        best = optimum(problem)
-        slack = SLACK * max(1.0, best)
-        done += 1
-        passed_over = len(model.by_kind) > 1 and k // len(families) % HIDDEN_BY_PLACES > 0
-        nodes = ABOVE_NODES[k // len(families) % len(ABOVE_NODES)]
-        for name, value in (
-            ("table", upper_bound(model, limit_s=0.1).value),
-            ("above", _told_the_kind(model, partial(_by_table_above, nodes))),
-            ("starts", _told_the_kind(model, lambda known: relaxed_bound(known).value)),
-            ("drives", _told_the_kind(model, partial(flow_bound, limit_s=1.0 / len(model.by_kind)))),
-            ("places", math.inf if passed_over else _told_the_kind(model, _by_places)),
-        ):
-            if value < best - slack:
-                bad.append(f"{family} {number}: bound {name} {value:.4f} is below {best:.4f}")
-        asked = _with_must(problem) if must else problem
-        result = solve(asked, max_branches=3, time_limit_s=1.0, quick=True)
-        if result.lower > best + slack:
-            bad.append(f"{family} {number}: lower bound {result.lower:.4f} is above {best:.4f}")
-        if result.status is PlanStatus.PLANNED and result.upper < result.lower - slack:
-            bad.append(f"{family} {number}: {result.upper:.4f} is below the plan's {result.lower:.4f}")
-        if must:
-            continue
-        earned = 0.0 if result.check is None else result.check.mean
-        if worse := worse_than_an_order(problem, result.tree.plan, number):
-            bad.append(f"{family} {number}: {worse}")
-        if best > 0.0:
-            shares.append(earned / best)
-    print("\n".join(bad))
+        bad, share = judged(families[k % len(families)], k, np.random.default_rng([told["seed"], k]))
+        for line in bad:
+            print(line, flush=True)
+        told["bad"] += bad
+        told["shares"] += [] if share is None else [round(share, 6)]
+        told["problems"] = k + 1
+        RESULTS.write_text(json.dumps(told) + "\n", encoding="utf-8")
+    shares = told["shares"] or [math.nan]
     print(
-        f"{done} problems, {len(bad)} violations; plans earn {statistics.mean(shares):.2%} of the optimum in "
-        f"the mean, {min(shares):.2%} at least ({len(shares)} without must-do)"
-    )
-    out = Path("studies/results/planner_small.json")
-    out.write_text(
-        json.dumps({"seed": seed, "problems": done, "bad": bad}, indent=1) + "\n", encoding="utf-8"
+        f"{told['problems']} problems, {len(told['bad'])} violations; plans earn "
+        f"{statistics.mean(shares):.2%} of the optimum in the mean, {min(shares):.2%} at least "
+        f"({len(shares)} without must-do)"
     )
 
 
