@@ -55,6 +55,8 @@ class DrapeOptions:
         Patches that agree, with which no further guess is tried.
     least_agree
         Patches without whose agreement nothing is believed.
+    believed_first
+        Whether the pose is tried as it is believed before others are looked for, which takes a second.
     """
 
     patches: int = 60
@@ -68,6 +70,7 @@ class DrapeOptions:
     alike_rad: float = 0.7
     enough: int = 20
     least_agree: int = 12
+    believed_first: bool = False
 
 
 @dataclass(frozen=True, eq=False)

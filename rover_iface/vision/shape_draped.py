@@ -8,7 +8,7 @@ fraction of a pixel (`drape`). Where they share too little, the surfaces must do
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -80,7 +80,7 @@ def _guesses(side: Side, scene: Side, match: PointMatch | None, options: DrapeOp
         found = register(side.surface, scene.surface, Transform.identity(), match.point)
         return found.scene_from_model if found.accepted else None
 
-    order = [surfaces, features]
+    order: list[Callable[[], Transform | None]] = [surfaces, features]
     if match is not None:
         one, two = (s.view.left_camera for s in (side, scene))
         ray, other = match.point - one.C, match.point - two.C
@@ -89,11 +89,11 @@ def _guesses(side: Side, scene: Side, match: PointMatch | None, options: DrapeOp
         along = min(1.0, float(ray @ other) / (away * beyond))
         if math.acos(along) < options.alike_rad and 0.5 < finer < 2.0:
             order.reverse()
-    for make in order:
+    believed: list[Callable[[], Transform | None]] = [Transform.identity]
+    for make in believed + order if options.believed_first else order + believed:
         found = make()
         if found is not None:
             yield found
-    yield Transform.identity()
 
 
 def surface_under(scene: Side, camera: CameraModel, pixel: Array) -> tuple[Array, PointMatch] | None:

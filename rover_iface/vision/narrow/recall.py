@@ -70,7 +70,8 @@ UNCONFIRMED_M = 0.03
 3.4 and 20.7 cm off on days looked at (918827762 to 918827764, 21431111), and told 2 cm; the 13 others were
 confirmed, and 0.2 to 1.0 cm off."""
 LAID = CascadeOptions(
-    drape=DrapeOptions(patches=140, reach_m=0.8, least_agree=18),
+    drape=DrapeOptions(patches=140, reach_m=0.8, enough=45, least_agree=18, believed_first=True),
+    many_agree=30,
     blind_px=2.5,
     surface_m=0.04,
     most_error_px=4.0,
@@ -79,10 +80,11 @@ LAID = CascadeOptions(
 """How a kept pair is registered to a new one. The sun goes on and other faces are seen, so few patches near
 the target are found again; there are more on the ground and the rocks round it, and all stand still. Eighteen
 must agree: twelve did on a place 26 cm off, fifteen on one 1.8 m off, on days looked at (477206368,
-434954184), where nearly all right answers had more. With so many the pose is known to a pixel. So what a
-slant leaves open (2.5 px are 4 mm at 1.6 m) is told, not refused, and 30 patches overrule the target's own,
-which may be the border of a shadow that has gone on. The narrow pair's stereo is 13 mm off at ten metres:
-4 cm are three deviations."""
+434954184), where nearly all right answers had more. As many as 21 agree on a pose beside the right one now
+and then, so others are looked for until 45 do, and a target whose own patch is not recognised needs 30. With
+so many the pose is known to a pixel. So what a slant leaves open (2.5 px are 4 mm at 1.6 m) is told, not
+refused, and 30 patches overrule the target's own, which may be the border of a shadow that has gone on. The
+narrow pair's stereo is 13 mm off at ten metres: 4 cm are three deviations."""
 LEAST_SCORE = 0.75
 """Correlation that this needs; that of the key template."""
 COASTING = 0.75
