@@ -68,6 +68,19 @@ def test_a_target_lost_at_the_goal_is_asked_for_without_a_step_nearer() -> None:
     assert np.linalg.norm(found.position - DRIFT.apply(point)) < 0.01
 
 
+def test_a_lost_target_is_not_put_far_from_where_the_map_has_it() -> None:
+    tracker, point = begun()
+    near, beside = view("navcam", NEAR_X, DRIFT), np.array([0.0, 0.24, 0.0])
+    tracker.expect("A", DRIFT.apply(point) + beside, 0.01**2 * np.eye(3))
+    found = tracker.update("A", blank(near))
+    assert found.state is TrackState.LOST
+    # nothing says which of the two is right
+    assert beside @ found.covariance @ beside > 0.9 * float(beside @ beside) ** 2
+    tracker, point = begun()
+    tracker.expect("A", DRIFT.apply(point) + 0.2 * beside, 0.01**2 * np.eye(3))
+    assert tracker.update("A", blank(near)).state is TrackState.TRACKED
+
+
 def put_there(tracker: NarrowRecall, seen: StereoView, place: Array) -> None:
     """Let correlation follow the target from a place (3,) in a view on, as if it had come there."""
     pixel = np.asarray(seen.left_camera.project(place))
@@ -297,3 +310,8 @@ def test_a_track_that_failed_goes_on_from_another_look() -> None:
     # what the look left open is told
     assert np.linalg.eigvalsh(told.covariance)[1] >= 0.9 * 0.002**2
     assert not tracker.put("A", blank(near), there, drift, away)
+    # a match that is too poor by itself (0.66 of 0.7) is enough at the range that the look has, not at another
+    noise = np.random.default_rng(1).normal(0.0, 0.1, near.right.shape)
+    poor = replace(near, right=(near.right + noise).astype(near.right.dtype))
+    assert tracker.put("A", poor, there, drift, away)
+    assert not tracker.put("A", poor, there, drift, 1.2 * away)
