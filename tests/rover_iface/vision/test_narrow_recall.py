@@ -310,7 +310,7 @@ def test_a_track_that_failed_goes_on_from_another_look() -> None:
     # what the look left open is told
     assert np.linalg.eigvalsh(told.covariance)[1] >= 0.9 * 0.002**2
     assert not tracker.put("A", blank(near), there, drift, away)
-    # a match that is too poor by itself (0.66 of 0.7) is enough at the range that the look has, not at another
+    # a match that is too poor by itself (0.66 of 0.7) is enough at the range that the look has alone
     noise = np.random.default_rng(1).normal(0.0, 0.1, near.right.shape)
     poor = replace(near, right=(near.right + noise).astype(near.right.dtype))
     assert tracker.put("A", poor, there, drift, away)
