@@ -71,7 +71,7 @@ class _Branch:
         none, some = box.copy(), box.copy()
         if self.side is not None and self.row is not None:
             none.y_high[self.side] = 0
-            some.local = some.local | {self.row}
+            some.local = (*some.local, self.row)
         elif self.visit >= 0:
             none.y_high[self.visit] = 0
             some.y_low[self.visit] = 1
@@ -328,6 +328,9 @@ class BranchAndCut:
         for branch in candidates:
             sides = []
             for part in branch.parts(box):
+                if part.empty:
+                    sides.append((-1, part))
+                    continue
                 _, bound = self._solved(part)
                 if not self._done(bound.units):
                     self._fix(part, bound)

@@ -57,7 +57,12 @@ class Box:
     x_high: Array
     y_low: Array
     y_high: Array
-    local: frozenset[Row] = frozenset()
+    local: tuple[Row, ...] = ()
+
+    @property
+    def empty(self) -> bool:
+        """Whether no tour is in it: something must be and may not be."""
+        return bool((self.x_low > self.x_high).any() or (self.y_low > self.y_high).any())
 
     def copy(self) -> Box:
         """Return a box of its own."""
@@ -207,11 +212,13 @@ class Relaxation:
         return FractionalTour.of(self.tail[e], self.head[e], x, y)
 
     def _confine(self, box: Box) -> None:
-        for row in box.local - self._local.keys():
-            self._local[row] = len(self.rows)
-            self.add_rows([row], on=False)
+        for row in box.local:
+            if row not in self._local:
+                self._local[row] = len(self.rows)
+                self.add_rows([row], on=False)
+        here = set(box.local)
         for row, r in self._local.items():
-            on = row in box.local
+            on = row in here
             if on != self._row_on[r]:
                 infinity = self._solver.infinity()
                 self._handles[r].SetBounds(float(row.at_least) if on else -infinity, infinity)

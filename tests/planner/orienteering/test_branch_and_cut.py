@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from planner.errors import RoutingError
 from planner.orienteering import Experiment, RoutingProblem, read_routing_file, route_value, solve
-from planner.orienteering.branch_and_cut import BranchAndCut
+from planner.orienteering.branch_and_cut import BranchAndCut, _Branch
 from planner.orienteering.cut_kernels import cut_tree, sets_below
 from planner.orienteering.cut_relaxation import Box, Relaxation, Tours
-from planner.orienteering.cuts import FractionalTour, Separator
+from planner.orienteering.cuts import FractionalTour, Separator, leaving_row
 from planner.orienteering.proof import solve_with_proof, tours_of
 from planner.tally import tallied
 from tests.planner.orienteering.brute_force import optimum
@@ -109,6 +109,32 @@ def test_the_tree_finds_the_best_tour_by_itself(problem: RoutingProblem) -> None
     with tallied():
         proof = BranchAndCut(tours, (-1, ()), lambda visits: (-1, ())).run(60.0)
     assert proof.value == proof.upper == max([-1, *every])
+
+
+def test_the_same_search_takes_the_same_steps() -> None:
+    rng = np.random.default_rng(5)
+    middles = rng.uniform(0.0, 300.0, (6, 2))
+    at = np.vstack([middles[k % 6] + rng.uniform(0.0, 30.0, 2) for k in range(42)])
+    roads = np.rint(np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1))).astype(np.int64)
+    tours = Tours(np.array([0, *rng.integers(1, 30, 41).tolist()]), roads, roads[0], 800, joined=False)
+    steps = []
+    for _ in range(2):
+        with tallied() as tally:
+            proof = BranchAndCut(tours, (-1, ()), lambda visits: (-1, ())).run(3.0)
+        steps.append((proof.value, proof.upper, proof.nodes, tally.seconds))
+    assert steps[0] == steps[1]
+    assert steps[0][2] > 9  # of the tree: its rows hold in some boxes only
+
+
+def test_a_side_on_which_a_visit_must_and_may_not_be_is_empty() -> None:
+    flags = [np.zeros(3, np.int8), np.ones(3, np.int8), np.zeros(4, np.int8), np.ones(4, np.int8)]
+    box = Box(*flags)
+    box.y_low[2] = 1
+    side = np.array([False, True, True, False])
+    none, some = _Branch(side=side, row=leaving_row(side)).parts(box)
+    assert none.empty
+    assert not some.empty
+    assert not box.empty
 
 
 @pytest.mark.parametrize("seed", range(4))
