@@ -28,7 +28,7 @@ from rover_iface.frames import Transform
 from rover_iface.vision.coverage_watch import INSIDE
 from rover_iface.vision.drape import DrapeOptions
 from rover_iface.vision.handoff import Handoff, Side
-from rover_iface.vision.handoff_cascade import CascadeOptions, cascade
+from rover_iface.vision.handoff_cascade import Answer, CascadeOptions, cascade
 from rover_iface.vision.narrow.designation import off_the_edge
 from rover_iface.vision.narrow.references import Kept, References
 from rover_iface.vision.narrow_range import PairFor
@@ -217,7 +217,7 @@ class NarrowRecall:
         for kept in memory.known.likeliest(eye, update.position, view.t_s):
             guess = Transform(np.eye(3), update.position - kept.point)
             answer = cascade(Handoff(side, kept.side.moved(guess), kept.pixel), "near", LAID)
-            if not answer.accepted or _elsewhere(answer.position, eye, memory):
+            if not answer.accepted or _elsewhere(answer, eye, update, memory):
                 continue
             away = float(np.linalg.norm(answer.position - pair.left_camera.C))
             sigma_m = math.hypot(answer.error_px * away / pair.left_camera.hs, kept.sigma_m)
@@ -323,14 +323,21 @@ def _is_sought(memory: _Memory, update: TrackUpdate, eye: Array, away_m: float, 
     return sigma2_m2 >= SOUGHT_M**2 and come >= SOUGHT_SHARE * away_m
 
 
-def _elsewhere(place: Array, eye: Array, memory: _Memory) -> bool:
-    """Return whether an answer from afar is another spot than the drive and the other targets have."""
+def _elsewhere(answer: Answer, eye: Array, update: TrackUpdate, memory: _Memory) -> bool:
+    """Return whether an answer from afar is another spot than the drive and the other targets have.
+
+    Far from where the target is believed it must have been recognised itself, and many patches with it: what
+    is taken for it there moves the map, and all targets with it.
+    """
     assert memory.expected is not None
     expected, covariance = memory.expected
-    gap = place - expected
-    away2_m2 = TWO_LOOKS_RAD**2 * float(np.sum((place - eye) ** 2))
+    gap = answer.position - expected
+    away2_m2 = TWO_LOOKS_RAD**2 * float(np.sum((answer.position - eye) ** 2))
     squared = float(gap @ np.linalg.solve(TAILS**2 * covariance + away2_m2 * np.eye(3), gap))
-    return squared > ASTRAY
+    if squared > ASTRAY:
+        return True
+    known = answer.score >= LAID.own_score and answer.agreeing >= LAID.drape.enough
+    return float(np.linalg.norm(answer.position - update.position)) > LOST_M and not known
 
 
 def _coasting(update: TrackUpdate) -> TrackUpdate:
