@@ -46,8 +46,8 @@ ASTRAY_M, LOST_M = 0.10, 0.50
 of `shape_tracker`."""
 FARTHER = 2.5
 """Times what is told of a track (95 %) that an answer may lie away from it: within 2 m that held 65 and 82 %
-of the errors of correlation on fresh days (`docs/results/simulator.md`). Of a lost one the map tells: 18
-patches had one 24 cm from where it stood, known to 1 cm (749793022)."""
+of the errors of correlation on fresh days (`docs/results/simulator.md`). Of a lost one the map tells, if few
+patches have it: 18 had one 24 cm from where it stood, known to 1 cm (749793022)."""
 LOST_UPDATES = 8
 """Misses in a row after which a target is given up: lost at ten metres, it is where the first picture is
 asked in as many steps of a tenth to a fifth of the range."""
@@ -246,7 +246,7 @@ class NarrowRecall:
             if not answer.accepted:
                 continue
             gap = np.asarray(answer.position - update.position)
-            if float(np.linalg.norm(gap)) > _reach_m(update, memory):
+            if float(np.linalg.norm(gap)) > _reach_m(answer, update, memory):
                 memory.against = gap
                 again = before is not None and float(np.linalg.norm(gap - before)) < AGREED_M
                 if not again:
@@ -301,12 +301,23 @@ def _taken(look: PairFor | None, target: str, point: Array) -> StereoView | None
         return None
 
 
-def _reach_m(update: TrackUpdate, memory: _Memory) -> float:
-    """Return how far off an answer may have a target, metres: by what is told of it, tracked or expected."""
-    if update.state is not TrackState.TRACKED and memory.expected is None:
-        return LOST_M
+def _recognised(answer: Answer) -> bool:
+    """Return whether so many patches and the target's own have a target that nothing else need say so."""
+    return answer.score >= LAID.own_score and answer.agreeing >= LAID.drape.enough
+
+
+def _reach_m(answer: Answer, update: TrackUpdate, memory: _Memory) -> float:
+    """Return how far off an answer may have a target, metres.
+
+    By what is told of one that is tracked. A lost one is put farther off only if it was recognised: wheels
+    that are stuck take the map away by more than it tells.
+    """
     told_m = math.sqrt(INSIDE[2] * float(np.linalg.eigvalsh(update.covariance)[-1]))
-    return min(LOST_M, max(ASTRAY_M, FARTHER * told_m))
+    if update.state is TrackState.TRACKED:
+        return min(LOST_M, max(ASTRAY_M, FARTHER * told_m))
+    if memory.expected is None or _recognised(answer):
+        return LOST_M
+    return ASTRAY_M if told_m <= LOST_M else 0.0
 
 
 def _is_sought(memory: _Memory, update: TrackUpdate, eye: Array, away_m: float, t_s: float) -> bool:
@@ -336,8 +347,7 @@ def _elsewhere(answer: Answer, eye: Array, update: TrackUpdate, memory: _Memory)
     squared = float(gap @ np.linalg.solve(TAILS**2 * covariance + away2_m2 * np.eye(3), gap))
     if squared > ASTRAY:
         return True
-    known = answer.score >= LAID.own_score and answer.agreeing >= LAID.drape.enough
-    return float(np.linalg.norm(answer.position - update.position)) > LOST_M and not known
+    return float(np.linalg.norm(answer.position - update.position)) > LOST_M and not _recognised(answer)
 
 
 def _coasting(update: TrackUpdate) -> TrackUpdate:

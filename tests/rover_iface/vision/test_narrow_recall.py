@@ -68,17 +68,22 @@ def test_a_target_lost_at_the_goal_is_asked_for_without_a_step_nearer() -> None:
     assert np.linalg.norm(found.position - DRIFT.apply(point)) < 0.01
 
 
-def test_a_lost_target_is_not_put_far_from_where_the_map_has_it() -> None:
+@pytest.mark.parametrize(("patches", "off_m", "state"), [
+    (60, 0.24, TrackState.TRACKED), (44, 0.24, TrackState.LOST), (44, 0.05, TrackState.TRACKED),
+])  # fmt: skip
+def test_few_patches_do_not_put_a_lost_target_far_from_where_the_map_has_it(
+    monkeypatch: pytest.MonkeyPatch, patches: int, off_m: float, state: TrackState
+) -> None:
+    asked = recall.cascade
+    monkeypatch.setattr(recall, "cascade", lambda *given: replace(asked(*given), agreeing=patches))
     tracker, point = begun()
-    near, beside = view("navcam", NEAR_X, DRIFT), np.array([0.0, 0.24, 0.0])
+    beside = np.array([0.0, off_m, 0.0])
     tracker.expect("A", DRIFT.apply(point) + beside, 0.01**2 * np.eye(3))
-    found = tracker.update("A", blank(near))
-    assert found.state is TrackState.LOST
-    # nothing says which of the two is right
-    assert beside @ found.covariance @ beside > 0.9 * float(beside @ beside) ** 2
-    tracker, point = begun()
-    tracker.expect("A", DRIFT.apply(point) + 0.2 * beside, 0.01**2 * np.eye(3))
-    assert tracker.update("A", blank(near)).state is TrackState.TRACKED
+    found = tracker.update("A", blank(view("navcam", NEAR_X, DRIFT)))
+    assert found.state is state
+    if state is TrackState.LOST:
+        # nothing says which of the two is right
+        assert beside @ found.covariance @ beside > 0.9 * float(beside @ beside) ** 2
 
 
 def put_there(tracker: NarrowRecall, seen: StereoView, place: Array) -> None:
