@@ -101,7 +101,10 @@ def tours_of(p: RoutingProblem) -> Tours:
 
 
 def _home(length: Array, ends: list[int]) -> Array:
-    """Return the least length (n,) from each node to one of the ends by way of any others (Dijkstra 1959)."""
+    """Return the least length (n,) from each node to one of the ends by way of any others (Dijkstra 1959).
+
+    SciPy's takes a road of no length for none.
+    """
     home = np.full(len(length), np.iinfo(np.int64).max // 4, dtype=np.int64)
     home[ends] = 0
     left = np.ones(len(length), dtype=np.bool_)

@@ -1,8 +1,9 @@
 """Goal selection on large surveys: diversified local search for one budget and no other rule.
 
 One site for each experiment, symmetric roads, one time budget, fixed ends: the classical orienteering
-problem with tens to thousands of nodes. Several searches start through different far nodes, so that they
-do not lock into one region; the budget of iterations goes round after round to the better half of them.
+problem with tens to thousands of nodes. Most of several searches start with the best part of a tour through
+everything, so that whole clusters are chosen at once; the budget of iterations goes round after round to the
+better half of them.
 One step takes out a few strings of neighbouring nodes, puts nodes back by prize against detour with a random
 exponent, shortens the tour (2-opt and or-opt) and is accepted by annealing on prize minus a multiplier of
 length.
